@@ -111,8 +111,8 @@ def _inside(asked: Any, t: Array) -> Array:
     slack = OUTSIDE * (t[-1] - t[0])
     outside = (times < t[0] - slack) | (times > t[-1] + slack)
     if outside.any():
-        bad = np.atleast_1d(times)[np.atleast_1d(outside)][0]
-        text = f"{bad:g} s is outside of the run: give times from {t[0]:g} to {t[-1]:g} s"
+        bad = float(np.atleast_1d(times)[np.atleast_1d(outside)][0])
+        text = f"{bad!r} s is outside of the run: give times from {float(t[0])!r} to {float(t[-1])!r} s"
         raise InputError(Problem("run.at", "t", text))
     return np.clip(times, t[0], t[-1])
 

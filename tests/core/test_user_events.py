@@ -193,3 +193,38 @@ def test_zeros_that_are_touched_or_last_are_one_event(options):
     for function, expected in cases:
         run = pg.simulate(falling(), t_end=1.0, events=[function], **options)
         np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("options", [*COARSE, {"method": "radau5"}, {"method": "rk4", "step": 0.1}])
+@pytest.mark.parametrize("frames", [2, 11, 101])
+@pytest.mark.parametrize("between", [1e-5, 1e-3, 0.05])
+def test_a_zero_exactly_at_a_frame_hides_none_right_after_it(options, frames, between):
+    """(t - 0.5) (t - 0.5 - between) is zero at a frame and once more soon after."""
+
+    def product(t, q, v):
+        return (t - 0.5) * (t - 0.5 - between)
+
+    def rising(t, q, v):
+        return product(t, q, v)
+
+    def falling_at(t, q, v):
+        return product(t, q, v)
+
+    rising.direction, falling_at.direction = 1, -1
+    run = pg.simulate(
+        falling(), t_end=1.0, events=[product, rising, falling_at], frames=frames, **options
+    )
+    for number, expected in enumerate(([0.5, 0.5 + between], [0.5 + between], [0.5])):
+        found = [event.t for event in run.user_events if event.number == number]
+        np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("options", [*METHODS, {"method": "rk4", "step": 0.5}])
+@pytest.mark.parametrize("speed", [0.01, 1.0, 4.0])
+def test_a_throw_from_zero_comes_back_through_it(options, speed):
+    """It is zero at the start, and again at 2 v / g, however soon."""
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=speed)
+    model = pg.Model(bodies=[body], gravity=(0, 0, -G))
+    run = pg.simulate(model, t_end=1.0, events=[crossing(0.0)], **options)
+    tolerance = 1e-6 if options.get("method") == "ros2" else 1e-10
+    np.testing.assert_allclose([e.t for e in run.user_events], [2 * speed / G], atol=tolerance)

@@ -53,6 +53,7 @@ HALVINGS = 40  # of a part that starts at an event
 GOLDEN = 0.381966  # of the longer side: where parabolas converge slowly
 TOUCHES = 1e-12  # of the values around it: a least value that is zero
 ALIKE = 1e-9  # of a part: two instants that are one
+WIDER = 8.0  # a look after an instant at which a value is zero, if it is zero there too
 
 
 @kernel(PROJECTION, nogil=True, later=True)
@@ -181,6 +182,31 @@ def begin_events(run):
             watched[START, first + i] = abs(data.values[i])
 
 
+@part
+def undecided(signs):
+    """Whether the side of zero on which an event is has not been seen."""
+    found = False
+    for i in range(signs.shape[0]):
+        found = found or signs[i] == 0
+    return found
+
+
+@sweep
+def take_sides(run, low, width):
+    """Signs of events whose value is exactly zero at `low`: those that it has right after it."""
+    data = opened_run(run)
+    signs, values, watched = data.signs, data.values, data.watched
+    first = watched.shape[1] - signs.shape[0]
+    w = ALIKE * width
+    while w < width and undecided(signs):
+        look(run, low, w)
+        for i in range(signs.shape[0]):
+            if signs[i] == 0 and values[i] != 0.0:
+                signs[i] = 1 if values[i] > 0.0 else -1
+                watched[START, first + i] = abs(values[i])
+        w *= WIDER
+
+
 # -- location -------------------------------------------------------------------------------------
 
 
@@ -287,18 +313,19 @@ def dip(run, low, width, i):
 
 
 @sweep
-def dipped(run, low, width):
+def dipped(run, low, end):
     """(start, width) of a part in which a user's event has happened and is undone at its end.
 
     The width is 0 where zero is only touched, and -1 where nothing happens.
     """
     data = opened_run(run)
     watched, count = data.watched, data.signs.shape[0]
+    middle = 0.5 * (low + end)
     for i in range(count):
-        begin, end = dip(run, low, width, i)
-        if end > 0.0 and watched[NOW, watched.shape[1] - count + i] < 0.0:
-            return low + begin, end - begin
-        look(run, low, width)
+        first, last = dip(run, low, end - low, i)
+        if last > 0.0 and watched[NOW, watched.shape[1] - count + i] < 0.0:
+            return low + first, last - first
+        look(run, middle, end - middle)  # as `looked_at` does, so that the instant has equal bits
     return low, -1.0
 
 
@@ -394,7 +421,10 @@ def looked_at(run, low, end):
     says that they turn back near zero.
     """
     data = opened_run(run)
-    halves = 2 if data.links.events != 0 else 1
+    halves = 1
+    if data.links.events != 0:
+        halves = 2
+        take_sides(run, low, end - low)
     keep_values(run, LOW)
     begin = low
     for k in range(halves):
@@ -409,7 +439,7 @@ def looked_at(run, low, end):
             keep_values(run, HIGH)
             begin = stop
     if halves == 2:
-        begin, width = dipped(run, low, end - low)
+        begin, width = dipped(run, low, end)
         if width >= 0.0:
             return reached(run, begin, width)
     return False, end
