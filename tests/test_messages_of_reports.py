@@ -91,6 +91,13 @@ def test_a_target_that_no_method_reaches_is_said_with_the_best_reached():
     assert said in str(study)
 
 
+def test_runs_that_were_left_out_are_named_where_a_target_is_not_reached():
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
+    given = {"methods": "rk4", "steps": [0.1, 1e-3, 1e-8], "rounds": 1, "target": 1e-15}
+    study = pg.work_precision(mech, t_end=0.2, longest=0.2, **given)
+    assert "1 run was left out: give a larger `longest`" in study.answer
+
+
 def test_a_report_of_another_kind_is_refused(tmp_path):
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
     study = pg.work_precision(mech, t_end=0.2, methods="rk4", steps=0.01, rounds=1)

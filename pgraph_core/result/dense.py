@@ -112,7 +112,8 @@ def _inside(asked: Any, t: Array) -> Array:
     outside = (times < t[0] - slack) | (times > t[-1] + slack)
     if outside.any():
         bad = float(np.atleast_1d(times)[np.atleast_1d(outside)][0])
-        text = f"{bad!r} s is outside of the run: give times from {float(t[0])!r} to {float(t[-1])!r} s"
+        first, last = float(t[0]), float(t[-1])
+        text = f"{bad!r} s is outside of the run: give times from {first!r} to {last!r} s"
         raise InputError(Problem("run.at", "t", text))
     return np.clip(times, t[0], t[-1])
 

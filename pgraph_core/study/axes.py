@@ -204,6 +204,15 @@ def chain_length(model: Model, value: float) -> Model:
     return Model(bodies=links, name=f"chain of {n}", gravity=model.gravity, up=model.up)
 
 
+def own_chain_length(model: Model) -> float | None:
+    """1 for a single body without anything that a chain leaves out."""
+    if len(model.bodies) != 1 or model.forces or model.constraints or model.contacts:
+        return None
+    (body,) = model.bodies
+    left_out = (body.stiffness, body.damping, body.friction, body.limits)
+    return None if any(np.any(part) for part in left_out) else 1.0
+
+
 def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
     """Link i of n; all but the first start at the end of the one before, at rest."""
 
@@ -328,7 +337,8 @@ TABLE = (
     Axis("inertia", "factor on every inertia", "",
          (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia, own=once),
     Axis("chain_length", "links of a chain of the same length and mass", "links",
-         (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length),
+         (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length,
+         own=own_chain_length),
     Axis("speed", "largest initial velocity", "rad/s or m/s",
          (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed, own=own_speed),
     Axis("friction", "Coulomb's coefficient of all contacts", "",

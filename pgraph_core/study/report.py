@@ -40,6 +40,7 @@ WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)  # on a terminal
 
 USUAL_TARGET = 1e-6  # where none is given
+LEFT_OUT = "left out: it would take more than"  # how the reason of a run begins that was not made
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,10 @@ class Study(Hinting):
         best = min(ours, key=lambda row: row.error or np.inf)
         reached = f"no method reaches {wanted:g}; the best is {best.error:.2g} by {best.method}"
         why = ", the reference's own limit" if best.limited else ""
-        return f"{reached} at {best.setting}{why}"
+        cut = sum(not row.peer and row.reason.startswith(LEFT_OUT) for row in self.rows)
+        counted = "1 run was" if cut == 1 else f"{cut} runs were"
+        more = f"; {counted} left out: give a larger `longest`" if cut else ""
+        return f"{reached} at {best.setting}{why}{more}"
 
     def time_at(self, error: float) -> dict[str, float]:
         """{method: seconds} that each curve takes to reach an error, log-log between its points."""

@@ -17,7 +17,7 @@ from ..simulation.plan import active_constraints
 from . import reference as references
 from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
 from .reference import Reference
-from .report import USUAL_TARGET, Row, Study
+from .report import LEFT_OUT, USUAL_TARGET, Row, Study
 from .task import (
     Ladder,
     Outcome,
@@ -265,7 +265,7 @@ class Work:
 
     def _run(self, one: Participant, setting: Setting, expected: float) -> Outcome:
         """The first run, with its estimate, unless it is expected to take too long."""
-        too_long = f"left out: it would take more than {self.longest:g} s"
+        too_long = f"{LEFT_OUT} {self.longest:g} s"
         if expected > self.longest:
             return Outcome.failed(too_long, expected)
         done = one.run(setting, self.watch(), True)
@@ -449,11 +449,16 @@ def _baseline(rows: list[Row], times: list[float], target: float) -> int:
 
 
 def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
-    """Seconds of the next setting, from the last ones: as its steps, or as tolerances grew."""
-    if not took or took[-1] == np.inf:
-        return took[-1] if took else 0.0
+    """Seconds of the next setting, from the last ones: as its steps, or as tolerances grew.
+
+    The first run says nothing, because kernels may have been compiled in it.
+    """
+    if took and took[-1] == np.inf:
+        return np.inf
+    if len(took) < 2:
+        return 0.0
     last, following = settings[len(took) - 1], settings[len(took)]
     if last.step is not None and following.step is not None:
         return took[-1] * last.step / following.step
-    grew = took[-1] / took[-2] if len(took) > 1 and took[-2] > 0 else 1.0
+    grew = took[-1] / took[-2] if took[-2] > 0 else 1.0
     return took[-1] * min(max(grew, 1.0), MOST_GROWTH)

@@ -175,3 +175,11 @@ def test_every_shape_of_a_body_is_rescaled():
     assert scaled.shapes[1].colour == (1.0, 0.0, 0.0)
     assert scaled.mass == pytest.approx(3 * body.mass, rel=1e-14)  # from density and volume
     np.testing.assert_allclose(scaled.inertia, 12 * np.array(body.inertia), rtol=1e-13, atol=1e-13)
+
+
+def test_a_pendulum_is_among_the_chains_of_its_map_unless_something_is_left_out():
+    model = pg.Model(bodies=(mass("a", tip=(0, -1, 0)),), **DOWN)
+    own = AXES["chain_length"].own
+    assert own(model) == 1.0
+    assert own(model.edit("a", stiffness=2.0)) is None
+    assert own(model.add(mass("b", parent="a"))) is None
