@@ -210,7 +210,7 @@ def test_a_zero_exactly_at_a_frame_hides_none_right_after_it(options, frames, be
     def falling_at(t, q, v):
         return product(t, q, v)
 
-    rising.direction, falling_at.direction = 1, -1
+    rising.__dict__["direction"], falling_at.__dict__["direction"] = 1, -1
     run = pg.simulate(
         falling(), t_end=1.0, events=[product, rising, falling_at], frames=frames, **options
     )
