@@ -209,8 +209,8 @@ def own_chain_length(model: Model) -> float | None:
     if len(model.bodies) != 1 or model.forces or model.constraints or model.contacts:
         return None
     (body,) = model.bodies
-    left_out = (body.stiffness, body.damping, body.friction, body.limits)
-    return None if any(np.any(part) for part in left_out) else 1.0
+    held = (body.stiffness, body.damping, body.friction)
+    return None if body.limits or any(np.any(part) for part in held) else 1.0
 
 
 def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
