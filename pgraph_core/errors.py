@@ -83,9 +83,9 @@ class Problem:
     text: str  # what was given and what would do
 
     def __str__(self) -> str:
-        field = self.field if self.field.isprintable() else repr(self.field)
-        place = f"{self.where}, {field}" if field else self.where
-        return f"{place}: {self.text}"
+        place = f"{self.where}, {self.field}" if self.field else self.where
+        place, text = plain(place).replace("\n", r"\n"), plain(self.text)
+        return f"{_cut(place, 1000)}: {_cut(text, 4000)}"
 
 
 class PgraphError(Exception):
@@ -162,9 +162,9 @@ def needed(module: str, extra: str) -> Any:
 
 def choices(names: Iterable[str], limit: int = 12) -> str:
     """The valid names, comma-separated, for the end of a sentence; cut after `limit`."""
-    listed = list(names)
+    listed = [name if name.isprintable() else repr(name) for name in names]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
-    return ", ".join(listed[:limit]) + more
+    return ", ".join(_cut(name, 100) for name in listed[:limit]) + more
 
 
 def one_of(names: Iterable[str]) -> str:
@@ -216,14 +216,24 @@ def to_read(text: Any) -> str:
     return do
 
 
+def plain(text: str) -> str:
+    """Text of others for a terminal: what would steer it, or turn its direction, is spelled out."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+def _cut(text: str, limit: int) -> str:
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
 def shown(value: Any, limit: int = 60) -> str:
     """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    text = repr(_lists(value))
-    return text if len(text) <= limit else text[: limit - 3] + "..."
+    return _cut(repr(_lists(value)), limit)
 
 
 def _lists(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""XML of others, read with its line numbers and within bounds; no entities, nothing from outside.
+"""Files of others, within bounds; XML with its line numbers, no entities, nothing from outside.
 
 Expat of the standard library parses; a document type, which is where entity bombs and files of the
 machine come in, is refused before it is read.
@@ -6,9 +6,13 @@ machine come in, is refused before it is read.
 
 from __future__ import annotations
 
+import errno
 import math
+import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 from xml.parsers import expat
 
 from .errors import FileError, Problem, shown
@@ -91,16 +95,45 @@ class Source:
 def read_markup(path: Path) -> Element:
     """The root element of an XML file. Raises FileError, also for files beyond the bounds above."""
     try:
-        if not path.is_file():  # nor a pipe, which may never end
-            raise FileError(Problem(str(path), "", "there is no such file"))
-        if path.stat().st_size > LARGEST:
-            size = f"has {path.stat().st_size / 1e6:.0f} MB; {LARGEST / 1e6:.0f} MB at most"
-            raise FileError(Problem(str(path), "", size))
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise FileError(Problem(str(path), "", f"cannot be read: {reason}")) from None
+        content = content_of(path, LARGEST)
+    except FileNotFoundError:
+        raise FileError(Problem(str(path), "", "there is no such file")) from None
+    except (OSError, ValueError) as error:
+        raise FileError(Problem(str(path), "", f"cannot be read: {reason_of(error)}")) from None
     return parse_markup(content, path.name)
+
+
+def content_of(path: str | Path, most: int) -> bytes:
+    """The content of an ordinary file of at most `most` bytes. Raises OSError, ValueError."""
+    with ordinary(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            text = f"it has {size / 1e6:.0f} MB; {most / 1e6:.0f} MB at most"
+            raise OSError(errno.EFBIG, text)
+        return file.read(size)
+
+
+def ordinary(path: str | Path) -> BinaryIO:
+    """A file, open; none that may never end, as a pipe or a device. Raises OSError, ValueError."""
+
+    def opener(path: str, flags: int) -> int:
+        return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe waits for its writer
+
+    file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller closes it
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is no ordinary file")
+    return file
+
+
+def reason_of(error: Exception) -> str:
+    """Why a file cannot be read or written, for a sentence."""
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    text = str(error)
+    if "null byte" in text:
+        return "its path holds a NUL character"
+    return "its links lead in a circle" if "Symlink loop" in text else text
 
 
 def parse_markup(content: bytes, name: str) -> Element:
@@ -145,4 +178,7 @@ def parse_markup(content: bytes, name: str) -> Element:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
+    except (ValueError, LookupError):  # of the codec that the file names
+        text = "not XML: its encoding is unknown; save it in UTF-8"
+        raise source.wrong(1, "", text) from None
     return roots[0]

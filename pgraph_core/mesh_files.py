@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -10,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .errors import FileError, ModelError, Problem, choices
-from .markup import Element, Source, parse_markup
+from .markup import Element, Source, content_of, parse_markup, reason_of
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
 LARGEST = 200_000_000  # [bytes] of a mesh file
@@ -42,17 +43,14 @@ def parsed_mesh(file: str | Path) -> Any:
     import trimesh  # not before a file is opened: half a second
 
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
-    if not Path(file).is_file():  # nor a device or a pipe
-        raise FileError(Problem(where, "", "there is no such file"))
-    if suffix not in FORMATS:
+    if suffix not in FORMATS and os.path.isfile(file):
         text = f"no mesh is read from .{suffix} files; give one of {choices(FORMATS)}"
         raise FileError(Problem(where, "", text))
     try:
-        if Path(file).stat().st_size > LARGEST:
-            text = f"is larger than {LARGEST / 1e6:.0f} MB; give a coarser mesh"
-            raise FileError(Problem(where, "", text))
-        content = Path(file).read_bytes()
-    except OSError as error:
+        content = content_of(file, LARGEST)
+    except FileNotFoundError as error:
+        raise FileError(Problem(where, "", "there is no such file")) from error
+    except (OSError, ValueError) as error:
         raise FileError(_unreadable(file, error)) from error
     if not _looks_like(suffix, content):
         text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
@@ -117,8 +115,7 @@ def _msh(content: bytes) -> tuple[Any, Any]:
 
 
 def _unreadable(file: str | Path, error: Exception) -> Problem:
-    reason = error.strerror if isinstance(error, OSError) else str(error)
-    lines = (reason or type(error).__name__).splitlines()
+    lines = (reason_of(error) or type(error).__name__).splitlines()
     suffix = Path(file).suffix.lower().lstrip(".")
     return Problem(f"mesh {file}", "", f"cannot be read as {suffix}: {lines[0]}")
 

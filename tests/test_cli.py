@@ -533,3 +533,34 @@ def test_a_run_for_a_file_of_no_known_kind(capsys):
     _, err = said(capsys, "run", "pendulum", "-o", "run.foo", code=1)
     assert ".npz" in err
     assert ".html" in err
+
+
+def test_a_model_file_does_not_steer_the_terminal(tmp_path, capsys):
+    """Escapes, marks that turn the direction of text, names without end."""
+    names = ["a\x1b]0;t\x07\x1b[2J", "b\u202egnp", "c\r", "d\nd: fine", "x" * 100_000]
+    for name in names:
+        bad = {"bodies": [{"name": name}, {"name": "q", "parent": "zz"}, {"name": name}]}
+        (tmp_path / "bad.json").write_text(json.dumps(bad))
+        out, err = said(capsys, "check", str(tmp_path / "bad.json"), code=1)
+        assert out == ""
+        assert err.replace("\n", "").isprintable()
+        assert not any(line.startswith("d: fine") for line in err.split("\n"))
+        assert len(err) < 3000
+    good = pg.Model.serial(2).replace(name="a\x1b[2J\u202e")
+    good.save(tmp_path / "good.json")
+    for word in ("check", "info"):
+        out, _ = said(capsys, word, str(tmp_path / "good.json"))
+        assert out.startswith(r"a\x1b[2J\u202e: ")
+
+
+def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, capsys):
+    file = tmp_path / "m.json"
+    pg.Model.serial(2).save(file)
+    (tmp_path / "link.json").symlink_to(file)
+    before = file.read_bytes()
+    for out in (file, tmp_path / "link.json"):
+        _, err = said(capsys, "convert", str(file), str(out), code=1)
+        assert "is the file that is read; choose another name" in err
+    _, err = said(capsys, "convert", str(file), str(tmp_path / "o.json"), "--roots", "/no", code=1)
+    assert err == "/no: there is no such folder\n"
+    assert file.read_bytes() == before

@@ -10,6 +10,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 
 pytestmark = pytest.mark.fast
@@ -116,7 +117,7 @@ def test_a_new_file_obeys_the_umask(tmp_path: Path):
         ("", "'': cannot be written: Is a directory"),
         (".", ".: cannot be written: Is a directory"),
         ("none/m.json", "none/m.json: cannot be written: No such file or directory"),
-        ("m\0.json", r"'m\x00.json': cannot be written: embedded null byte"),
+        ("m\0.json", r"'m\x00.json': cannot be written: its path holds a NUL character"),
         ("m" * 300, "m" * 300 + ": cannot be written: File name too long"),
     ],
 )
@@ -133,7 +134,7 @@ def test_places_that_cannot_be_written(path: str, reason: str, tmp_path: Path, m
     [
         ("none.json", "none.json: cannot be read: No such file or directory"),
         (".", ".: cannot be read: Is a directory"),
-        ("m\0.json", r"'m\x00.json': cannot be read: embedded null byte"),
+        ("m\0.json", r"'m\x00.json': cannot be read: its path holds a NUL character"),
     ],
 )
 def test_places_that_cannot_be_read(path: str, reason: str, tmp_path: Path, monkeypatch):
@@ -180,3 +181,56 @@ VERSION_1 = """{
   ]
 }
 """
+
+
+@pytest.mark.parametrize("name", ["m.json", "m.csv", "m.zip", "m.urdf", "m.xml"])
+def test_a_file_too_large_is_refused_before_it_is_read(name: str, tmp_path: Path):
+    (tmp_path / name).touch()
+    os.truncate(tmp_path / name, 50 << 30)  # without content: no machine could hold it
+    with pytest.raises(pg.FileError, match="it has 53687 MB; 64 MB at most"):
+        pg.Model.load(tmp_path / name)
+
+
+def test_so_is_a_run(tmp_path: Path):
+    (tmp_path / "run.npz").touch()
+    os.truncate(tmp_path / "run.npz", 50 << 30)
+    with pytest.raises(pg.FileError, match=r"is no run: not an \.npz file"):
+        pg.Result.load(tmp_path / "run.npz")
+    (tmp_path / "run.npz").write_bytes(b"PK")
+    os.truncate(tmp_path / "run.npz", 50 << 30)
+    with pytest.raises(pg.FileError, match="damaged"):
+        pg.Result.load(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize("suffix", [".json", ".urdf", ".xml"])
+def test_a_pipe_or_a_device_is_no_file(suffix: str, tmp_path: Path):
+    """A pipe that nobody writes to waits for ever; a device never ends."""
+    pipe, device = tmp_path / f"pipe{suffix}", tmp_path / f"zero{suffix}"
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    for path in (pipe, device):
+        with pytest.raises(pg.FileError, match="cannot be read: it is no ordinary file"):
+            pg.Model.load(path)
+        with pytest.raises(pg.FileError, match="it is no ordinary file"):
+            pg.Result.load(path)
+    mesh = tmp_path / "pipe.stl"
+    os.mkfifo(mesh)
+    with pytest.raises(pg.FileError, match="it is no ordinary file"):
+        load_mesh(mesh)
+
+
+@pytest.mark.parametrize("name", ["m.json", "m.csv"])
+def test_a_pipe_is_not_written_to_either(name: str, tmp_path: Path):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(pg.FileError, match="cannot be written: it is no ordinary file"):
+        files.write_atomic(tmp_path / name, "x")
+    assert stat.S_ISFIFO((tmp_path / name).stat().st_mode)
+
+
+def test_links_in_a_circle_are_a_sentence(tmp_path: Path):
+    (tmp_path / "a.json").symlink_to("b.json")
+    (tmp_path / "b.json").symlink_to("a.json")
+    with pytest.raises(pg.FileError, match="cannot be read: Too many levels of symbolic links"):
+        pg.Model.load(tmp_path / "a.json")
+    with pytest.raises(pg.FileError, match="cannot be written: its links lead in a circle"):
+        MODEL.save(tmp_path / "a.json")

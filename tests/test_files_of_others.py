@@ -12,12 +12,14 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
+from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.features import update
 from pgraph_app.model import archive
-from pgraph_app.model.update import OpenText
+from pgraph_app.model.update import OpenText, too_many
 from pgraph_app.model.worker import answer
 from pgraph_app.session.update import Connected
+from pgraph_core.markup import parse_markup
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 
@@ -164,12 +166,6 @@ def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
     assert b"secret" not in Path(saved.file or "").read_bytes()
 
 
-def test_a_pipe_is_no_mesh(tmp_path):
-    os.mkfifo(tmp_path / "pipe.stl")
-    with pytest.raises(pg.FileError, match="there is no such file"):
-        load_mesh(tmp_path / "pipe.stl")
-
-
 def test_damaged_meshes_are_sentences(tmp_path):
     """Any byte changed in any format: a mesh, or a FileError."""
     rng, refused = np.random.default_rng(1), 0
@@ -259,3 +255,47 @@ def test_a_page_refuses_too_many_bodies_before_it_makes_them():
     assert time.process_time() - start < 3
     assert after.model is state.model
     assert "100000 bodies; 1000 at most" in after.clients[ME].notice.text
+
+
+@pytest.mark.parametrize("encoding", ["utf-7", "rot13", "none", "base64"])
+def test_an_encoding_that_no_reader_knows_is_a_sentence(encoding):
+    text = f'<?xml version="1.0" encoding="{encoding}"?><robot name="r"/>'
+    with pytest.raises(pg.FileError, match=r"^a\.urdf, line 1: not XML: "):
+        parse_markup(text.encode(), "a.urdf")
+
+
+STEP = {"low": [0, 0], "high": [1, 1], "height": 0.1}
+FIELD = {"kind": "heightfield", "size": [1, 1, 1], "heights": [[0.0] * 400] * 300}
+
+
+@pytest.mark.parametrize(
+    ("model", "said"),
+    [
+        ({"ground": {"steps": [STEP] * 2001}}, "2001 steps; the page takes 2000 at most"),
+        ({"bodies": [{"name": "a", "shape": FIELD}]}, "120000 heights; the page takes 100000"),
+        ({"bodies": [{"name": "a", "shapes": [FIELD]}]}, "120000 heights; the page takes 100000"),
+        ({"sites": [{"name": f"s{k}"} for k in range(2001)]}, "2001 sites; the page takes 2000"),
+    ],
+)
+def test_the_page_takes_as_much_as_it_draws_in_time(model, said):
+    state = update(initial(pg.Model.serial(1)), Connected(ME))
+    text = json.dumps({"bodies": [{"name": "a"}]} | model)
+    state = update(state, OpenText(ME, "a.json", text))
+    if state.errands:
+        state = update(state, answer(state.errands[0]))
+    assert state.model.name == "serial 1"
+    assert said in state.clients[ME].notice.text
+
+
+@pytest.mark.parametrize(
+    "data", [{"bodies": 1}, {"bodies": [1, {"shape": 1}, {"shapes": [1, {"heights": [1]}]}]},
+             {"ground": 1}, {"ground": {"steps": 1}}, {"forces": "x" * 9000}]
+)  # fmt: skip
+def test_what_is_counted_may_be_anything(data):
+    assert too_many(data) == ""
+
+
+def test_a_text_too_long_for_a_cell_is_told_in_words():
+    sent = {"event": "Edit", "serial": 1, "body": "a", "field": "name", "index": [], "text": ""}
+    event = from_page(ME, json.dumps(sent | {"text": "x" * 20_001}))
+    assert event == Misread(ME, "text: String should have at most 20000 characters")

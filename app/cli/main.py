@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pgraph_models
-from pgraph_core.errors import InputError, PgraphError, Problem
+from pgraph_core.errors import InputError, PgraphError, Problem, plain
 
 from . import models, run, study, verify
 from .terminal import open_model, port, print_answer, print_problems
@@ -74,7 +74,7 @@ def _command(name: str, words: Sequence[str]) -> int:
     print_answer(answer, args.json)
     sys.stdout.flush()
     if answer.problem:
-        print(answer.problem, file=sys.stderr)
+        print(plain(answer.problem), file=sys.stderr)
     return 1 if answer.problem else 0
 
 

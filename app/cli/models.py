@@ -189,7 +189,13 @@ def convert(args: Namespace) -> Answer:
     """Raises PgraphError."""
     from pgraph_core.formats import read_model, write_model  # other commands need no kernels
 
-    model, read = read_model(model_path(args.model), args.roots)
+    given = model_path(args.model)
+    if given.exists() and Path(args.out).exists() and given.samefile(args.out):
+        raise FileError(Problem(args.out, "", "is the file that is read; choose another name"))
+    for root in args.roots:
+        if not Path(root).is_dir():
+            raise FileError(Problem(root, "", "there is no such folder"))
+    model, read = read_model(given, args.roots)
     if args.repair:
         model = read.repaired(model)
     written = write_model(model, args.out)

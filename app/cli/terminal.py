@@ -14,7 +14,7 @@ from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.errors import InputError, Problem, choices
+from pgraph_core.errors import InputError, Problem, choices, plain
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
@@ -136,7 +136,7 @@ class Command:
 
 def print_answer(answer: Answer, as_json: bool) -> None:
     """The text, or one JSON object, on stdout."""
-    print(to_json(answer.data) if as_json else answer.text)
+    print(to_json(answer.data) if as_json else plain(answer.text))
 
 
 def print_problems(problems: Iterable[Problem], as_json: bool) -> None:

@@ -27,7 +27,7 @@ from websockets.http11 import Response
 
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-COOKIE = "pgraph_token"
+COOKIE = "pgraph_token"  # and the port: a browser keeps one jar for all ports of a host
 PASS = (  # what the page sends; the rest is dropped
     "GuiUpdateMessage",
     "ViewerCameraMessage",
@@ -94,13 +94,17 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
             refused = refusal(request.headers, request.path, host, token)
             if refused is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, refused + "\n")
-            response = page(connection, request)
+            try:
+                response = page(connection, request)
+            except (OSError, ValueError):  # a path that no file has: too long, or with a NUL
+                response = connection.respond(http.HTTPStatus.NOT_FOUND, "There is no such page.\n")
             if response is not None:
                 ours(response, pages)
                 for name, value in HEADERS.items():
                     response.headers[name] = value
                 if token is not None:
-                    response.headers["Set-Cookie"] = f"{COOKIE}={token}; HttpOnly; SameSite=Strict"
+                    name = cookie_for(request.headers["Host"])
+                    response.headers["Set-Cookie"] = f"{name}={token}; HttpOnly; SameSite=Strict"
             return response
 
         options["max_size"] = LARGEST_MESSAGE
@@ -130,6 +134,11 @@ def ours(response: Response, known: dict[bytes, bytes]) -> None:
     response.headers["Content-Length"] = str(len(response.body))
 
 
+def cookie_for(named: str) -> str:
+    """The cookie of a server by the `Host` that its page is asked for. Raises ValueError."""
+    return f"{COOKIE}_{urlsplit(f'//{named}').port or 80}"
+
+
 def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None:
     """Why a request is not for us: another site's page, a foreign name, a missing token."""
     try:
@@ -138,14 +147,15 @@ def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None
             return f"This server answers on 127.0.0.1 and localhost, not as {named!r}."
         if origin is not None and urlsplit(origin).netloc != named:
             return f"Pages of {origin} may not connect."
+        mine = cookie_for(named)
     except (ValueError, LookupError):  # LookupError: two Host headers
         return "The request names no host that can be read."
     if token is None:
         return None
     cookies = (cookie.partition("=") for cookie in headers.get("Cookie", "").split("; "))
-    given = [value for name, _, value in cookies if name == COOKIE]
+    given = [value for name, _, value in cookies if name == mine]
     given += parse_qs(urlsplit(path).query).get("token", [])
-    if any(secrets.compare_digest(one.encode(), token.encode()) for one in given):
+    if any(secrets.compare_digest(one.encode(errors="replace"), token.encode()) for one in given):
         return None
     return "Open the address that the server printed: it carries a token."
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 import pgraph_core as pg
 from pgraph_core.errors import PgraphError
@@ -180,5 +180,8 @@ def from_page(client: int, text: str) -> FromPage:
         adapter = page_events()[fields.pop("event")]
         fields["client"] = client
         return adapter.validate_json(json.dumps(fields), strict=True)
+    except ValidationError as invalid:
+        first = invalid.errors(include_url=False, include_input=False)[0]
+        return Misread(client, f"{'.'.join(map(str, first['loc']))}: {first['msg']}"[:300])
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
         return Misread(client, f"{type(problem).__name__}: {problem}"[:300])

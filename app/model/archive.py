@@ -20,6 +20,7 @@ from ..core.cells import Refusal
 
 LARGEST = 12_000_000  # [bytes] as it is sent
 LARGEST_WITHIN = 100_000_000  # [bytes] unpacked
+LARGEST_KEPT = 1_000_000_000  # [bytes] of all meshes that came through a page
 # what zipfile raises: damaged, cut, encrypted or by an unknown method, names that are no text
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
 
@@ -79,7 +80,7 @@ def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
 
 
 def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
-    """The model in a zip; its files go to a folder of `keep`, once all of it could be read.
+    """The model in a zip; the meshes that it names stay in a folder of `keep`.
 
     A model of Pgraph stands at the top with its meshes in `meshes`; one of another format, with
     the files that it names, in any folder. Raises Refusal, PgraphError, OSError.
@@ -96,11 +97,26 @@ def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
         known = ", ".join((".json", *READERS))
         raise Refusal(f"it holds {len(models)} model files ({known}), not one")
     folder = keep / hashlib.sha256(content).hexdigest()[:16]
-    for name, data in held.items():
-        to = folder / name
-        to.parent.mkdir(parents=True, exist_ok=True)
-        to.write_bytes(data)
-    return read_model(folder / models[0], roots=[folder])
+    if not folder.exists() and _size(keep) + size > LARGEST_KEPT:
+        most = f"{LARGEST_KEPT / 1e6:.0f} MB"
+        raise Refusal(f"{keep} would hold more than {most}; remove there what you no longer need")
+    used = {file for file in folder.rglob("*") if file.is_file()}
+    try:
+        for name, data in held.items():
+            to = folder / name
+            to.parent.mkdir(parents=True, exist_ok=True)
+            to.write_bytes(data)
+        model, report = read_model(folder / models[0], roots=[folder])
+        used |= {Path(s.file).resolve() for b in model.bodies for s in b.shapes if s.file}
+        return model, report
+    finally:
+        for name in held:
+            if folder / name not in used and (folder / name).resolve() not in used:
+                (folder / name).unlink(missing_ok=True)
+
+
+def _size(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from pydantic import Field
 import pgraph_core as pg
 from pgraph_core.formats import READERS
 from pgraph_core.model import files
+from pgraph_core.model.model import PARTS
 
 from ..core import cells, edit, history
 from ..core.cells import Refusal
@@ -32,6 +33,8 @@ EditField = Literal[
 ]  # fmt: skip
 
 LONG = 500_000  # characters of a model that are read at once
+MOST_HEIGHTS = 100_000  # of all heightfields, each of which is drawn
+MOST_PARTS = 2000  # of any other kind, each of which is listed
 
 
 @dataclass(frozen=True)
@@ -189,22 +192,46 @@ def opened(state: State, client: int, name: str, content: str) -> State:
 def _read(name: str, content: str) -> pg.Model:
     """The model in a text. Raises PgraphError, Refusal."""
     data = files.parse(content, name)
-    bodies = data.get("bodies")
-    if isinstance(bodies, list) and len(bodies) > MOST_BODIES:
-        raise Refusal(_too_many(len(bodies)))
+    if problem := too_many(data):
+        raise Refusal(problem)
     return pg.Model(**files.located(data, mesh_folder()))
 
 
-def _too_many(count: int) -> str:
-    return f"it has {count} bodies; {MOST_BODIES} at most"
+def too_many(data: Mapping[str, Any]) -> str:
+    """Why the fields of a model hold more than pages draw and list in time; "" where they do not.
+
+    They may be those of a file, of which nothing is known yet.
+    """
+    counts = {key: len(_of(data, key)) for key in PARTS}
+    counts["steps"] = len(_of(data.get("ground"), "steps"))
+    shapes = [s for b in _of(data, "bodies") for s in (_get(b, "shape"), *_of(b, "shapes"))]
+    counts["heights"] = sum(len(row) for s in shapes for row in _of(s, "heights") if _listed(row))
+    most = {"bodies": MOST_BODIES, "heights": MOST_HEIGHTS}
+    for what, count in counts.items():
+        if count > most.get(what, MOST_PARTS):
+            return f"it has {count} {what}; the page takes {most.get(what, MOST_PARTS)} at most"
+    return ""
+
+
+def _get(holder: Any, key: str) -> Any:
+    return holder.get(key) if isinstance(holder, dict) else getattr(holder, key, None)
+
+
+def _of(holder: Any, key: str) -> Sequence[Any]:
+    found = _get(holder, key)
+    return found if _listed(found) else ()
+
+
+def _listed(value: Any) -> bool:
+    return isinstance(value, (list, tuple))
 
 
 def shown_model(
     state: State, client: int, name: str, model: pg.Model | None, problem: str = ""
 ) -> State:
     """A model that was read, in place of the current one; or why it was not opened."""
-    if model is not None and len(model.bodies) > MOST_BODIES:
-        problem = _too_many(len(model.bodies))
+    if model is not None:
+        problem = problem or too_many(vars(model))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
     state = edit.replaced(state, model, f"open {name}", client)

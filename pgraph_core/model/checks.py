@@ -26,7 +26,7 @@ def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]
     row: dict[str, int] = {}
     for i, name in enumerate(names):
         if name in row:
-            text = f"'{name}' is already the name of row {row[name] + 1}; choose another"
+            text = f"{shown(name)} is already the name of row {row[name] + 1}; choose another"
             found.append(Problem(f"row {i + 1}", "name", text))
         row.setdefault(name, i)
     for name, parent in zip(names, parents):

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, shown
 from ..joints import PER_MOTION
+from ..markup import content_of, reason_of
 from ..mesh_files import parsed_mesh
 from .body import Body
 from .fields import GROUND
@@ -34,7 +35,7 @@ NOT_JSON = {
 }  # fmt: skip
 FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
 
-LARGEST = 64_000_000  # characters of a file
+LARGEST = 64_000_000  # bytes of a file
 MOST_VALUES = 5_000_000
 DEEPEST = 100  # levels of brackets
 STRINGS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)  # also one that does not end: linear
@@ -204,12 +205,12 @@ def parse(text: str, source: str) -> dict[str, Any]:
 def read(path: str | Path) -> str:
     """The text of a file. Raises FileError."""
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return content_of(path, LARGEST).decode()
     except UnicodeDecodeError as error:
         text = f"not text in UTF-8 (byte {error.start}); give a model file of Pgraph"
         raise FileError(Problem(str(path), "", text)) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        text = f"cannot be read: {_reason(error)}; give the path of a model file"
+    except (OSError, ValueError) as error:
+        text = f"cannot be read: {reason_of(error)}; give the path of a model file"
         if str(path).isidentifier():
             text += f", or of a built-in model: pg.Model.load(pgraph_models.path({str(path)!r}))"
         raise FileError(Problem(shown_path(path), "", text)) from None
@@ -226,6 +227,8 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
         path = Path(path).resolve()  # a link stays a link
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "it is no ordinary file")
         handle, temporary = tempfile.mkstemp(prefix=".pgraph-", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -234,8 +237,8 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
         mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
         os.chmod(temporary, mode)
         os.replace(temporary, path)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        text = f"cannot be written: {_reason(error)}; choose another place"
+    except (OSError, ValueError, RuntimeError) as error:
+        text = f"cannot be written: {reason_of(error)}; choose another place"
         raise FileError(Problem(shown_path(given), "", text)) from None
     finally:
         if temporary is not None:  # gone where it took the path's place
@@ -257,10 +260,6 @@ def user_folder(variable: str, below_home: str) -> Path:
 def shown_path(path: str | Path) -> str:
     """A path as it may stand in a sentence."""
     return str(path) if str(path).isprintable() and str(path) else repr(str(path))
-
-
-def _reason(error: OSError | ValueError) -> str:
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
 def _umask() -> int:
@@ -435,8 +434,7 @@ def _carried(body: str, file: Path, folder: Path) -> str:
         found = [Problem(f"body {shown(body)}", "shape", f"{p}; {do}") for p in error.problems]
         raise FileError(found) from None
     except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        text = f"cannot be copied to {folder / FOLDER}: {reason}; choose another place"
+        text = f"cannot be copied to {folder / FOLDER}: {reason_of(error)}; choose another place"
         raise FileError(Problem(f"mesh {file}", "", text)) from None
 
 

@@ -20,9 +20,10 @@ import numpy as np
 from ..dynamics.scene import load_wrenches
 from ..dynamics.states import BodyMotion, Sensors, bodies_over, no_motion, turned
 from ..errors import FileError, InputError, Problem, choices, explained, guarded
+from ..markup import ordinary, reason_of
 from ..model import Force, Model
 from ..model.constraint import InJoints
-from ..model.files import gathered, write_atomic
+from ..model.files import gathered, shown_path, write_atomic
 from ..needs import Plan
 from ..packing import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
@@ -524,18 +525,22 @@ WRITTEN = "give a file written by Result.save"
 def _entries(path: str | Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """The header and the arrays in the file of a run. Raises FileError."""
     try:
-        content = Path(path).read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or str(error)
+        file = ordinary(path)
+    except (OSError, ValueError) as error:
+        reason = reason_of(error)
         text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
-        raise FileError(Problem(str(path), "", text)) from None
-    if not content.startswith(b"PK"):  # of zip files, which .npz files are
-        raise FileError(Problem(str(path), "", f"is no run: not an .npz file; {WRITTEN}"))
+        raise FileError(Problem(shown_path(path), "", text)) from None
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as data:
+        with file:
+            if file.read(2) != b"PK":  # of zip files, which .npz files are
+                raise FileError(Problem(str(path), "", f"is no run: not an .npz file; {WRITTEN}"))
+            file.seek(0)
+            data = np.load(file, allow_pickle=False)
             arrays = {name: data[name] for name in data}
         header = json.loads(str(arrays.pop("header")))
         return dict(header), arrays
+    except FileError:
+        raise
     except KeyError:
         text = f"is no run: it has no header; {WRITTEN}"
     except Exception:  # what zip, zlib, numpy and its parser raise on damaged files is not bounded

@@ -145,7 +145,7 @@ def steps(scene: viser.SceneApi, model: Any) -> Any:
     if not model.ground.steps:
         return None
     corners = np.concatenate([solid(model, step) for step in model.ground.steps])
-    faces = np.concatenate([np.array(BOX) + 8 * k for k in range(len(model.ground.steps))])
+    faces = (np.array(BOX) + 8 * np.arange(len(model.ground.steps))[:, None, None]).reshape(-1, 3)
     return scene.add_mesh_simple(
         "/steps", corners, faces, color=STEP, side="double", flat_shading=True, cast_shadow=False
     )

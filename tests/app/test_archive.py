@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import shutil
 import zipfile
 from pathlib import Path
@@ -151,13 +152,14 @@ def test_a_zip_that_is_no_model_is_a_sentence(home, content, said):
 
 
 def test_a_zip_writes_nowhere_but_where_meshes_are_kept(home):
+    named = shaped(pg.Model.serial(1), "1", "meshes/fine.stl").to_json().encode()
     hostile = zipped(
-        ("a.json", MODEL), ("../../evil.stl", b"x"), ("/etc/evil.stl", b"x"),
+        ("a.json", named), ("../../evil.stl", b"x"), ("/etc/evil.stl", b"x"),
         ("meshes/../evil.stl", b"x"), ("meshes/evil.sh", b"x"), ("meshes/fine.stl", b"x"),
     )  # fmt: skip
     archive.unpacked(hostile, home / "keep")
     written = sorted(p.name for p in home.rglob("*") if p.is_file())
-    assert written == ["a.json", "fine.stl"]
+    assert written == ["fine.stl"]
     with pytest.raises(Refusal):
         archive.unpacked(hostile[:-40], home / "keep")
 
@@ -182,3 +184,30 @@ def test_a_damaged_zip_is_a_sentence_and_leaves_nothing(home):
     assert {text.split(" (")[0] for text in said} <= {
         "it is no zip that can be read", "it holds 0 model files",
     }  # fmt: skip
+
+
+def _zip(**files: bytes) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, data in files.items():
+            made.writestr(name.replace("__", "/").replace("_", "."), data)
+    return content.getvalue()
+
+
+def test_an_opened_archive_leaves_the_meshes_that_its_model_names(tmp_path, monkeypatch):
+    part = mesh(tmp_path / "part.stl").read_bytes()
+    shape = {"kind": "mesh", "file": "meshes/part.stl"}
+    text = json.dumps({"bodies": [{"name": "a", "shape": shape}]}).encode()
+    content = _zip(m_json=text, meshes__part_stl=part, meshes__other_stl=b"\0" * 1_000_000)
+    for _ in range(2):  # the second finds what the first has left
+        model, _ = archive.unpacked(content, tmp_path / "keep")
+        left = [file for file in (tmp_path / "keep").rglob("*") if file.is_file()]
+        assert left == [file_of(model, "a")]
+    refused = _zip(m_json=b'{"bodies": 1}', meshes__part_stl=part)
+    with pytest.raises(pg.PgraphError):
+        archive.unpacked(refused, tmp_path / "refused")
+    assert not any(file.is_file() for file in (tmp_path / "refused").rglob("*"))
+    monkeypatch.setattr(archive, "LARGEST_KEPT", 1000)
+    archive.unpacked(content, tmp_path / "keep")  # it is there
+    with pytest.raises(Refusal, match="would hold more than 0 MB; remove there"):
+        archive.unpacked(_zip(m_json=text, meshes__part_stl=part), tmp_path / "keep")

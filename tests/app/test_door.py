@@ -85,8 +85,8 @@ def test_on_other_hosts_the_address_carries_a_token():
     assert refused(headers, "/", token) is not None
     assert refused(headers, "/?token=wrong", token) is not None
     assert refused(headers, f"/?token={token}", token) is None
-    assert refused({**headers, "Cookie": f"pgraph_token={token}"}, "/", token) is None
-    foreign = {**headers, "Origin": "http://evil.example", "Cookie": f"pgraph_token={token}"}
+    assert refused({**headers, "Cookie": f"pgraph_token_8080={token}"}, "/", token) is None
+    foreign = {**headers, "Origin": "http://evil.example", "Cookie": f"pgraph_token_8080={token}"}
     assert refused(foreign, "/", token) is not None
 
 
@@ -124,6 +124,35 @@ def test_with_a_token_only_the_printed_address_and_its_cookie_open_the_page(quad
         assert answer(server, Host="evil.example", Cookie=cookie)[0] == 403
     finally:
         server.stop()
+
+
+def test_two_servers_of_one_machine_keep_two_cookies(quadruped):
+    """A browser sends the cookies of all ports of a host."""
+    servers = [serve(quadruped, port=0, open_browser=False, token="on") for _ in range(2)]
+    try:
+        jar = {}
+        for server in servers:
+            connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+            connection.request("GET", "/" + server.url.split("/")[-1])
+            cookie = connection.getresponse().headers["Set-Cookie"].split(";")[0]
+            name, _, value = cookie.partition("=")
+            jar[name] = value
+        assert len(jar) == 2
+        sent = "; ".join(f"{name}={value}" for name, value in jar.items())
+        assert [answer(server, Cookie=sent)[0] for server in servers] == [200, 200]
+        assert answer(servers[0], Cookie="pgraph_token_\xff=\xff")[0] == 403
+        mine = f"pgraph_token_{servers[0].port}"
+        assert answer(servers[0], Cookie=f"{mine}=\xff")[0] == 403
+    finally:
+        for server in servers:
+            server.stop()
+
+
+@pytest.mark.parametrize("path", ["/a" * 4000, "/" + "a" * 300, "/%00", "/none"])
+def test_a_page_that_is_not_there_is_not_found(served, path):
+    connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=10)
+    connection.request("GET", path)
+    assert connection.getresponse().status == 404
 
 
 def test_no_other_site_can_frame_the_page(served):
