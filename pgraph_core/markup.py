@@ -179,6 +179,6 @@ def parse_markup(content: bytes, name: str) -> Element:
         reason = expat.ErrorString(error.code)
         raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
     except (ValueError, LookupError):  # of the codec that the file names
-        text = "not XML: its encoding is unknown; save it in UTF-8"
-        raise source.wrong(1, "", text) from None
+        told = "not XML: its encoding is unknown; save it in UTF-8"
+        raise source.wrong(1, "", told) from None
     return roots[0]

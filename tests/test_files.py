@@ -152,7 +152,9 @@ def test_a_file_of_version_1_is_read_for_ever():
         ("arm", "base", 1),
     ]
     assert model.body("arm").stiffness == (2.0,)
-    assert model.scenario("go").forces[0].target == pg.Table(t=(0.0, 1.0), value=(0.0, 0.5))
+    (servo,) = model.scenario("go").forces
+    assert isinstance(servo, pg.Servo)
+    assert servo.target == pg.Table(t=(0.0, 1.0), value=(0.0, 0.5))
 
 
 VERSION_1 = """{

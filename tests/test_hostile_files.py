@@ -61,3 +61,28 @@ def test_numbers_that_overflow_are_a_sentence(name, text, fact, tmp_path):
     (tmp_path / name).write_text(text)
     with pytest.raises(pg.PgraphError, match=fact):
         read_model(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        ('<replicate count="1000000"><geom size="1"/></replicate>', r"make 2e\+06 elements; 20000"),
+        ('<replicate count="300">' * 5 + '<geom size="1"/>' + "</replicate>" * 5, "20000 at most"),
+        ('<replicate count=" 99999999 "><geom size="1"/></replicate>', "20000 at most"),
+    ],
+)
+def test_copies_without_end_are_refused_before_they_are_made(inside, said, tmp_path):
+    pytest.importorskip("mujoco")
+    file = tmp_path / "a.xml"
+    file.write_text(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    with pytest.raises(pg.FileError, match=said):
+        pg.read_mjcf(file)
+
+
+def test_so_are_heights(tmp_path):
+    pytest.importorskip("mujoco")
+    field = '<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>'
+    file = tmp_path / "a.xml"
+    file.write_text(f"<mujoco><asset>{field}</asset></mujoco>")
+    with pytest.raises(pg.FileError, match="line 1, hfield, nrow: nrow times ncol must be at most"):
+        pg.read_mjcf(file)

@@ -63,7 +63,9 @@ def test_links_joints_limits_motors(tmp_path):
     np.testing.assert_allclose(np.diag(upper.inertia), (0.2, 0.1, 0.25), atol=1e-15)
     assert upper.limits == ((-1.0, 2.0),)
     assert (upper.damping, upper.friction) == ((0.5,), (0.25,))
-    assert [(f.name, f.body, f.torque_limit) for f in model.forces] == [("shoulder", "upper", 30.0)]
+    (drive,) = model.forces
+    assert isinstance(drive, pg.Motor)
+    assert (drive.name, drive.body, drive.torque_limit) == ("shoulder", "upper", 30.0)
     assert report.loaded
     assert any("limits of velocity" in e.text for e in report.of("left out"))
     places = [e.where for e in report.entries if e.part == "lower"]

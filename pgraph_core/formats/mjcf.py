@@ -29,6 +29,8 @@ Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 MOST_INCLUDES = 200
+MOST_COPIED = 20_000  # elements that <replicate> makes
+MOST_HEIGHTS = 4_000_000  # of a heightfield
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 WORLD = "world"
 INITIAL = "initial state"  # a keyframe of this name is that
@@ -72,6 +74,19 @@ def _usable(compiled: Any, path: Path) -> None:
             raise FileError(Problem(f"{path.name}, {where}", "", text))
 
 
+def _copied(element: Element, inside: bool) -> int:
+    """How many elements the copies of `element` make, itself and all below it."""
+    inside = inside or element.tag == "replicate"
+    below = sum(_copied(child, inside) for child in element.children) + inside
+    return below * (_whole(element.get("count")) if element.tag == "replicate" else 1)
+
+
+def _whole(text: str) -> int:
+    """A whole number; 1 for what is none, which MuJoCo refuses or leaves out."""
+    text = text.strip()
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
+
+
 class _Files:
     """The file and what it includes, looked through before MuJoCo opens anything."""
 
@@ -92,6 +107,9 @@ class _Files:
                     if given := compiler.get(name):
                         self._directory(file, compiler, name, given)
         for file, top in self.roots:
+            if (count := _copied(top, False)) > MOST_COPIED:
+                text = f"its <replicate> make {count:.6g} elements; {MOST_COPIED} at most"
+                raise FileError(Problem(file.name, "", text))
             for element in top.inside():
                 self._look(file, element)
 
@@ -123,6 +141,10 @@ class _Files:
         if name := element.get("name"):
             self.lines.setdefault((element.tag, name), f"{file.name}, line {element.line}")
         for key, given in element.attributes.items():
+            if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
+                where = f"{file.name}, line {element.line}, {element.tag}"
+                text = f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
+                raise FileError(Problem(where, key, text))
             if key == "quat" and given and not given.strip("0+-.eE \t\n"):  # MuJoCo takes it
                 where = f"{file.name}, line {element.line}, {element.tag}"
                 text = f"must not be zero; given {shown(given)}; leave it out for no rotation"

@@ -15,7 +15,7 @@ import trimesh
 
 import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
-from pgraph_app.core.state import initial
+from pgraph_app.core.state import Notice, State, initial
 from pgraph_app.features import update
 from pgraph_app.model import archive
 from pgraph_app.model.archive import mesh_folder as folder
@@ -36,6 +36,12 @@ def mesh(file: Path, size: float = 0.1) -> Path:
 
 def shaped(model: pg.Model, name: str, file: Path | str) -> pg.Model:
     return model.edit(name, shape={"kind": "mesh", "file": str(file)})
+
+
+def notice_of(state: State) -> Notice:
+    notice = state.clients[ME].notice
+    assert notice is not None
+    return notice
 
 
 def file_of(model: pg.Model, name: str) -> Path:
@@ -107,7 +113,7 @@ def test_uploaded_downloaded_and_opened_again_on_another_machine(home, monkeypat
     sent = base64.b64encode(download).decode()
     there = update(there, OpenArchive(ME, name, sent))
     there = update(there, answer(there.errands[0]))
-    assert there.clients[ME].notice.title == "Opened serial 2"
+    assert notice_of(there).title == "Opened serial 2"
     assert file_of(there.model, "2").is_relative_to(folder())
     assert unreadable(there.model.bodies) == ()
     assert archive.packed(there.model)[0] == name
@@ -147,8 +153,8 @@ def test_a_zip_that_is_no_model_is_a_sentence(home, content, said):
     asked = update(state, OpenArchive(ME, "x.zip", sent))
     after = update(asked, answer(asked.errands[0]))
     assert after.model is state.model
-    assert after.clients[ME].notice.title == "x.zip was not opened"
-    assert said in after.clients[ME].notice.text
+    assert notice_of(after).title == "x.zip was not opened"
+    assert said in notice_of(after).text
 
 
 def test_a_zip_writes_nowhere_but_where_meshes_are_kept(home):
