@@ -15,8 +15,8 @@ import pgraph_core as pg
 from pgraph_core.model.parameters import evaluated
 
 Quantity = Literal["angle", "length", "mass", "number"]
-ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*")
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 LONGEST_NAME = 100
 FAR = 1e15  # [m]; beyond, pictures have no numbers
 UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (times, divided by)
@@ -145,7 +145,7 @@ def content(text: str, of: Quantity, display: Display) -> float | str:
 def whole(text: str, low: int, high: int) -> int:
     """The whole number typed, within [low, high]. Raises Refusal."""
     typed = text.strip()
-    if not re.fullmatch(r"\d{1,9}", typed) or not low <= int(typed) <= high:
+    if not re.fullmatch(r"[0-9]{1,9}", typed) or not low <= int(typed) <= high:
         raise Refusal(f"must be a whole number from {low} to {high}; given {quoted(typed)}")
     return int(typed)
 

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pgraph_core as pg
+from pgraph_core.markup import reason_of
+from pgraph_core.model.files import shown_path
 
 from ..core.events import Event
 from ..core.state import Job, State
@@ -133,24 +135,26 @@ class Files:
             path = given = given.expanduser().absolute()
             path = given.resolve()
             problem, offer = self._refused(path, saving.replace)
+            if not Path(saving.path).name.isprintable() or saving.path.endswith(("/", "\\")):
+                problem = f"{saving.path!r} is no name that can be read; give one such as arm.json."
             if not problem:
                 saving.model.save(path)
                 self._written[path] = path.read_bytes()
         except pg.PgraphError as error:
             problem = str(error)
         except (OSError, RuntimeError, ValueError) as error:  # a circle of links, '~nobody', a NUL
-            problem = f"{path} could not be written: {getattr(error, 'strerror', None) or error}."
+            problem = f"{shown_path(path)} could not be written: {reason_of(error)}."
         shown = str(path) if path == given else f"{path}, where {given} points to"
         self._send(Saved(saving.client, saving.serial, shown, problem, offer))
 
     def _refused(self, path: Path, replace: bool) -> tuple[str, str]:
         """Why a model is not written to a path, and what would do; "" where it is."""
+        if path.exists() and not path.is_file():
+            return f"{path} is not an ordinary file; give the name of a new one.", ""
         if path.suffix != ".json":
             return f"The name of a model file ends in .json; given {path.name!r}.", ""
         if not path.exists():
             return "", ""
-        if not path.is_file():
-            return f"{path} is not an ordinary file; give the name of a new one.", ""
         content = path.read_bytes()
         if replace or content == self._written.get(path):
             return "", ""

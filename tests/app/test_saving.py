@@ -7,6 +7,7 @@ import os
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.core import cells
 from pgraph_app.core.state import initial
 from pgraph_app.features import update
 from pgraph_app.run.worker import Files
@@ -69,3 +70,30 @@ def test_a_link_is_followed_and_its_place_is_named(tmp_path, save):
     assert link.is_symlink()
     assert real.is_file()
     assert save(circle).problem
+
+
+@pytest.mark.parametrize("name", ["\u202e.json", "a\x1b[2J.json", "x.json/", "a\nb.json"])
+def test_a_name_that_nobody_can_read_is_refused(tmp_path, save, name):
+    answer = save(f"{tmp_path}/{name}", replace=True)
+    assert "is no name that can be read" in answer.problem
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_to_a_device_and_paths_that_cannot_be_are_sentences(tmp_path, save):
+    (tmp_path / "null.json").symlink_to("/dev/null")
+    assert "/dev/null is not an ordinary file" in save(tmp_path / "null.json").problem
+    (tmp_path / "round.json").symlink_to("round.json")
+    assert "its links lead in a circle" in save(tmp_path / "round.json").problem
+    for name in ("x" * 300, "nul\0"):
+        problem = save(f"{tmp_path}/{name}.json").problem
+        assert problem
+        assert "Errno" not in problem
+        assert "embedded" not in problem
+
+
+@pytest.mark.parametrize("typed", ["\u0661\u0662", "\uff11.5", "\u0663+1", "1_0"])
+def test_digits_of_other_scripts_are_no_numbers(typed):
+    with pytest.raises(cells.Refusal):
+        cells.number(typed)
+    with pytest.raises(cells.Refusal):
+        cells.whole(typed, 0, 100)
