@@ -564,3 +564,16 @@ def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, c
     _, err = said(capsys, "convert", str(file), str(tmp_path / "o.json"), "--roots", "/no", code=1)
     assert err == "/no: there is no such folder\n"
     assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["x", "x.urdf", "x.csv"])
+def test_a_new_model_is_a_json_file(name, tmp_path, capsys):
+    _, err = said(capsys, "new", "2", "-o", str(tmp_path / name), code=1)
+    assert err == f"{tmp_path / name}: must end in .json\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["run", "sweep", "export"])
+def test_a_run_that_would_not_end_is_refused(command, capsys):
+    said = refused_as_usage(capsys, command, "pendulum", "--t-end", "1e300")
+    assert said.endswith("argument --t-end: must be at most 1e+09 s; given '1e300'")

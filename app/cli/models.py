@@ -29,6 +29,8 @@ def new(args: Namespace) -> Answer:
     if args.output is None:
         text = model.to_json().rstrip("\n")
         return Answer(json.loads(text), text)
+    if Path(args.output).suffix.lower() != ".json":
+        raise FileError(Problem(args.output, "", "must end in .json"))
     if Path(args.output).exists():
         raise FileError(Problem(args.output, "", "exists already; choose another name"))
     model.save(args.output)

@@ -21,6 +21,7 @@ from .terminal import (
     aligned,
     compile_kernels,
     count,
+    duration,
     first_scenario,
     model_argument,
     names,
@@ -37,7 +38,7 @@ SHOWN = 12  # rows of a sweep's table that are printed
 def _run_options(parser: ArgumentParser) -> None:
     """What both commands pass on to `simulate`."""
     parser.add_argument("--scenario", help="default: the model's first one")
-    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
     parser.add_argument("--method", help="integration method; default: the scenario's, else auto")
     parser.add_argument("--step", type=positive, metavar="S", help="step [s]")
     parser.add_argument(
@@ -241,7 +242,7 @@ def _table_lines(table: pg.Sweep, failed: list[int], output: str | None) -> list
 def export_arguments(parser: ArgumentParser) -> None:
     model_argument(parser)
     parser.add_argument("--scenario", help="default: the model's first one")
-    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
     parser.add_argument(
         "--live", action="store_true", help="the reader runs it, pulls on it and changes it"
     )

@@ -18,6 +18,7 @@ from pgraph_core.errors import InputError, Problem, choices, plain
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
+LONGEST = 1e9  # [s] of a run, thirty years: more does not end
 WIDTH = 30  # characters of the bar
 
 Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
@@ -88,6 +89,14 @@ def positive(text: str) -> float:
         value = 0.0
     if not 0 < value < float("inf"):
         raise ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
+    return value
+
+
+def duration(text: str) -> float:
+    """Seconds of a run."""
+    value = positive(text)
+    if value > LONGEST:
+        raise ArgumentTypeError(f"must be at most {LONGEST:g} s; given {text!r}")
     return value
 
 
