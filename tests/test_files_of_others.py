@@ -299,3 +299,14 @@ def test_a_text_too_long_for_a_cell_is_told_in_words():
     sent = {"event": "Edit", "serial": 1, "body": "a", "field": "name", "index": [], "text": ""}
     event = from_page(ME, json.dumps(sent | {"text": "x" * 20_001}))
     assert event == Misread(ME, "text: String should have at most 20000 characters")
+
+
+@pytest.mark.parametrize("key", ["shape", "shapes"])
+def test_the_page_opens_what_is_within_its_limits(key):
+    state = update(initial(pg.Model.serial(1)), Connected(ME))
+    field = FIELD | {"heights": [[0.0] * 310] * 310}
+    body = {"name": "a", key: field if key == "shape" else [field]}
+    state = update(state, OpenText(ME, "a.json", json.dumps({"name": "hill", "bodies": [body]})))
+    if state.errands:
+        state = update(state, answer(state.errands[0]))
+    assert state.model.name == "hill"

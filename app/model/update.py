@@ -204,7 +204,7 @@ def too_many(data: Mapping[str, Any]) -> str:
     """
     counts = {key: len(_of(data, key)) for key in PARTS}
     counts["steps"] = len(_of(data.get("ground"), "steps"))
-    shapes = [s for b in _of(data, "bodies") for s in (_get(b, "shape"), *_of(b, "shapes"))]
+    shapes = [s for b in _of(data, "bodies") for s in _of(b, "shapes") or [_get(b, "shape")]]
     counts["heights"] = sum(len(row) for s in shapes for row in _of(s, "heights") if _listed(row))
     most = {"bodies": MOST_BODIES, "heights": MOST_HEIGHTS}
     for what, count in counts.items():
