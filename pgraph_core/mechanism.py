@@ -136,9 +136,10 @@ class Mechanism(Dynamics):
         """q (nq,) near q, the initial state by default, at which the mechanism stays at rest.
 
         With all forces of a run at t = 0, the active constraints and the limits of joints. Contacts
-        and limits of tendons are left out: bodies may end inside the ground. Where every force has
-        an energy, it only falls on the way, so that the end is stable unless the start is an
-        equilibrium already. Raises InputError where none is found, naming the joint that moves on.
+        and limits of tendons and springs are left out: bodies may end inside the ground. Where
+        every force has an energy, it only falls on the way, so that the end is stable unless the
+        start is an equilibrium already. Raises InputError where none is found, naming the joint
+        that moves on.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from .errors import InputError, Problem, counted, explained, shown
 from .integrators import METHODS
 from .model import Body, Constraint, Contact, Force, Model
-from .model.force import OnBody, OnJoint, Tendon
+from .model.force import OnBody, OnJoint, Tendon, ends_of
 from .model.scenario import AUTO, METHOD_NAMES
 
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts
@@ -133,8 +133,7 @@ class Scene(NamedTuple):
         """How many ends of motions are bounded."""
         pairs = [pair for b in self.bodies for pair in b.limits if pair is not None]
         ends = sum(end is not None for pair in pairs for end in pair)
-        tendons = (f for f in self.forces if isinstance(f, Tendon))
-        return ends + sum(end is not None for f in tendons for end in (f.low, f.high))
+        return ends + sum(end is not None for f in self.forces for end in ends_of(f))
 
     @property
     def impulses(self) -> bool:

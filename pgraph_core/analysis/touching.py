@@ -12,12 +12,37 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import motion
 from ..engine.records import CREEP
-from ..model import Contact
+from ..model import Contact, Force, Spring, Tendon
+from ..model.fields import GROUND
+from ..model.force import ends_of
 from ..packing import Array, Drives, Loads
+from ..packing.forces import ORIGIN, length_at, terms_of
 
 NEAR = 1e-9  # m, rad, of the mechanism's size: a gap that is shut
 DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences
 SLIPS = 1e-2  # of the slip at which regularised friction bends: a step of differences in v
+
+
+def length_of(mech: Dynamics, f: Force, q: Array) -> float:
+    """The length that a tendon or spring bounds [m, rad]."""
+    if isinstance(f, Spring):
+        return float(np.linalg.norm(between(mech, f, q)[0]))
+    assert isinstance(f, Tendon)
+    return length_at(terms_of(f, mech.topology, mech.packed.system), q)
+
+
+def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
+    """(from a spring's other end to its own (3,) [m], how that changes with v (3, nv))."""
+    own = f.point or mech.model.body(f.body).tip_point
+    apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
+    for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, f.other_point or ORIGIN)):
+        if name == GROUND:
+            apart += sign * np.array(point)
+            continue
+        place, turn = mech.pose(q, name)
+        apart += sign * (place + turn @ np.array(point))
+        slopes += sign * mech.jacobian(q, name, point)[3:]
+    return apart, slopes
 
 
 class Touching:
@@ -69,6 +94,14 @@ class Touching:
                 if below or (high is not None and q[at] >= high - NEAR):
                     self.shut.append(f"the limit of joint '{name}'")
                 at += {"ball": 4, "free": 7}.get(kind, 1)
+        for f in self.mech.model.forces:
+            low, high = ends_of(f)
+            if low is None and high is None:
+                continue
+            length = length_of(self.mech, f, q)
+            below = low is not None and length <= low + NEAR
+            if below or (high is not None and length >= high - NEAR):
+                self.shut.append(f"the limit of {f.kind} '{f.name}'")
 
     def torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of soft and penalty contacts: what they add to v', times M."""

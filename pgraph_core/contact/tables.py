@@ -27,12 +27,12 @@ from ..engine.records import (
     rows_of,
 )
 from ..errors import ModelError, PgraphError, Problem
-from ..model import Body, Contact, Model, Shape, Tendon
+from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
-from ..packing import Array, Ints, System
+from ..packing import Array, Ints, System, point_in_row
 from ..packing.constraints import Blocks, radius_of_gyration
-from ..packing.forces import terms_of
+from ..packing.forces import ORIGIN, terms_of
 from ..rotation import matrix
 from ..topology import Topology
 from . import solids
@@ -73,7 +73,7 @@ class Tables(NamedTuple):
     remembers: bool  # penalty friction sticks to anchors
     turns: bool  # a contact resists rolling or spinning
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
-    tendons: bool  # some limits bound sums of coordinates
+    tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
 
     def __bool__(self) -> bool:
@@ -238,7 +238,7 @@ class _Shapes:
             any(t.contact.law == "penalty" for t in self.touches),
             bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
             max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
-            bool(ints[:, at.B_TERMS].max(initial=0) > 1),
+            bool((ints[:, at.B_TERMS] != 1).any()),
             tuple(self.hulls),
         )
 
@@ -443,7 +443,7 @@ def _ints(rows: list[Any], columns: int) -> Ints:
 
 
 def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
-    """Names and blocks of all limits of joints and tendons: a row c q - VALUE >= 0 each."""
+    """Names and blocks of all limits of joints, tendons and springs: a row each."""
     names: list[str] = []
     rows: list[tuple[int, ...]] = []
     values: list[Array] = []
@@ -464,7 +464,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                 _, _, qi, vi = mech.system.rows[k].tolist()
                 block = np.zeros(at.BLOCK_F)
                 block[at.VALUE], block[at.BOUNCE] = sign * bound, bounce
-                block[at.PA] = _size(mech, k, pair)  # SIZE of engine/contact/meeting.py
+                block[at.SIZE] = _size(mech, k, pair)
                 rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
                 values.append(block)
                 terms.append((vi, qi))
@@ -480,7 +480,8 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             block = np.zeros(at.BLOCK_F)
             block[at.VALUE] = sign * bound
             moves = max(abs(x) for *_, x in own)  # a joint's turn by a radian
-            block[at.PA] = min(high - low, moves) if low is not None and high is not None else moves
+            near = min(high - low, moves) if low is not None and high is not None else moves
+            block[at.SIZE] = near
             first = min(own)[0]
             row = int(np.searchsorted(mech.system.rows[1:, at.VI], first, side="right"))
             rows.append((at.T_LIMIT, row, 0, 1, len(terms), len(own), 0, 0))
@@ -488,6 +489,23 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             terms += [(at_v, at_q) for at_v, at_q, _ in own]
             factors += [sign * x for *_, x in own]
             names.append(f"tendon {tendon.name} {side} limit")
+    for spring in mech.model.forces:
+        if not isinstance(spring, Spring):
+            continue
+        bodies = [mech.topology.number(name) for name in spring.pair]
+        ends = [int(mech.system.bodies_i[number, at.ROW]) for number in bodies]
+        point = spring.point or mech.model.body(spring.body).tip_point
+        places = point, spring.other_point or ORIGIN
+        for sign, bound, side in ((1.0, spring.low, "low"), (-1.0, spring.high, "high")):
+            if bound is None:
+                continue
+            block = np.zeros(at.BLOCK_F)
+            block[at.VALUE], block[at.SIZE] = sign * bound, bound
+            for column, number, place in zip((at.PA, at.PB), bodies, places):
+                block[column : column + 3] = point_in_row(mech.system, number, place)
+            rows.append((at.T_SPAN, *ends, 1, 0, 0, *bodies))
+            values.append(block)
+            names.append(f"spring {spring.name} {side} limit")
     return tuple(names), (
         _ints(rows, at.BLOCK_I),
         np.array(values).reshape(-1, at.BLOCK_F),

@@ -72,11 +72,12 @@ BODY = 22
 # A constraint is one or two blocks of up to three rows; x is the place of a block's point.
 
 # blocks_i: int64 (nb, 8)
-B_TYPE = 0  # one of the eight types below
+B_TYPE = 0  # one of the types below
 B_A, B_B = 1, 2  # rows of `body` and `other`; 0 is the ground
 B_SIZE = 3  # number of rows, 1 to 3
 B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
 B_CURVE, B_KNOTS = 6, 7  # first knot and number of knots in curves; 0 knots: VALUE, SINE: a sine
+B_BODY_A, B_BODY_B = 6, 7  # of a span, which follows no curve: numbers of `body` and `other`
 BLOCK_I = 8
 
 # blocks_f: float64 (nb, 28); points and directions in the home axes of their rows
@@ -86,6 +87,7 @@ DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
 FRICTION, BOUNCE = 25, 26  # of a contact or limit: Coulomb's coefficient, restitution
+SIZE = 27  # of a limit: what its gaps are small against [rad, m]
 BLOCK_F = 28
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0
@@ -102,6 +104,8 @@ T_CONTACT = (
     9  # a contact point: PA in the world, DIR in the world: normal, two tangents; unilateral
 )
 
+T_SPAN = 11  # sign(VALUE) |x_A - x_B| - VALUE ≥ 0, unilateral; in AIM the speed at which it may
+# close in this step [m/s]
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds: about the
 # normal within FRICTION [N m s], across it within VALUE [N m s]
 

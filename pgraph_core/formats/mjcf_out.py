@@ -26,19 +26,19 @@ from ..model import (
 )
 from ..model.fields import EVERY, GROUND
 from ..model.files import gathered, write_atomic
-from ..model.force import OnJoint
+from ..model.force import OnJoint, ends_of
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
 from .conversion import Report, named, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
-from .mjcf_parts import SENSORS, end_name
+from .mjcf_parts import FAR, SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 MESHES = (".stl", ".obj", ".msh")
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 THIN = 1e-12  # relative: a moment of inertia that MuJoCo takes for none
-FAR, CLOSE = 1e9, 1e-9  # of a range's open end; relative: ends that are the same
+CLOSE = 1e-9  # relative: ends of a range that are the same
 LEAST = 1e-14  # kg m^2: above mjMINVAL
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"
@@ -446,13 +446,9 @@ class _Writer:
         if rest is None:
             places = [self._world(f.body, point), self._world(f.other, other)]
             rest = float(np.linalg.norm(places[0] - places[1]))
-        tendon = Tag(
-            "spatial",
-            name=self._free("tendon", f.name),
-            stiffness=f.stiffness,
-            damping=f.damping,
-            springlength=rest,
-        )
+        name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
+        limits = {"range": _between(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
+        tendon = Tag("spatial", name=name, **pull, springlength=rest, **limits)
         self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
 
     def _tendon(self, f: Tendon) -> None:

@@ -49,6 +49,7 @@ LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
 FLAT = 1e-9
+FAR = 1e9  # m, rad: an end of a range this far is none
 GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
 
 
@@ -367,24 +368,29 @@ class Parts:
 
     def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
         m, start = self.m, self._length(sums)
-        low, high = (float(x) - start for x in m.tendon_range[t])
-        limits: dict[str, Any] = {}
-        if m.tendon_limited[t]:
-            margin = float(m.tendon_margin[t])
-            low, high = within_margin(self.reader, "tendon", name, low, high, margin)
-            limits = {"low": low, "high": high}
+        limits = {key: end - start for key, end in self._ends(t, name).items()}
         return Tendon(
             name=name, coefficients=self._rows(sums), stiffness=float(m.tendon_stiffness[t]),
             damping=float(m.tendon_damping[t]), friction=float(m.tendon_frictionloss[t]),
             rest=float(m.tendon_lengthspring[t, 0]) - start, **limits,
         )  # fmt: skip
 
+    def _ends(self, t: int, name: str) -> dict[str, Any]:
+        """Least and greatest length of a tendon; empty where it has no limits."""
+        if not self.m.tendon_limited[t]:
+            return {}
+        low, high = (float(x) for x in self.m.tendon_range[t])
+        margin = float(self.m.tendon_margin[t])
+        low, high = within_margin(self.reader, "tendon", name, low, high, margin)
+        found = {"low": low, "high": high}
+        return {key: end for key, end in found.items() if abs(end) < FAR}
+
     def _straight(self, t: int, name: str) -> Spring | None:
         """A tendon straight from one site to another as a spring."""
         m, first = self.m, int(self.m.tendon_adr[t])
         straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
-        if not straight or m.tendon_limited[t] or m.tendon_frictionloss[t]:
-            text = "a tendon with limits or friction" if straight else "a tendon around corners"
+        if not straight or m.tendon_frictionloss[t]:
+            text = "a tendon with friction" if straight else "a tendon around corners"
             self.reader.left_out("tendon", name, f"{text}, from site to site")
             return None
         ends: list[tuple[str, tuple[float, ...]]] = []
@@ -401,6 +407,7 @@ class Parts:
             name=name, body=body, other=other, point=point, other_point=other_point,
             stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
             rest=float(m.tendon_lengthspring[t, 0]),
+            **{key: end for key, end in self._ends(t, name).items() if key == "high" or end > 0},
         )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:

@@ -12,7 +12,7 @@ from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
-from .force import Force, OnJoint, Tendon
+from .force import Force, OnJoint, Tendon, ends_of
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
@@ -231,10 +231,13 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
 
 
 def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
-    """Tendons with limits that are not the model's: limits act in the model as a whole."""
-    text = "limits of a tendon act in the model's own forces alone; add the tendon to the model"
-    return [Problem(f"{of}force '{f.name}'", "low", text) for f in forces
-            if isinstance(f, Tendon) and (f.low is not None or f.high is not None)]  # fmt: skip
+    """Forces with limits that are not the model's: limits act in the model as a whole."""
+    text = "limits of a {0} act in the model's own forces alone; add the {0} to the model"
+    return [
+        Problem(f"{of}force '{f.name}'", "low", text.format(f.kind))
+        for f in forces
+        if any(end is not None for end in ends_of(f))
+    ]
 
 
 def _has_position(body: Body, coordinate: int) -> bool:

@@ -14,7 +14,7 @@ from ..joints import beyond
 from .body import Body
 from .constraint import AlongAxes, Constraint
 from .fields import EVERY, GROUND, Vec3
-from .force import Drag, OnJoint, Servo, SpeedServo, Spring, Torsion
+from .force import Drag, OnJoint, Servo, SpeedServo, Spring, Torsion, ends_of
 from .parameters import names_in
 from .world import DOWN
 
@@ -137,7 +137,7 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
     """Forces that are zero in every motion."""
     for f in model.forces:
         where, gains = f"force '{f.name}'", ""
-        if isinstance(f, (Spring, Torsion)) and not (f.stiffness or f.damping):
+        if isinstance(f, (Spring, Torsion)) and not (f.stiffness or f.damping or any(ends_of(f))):
             gains = "stiffness and damping are 0"
         elif isinstance(f, Drag) and not (f.density or f.viscosity):
             gains = "density and viscosity are 0"

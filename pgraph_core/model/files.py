@@ -140,6 +140,8 @@ NEW_IN_3 = {
     "lag",
     "start",
     "integrates",
+    "low",
+    "high",
 }  # of a force
 KINDS_OF_3 = {"speed_servo", "actuator", "tendon", "drag"}
 FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact

@@ -73,6 +73,17 @@ class Force(OfKinds):
         super().__init__(**data)
 
 
+def ends_of(f: Force) -> tuple[float | None, float | None]:
+    """Least and greatest length that a force allows [m, rad]; None where it bounds none."""
+    return getattr(f, "low", None), getattr(f, "high", None)
+
+
+def _refuse_crossed_ends(f: Force) -> None:
+    low, high = ends_of(f)
+    if low is not None and high is not None and low > high:
+        refuse([("low", f"must be at most high, {shown(high)}; given {shown(low)}")])
+
+
 class OnJoint(Force, OfSums):
     """Acts on a coordinate of the joint of `body`, or on a sum of coordinates of joints.
 
@@ -357,9 +368,7 @@ class Tendon(OnSum, Force):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        if self.low is not None and self.high is not None and self.low > self.high:
-            text = f"must be at most high, {shown(self.high)}; given {shown(self.low)}"
-            refuse([("low", text)])
+        _refuse_crossed_ends(self)
         return self
 
 
@@ -399,9 +408,9 @@ class Wrench(OnBody):
 
 
 class Spring(AtPoint, Between):
-    """stiffness (length - rest) + damping x its rate pull `point` and `other_point` together."""
+    """stiffness (length - rest) + damping x its rate pull two points; `low` <= length <= `high`."""
 
-    ABOUT: ClassVar[str] = "pulls two points together, with damper"
+    ABOUT: ClassVar[str] = "pulls two points together, with damper and limits of its length"
 
     kind: Literal["spring"] = field(KIND, default="spring")
     other_point: Vec3 | None = field(
@@ -415,6 +424,19 @@ class Spring(AtPoint, Between):
         "a length >= 0 without force [m]; left out: as in the initial state",
         default=None, ge=0, unit="length", help="without force; empty: as in the initial state",
     )  # fmt: skip
+    low: Number | None = field(
+        "the least length > 0 [m], or nothing",
+        default=None, gt=0, unit="length", help="least length; empty: none",
+    )  # fmt: skip
+    high: Number | None = field(
+        "the greatest length > 0 [m], or nothing",
+        default=None, gt=0, unit="length", help="greatest length, as of a string; empty: none",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        _refuse_crossed_ends(self)
+        return self
 
 
 class Torsion(Between):

@@ -44,7 +44,7 @@ from .editing import (
 )
 from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .files import gathered, located
-from .force import Force, Tendon
+from .force import Force, ends_of
 from .output import Output, Site
 from .parameters import (
     Formula,
@@ -184,9 +184,9 @@ class Model(World):
 
     @cached_property
     def limited(self) -> bool:
-        """Whether a joint or a tendon has limits."""
+        """Whether a joint, a tendon or a spring has limits."""
         return any(any(body.limits) for body in self.bodies) or any(
-            isinstance(f, Tendon) and (f.low is not None or f.high is not None) for f in self.forces
+            end is not None for f in self.forces for end in ends_of(f)
         )
 
     @cached_property

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.singular import holding
+from ..analysis.touching import between, length_of
 from ..contact import solids
 from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
@@ -22,7 +23,6 @@ from ..engine import layout as at
 from ..engine.arrays import Guard
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.contact import clearance as kernels
-from ..engine.contact.meeting import SIZE
 from ..engine.records import (
     ACCEPTANCE,
     CLEARANCE,
@@ -36,8 +36,9 @@ from ..engine.records import (
     table,
 )
 from ..mechanism import Mechanism
-from ..model import Contact
+from ..model import Contact, Spring
 from ..model.fields import EVERY, GROUND
+from ..model.force import ends_of
 from ..packing import Array, Ints
 from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
@@ -250,18 +251,28 @@ def _event(t: float, pair: ContactPair, before: int, after: int) -> Event:
 
 
 def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array) -> list[str]:
-    """A notice for each limit that a coordinate has passed at the states q (n, nq)."""
+    """A notice for each limit that a coordinate or length has passed at the states q (n, nq)."""
     ints, floats, terms, factors = tables.limit_blocks
     found = []
+    springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in ends_of(f) if x)
     for name, block, values in zip(tables.limits, ints, floats):
+        spring = next(springs) if block[at.B_TYPE] == at.T_SPAN else None
         own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
-        v = int(terms[own.start, 0])
-        gap = q[:, terms[own, 1]] @ factors[own] - values[at.VALUE]
-        passed = np.flatnonzero(gap < -BEYOND * values[SIZE])
+        if spring is not None:
+            lengths = [length_of(mech, spring, one) for one in q]
+            gap = np.copysign(lengths, values[at.VALUE]) - values[at.VALUE]
+        else:
+            gap = q[:, terms[own, 1]] @ factors[own] - values[at.VALUE]
+        passed = np.flatnonzero(gap < -BEYOND * values[at.SIZE])
         if len(passed):
             i, deepest = int(passed[0]), float(-gap.min())
-            way = factors[own] @ np.eye(mech.nv)[terms[own, 0]]
-            by = _by(holding(mech, active, float(t[i]), q[i], way), _of(mech, v), f"limit '{name}'")
+            if spring is not None:
+                apart, slopes = between(mech, spring, q[i])
+                way, body = np.copysign(1.0, values[at.VALUE]) * apart @ slopes, spring.body
+            else:
+                way = factors[own] @ np.eye(mech.nv)[terms[own, 0]]
+                body = _of(mech, int(terms[own.start, 0]))
+            by = _by(holding(mech, active, float(t[i]), q[i], way), body, f"limit '{name}'")
             text = (
                 f"at t = {t[i]:.6g} s limit '{name}' is passed, by up to {deepest:.3g} rad or m: "
             )
@@ -478,6 +489,8 @@ class Clearance(Unportable):
 
 def _limits(tables: Tables) -> Any:
     ints, floats, terms, signs = tables.limit_blocks
+    of_one = ints[:, at.B_TERMS] == 1  # a run with others does not look ahead
+    ints, floats = ints[of_one], floats[of_one]
     rows = [
         (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value)
         for block, sign, value in zip(ints, signs[ints[:, at.B_TERM]], floats[:, at.VALUE])

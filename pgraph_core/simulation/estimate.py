@@ -17,6 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.states import differences
+from ..engine import layout as at
 from ..engine.records import ACCEPTANCE, SLIP, SWING
 from ..integrators import DOPRI5, Method
 from ..packing import Array, Drives, Loads
@@ -613,10 +614,10 @@ def _closed(record: Recording) -> float:
     if tables is None or touching is None or not plan.impulses or plan.contact_points:
         return 0.0
     from ..engine.contact.closing import NEAR
-    from ..engine.contact.meeting import CLOSED, SIZE
+    from ..engine.contact.meeting import CLOSED
     from .contact_log import Clearance
 
-    shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, SIZE]
+    shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, at.SIZE]
     reach = shapes["reach"][shapes["row"] > 0]
     size = np.where(reach > 0.0, reach, record.mech.packed.length).max(initial=0.0)
     closed = max(NEAR * float(size), CLOSED * float(limits.max(initial=0.0)))

@@ -520,7 +520,9 @@ def _event_driven(
     from .event_scene import contact_points
 
     if contacts.tendons:
-        text = "limits of tendons are met in time stepping only; use method 'moreau_jean'"
+        text = (
+            "limits of tendons and springs are met in time stepping only; use method 'moreau_jean'"
+        )
         raise InputError(Problem("simulate", "method", text))
     points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")

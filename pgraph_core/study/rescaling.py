@@ -167,7 +167,7 @@ def _force(f: Force, model: Model, s: Scale) -> Force:
                 "other_point": _times(f.other_point, s.length),
                 "stiffness": f.stiffness * s.of(*SPRING),
                 "damping": f.damping * s.of(*DAMPER),
-                "rest": _times(f.rest, s.length),
+                **{x: _times(getattr(f, x), s.length) for x in ("rest", "low", "high")},
             }
         case Torsion():
             found = {"stiffness": f.stiffness * torque, "damping": f.damping * torque * s.time}

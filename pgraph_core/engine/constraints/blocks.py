@@ -26,6 +26,7 @@ from ..layout import (
     T_DISTANCE,
     T_LIMIT,
     T_POINT,
+    T_SPAN,
     T_SPHERE,
     T_TURN,
     T_VELOCITY,
@@ -132,6 +133,31 @@ def along_coordinates(kind):
 
 
 @part
+def one_sided(kind):
+    """Whether a block pushes one way alone: a contact, a limit, or the limit of a length."""
+    return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
+
+
+@part
+def slack_of(blocks_i, blocks_f, i):
+    """The speed at which the gap of a one-sided block may close in this step [m/s]."""
+    kind = type_of(blocks_i, i)
+    if kind == T_CONTACT:
+        return value_of(blocks_f, i)
+    return blocks_f[i, at.AIM] if kind == T_SPAN else 0.0
+
+
+@part
+def span(blocks_f, i, work, a, b):
+    """(gap of a bound of a length, its point on A, from B's point to it, how long that is)."""
+    p = point_a(blocks_f, i, work, a)
+    apart = sub(p, point_b(blocks_f, i, work, b))
+    length = math.sqrt(dot(apart, apart))
+    bound = value_of(blocks_f, i)
+    return math.copysign(length, bound) - bound, p, apart, length
+
+
+@part
 def direction_a(blocks_f, i, r, work, a):
     """Direction r of block i that is fixed in A, in world axes."""
     return mul(rotation_of(work, a), load(blocks_f, i, at.AIM + 3 * r))
@@ -209,6 +235,10 @@ def locate(blocks, work, place):
             apart = sub(p, point_b(blocks_f, i, work, b))
             size = math.sqrt(dot(apart, apart))
             set_along(place, i, 0, scale(1.0 / size, apart))
+        elif kind == T_SPAN:
+            _, _, apart, length = span(blocks_f, i, work, a, b)
+            sign = math.copysign(1.0, value_of(blocks_f, i))
+            set_along(place, i, 0, scale(sign / length if length > 0.0 else 0.0, apart))
         else:
             for r in range(size_of(blocks_i, i)):
                 set_along(place, i, r, row_direction(blocks_i, blocks_f, i, r, work))

@@ -30,7 +30,15 @@ from ..arrays import (
     opened,
 )
 from ..compiler.jit import part, sweep
-from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
+from ..constraints.blocks import (
+    first_of,
+    joint_of,
+    joints_of,
+    one_sided,
+    size_of,
+    slack_of,
+    type_of,
+)
 from ..vec import dot, load
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, several_points
@@ -107,8 +115,9 @@ def aim(scene, n):
     """Speeds of joints without impulses into FREE, of island n's rows without these into TARGET.
 
     Bounces are part of TARGET, and the speed at which a contact point may close the gap that it
-    drifted off by (VALUE). Where bodies move fast together, differences of their speeds would
-    be rounding: FREE is zero there, and TARGET the rows' velocities.
+    drifted off by, or a length go on to its bound (`slack_of`). Where bodies move fast together,
+    differences of their speeds would be rounding: FREE is zero there, and TARGET the rows'
+    velocities.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -136,7 +145,7 @@ def aim(scene, n):
         i = islands.blocks[j]
         r = first_of(slots, i)
         kind = type_of(blocks_i, i)
-        unilateral = kind == at.T_CONTACT or kind == at.T_LIMIT
+        unilateral = one_sided(kind)
         for c in range(size_of(blocks_i, i)):
             if together:
                 vectors[TARGET, r + c] = vectors[RHS, r + c]
@@ -147,8 +156,8 @@ def aim(scene, n):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0
         if unilateral:
             vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
-        if kind == at.T_CONTACT:
-            vectors[TARGET, r] += blocks_f[i, at.VALUE]
+        if kind == at.T_CONTACT or kind == at.T_SPAN:
+            vectors[TARGET, r] += slack_of(blocks_i, blocks_f, i)
 
 
 @sweep
@@ -183,7 +192,7 @@ def note_missed(scene, n):
         kind, size = type_of(blocks_i, i), size_of(blocks_i, i)
         islands.pushed[i, 0] = 0.0
         islands.pushed[i, 1] = 0.0
-        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+        if one_sided(kind):
             lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
             u = velocity(data, i, vectors[STEP])
             if own[i, 0] > 0.0:
@@ -239,7 +248,7 @@ def leaves_alone(scene, n, slack):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         r, kind = first_of(data.space.slots, i), type_of(blocks_i, i)
-        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+        if one_sided(kind):
             alone = alone and vectors[RHS, r] >= -slack
         elif kind != at.T_TURN:
             for c in range(size_of(blocks_i, i)):
@@ -337,7 +346,7 @@ def gained(scene, n):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         kind = type_of(blocks_i, i)
-        if kind == at.T_CONTACT or kind == at.T_LIMIT or kind == at.T_TURN:
+        if one_sided(kind) or kind == at.T_TURN:
             r = first_of(slots, i)
             after = velocity(data, i, vectors[STEP])
             back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)

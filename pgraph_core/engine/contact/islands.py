@@ -9,7 +9,7 @@ the matrix of Newton's method then keeps to a narrow envelope [George 1971].
 from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
-from ..constraints.blocks import joint_of, joints_of
+from ..constraints.blocks import joint_of, joints_of, one_sided
 from ..rows import FREE, kind_of, nv_of, parent_of, v_of
 from .contacts import contacts_at
 
@@ -210,7 +210,7 @@ def several_points(scene, n):
     for j in range(first[n], first[n + 1]):
         i = order[j]
         kind = blocks_i[i, at.B_TYPE]
-        found = found or (kind != at.T_CONTACT and kind != at.T_LIMIT and kind != at.T_TURN)
+        found = found or not (one_sided(kind) or kind == at.T_TURN)
         if j > first[n] and kind == at.T_CONTACT:
             b = order[j - 1]
             same = blocks_i[i, at.B_A] == blocks_i[b, at.B_A]

@@ -14,7 +14,7 @@ import math
 from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
-from ..constraints.blocks import point_velocity, total, velocities
+from ..constraints.blocks import point_velocity, total, type_of, velocities
 from ..records import POINTS, RIGID
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
@@ -41,7 +41,6 @@ from .shapes import place
 
 CLOSED = 1e-10  # of the size of a limit's range: a limit this near is reached
 CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
-SIZE = at.PA  # in the block of a limit, which has no points
 ROUNDS = 200  # of the search for one instant
 SAME = 1e-9  # of a part: two instants this near are one
 LEAD = 0.5  # of the thinner shape's half: how far a pair that touches goes between two looks
@@ -53,8 +52,8 @@ APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
 
 @part
 def closed_limit(blocks, i):
-    """A gap of limit i that counts as closed [rad, m]; SIZE of its block is that of its range."""
-    size, value = blocks.blocks_f[i, SIZE], blocks.blocks_f[i, at.VALUE]
+    """A gap of limit i that counts as closed [rad, m]; `at.SIZE` of its block is its range's."""
+    size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, ROUNDING * abs(value))
 
 
@@ -144,7 +143,7 @@ def limit_meets(blocks, i, h, left, q, v, vdot):
     """Whether limit i, in the middle of a part of a step, is hit within that part."""
     closing = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
     pull = abs(total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot))
-    if not hits(closing, h, blocks.blocks_f[i, SIZE], pull):
+    if not hits(closing, h, blocks.blocks_f[i, at.SIZE], pull):
         return False
     gap = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 1, q)
     gap -= blocks.blocks_f[i, at.VALUE]
@@ -369,6 +368,8 @@ def list_meetings(scene, h, left, q, v, vdot):
     crowd = is_crowd(contacts)
     n = 0
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if type_of(blocks.blocks_i, i) == at.T_SPAN:
+            continue  # a bound of a length slows down what comes before it is there
         gap, rate = limit_gap(blocks, i, q, v, vdot, left)
         if gap > closed_limit(blocks, i):
             if gap <= rate * left:

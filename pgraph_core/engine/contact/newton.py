@@ -19,7 +19,7 @@ from .. import layout as at
 from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
+from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
 
@@ -81,7 +81,7 @@ def admitted(kind, size, z, bounds):
     """
     if kind == at.T_TURN:
         return turning(z, bounds[0], bounds[1])
-    if kind != at.T_CONTACT and kind != at.T_LIMIT:
+    if not one_sided(kind):
         return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)
     if not z[0] > 0.0:
         return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
@@ -152,7 +152,7 @@ def look(scene, n, soft, fresh, nearness):
         k = 1.0 / mobility
         lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
         z = add_scaled(lam, -k, velocity(data, i, vectors[STEP]))
-        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+        if one_sided(kind):
             z = (z[0] + k * nearness, z[1], z[2])
         p, slope = admitted(kind, size, z, bounds)
         if fresh and on_rim(slope):

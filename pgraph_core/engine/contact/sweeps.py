@@ -12,7 +12,7 @@ from .. import layout as at
 from ..arrays import DINV, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
-from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
+from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
 from .newton import bounds_of, respond, rows_of, velocity
@@ -186,7 +186,7 @@ def answer(kind, rows, bounds, i, own, u, old):
     """λ of one block that fits its law while the others stay; u is the velocity with `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
-    if kind != at.T_CONTACT and kind != at.T_LIMIT:
+    if not one_sided(kind):
         return held(own, i, u, old)
     if rows == 1:
         return (pushed(own[i, 0], u[0], old[0]), 0.0, 0.0)

@@ -37,12 +37,20 @@ from ..arrays import (
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import (
+    along,
+    ends_of,
     first_of,
     joint_of,
     joints_of,
     locate,
+    place_a,
+    place_b,
+    point_b,
+    point_velocity,
     residual_velocity,
+    span,
     total,
+    type_of,
     velocities,
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
@@ -91,10 +99,24 @@ from ..rows import (
     spin_of,
     v_of,
 )
-from ..tree.kinematics import base_axes, positions
+from ..tree.kinematics import base_axes, frames, positions
 from ..tree.moving import advance
 from ..tree.spinning import keep_spinning
-from ..vec import add, add_scaled, finite, load, load3, mul, scale, set_xyz, xyz
+from ..vec import (
+    add,
+    add_scaled,
+    add_xyz,
+    cross,
+    dot,
+    finite,
+    load,
+    load3,
+    mul,
+    scale,
+    set_xyz,
+    sub,
+    xyz,
+)
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -108,6 +130,7 @@ DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farthe
 RIM = 1e-9  # relative: friction that is nearer to the rim of its cone is all that there is
 CREEPS = 1e-8  # of the velocity without impulses: less slip is the solver's rounding
 BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
+AHEAD = 1e-3  # of a bound of a length: a step's forces bring it there from no farther
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
 
 
@@ -294,6 +317,11 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
     laws, tally = contacts.laws, contacts.tally[0]
     first = tally.first_limit
     for i in range(first, first + tally.limits):
+        if type_of(blocks_i, i) == at.T_SPAN:
+            if w > 0.0 and span_reaches(scene, i, w, v):
+                active[0] += 1
+                active[active[0]] = i
+            continue
         if look and limit_meets(blocks, i, h, w, q, v, vdot):
             return True
         gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
@@ -336,6 +364,33 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
                 active[0] += 1
                 active[active[0]] = tally.first_turn + n
     return False
+
+
+@sweep
+def span_reaches(scene, i, w, v):
+    """Whether a length may pass its bound within a part of width w, in whose middle it is now.
+
+    If so its block gets the speed at which it may go on: to be at the bound when the part ends, or
+    to move along it there. A speed u across it makes it longer by w² u² / (8 length) in half a
+    part, and turns it; so what swings on a length that is held keeps its energy.
+    """
+    data = opened(scene)
+    blocks, work, linear = data.blocks, data.work, data.space.linear
+    velocities(data.rows, data.const, work, v, linear)
+    a, b = ends_of(blocks.blocks_i, i)
+    gap, p, apart, length = span(blocks.blocks_f, i, work, a, b)
+    if not length > 0.0:
+        return False
+    q = point_b(blocks.blocks_f, i, work, b)
+    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
+    bound = blocks.blocks_f[i, at.VALUE]
+    parting = dot(u, apart) / length
+    across = math.copysign(max(dot(u, u) - parting * parting, 0.0) / length, bound)
+    closing = max(-math.copysign(1.0, bound) * parting, 0.0)
+    bent = 0.5 * w * across
+    blocks.blocks_f[i, at.AIM] = max(2.0 * gap / w + 0.5 * bent, bent)
+    pull = contacts_at(data.links.contacts).tally[0].pull
+    return gap <= w * (closing + abs(bent) + w * pull) + AHEAD * abs(bound)
 
 
 @part
@@ -478,6 +533,13 @@ def book(scene, first, t, h, last):
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         r = first_of(slots, active[j])
+        if n < 0 and type_of(blocks.blocks_i, active[j]) == at.T_SPAN:
+            force = scale(lam[r] / h, along(space.place, active[j], 0))
+            pull = math.copysign(lam[r] / h, blocks.blocks_f[active[j], at.VALUE])
+            note_span(scene, active[j], force)
+            pairs[pairs.shape[0] + n].force[0] += pull
+            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(pull), pairs.shape[0] + n, t)
+            continue
         if n < 0:
             term = blocks.blocks_i[active[j], at.B_TERM]
             torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
@@ -526,6 +588,24 @@ def book(scene, first, t, h, last):
         note(opened(scene).links.contacts, work, n, force, slip)
     if last:
         tally.kept = count
+
+
+@sweep
+def note_span(scene, i, force):
+    """Add what the bound of a length exerts, `force` on A, to the wrenches of its two bodies."""
+    data = opened(scene)
+    work, place = data.work, data.space.place
+    wrenches = contacts_at(data.links.contacts).wrenches
+    a, b = ends_of(data.blocks.blocks_i, i)
+    body_a = data.blocks.blocks_i[i, at.B_BODY_A]
+    body_b = data.blocks.blocks_i[i, at.B_BODY_B]
+    torque = cross(sub(place_a(place, i), load(work, a, at.X)), force)
+    add_xyz(wrenches[body_a].torque, torque)
+    add_xyz(wrenches[body_a].force, force)
+    if body_b > 0:
+        torque = cross(sub(place_b(place, i), load(work, b, at.X)), force)
+        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
+        add_xyz(wrenches[body_b].force, scale(-1.0, force))
 
 
 @part
@@ -601,8 +681,10 @@ def push_out(scene, first, h, q):
             deepest = max(deepest, -found[n].gap)
             deep = deep or -found[n].gap > tolerated(contacts, n, h)
     tally.depth = max(tally.depth, deepest)
-    if not deep:
+    beyond = spans_beyond(scene, first, q)
+    if not (deep or beyond > 0.0):
         return
+    deepest = max(deepest, beyond)
     for k in range(z.shape[0]):
         z[k] = 0.0
     for j in range(first, active[0] + 1):
@@ -612,10 +694,15 @@ def push_out(scene, first, h, q):
         for j in range(first, active[0] + 1):
             i = active[j]
             n = i - begin
-            if n < 0 or n >= room or not own[i, 0] > 0.0:
+            if n >= room or not own[i, 0] > 0.0:
                 continue
+            if n < 0:
+                if type_of(blocks.blocks_i, i) != at.T_SPAN:
+                    continue
+                gap = RECOVER * blocks.blocks_f[i, at.AIM]
+            else:
+                gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
             r = first_of(slots, i)
-            gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
             for s in range(joints_of(slots, i)):
                 gap += y[i, 3 * s] * z[joint_of(slots, i, s)]
             new = max(lam[r] - gap / own[i, 0], 0.0)
@@ -628,6 +715,28 @@ def push_out(scene, first, h, q):
             break
     spread(rows, const, work, z)
     advance(rows, q, z, 1.0)
+
+
+@sweep
+def spans_beyond(scene, first, q):
+    """By how much a length is beyond its bound at q, at most [m]; each gap goes into its block."""
+    data = opened(scene)
+    blocks, vectors = data.blocks, data.space.vectors
+    active = blocks.active
+    beyond = 0.0
+    moved = False
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        if type_of(blocks.blocks_i, i) == at.T_SPAN:
+            if not moved:
+                frames(data.rows, data.const, data.work, q, vectors[STEP])
+                positions(data.rows, data.work)
+                moved = True
+            a, b = ends_of(blocks.blocks_i, i)
+            gap, _, _, _ = span(blocks.blocks_f, i, data.work, a, b)
+            blocks.blocks_f[i, at.AIM] = gap
+            beyond = max(beyond, -gap)
+    return beyond
 
 
 @sweep
