@@ -15,9 +15,9 @@ import numpy as np
 
 from pgraph_core import Mechanism
 from pgraph_core.dynamics.scene import Scene
-from pgraph_core.engine import layout as at
 from pgraph_core.engine import motion
 from pgraph_core.engine.compiler.address import address_of
+from pgraph_core.packing import plain
 from pgraph_core.simulation.plan import active_constraints
 
 from .motion import Clocks, Refused, Trajectory, refuse_contacts
@@ -48,11 +48,8 @@ class Equations:
         self.accelerate = address_of(motion.acceleration)
         self.nq, self.nv = mech.nq, mech.nv
         self.tau = np.zeros(mech.nv) if tau is None else np.asarray(tau, dtype=float)
-        rows = packed.rows[1:].tolist()
-        self.balls = [(i + 3 * (k == at.FREE), j) for _, k, i, j in rows if k >= at.BALL]
-        self.free = [(i, j) for _, k, i, j in rows if k == at.FREE]
-        plain = [(i, j) for _, k, i, j in rows if k < at.BALL]
-        self.at_q, self.at_v = (np.array(x, dtype=int) for x in zip(*plain)) if plain else ([], [])
+        self.balls = [(i, j) for _, i, j in packed.quaternions]
+        self.at_q, self.at_v = plain(packed.rows)
         self.vdot, self.flow = np.zeros(mech.nv), np.zeros(3)
         self.none = np.zeros((len(self.scene.blocks.blocks_i), 6))
         self.count = 0
@@ -68,8 +65,6 @@ class Equations:
             self.scene.address, self.accelerate, t, q, v, self.tau, self.flow, self.vdot, self.none
         )
         out[self.at_q] = v[self.at_v]
-        for i, j in self.free:
-            out[i : i + 3] = v[j + 3 : j + 6]
         for i, j in self.balls:
             w, u, omega = y[i], y[i + 1 : i + 4], 0.5 * v[j : j + 3]
             out[i] = -omega @ u

@@ -204,6 +204,13 @@ def synonym(name: Any, known: Iterable[str]) -> str:
     return f"; did you mean {ours}?" if ours and ours != name and ours in known else ""
 
 
+def no_method(name: Any, known: Iterable[str]) -> str:
+    """What is said of the name of an integration method that there is not."""
+    names = list(known)
+    text = f"no method is called {shown(name)}; choose one of {choices(names)}"
+    return text + synonym(name, names)
+
+
 def to_read(text: Any) -> str:
     """'; to read a file: ...' for text that is given where a model is wanted."""
     if not isinstance(text, str):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .engine import stepping
-from .errors import InputError, Problem, choices, synonym
+from .errors import InputError, Problem, choices, no_method
 
 Array: TypeAlias = NDArray[np.float64]
 STEPPING = stepping.__name__
@@ -461,9 +461,7 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
     Raises InputError with the choices.
     """
     if name not in METHODS:
-        text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
-        text += synonym(name, METHODS)
-        raise InputError(Problem("simulate", "method", text))
+        raise InputError(Problem("simulate", "method", no_method(name, ("auto", *METHODS))))
     if impulses and name != "moreau_jean" and not METHODS[name].eventful:
         text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits, and it "
         text += "has no dense output to find them on; use 'moreau_jean', 'auto', or from event to "

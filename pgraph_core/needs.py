@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .errors import InputError, Problem, counted, explained, shown
+from .errors import counted, explained, no_method, refusal
 from .integrators import METHODS
 from .model import Body, Constraint, Contact, Force, Model
 from .model.force import OnBody, OnJoint, Tendon, ends_of
@@ -51,9 +51,8 @@ class Plan:
         Raises ModelError for a scenario that is not there, InputError for a method.
         """
         if method not in METHOD_NAMES:
-            text = f"no method is called {shown(method)}; choose one of {', '.join(METHOD_NAMES)}"
-            raise InputError(Problem("plan", "method", text))
-        scene = Scene.of(model, scenario, method, acting)
+            raise refusal("plan", "method", no_method(method, METHOD_NAMES))
+        scene = Acting.of(model, scenario, method, acting)
         return cls(tuple(part for makers in MAKERS for part in makers(scene)))
 
     @property
@@ -89,7 +88,7 @@ class Plan:
         return "\n".join(self.lines())
 
 
-class Scene(NamedTuple):
+class Acting(NamedTuple):
     """What acts in a run."""
 
     bodies: tuple[Body, ...]
@@ -102,7 +101,7 @@ class Scene(NamedTuple):
     @classmethod
     def of(
         cls, model: Model, scenario: str | None, method: str, acting: Collection[str] | None
-    ) -> Scene:
+    ) -> Acting:
         """As the model or its scenario has it."""
         given = model.scenario(scenario) if scenario is not None else None
         names = given.constraints if given is not None else None
@@ -155,7 +154,7 @@ def _named(parts: Sequence[Any]) -> str:
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
-def _tree(s: Scene) -> Iterator[Part]:
+def _tree(s: Acting) -> Iterator[Part]:
     motions = sum(len(b.sequence) for b in s.bodies)
     merged = sum(not b.sequence for b in s.bodies)
     text = f"{counted(motions, 'motion')} with {s.nv} degrees of freedom, swept at each evaluation"
@@ -171,7 +170,7 @@ def _tree(s: Scene) -> Iterator[Part]:
         yield Part("quaternions", False, text)
 
 
-def _loops(s: Scene) -> Iterator[Part]:
+def _loops(s: Acting) -> Iterator[Part]:
     rows = sum(c.ROWS for c in s.constraints)
     if s.constraints:
         text = f"{counted(len(s.constraints), 'constraint')} of {counted(rows, 'row')}: their "
@@ -186,7 +185,7 @@ def _loops(s: Scene) -> Iterator[Part]:
         yield Part("inactive constraints", False, text, count, "rows an evaluation")
 
 
-def _forces(s: Scene) -> Iterator[Part]:
+def _forces(s: Acting) -> Iterator[Part]:
     drives = [f for f in s.forces if isinstance(f, OnJoint)]
     tendons = [f for f in s.forces if isinstance(f, Tendon)]
     sprung = sum(any(map(any, (b.stiffness, b.damping, b.friction))) for b in s.bodies)
@@ -205,7 +204,7 @@ def _forces(s: Scene) -> Iterator[Part]:
         yield Part("loads", False, "no wrench or spring between bodies: no loads")
 
 
-def _touching(s: Scene) -> Iterator[Part]:
+def _touching(s: Acting) -> Iterator[Part]:
     if s.contacts:
         yield Part("contacts", True, f"search, gaps and forces of contacts: {_named(s.contacts)}")
     else:
@@ -228,7 +227,7 @@ def _touching(s: Scene) -> Iterator[Part]:
         yield Part("events", False, text)
 
 
-def _implicit(s: Scene) -> Iterator[Part]:
+def _implicit(s: Acting) -> Iterator[Part]:
     cost, unit = 2 * s.nv, "evaluations a Jacobian"
     if s.method in METHODS and METHODS[s.method].jacobian:
         text = f"Jacobian of {s.method} by differences, {cost} evaluations, and its factors"
@@ -244,7 +243,7 @@ def _implicit(s: Scene) -> Iterator[Part]:
         yield Part("jacobian", False, text, cost, unit)
 
 
-def _recording(s: Scene) -> Iterator[Part]:
+def _recording(s: Acting) -> Iterator[Part]:
     text = "poses and accelerations of bodies and forces in joints: made when they are asked for"
     count = KEPT_A_BODY * len(s.bodies)
     yield Part("recording", False, text, count, "numbers a recorded frame")

@@ -19,11 +19,11 @@ NAMES = ", ".join(METHODS)
 REFUSED: list[tuple[dict[str, Any], str]] = [
     (
         {"methods": ("rk4", "rk5")},
-        f"work_precision, methods: no method is called 'rk5'; choose from {NAMES}",
+        f"work_precision, methods: no method is called 'rk5'; choose one of {NAMES}",
     ),
     (
         {"methods": "auto"},
-        f"work_precision, methods: no method is called 'auto'; choose from {NAMES}",
+        f"work_precision, methods: no method is called 'auto'; choose one of {NAMES}",
     ),
     (
         {"methods": ()},

@@ -88,8 +88,7 @@ class Place(Balance):
         """Whether every force has one: no torque on a body, no force that turns with one."""
         wrenches = [f for f in self.forces if isinstance(f, Wrench)]
         balls = np.zeros(self.mech.nv, dtype=bool)
-        for k in self.mech.packed.quaternion_rows:
-            j = int(self.mech.packed.rows[k, -1])
+        for _, _, j in self.mech.packed.quaternions:
             balls[j : j + 3] = True
         return not np.any(self.motor_torque[balls]) and not any(
             np.any(_first(f.torque)) or (f.frame == "body" and np.any(_first(f.force)))

@@ -377,8 +377,7 @@ def _from(free: Array, chosen: Ints) -> Array:
 def _spun(mech: Dynamics, v: Array) -> Array:
     """(nv, nv) what the rotation vectors of balls gain by turning on: δθ' = δω + ω × δθ."""
     found = np.zeros((mech.nv, mech.nv))
-    for k in mech.packed.quaternion_rows:
-        j = int(mech.packed.rows[k, -1])
+    for _, _, j in mech.packed.quaternions:
         found[j : j + 3, j : j + 3] = skew(v[j : j + 3])
     return found
 

@@ -17,7 +17,7 @@ from ..engine import motion
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
-from ..packing import Array, Ints
+from ..packing import Array, Ints, plain
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..rotation import multiply, unit
@@ -298,13 +298,9 @@ def turns(mech: Dynamics) -> NDArray[np.bool_]:
 def apart(mech: Dynamics, start: Array, q: Array) -> Array:
     """(nv,) the move along velocities that leads from one position to another."""
     step = np.zeros(mech.nv)
-    for _, kind, i, j in mech.packed.rows[1:].tolist():
-        if kind <= at.TRANSLATE:
-            step[j] = q[i] - start[i]
-            continue
-        if kind == at.FREE:
-            step[j + 3 : j + 6] = q[i : i + 3] - start[i : i + 3]
-            i += 3
+    of_q, of_v = plain(mech.packed.rows)
+    step[of_v] = q[of_q] - start[of_q]
+    for _, i, j in mech.packed.quaternions:
         w, x, y, z = unit(start[i : i + 4].tolist())
         w, *axis = unit(multiply(unit(q[i : i + 4].tolist()), (w, -x, -y, -z)))
         sine = float(np.linalg.norm(axis))

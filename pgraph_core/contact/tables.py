@@ -30,8 +30,8 @@ from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
-from ..packing import Array, Ints, System, point_in_row
-from ..packing.constraints import Blocks, radius_of_gyration
+from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocity
+from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
 from ..packing.forces import ORIGIN, terms_of
 from ..rotation import matrix
 from ..topology import Topology
@@ -196,9 +196,9 @@ class _Shapes:
     ) -> list[Placed]:
         number = self.mech.topology.number(body.name)
         packed = self.mech.system
-        home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+        home = home_of(packed, number)
         offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
-        row = int(packed.bodies_i[number, at.ROW])
+        row = packed.row_of(number)
         if shape is None:
             return [Placed(solids.points(own), row, number, offset.tolist(), home)]
         position = (offset + home @ np.array(shape.position)).tolist()
@@ -399,7 +399,7 @@ def _rows(topology: Topology, packed: System) -> tuple[Ints, Array]:
     root, total = _trees(topology, packed)
     for k in range(1, topology.nb + 1):
         if root[k] and total[root[k]] > 0.0:
-            lightness[packed.bodies_i[k, at.ROW]] = 1.0 / total[root[k]]
+            lightness[packed.row_of(k)] = 1.0 / total[root[k]]
     return alone.astype(np.int64), lightness
 
 
@@ -436,10 +436,6 @@ def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
         where = f"contact '{contact}'"
         problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]
         raise ModelError(problems) from None
-
-
-def _ints(rows: list[Any], columns: int) -> Ints:
-    return np.array(rows, dtype=np.int64).reshape(-1, columns)
 
 
 def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
@@ -483,7 +479,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             near = min(high - low, moves) if low is not None and high is not None else moves
             block[at.SIZE] = near
             first = min(own)[0]
-            row = int(np.searchsorted(mech.system.rows[1:, at.VI], first, side="right"))
+            row = row_of_velocity(mech.system.rows, first)
             rows.append((at.T_LIMIT, row, 0, 1, len(terms), len(own), 0, 0))
             values.append(block)
             terms += [(at_v, at_q) for at_v, at_q, _ in own]
@@ -506,12 +502,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             rows.append((at.T_SPAN, *ends, 1, 0, 0, *bodies))
             values.append(block)
             names.append(f"spring {spring.name} {side} limit")
-    return tuple(names), (
-        _ints(rows, at.BLOCK_I),
-        np.array(values).reshape(-1, at.BLOCK_F),
-        _ints(terms, 2),
-        np.array(factors),
-    )
+    return tuple(names), block_arrays(rows, values, terms, factors)
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..engine import layout as at
 from ..errors import InputError, Problem, shown, to_read
 from ..packing import Array
 from ..packing.packed import Packed
@@ -61,9 +60,7 @@ def position(packed: Packed, q: Any) -> Array:
     Raises InputError.
     """
     q = finite("q", q, packed.nq)
-    rows = packed.rows
-    for k in packed.quaternion_rows:
-        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+    for k, i, _ in packed.quaternions:
         length = math.hypot(*q[i : i + 4].tolist())
         if not 1e-3 < length < 1e3:
             text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
@@ -73,9 +70,8 @@ def position(packed: Packed, q: Any) -> Array:
 
 def stretched(packed: Packed, q: Array) -> list[str]:
     """A notice for each quaternion of q (nq,) whose length is not 1, as descriptions want it."""
-    found, rows = list[str](), packed.rows
-    for k in packed.quaternion_rows:
-        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+    found = list[str]()
+    for k, i, _ in packed.quaternions:
         length = math.hypot(*q[i : i + 4].tolist())
         if abs(length - 1.0) > 1e-3:
             text = f"the quaternion at q[{i}] has length {length:.6g}, which does not count"
@@ -85,9 +81,7 @@ def stretched(packed: Packed, q: Array) -> list[str]:
 
 def positions(packed: Packed, q: Array) -> None:
     """Raise InputError where a row of q (n, nq) is not as of `position`."""
-    rows = packed.rows
-    for k in packed.quaternion_rows:
-        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+    for _, i, _ in packed.quaternions:
         lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
         for row in q[~((lengths > 1e-3) & (lengths < 1e3))]:
             position(packed, row)

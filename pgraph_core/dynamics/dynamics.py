@@ -491,7 +491,7 @@ class Dynamics(Portable):
     def _place(self, number: int, point: Any) -> tuple[int, Array]:
         """(row, point in its axes) of a point of a body."""
         system = self.packed.system
-        return int(system.bodies_i[number, at.ROW]), point_in_row(system, number, point)
+        return system.row_of(number), point_in_row(system, number, point)
 
     # -- arguments and passive forces ------------------------------------------------------------
 

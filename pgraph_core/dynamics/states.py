@@ -17,7 +17,7 @@ from ..engine.tree import sensors
 from ..model import Body, Model
 from ..model.fields import GROUND
 from ..model.output import OF_JOINT, OF_LOAD, READINGS, Output
-from ..packing import Array, Ints, System
+from ..packing import Array, Ints, System, quaternions
 from ..packing.packed import Packed
 from ..portable import same
 from ..rotation import unit
@@ -66,7 +66,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     free = places[kinds == at.FREE]
     slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
     turned = apart[:, places[kinds == at.ROTATE]].max(axis=1, initial=0.0)
-    for i in (*places[kinds == at.BALL].tolist(), *(free + 3).tolist()):
+    for _, i, _ in quaternions(rows):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
     return turned, apart[:, slides].max(axis=1, initial=0.0)
 

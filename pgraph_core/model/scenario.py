@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import Field, model_validator
 
 from .. import joints
-from ..errors import Problem, choices, shown
+from ..errors import Problem, choices, no_method, shown
 from .body import Body
 from .constraint import Constraint
 from .fields import (
@@ -269,8 +269,7 @@ class Scenario(Described):
     @model_validator(mode="after")
     def _known_method(self) -> Self:
         if self.method not in METHOD_NAMES:
-            text = f"no method is called {shown(self.method)}; choose one of "
-            refuse([("method", text + choices(METHOD_NAMES))])
+            refuse([("method", no_method(self.method, METHOD_NAMES))])
         return self
 
 

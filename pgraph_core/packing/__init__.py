@@ -26,6 +26,10 @@ class System(NamedTuple):
     v: Array  # (nv,)
     body_of_row: Ints  # (n + 1,) number of the body whose joint a row belongs to
 
+    def row_of(self, number: int) -> int:
+        """The row that carries a body."""
+        return int(self.bodies_i[number, at.ROW])
+
 
 # rows, const, bodies_i, bodies_f of a System, and its q and v in one array
 Arrays: TypeAlias = tuple[Ints, Array, Ints, Array, Array]
@@ -52,6 +56,33 @@ def length_in(const: Array) -> float:
     return float(max(found))
 
 
+def quaternions(rows: Ints) -> list[tuple[int, int, int]]:
+    """(row, first index into q, first index into v) of each quaternion."""
+    found: list[tuple[int, int, int]] = []
+    for k in np.flatnonzero(rows[:, at.KIND] >= at.BALL).tolist():
+        _, kind, i, j = rows[k].tolist()
+        found.append((k, i + (3 if kind == at.FREE else 0), j))
+    return found
+
+
+def plain(rows: Ints) -> tuple[Ints, Ints]:
+    """Indices into q, and into v, of the coordinates whose rates are velocities."""
+    kinds, pairs = rows[1:, at.KIND], rows[1:, at.QI :]
+    moved = [pairs[kinds == at.FREE] + np.array((n, 3 + n)) for n in range(3)]
+    of_q, of_v = np.concatenate((pairs[kinds <= at.TRANSLATE], *moved)).T
+    return of_q, of_v
+
+
+def row_of_velocity(rows: Ints, index: int) -> int:
+    """Row whose motion has v[index]."""
+    return int(np.searchsorted(rows[1:, at.VI], index, side="right"))
+
+
+def home_of(packed: System, number: int) -> Array:
+    """(3, 3) home orientation of a body."""
+    return packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+
+
 def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []
@@ -66,5 +97,5 @@ def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
 
 def point_in_row(packed: System, number: int, point: Any) -> Array:
     """A point in a body's axes as one in the home axes of its row, from the row's origin."""
-    home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
-    return packed.bodies_f[number, at.OFFSET : at.OFFSET + 3] + home @ np.asarray(point, float)
+    offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
+    return offset + home_of(packed, number) @ np.asarray(point, float)

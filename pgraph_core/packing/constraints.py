@@ -41,7 +41,15 @@ from ..model.constraint import AlongAxes, AtPoints
 from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
-from . import Array, Ints, System, joint_coordinates, point_in_row
+from . import (
+    Array,
+    Ints,
+    System,
+    home_of,
+    joint_coordinates,
+    point_in_row,
+    row_of_velocity,
+)
 from .forces import terms_of
 
 APART = 1e-6  # rad: axes of a prismatic constraint that differ by more contradict each other
@@ -105,7 +113,7 @@ class Endpoints:
         out[at.PA : at.PA + 3] = point_in_row(self.packed, self.a, self.point)
         out[at.PB : at.PB + 3] = point_in_row(self.packed, self.b, self.other_point)
         for column, number, vectors in ((at.DIR, self.b, dirs), (at.AIM, self.a, aims)):
-            home = self.packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+            home = home_of(self.packed, number)
             for r, vector in enumerate(vectors):
                 out[column + 3 * r : column + 3 * r + 3] = home @ vector
         out[at.VALUE] = value
@@ -333,11 +341,25 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
     return Blocks(
         tuple(c.name for c in model.constraints),
         np.array([*_starts([len(items) for items in found]), len(flat)], dtype=np.int64),
-        np.array(table, dtype=np.int64).reshape(-1, at.BLOCK_I),
-        np.array([block.values for block in flat]).reshape(-1, at.BLOCK_F),
-        np.array([term[:2] for term in terms], dtype=np.int64).reshape(-1, 2),
-        np.array([term[2] for term in terms]),
+        *block_arrays(
+            table,
+            [block.values for block in flat],
+            [term[:2] for term in terms],
+            [term[2] for term in terms],
+        ),
         np.array(curves).reshape(-1, 5),
+    )
+
+
+def block_arrays(
+    ints: Sequence[Any], floats: Sequence[Array], terms: Sequence[Any], factors: Sequence[float]
+) -> tuple[Ints, Array, Ints, Array]:
+    """blocks_i, blocks_f, terms_i and terms_f of these blocks, or of none."""
+    return (
+        np.array(ints, dtype=np.int64).reshape(-1, at.BLOCK_I),
+        np.array(floats, dtype=float).reshape(-1, at.BLOCK_F),
+        np.array(terms, dtype=np.int64).reshape(-1, 2),
+        np.array(factors, dtype=float),
     )
 
 
@@ -355,9 +377,9 @@ def _starts(counts: Sequence[int]) -> list[int]:
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
     """Rows of the two bodies; of a block of coordinates the row that has the first of them."""
-    a, b = (int(packed.bodies_i[topology.number(name), at.ROW]) for name in c.pair)
+    a, b = (packed.row_of(topology.number(name)) for name in c.pair)
     if block.terms:
-        a = int(np.searchsorted(packed.rows[1:, at.VI], block.terms[0][0], side="right"))
+        a = row_of_velocity(packed.rows, block.terms[0][0])
     return a, b
 
 

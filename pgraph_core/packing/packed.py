@@ -15,7 +15,7 @@ from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
 from ..topology import Topology
-from . import Array, Arrays, Drives, Ints, Loads, System, length_in, system
+from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
 
@@ -98,7 +98,7 @@ class Packed:
     @cached_property
     def joints(self) -> Mapping[str, Joint]:
         """The joints that move, by name of their bodies."""
-        kinds, at_q, at_v = (self.rows[1:, k].tolist() for k in (at.KIND, at.QI, at.VI))
+        _, kinds, at_q, at_v = self.rows[1:].T.tolist()
         at_q.append(self.nq)
         at_v.append(self.nv)
         found: dict[str, Joint] = {}
@@ -113,17 +113,13 @@ class Packed:
         return found
 
     @cached_property
-    def quaternion_rows(self) -> list[int]:
-        """Rows whose motion has a quaternion."""
-        return np.flatnonzero(self.rows[:, at.KIND] >= at.BALL).tolist()
+    def quaternions(self) -> list[tuple[int, int, int]]:
+        """(row, first index into q, first index into v) of each quaternion."""
+        return quaternions(self.rows)
 
     def body_of(self, row: int) -> str:
         """Name of the body whose joint a row belongs to."""
         return self.topology.names[self.system.body_of_row[row] - 1]
-
-    def row_of_velocity(self, index: int) -> int:
-        """Row whose motion has v[index]."""
-        return int(np.searchsorted(self.rows[1:, at.VI], index, side="right"))
 
     def singular(self, row: int) -> Problem:
         """The error for a row whose motion moves no inertia."""

@@ -5,14 +5,13 @@ Quintic Hermite polynomials, from q, q' and q'' of both frames; v is the rate of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem
-from ..packing import Array, Ints
+from ..packing import Array, Ints, plain, quaternions
 
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
@@ -46,8 +45,8 @@ def states_at(
         curve = (t, q, rate, bend)
         found = _quintic(curve, i, i + 1, x)
         speeds = _velocities(rows, found, _quintic_rate(curve, i, i + 1, x), v.shape[1])
-        for first, size in _quaternions(rows):
-            part = found[:, first : first + size]
+        for _, first, _ in quaternions(rows):
+            part = found[:, first : first + 4]
             part /= np.linalg.norm(part, axis=1, keepdims=True)
         missed = _missed(curve, i, x)
         for k in (i, i + 1):  # recorded states are returned as they are
@@ -91,7 +90,7 @@ def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
     """(kind, entries in q, entries in v) of each row."""
     size = {at.BALL: (4, 3), at.FREE: (7, 6)}
     found = []
-    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
+    for _, kind, i, j in rows[1:].tolist():
         n, m = size.get(kind, (1, 1))
         found.append((kind, slice(i, i + n), slice(j, j + m)))
     return found
@@ -118,23 +117,12 @@ def _inside(asked: Any, t: Array) -> Array:
     return np.clip(times, t[0], t[-1])
 
 
-def _quaternions(rows: Ints) -> Iterator[tuple[int, int]]:
-    """(first entry in q, 4) of each quaternion."""
-    for kind, first in rows[1:, [at.KIND, at.QI]].tolist():
-        if kind >= at.BALL:
-            yield first + (3 if kind == at.FREE else 0), 4
-
-
 def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
     """(q', q'') from q, v, v'; of quaternions q' = ½ ω q and q'' = ½ (ω' q + ω q')."""
     rate, bend = np.empty_like(q), np.empty_like(q)
-    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
-        if kind <= at.TRANSLATE:
-            rate[:, i], bend[:, i] = v[:, j], vdot[:, j]
-            continue
-        if kind == at.FREE:
-            rate[:, i : i + 3], bend[:, i : i + 3] = v[:, j + 3 : j + 6], vdot[:, j + 3 : j + 6]
-            i += 3
+    of_q, of_v = plain(rows)
+    rate[:, of_q], bend[:, of_q] = v[:, of_v], vdot[:, of_v]
+    for _, i, j in quaternions(rows):
         turn = slice(i, i + 4)
         rate[:, turn] = _half_product(v[:, j : j + 3], q[:, turn])
         bend[:, turn] = _half_product(vdot[:, j : j + 3], q[:, turn])
@@ -145,13 +133,9 @@ def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Ar
 def _velocities(rows: Ints, q: Array, rate: Array, nv: int) -> Array:
     """v from q and q': ω = 2 q' q⁻¹."""
     v = np.empty((len(q), nv))
-    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
-        if kind <= at.TRANSLATE:
-            v[:, j] = rate[:, i]
-            continue
-        if kind == at.FREE:
-            v[:, j + 3 : j + 6] = rate[:, i : i + 3]
-            i += 3
+    of_q, of_v = plain(rows)
+    v[:, of_v] = rate[:, of_q]
+    for _, i, j in quaternions(rows):
         w, u = q[:, i : i + 1], q[:, i + 1 : i + 4]
         turning = w * rate[:, i + 1 : i + 4] - rate[:, i : i + 1] * u
         turning += np.cross(u, rate[:, i + 1 : i + 4])

@@ -27,7 +27,7 @@ from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from .event_scene import EventScene
 from .loop import Outcome, Steps
-from .plan import Plan
+from .plan import RunPlan
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
 SAME_TIME = 1e-10  # of a second, or of a shorter run: touchdowns within it are one impact
@@ -47,7 +47,7 @@ class ContactEvents:
     def __init__(
         self,
         mech: Mechanism,
-        plan: Plan,
+        plan: RunPlan,
         scene: EventScene,
         steps: Steps,
         ended: Outcome,

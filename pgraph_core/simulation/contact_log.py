@@ -42,7 +42,7 @@ from ..model.force import ends_of
 from ..packing import Array, Ints
 from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
-from .plan import Plan
+from .plan import RunPlan
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ NOTHING_ACTS, SWINGS, IS_FREE = np.array(0.0), np.array(PHASES[SWING]), np.array
 
 def contacts_of(
     mech: Mechanism,
-    plan: Plan,
+    plan: RunPlan,
     frames: tuple[Array, Array, Any, Array],
     q: Array,
     changes: Any,

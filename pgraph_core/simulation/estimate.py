@@ -8,8 +8,9 @@ the run says so. Adding up the errors of steps would miss how unstable motion ma
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -23,7 +24,7 @@ from ..integrators import DOPRI5, Method
 from ..packing import Array, Drives, Loads
 from ..result import Status
 from .options import LEAST_RTOL, Tolerance
-from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
+from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, RunPlan, corners, fastest_rate
 from .recording import Estimate, Recording
 
 Forces = TypeVar("Forces", Drives, Loads)
@@ -188,7 +189,7 @@ def _shifted_apart(record: Recording, share: float, shown: int) -> float:
     return float(_apart(record, other, chosen).largest[-1]) if other.ended.ok else 0.0
 
 
-def _shifted(plan: Plan, share: float, shown: int) -> tuple[Plan, Array]:
+def _shifted(plan: RunPlan, share: float, shown: int) -> tuple[RunPlan, Array]:
     """The same run, its steps a share of one later, and so many times that both record.
 
     Steps after its start, and after each of these times, begin narrow and double: steps of both
@@ -212,75 +213,183 @@ def _shifted(plan: Plan, share: float, shown: int) -> tuple[Plan, Array]:
 
 
 def _by_coarser(record: Recording, few: bool = False) -> Estimate:
-    """The estimate from two coarser runs; where they do not tell, from a finer one.
+    """The estimate from two coarser runs; where one of DOUBTS holds, from a finer one.
 
     Where the first has parted and frames are `few`, runs with more of them will tell.
     """
     record.plan = plan = _effective(record.plan)
-    steps = record.steps.counters["steps"]
-    if plan.tolerance is None and plan.contacts is not None and not plan.impulses:
-        found = _by_tolerance(record, DOPRI5)
-        if found is not None:
+    steps = int(record.steps.counters["steps"])
+    for method in _by_tolerances(record):
+        if (found := _by_tolerance(record, method)) is not None:
             return found
-    if record.steps.divided and (found := _by_tolerance(record, plan.method)) is not None:
-        return found  # some steps followed a tolerance: no order promises a ratio
-    if _cut(plan, int(steps)):
+    if _cut(plan, steps):
         return _by_finer(record, again=plan.step is None and plan.method.order <= 2)
-    factor = 3 if plan.method.order <= 2 else 2
-    wider = _coarser(plan, factor)
-    most = MORE * int(steps) + COMPARED  # what blows up between contacts takes ever narrower ones
-    coarse = record.again(wider, most) if wider is not None else None
-    if coarse is not None and not coarse.ended.ok:
-        if any(text.startswith((FAST, STIFF)) for text in plan.notices):
-            return Estimate(why=FAILS)
-        coarse = None
-    if wider is None or coarse is None:
+    wider = _coarser(plan, _factor(plan))
+    if wider is None:
         return _by_finer(record)
-    if _frames_end(coarse):
+    most = MORE * steps + COMPARED  # what blows up between contacts takes ever narrower ones
+    coarse = record.again(wider, most)
+    if not coarse.ended.ok and any(text.startswith((FAST, STIFF)) for text in plan.notices):
+        return Estimate(why=FAILS)
+    if not coarse.ended.ok or _frames_end(coarse):
         return _by_finer(record)
-    near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
+    runs = _Coarser(record, coarse)
+    near = runs.near
     if few and near.share[-1] >= 1.0 and not plan.contact_points:
         before = int(np.searchsorted(near.share, 1.0)) - 1
         return _known_until(near, near.largest, max(before, 0), 0.0)
     if not _wide(coarse, record):
         erratic = _compliant(plan) or _grows(near) or near.share[-1] >= 1.0
-        return _by_finer(record, (near, ratio) if erratic else None)
-    if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
-        return _by_finer(record, (near, ratio))
-    uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
-    widest = None if uneven else _coarser(wider, factor)
-    wide = record.again(widest) if widest is not None else None
-    if wide is not None and not wide.ended.ok:  # wider steps are beyond what the order holds for
-        return _by_finer(record, (near, ratio))
-    if _imbalance(coarse) < UNEVEN * ratio * _imbalance(record):  # of energies, another witness
-        return _by_finer(record, (near, ratio))
-    far, promised, held = None, np.nan, 1.0
-    if wide is not None and widest is not None and _wide(wide, coarse):
-        far = _apart(coarse, wide, widest.times)
-        promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
-        seen = _seen(near, far)
-        held = seen / promised if seen == seen else float(near.largest[-1] == 0.0)
-    shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
-    part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
-    if plan.step and any(np.any(body.friction) for body in record.mech.model.bodies):
-        part = min(part, AT_REST)  # which may set in within a step, as a jump does
-    errors = near.largest / part + _rounding(record, near)
-    parted = _parted(near, far, promised)
-    chosen = not (plan.step or plan.contact_points)
-    if (chosen and held > UNLIKELY) or (_may_jump(record) and _off(held)):
-        return _by_finer(record, (near, ratio))
-    if parted == len(errors):
-        # where motion is chaotic, chance decides how much larger the error of a coarser run is
-        far_off = far is None or far.share[-1] >= 1.0
-        erratic = chosen and (far_off or _growth(near, parted) > 0.0)
-        lawless = held < DOUBTED or (far is not None and far_off)  # chance may make both alike
-        if not erratic and (not lawless or near.share[-1] * PARTED < VISIBLE):
-            return Estimate(float(errors[-1]), before=float(errors[-1]))
-        return _by_finer(record, (near, ratio))
-    last, rate = max(parted - 1, 0), _rate(record, near, parted)
-    if not plan.contact_points and _can_be_finer(plan):
-        return _by_finer(record, (near, ratio))
-    return _known_until(near, errors, last, rate)
+        return _by_finer(record, runs if erratic else None)
+    if any(doubted(runs) for doubted in DOUBTS):
+        return _by_finer(record, runs)
+    return runs.estimate
+
+
+def _by_tolerances(record: Recording) -> Iterator[Method]:
+    """The methods whose tight run is asked first, since the order of given steps promises nothing.
+
+    Through soft and penalty contacts, wider steps would be the same inside them; a step that was
+    divided followed a tolerance.
+    """
+    plan = record.plan
+    if plan.tolerance is None and plan.contacts is not None and not plan.impulses:
+        yield DOPRI5
+    if record.steps.divided:
+        yield plan.method
+
+
+def _factor(plan: RunPlan) -> int:
+    """How many times wider the steps of a coarser run are."""
+    return 3 if plan.method.order <= 2 else 2
+
+
+class _Coarser:
+    """A run and coarser ones of the same motion: how far they are apart, and what that is worth.
+
+    The second coarser run is made when it is first asked for.
+    """
+
+    def __init__(self, record: Recording, coarse: Recording):
+        self.record, self.coarse, self.plan = record, coarse, record.plan
+        self.near = _apart(record, coarse, coarse.plan.times)
+        self.ratio = _ratio(record, coarse)
+        self.chosen = not (self.plan.step or self.plan.contact_points)
+
+    @cached_property
+    def wide(self) -> Recording | None:
+        """The run at the widest steps; None where no two steps are alike, or they are too few."""
+        uneven = len(self.plan.kinks) > 0 or len(self.plan.contact_points) > 0
+        widest = None if uneven else _coarser(self.coarse.plan, _factor(self.plan))
+        return None if widest is None else self.record.again(widest)
+
+    @cached_property
+    def far(self) -> _Apart | None:
+        """How far the two coarser runs are apart."""
+        if self.wide is None or not _wide(self.wide, self.coarse):
+            return None
+        return _apart(self.coarse, self.wide, self.wide.plan.times)
+
+    @cached_property
+    def promised(self) -> float:
+        """How many times farther the order promises the coarser pair to be apart; nan: nothing."""
+        if self.wide is None or self.far is None:
+            return np.nan
+        return (_ratio(self.record, self.wide) - self.ratio) / (self.ratio - 1.0)
+
+    @cached_property
+    def held(self) -> float:
+        """What the runs are apart over what the order promises."""
+        if self.far is None:
+            return 1.0
+        seen = _seen(self.near, self.far)
+        return seen / self.promised if seen == seen else float(self.near.largest[-1] == 0.0)
+
+    @cached_property
+    def errors(self) -> Array:
+        """(n,) of q until the times at which the first two are compared."""
+        plan, held = self.plan, self.held
+        shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
+        part = max((self.ratio - 1.0) * shrunk, LEAST_DIVISOR)
+        if plan.step and any(np.any(body.friction) for body in self.record.mech.model.bodies):
+            part = min(part, AT_REST)  # which may set in within a step, as a jump does
+        return self.near.largest / part + _rounding(self.record, self.near)
+
+    @cached_property
+    def parted(self) -> int:
+        """Number of the first time at which the runs have parted; how many if they have not."""
+        return _parted(self.near, self.far, self.promised)
+
+    @property
+    def estimate(self) -> Estimate:
+        """What the runs tell: the error at the end, or until they part."""
+        if self.parted == len(self.errors):
+            return Estimate(float(self.errors[-1]), before=float(self.errors[-1]))
+        rate = _rate(self.record, self.near, self.parted)
+        return _known_until(self.near, self.errors, max(self.parted - 1, 0), rate)
+
+
+# -- doubts: whether a run at narrower steps has to tell the error -------------------------------
+
+
+def _few_steps(runs: _Coarser) -> bool:
+    """A coarser run has so few steps that a finer one costs little."""
+    return runs.record.steps.counters["steps"] < FEW * _factor(runs.plan)
+
+
+def _unresolved(runs: _Coarser) -> bool:
+    """Given steps, made wider, miss a transient."""
+    return bool(runs.plan.step) and _settles(runs.near, _width(runs.coarse.plan))
+
+
+def _beyond_order(runs: _Coarser) -> bool:
+    """The widest steps fail: they are beyond what the order holds for."""
+    return runs.wide is not None and not runs.wide.ended.ok
+
+
+def _unbalanced(runs: _Coarser) -> bool:
+    """The errors of energies, another witness, do not grow with the step."""
+    return _imbalance(runs.coarse) < UNEVEN * runs.ratio * _imbalance(runs.record)
+
+
+def _by_chance(runs: _Coarser) -> bool:
+    """Runs at chosen steps are so near to each other that it may be chance."""
+    return runs.chosen and runs.held > UNLIKELY
+
+
+def _jumped(runs: _Coarser) -> bool:
+    """A function's torques may jump within steps, and the ratio is not what the order promises."""
+    return _may_jump(runs.record) and _off(runs.held)
+
+
+def _lawless(runs: _Coarser) -> bool:
+    """Runs that stay together differ by another ratio, or grow apart as chaotic ones do.
+
+    Where motion is chaotic, chance decides how much larger the error of a coarser run is; where
+    the coarser pair has parted, it may make both alike.
+    """
+    near, far = runs.near, runs.far
+    if runs.parted < len(near.t):
+        return False
+    if runs.chosen and (far is None or far.share[-1] >= 1.0 or _growth(near, runs.parted) > 0.0):
+        return True
+    lawless = runs.held < DOUBTED or (far is not None and far.share[-1] >= 1.0)
+    return lawless and not near.share[-1] * PARTED < VISIBLE
+
+
+def _parts(runs: _Coarser) -> bool:
+    """The runs part, and narrower steps may do so later."""
+    parts = runs.parted < len(runs.near.t)
+    return parts and not runs.plan.contact_points and _can_be_finer(runs.plan)
+
+
+# Asked in this order: the later ones cost more, or take the earlier ones as settled.
+DOUBTS: tuple[Callable[[_Coarser], bool], ...] = (
+    _few_steps, _unresolved, _beyond_order, _unbalanced, _by_chance, _jumped, _lawless, _parts,
+)  # fmt: skip
+
+
+# -- other runs ----------------------------------------------------------------------------------
 
 
 def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
@@ -309,11 +418,10 @@ def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
 
 
 def _by_finer(
-    record: Recording, coarser: tuple[_Apart, float] | None = None, *, again: bool = False
+    record: Recording, coarser: _Coarser | None = None, *, again: bool = False
 ) -> Estimate:
     """The estimate from a run at narrower steps: dearer, and right where errors are large too.
 
-    `coarser` is how far a coarser run is apart, and the ratio of errors that its steps promise.
     `again`: with one at narrower steps still, since two may agree by chance, hardly three.
     """
     plan = record.plan
@@ -328,19 +436,19 @@ def _by_finer(
     if ratio <= 1.0:
         return Estimate(why=FAILS)
     held, seen, promised = 1.0, ratio, ratio
-    if coarser is not None and apart.largest[-1] > 0.0 and coarser[0].share[-1] < 1.0:
-        promised = (coarser[1] - 1.0) / (1.0 - 1.0 / ratio)
-        seen = float(coarser[0].largest[-1]) / float(apart.largest[-1])
+    if coarser is not None and apart.largest[-1] > 0.0 and coarser.near.share[-1] < 1.0:
+        promised = (coarser.ratio - 1.0) / (1.0 - 1.0 / ratio)
+        seen = float(coarser.near.largest[-1]) / float(apart.largest[-1])
         held = min(seen / promised, 1.0)
     part = max(1.0 - 1.0 / max(ratio * held, 1.0), LEAST_DIVISOR)
     errors = apart.largest / part + _rounding(record, apart)
-    chance = coarser is not None and (_compliant(plan) or _grows(coarser[0]))
+    chance = coarser is not None and (_compliant(plan) or _grows(coarser.near))
     if chance and coarser is not None:
         # where forces set in within steps, or motion is chaotic, two runs may agree by chance
-        errors *= max(1.0, coarser[0].largest[-1] / coarser[1] / max(errors[-1], TINY))
+        errors *= max(1.0, coarser.near.largest[-1] / coarser.ratio / max(errors[-1], TINY))
     if coarser is not None and _may_jump(record) and _off(seen / promised):
-        errors *= max(1.0, HALF * coarser[0].largest[-1] / max(errors[-1], TINY))
-    beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
+        errors *= max(1.0, HALF * coarser.near.largest[-1] / max(errors[-1], TINY))
+    beyond = coarser is not None and coarser.near.share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     chosen = not (plan.step or plan.contact_points)
     again = again or (beyond and chosen and parted == len(errors))
@@ -410,7 +518,7 @@ def _ratio(fine: Recording, coarse: Recording) -> float:
 
 
 @lru_cache(maxsize=32)
-def _width(plan: Plan) -> float:
+def _width(plan: RunPlan) -> float:
     """Mean width of fixed steps [s]; those without dense output end at frames."""
     span = float(plan.times[-1] - plan.times[0])
     given = plan.tolerance
@@ -421,12 +529,12 @@ def _width(plan: Plan) -> float:
     return span / float(np.ceil(np.diff(plan.times) / given.widest - 1e-9).sum())
 
 
-def _dense(plan: Plan) -> bool:
+def _dense(plan: RunPlan) -> bool:
     """Whether frames lie within steps."""
     return len(plan.method.tableau.dense) > 0
 
 
-def _compliant(plan: Plan) -> bool:
+def _compliant(plan: RunPlan) -> bool:
     """Whether soft or penalty contacts may act."""
     return plan.contacts is not None and plan.contacts.compliant
 
@@ -669,7 +777,7 @@ def _late(record: Recording, size: float, closed: float) -> float:
 # -- the runs ------------------------------------------------------------------------------------
 
 
-def _until(plan: Plan, end: float) -> Plan:
+def _until(plan: RunPlan, end: float) -> RunPlan:
     """The part of a plan before a time."""
     count = int(np.searchsorted(plan.times, end))
     return replace(
@@ -688,7 +796,7 @@ def _wide(coarse: Recording, fine: Recording) -> bool:
 
 
 @lru_cache(maxsize=32)
-def _effective(plan: Plan) -> Plan:
+def _effective(plan: RunPlan) -> RunPlan:
     """The same run, its fixed steps no wider than those between times that end them."""
     given = plan.tolerance
     if given is None or not given.fixed:
@@ -703,7 +811,7 @@ def _effective(plan: Plan) -> Plan:
     )
 
 
-def _cut(plan: Plan, steps: int) -> bool:
+def _cut(plan: RunPlan, steps: int) -> bool:
     """Whether frames or corners end so many steps that a coarser run would share them."""
     given = plan.tolerance
     if given is None:
@@ -713,7 +821,7 @@ def _cut(plan: Plan, steps: int) -> bool:
     return not _dense(plan) and steps < SHARED * len(plan.times)
 
 
-def _ends(plan: Plan) -> Array:
+def _ends(plan: RunPlan) -> Array:
     """Times at which steps of the run must end."""
     given = plan.tolerance
     bends = NO_TIMES if given is None else given.corners
@@ -730,14 +838,14 @@ def _frames_end(record: Recording) -> bool:
     return bool(record.steps.control["width"] > plan.times[-1] - plan.times[-2])
 
 
-def _can_be_finer(plan: Plan) -> bool:
+def _can_be_finer(plan: RunPlan) -> bool:
     """Whether a tolerance can be notably tighter than the plan's."""
     given = plan.tolerance
     return given is None or given.fixed or given.rtol > FINER * LEAST_RTOL
 
 
 @lru_cache(maxsize=32)
-def _coarser(plan: Plan, factor: int) -> Plan | None:
+def _coarser(plan: RunPlan, factor: int) -> RunPlan | None:
     """The same run at `factor` times wider steps, or LOOSER tolerances; None for too few steps."""
     count, given = len(plan.times), plan.tolerance
     cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
@@ -760,7 +868,7 @@ def _coarser(plan: Plan, factor: int) -> Plan | None:
     return replace(plan, times=plan.times[np.union1d(few, cuts)], tolerance=changed)
 
 
-def _joined(plan: Plan, factor: int, cuts: NDArray[np.intp]) -> Plan:
+def _joined(plan: RunPlan, factor: int, cuts: NDArray[np.intp]) -> RunPlan:
     """Fixed steps of `factor` times the width, frames at FRAMES of the plan's times at most.
 
     Times at `cuts` are kept. Frames are joined until they hold whole wide steps.
@@ -778,7 +886,7 @@ def _joined(plan: Plan, factor: int, cuts: NDArray[np.intp]) -> Plan:
 
 
 @lru_cache(maxsize=32)
-def _narrowed(plan: Plan) -> Plan:
+def _narrowed(plan: RunPlan) -> RunPlan:
     """The same run at half the step, or at a tighter tolerance."""
     given = plan.tolerance
     if given is None:
@@ -793,7 +901,7 @@ def _narrowed(plan: Plan) -> Plan:
     return replace(plan, tolerance=tighter)
 
 
-def _with_frames(plan: Plan) -> Plan:
+def _with_frames(plan: RunPlan) -> RunPlan:
     """The same steps with at least COMPARED frames, where there are so many steps."""
     parts = -(-(COMPARED - 1) // max(len(plan.times) - 1, 1))
     given = plan.tolerance
@@ -811,7 +919,7 @@ def _with_frames(plan: Plan) -> Plan:
     return replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps)
 
 
-def _onto_corners(plan: Plan) -> Plan:
+def _onto_corners(plan: RunPlan) -> RunPlan:
     """The same run at fixed steps that end at all corners of tables too."""
     inside = np.searchsorted(plan.times, plan.knots) - 1
     near = plan.times[np.stack([inside, inside + 1])]

@@ -24,7 +24,7 @@ from ..mechanism import Mechanism
 from ..model import Body, Contact, Model
 from ..model.fields import GROUND
 from ..packing import Array, Drives, Ints, Loads, System, point_in_row
-from ..packing.constraints import Blocks
+from ..packing.constraints import Blocks, block_arrays
 from ..rotation import matrix, normals_of
 from ..topology import Topology
 
@@ -133,7 +133,7 @@ def with_points(
     points["normal"], points["slip_direction"] = frame[:2]
     for n, p in enumerate(declared):
         number = topology.number(p.body)
-        row = int(packed.bodies_i[number, at.ROW])
+        row = packed.row_of(number)
         start = len(rows_i)
         if p.limit is not None:
             rows_i.append(np.array([at.T_LIMIT, p.limit.row, 0, 1, len(terms_f), 1, 0, 0]))
@@ -157,10 +157,7 @@ def with_points(
     extended = Blocks(
         names,
         np.array(first, dtype=np.int64),
-        np.array(rows_i, dtype=np.int64).reshape(-1, at.BLOCK_I),
-        np.array(rows_f).reshape(-1, at.BLOCK_F),
-        np.array(terms_i, dtype=np.int64).reshape(-1, 2),
-        np.array(terms_f),
+        *block_arrays(rows_i, rows_f, terms_i, terms_f),
         blocks.curves,
     )
     return extended, points

@@ -21,7 +21,7 @@ from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
 from .options import FIXED_RTOL
-from .plan import Plan, keep
+from .plan import RunPlan, keep
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
@@ -38,7 +38,9 @@ TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps c
 class Steps:
     """The state of a run under way; `advance` takes it on."""
 
-    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, frames: tuple[Array, ...]):
+    def __init__(
+        self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
+    ):
         """At (q, v); states are recorded in `frames`."""
         method, nq, nv = plan.method, mech.nq, mech.nv
         self.plan, self.tolerance = plan, plan.tolerance
@@ -100,7 +102,7 @@ class Steps:
         self._words = control, counters, control.copy()  # numpy is slow at copies of records
         run.save_run(self._buffer, unnamed(self._kept))
 
-    def extend(self, plan: Plan, frames: tuple[Array, ...]) -> None:
+    def extend(self, plan: RunPlan, frames: tuple[Array, ...]) -> None:
         """Go on from here by the given steps of another plan, recorded in `frames`."""
         self.plan, n = plan, len(plan.times)
         self.control["frame"], self.control["last"] = 0, n
@@ -227,7 +229,7 @@ class Workplace:
     def __init__(self, scene: Scene):
         """No loop steps the scene yet."""
         self.scene = scene
-        self.loops: dict[Plan, tuple[Steps, Frames]] = {}
+        self.loops: dict[RunPlan, tuple[Steps, Frames]] = {}
         self.used: list[tuple[Steps, Frames]] = []  # by the run, and by those of its estimate
 
     def left(self) -> None:

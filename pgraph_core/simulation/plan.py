@@ -1,4 +1,4 @@
-"""Plan: forces and contacts of a run, its method and steps, and its recorded times.
+"""Plans: forces and contacts of a run, its method and steps, and its recorded times.
 
 Everything here but the automatic choice of a method depends on the mechanism and the options
 alone, so that a mechanism keeps its last plans: a short run costs little more than its steps.
@@ -83,7 +83,7 @@ NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class RunPlan:
     """A run, checked and complete but for its initial state."""
 
     method: Method
@@ -108,7 +108,7 @@ class Plan:
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
     tau: Any = None  # the controller of the scenario's gait
-    near: Plan | None = None  # the plan from where something comes near that may touch
+    near: RunPlan | None = None  # the plan from where something comes near that may touch
     declared: Tables | None = None  # contacts and limits that are left out until then
     refused: InputError | None = (
         None  # why the method asked for takes no contacts: another one does
@@ -133,7 +133,7 @@ class Plan:
         """Number of contact pairs and limits that are recorded."""
         return len(self.contacts.touches) + len(self.contacts.limits) if self.contacts else 0
 
-    def onward(self, before: Plan) -> Plan:
+    def onward(self, before: RunPlan) -> RunPlan:
         """This plan for a run that another one began, with its frames."""
         notices = tuple(dict.fromkeys((*before.notices, *self.notices)))
         onward = replace(self, times=before.times, shown=before.shown, notices=notices)
@@ -143,12 +143,12 @@ class Plan:
         return replace(onward, substeps=substeps, width=width)
 
 
-def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan:
+def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunPlan:
     """The plan of a run, kept by the mechanism for the next run with the same options.
 
     Raises InputError.
     """
-    kept: dict[Any, tuple[Plan, Any]] = mech.__dict__.setdefault("_plans", {})
+    kept: dict[Any, tuple[RunPlan, Any]] = mech.__dict__.setdefault("_plans", {})
     key: Any = (*options, *map(type, options), callable(tau), q is None, v is None)
     try:
         plan, state = kept.get(key, (None, None))
@@ -173,7 +173,7 @@ def keep(kept: dict[Any, T], key: Any, value: T) -> T:
     return value
 
 
-def with_contacts(plan: Plan) -> Plan:
+def with_contacts(plan: RunPlan) -> RunPlan:
     """The plan with contacts and limits in force from the start of a run. Raises InputError."""
     near = plan.near or plan
     if near.refused is not None:
@@ -192,7 +192,7 @@ def _bytes_of(x: Any) -> Any:
         return None  # refused where it is used
 
 
-def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Plan, bool]:
+def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[RunPlan, bool]:
     """(the plan, whether its method was chosen for the state). Raises InputError.
 
     Contacts and limits are left out as long as nothing comes near: the run is planned without them,
@@ -219,7 +219,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
 
 def _plan_with(
     mech: Mechanism, o: Options, tau: Any, q: Any, v: Any, contacts: Tables | None
-) -> tuple[Plan, bool]:
+) -> tuple[RunPlan, bool]:
     """The plan with these contacts and limits in force, and whether it is for the state."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     extra = o.checked_forces(mech)
@@ -271,7 +271,7 @@ def _what_acts(
     span: tuple[float, float],
     extra: tuple[Force, ...],
     contacts: Tables | None,
-) -> Plan:
+) -> RunPlan:
     """Forces, constraints and contacts of a plan, without a method and times."""
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     if o.inputs:
@@ -280,7 +280,7 @@ def _what_acts(
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
-    return Plan(
+    return RunPlan(
         RK4, NO_TIMES, mech.packed.drives(forces), mech.packed.loads(forces), active,
         contacts=contacts, changes=changes, conditions=conditions_of(mech, switches, contacts),
         length=mech.packed.length,
@@ -288,8 +288,8 @@ def _what_acts(
 
 
 def _with_method(
-    mech: Mechanism, plan: Plan, rate: _Rate, o: Options, given: Scenario | None
-) -> tuple[Plan, Options, str]:
+    mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None
+) -> tuple[RunPlan, Options, str]:
     """(the plan with its method, the options for it, why this method).
 
     Contacts that the method asked for does not take are stepped by "moreau_jean"; the plan holds
@@ -316,8 +316,8 @@ def _with_method(
 
 
 def _with_times(
-    mech: Mechanism, plan: Plan, o: Options, given: Scenario | None, span: tuple[float, float]
-) -> Plan:
+    mech: Mechanism, plan: RunPlan, o: Options, given: Scenario | None, span: tuple[float, float]
+) -> RunPlan:
     """The plan with its recorded times, and its steps or tolerance."""
     usual, changes = given.step if given else 1e-3, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
@@ -539,7 +539,7 @@ def _event_driven(
 class _Rate:
     """The fastest rate of the motion at the start, computed when first asked for."""
 
-    def __init__(self, mech: Mechanism, plan: Plan, span: float, *, known: bool):
+    def __init__(self, mech: Mechanism, plan: RunPlan, span: float, *, known: bool):
         self.mech, self.plan, self.span, self.known = mech, plan, span, known
         self.found: float | None = None
 
@@ -609,7 +609,7 @@ def _fastest_swings(
     return bool(abs(largest.imag) > abs(largest.real))
 
 
-def _given_step(plan: Plan, given: Scenario | None, o: Options) -> Any:
+def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     """The step asked for, or the one that penalty contacts need where nothing is given."""
     contacts = plan.contacts
     asked = given is not None or o.step is not None or o.rtol is not None
@@ -619,7 +619,7 @@ def _given_step(plan: Plan, given: Scenario | None, o: Options) -> Any:
 
 
 def _method(
-    rate: _Rate, plan: Plan, name: str, o: Options, step: float | None
+    rate: _Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
     """(method, why): the one called `name`, or for "auto" the one that suits. Raises InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
@@ -711,7 +711,7 @@ def _corners_inside(bends: Array, times: Array, width: Array) -> Array:
 # -- notices -------------------------------------------------------------------------------------
 
 
-def _stiff(plan: Plan, rate: _Rate) -> list[str]:
+def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
     """A notice where fixed steps are too wide for an explicit method."""
     step, limit = plan.step, plan.method.limit
     if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:
@@ -729,7 +729,7 @@ def _stiff(plan: Plan, rate: _Rate) -> list[str]:
     return [f"{STIFF} lambda*dt = {x:.3g}, stable for dt < {widest:.3g} s; try radau5"]
 
 
-def _hard(plan: Plan) -> list[str]:
+def _hard(plan: RunPlan) -> list[str]:
     """A notice where fixed steps are too wide for the stiffness or friction of contacts."""
     rate = plan.contacts.rate if plan.contacts is not None else 0.0
     if plan.step is None or plan.method.implicit or rate * plan.step <= 1.0:
@@ -741,7 +741,7 @@ def _hard(plan: Plan) -> list[str]:
     ]
 
 
-def _filled(plan: Plan) -> list[str]:
+def _filled(plan: RunPlan) -> list[str]:
     """A notice where meshes touch by convex hulls that are much larger than they are."""
     if plan.contacts is None or not plan.contacts.hulls:
         return []
@@ -755,7 +755,7 @@ def _filled(plan: Plan) -> list[str]:
     ]
 
 
-def _bent(plan: Plan) -> list[str]:
+def _bent(plan: RunPlan) -> list[str]:
     """A notice where tables bend inside fixed steps, which takes a high order, or is missed."""
     count = len(plan.kinks)
     if count == 0:

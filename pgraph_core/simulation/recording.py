@@ -29,7 +29,7 @@ from ..result import Result, Status
 from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
-from .plan import Plan, with_contacts
+from .plan import RunPlan, with_contacts
 from .switches import Change, Condition, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Recording:
     met = ""  # how the run went until something came near
 
     def __init__(
-        self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any,
+        self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
         monitors: Sequence[Monitor] = (), place: Workplace | None = None,
     ):  # fmt: skip
         """Nothing is computed yet. Raises InputError if `tau` does not fit.
@@ -228,7 +228,7 @@ class Recording:
                 self._note_rest()
             self._note_pulses()
 
-    def again(self, plan: Plan, most: int | None = None) -> Recording:
+    def again(self, plan: RunPlan, most: int | None = None) -> Recording:
         """The same motion by another plan, to its end or in `most` steps, to compare with.
 
         Raises InputError where contacts that come near do not fit the plan's method.
@@ -699,7 +699,7 @@ class Recording:
             contacts = self.events.record(contacts, (q, v, vdot), rows)
             counters |= self.events.tally
             timing["events"] = self.events.seconds
-        header = {**self.plan.header, "model_hash": self.mech.model.hash}
+        header = {**self.plan.header, "model_hash": self.mech.packed.model.hash}
         header = {**header, "error_known": (estimate.until, estimate.before)}
         if self.met:
             header["began"] = self.met

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.scene import contact_tables
-from ..errors import choices, refusal
+from ..errors import choices, no_method, refusal
 from ..integrators import METHODS, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Scenario
@@ -115,8 +115,7 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
         raise refusal(call, "methods", f"give at least one of {choices(METHODS)}")
     for name in names:
         if name == "auto" or name not in METHODS:
-            text = f"no method is called {name!r}; choose from {choices(METHODS)}"
-            raise refusal(call, "methods", text)
+            raise refusal(call, "methods", no_method(name, METHODS))
         method_of(name, impulses=impulses and suited)
     return tuple(dict.fromkeys(names))
 

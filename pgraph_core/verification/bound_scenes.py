@@ -25,7 +25,7 @@ from ..model import (
     When,
 )
 from ..packing import Array
-from .scene import INTEGRATED, NONE, Rng, Scene, integrated, numbers, scale, without_gravity
+from .scene import INTEGRATED, NONE, KnownRun, Rng, integrated, numbers, scale, without_gravity
 
 FIXED: tuple[dict[str, Any], ...] = (
     {"method": "dopri5", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-10},
@@ -33,7 +33,7 @@ FIXED: tuple[dict[str, Any], ...] = (
 )  # fmt: skip
 
 
-def slider_crank(rng: Rng) -> Scene:
+def slider_crank(rng: Rng) -> KnownRun:
     """A crank that turns, its rod on a line: one degree of freedom, by its energy."""
     r, m, g = scale(rng, 1e-6, 1e6), scale(rng, 1e-9, 1e9), float(rng.choice([0.0, 10.0]))
     g = g * r
@@ -76,12 +76,12 @@ def slider_crank(rng: Rng) -> Scene:
     line = Line(name="line", body="rod", other_point=(0, 0, 0), other_axis=(1, 0, 0))
     model = Model(bodies=(crank, arm), constraints=(line,), gravity=(0, -g, 0))
     what = numbers(r=r, m=m, rod=rod / r, g=g, q=angle, spin=spin)
-    return Scene(
+    return KnownRun(
         "slider-crank", what, model, scale(rng, 0.1, 3.0), known, FIXED, INTEGRATED
     )  # fmt: skip
 
 
-def rolling(rng: Rng) -> Scene:
+def rolling(rng: Rng) -> KnownRun:
     """A ball that rolls on a slope without slip."""
     r, m, g = scale(rng, 1e-6, 1e6), scale(rng, 1e-9, 1e9), scale(rng, 1e-2, 1e2)
     way, slope = float(rng.uniform(0, 2 * np.pi)), float(rng.uniform(0, 1.4))
@@ -109,10 +109,10 @@ def rolling(rng: Rng) -> Scene:
         return q
 
     what = numbers(r=r, m=m, g=r * g, slope=slope, v=speed, far=float(np.hypot(*place)))
-    return Scene("rolling", what, model, scale(rng, 0.1, 10.0), known, FIXED)
+    return KnownRun("rolling", what, model, scale(rng, 0.1, 10.0), known, FIXED)
 
 
-def skate(rng: Rng) -> Scene:
+def skate(rng: Rng) -> KnownRun:
     """A skate on a slope: a cycloid."""
     m, g, size = scale(rng, 1e-9, 1e9), scale(rng, 1e-2, 1e2), scale(rng, 1e-6, 1e6)
     spin, v0 = float(rng.choice([-1, 1])) * scale(rng, 0.1, 20), float(rng.uniform(-3, 3))
@@ -129,10 +129,10 @@ def skate(rng: Rng) -> Scene:
         return np.column_stack((x, y, angle))
 
     span = min(scale(rng, 0.1, 10.0), 100 / abs(spin))
-    return Scene("skate", numbers(m=m, g=g, v=v0, spin=spin), model, span, known, FIXED)
+    return KnownRun("skate", numbers(m=m, g=g, v=v0, spin=spin), model, span, known, FIXED)
 
 
-def gear(rng: Rng) -> Scene:
+def gear(rng: Rng) -> KnownRun:
     """Two rotors, geared, one with a motor and the other on a spring."""
     one, two = scale(rng, 1e-6, 1e6), scale(rng, 1e-6, 1e6)
     ratio = float(rng.choice([-1, 1])) * scale(rng, 1e-3, 1e3)
@@ -152,10 +152,10 @@ def gear(rng: Rng) -> Scene:
         return np.column_stack((a, ratio * a + offset))
 
     what = numbers(one=one, two=two, ratio=ratio, w=w, push=push)
-    return Scene("gear", what, model, scale(rng, 0.1, 30.0) / w, known, FIXED)
+    return KnownRun("gear", what, model, scale(rng, 0.1, 30.0) / w, known, FIXED)
 
 
-def driven(rng: Rng) -> Scene:
+def driven(rng: Rng) -> KnownRun:
     """A pendulum whose support follows a sine, a polynomial, or a spline through a table."""
     from scipy.interpolate import CubicSpline
 
@@ -199,10 +199,10 @@ def driven(rng: Rng) -> Scene:
         return np.column_stack((support(t, 0), q))
 
     what = f"{kind}, {numbers(l=length, m=m, x=size, q=angle)}"
-    return Scene("driven", what, model, total, known, FIXED, INTEGRATED)
+    return KnownRun("driven", what, model, total, known, FIXED, INTEGRATED)
 
 
-def servo(rng: Rng) -> Scene:
+def servo(rng: Rng) -> KnownRun:
     """A servo that follows a target through knots, stiff or soft."""
     from scipy.linalg import expm
 
@@ -237,10 +237,10 @@ def servo(rng: Rng) -> Scene:
         return found[:, None]
 
     what = numbers(m=m, w=w, zeta=zeta, knots=len(knots), size=size)
-    return Scene("servo", what, model, total, known)
+    return KnownRun("servo", what, model, total, known)
 
 
-def clutch(rng: Rng) -> Scene:
+def clutch(rng: Rng) -> KnownRun:
     """Two rotors under motors that are coupled for a while, at times or by where they are."""
     one, two = scale(rng, 1e-3, 1e3), scale(rng, 1e-3, 1e3)
     v, push = rng.normal(size=2), rng.normal(size=2)
@@ -283,10 +283,10 @@ def clutch(rng: Rng) -> Scene:
         return q
 
     what = numbers(one=one, two=two, on=on, off=off) + (", waits" if waits else "")
-    return Scene("clutch", what, model, total, known, FIXED, given={"switches": switches})
+    return KnownRun("clutch", what, model, total, known, FIXED, given={"switches": switches})
 
 
-FAMILIES: dict[str, Callable[[Rng], Scene]] = {
+FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {
     "slider-crank": slider_crank, "rolling": rolling, "skate": skate, "gear": gear,
     "driven": driven, "servo": servo, "clutch": clutch,
 }  # fmt: skip

@@ -20,8 +20,7 @@ from ..result import Result
 from ..result.dense import TOO_WIDE
 from ..simulation import simulate
 from . import bound_scenes, smooth_scenes, touching_scenes
-from .scene import Rng
-from .scene import Scene as Scene
+from .scene import KnownRun, Rng
 
 FRAMES = 101
 HONEST = 10.0  # times the error estimate: an error within it was said
@@ -29,7 +28,7 @@ MOST = 300_000  # steps of a run: more take minutes
 FINEST = {"method": "dop853", "rtol": 1e-13}
 
 
-FAMILIES: dict[str, Callable[[Rng], Scene]] = {
+FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {
     **smooth_scenes.FAMILIES,
     **bound_scenes.FAMILIES,
     **touching_scenes.FAMILIES,
@@ -37,7 +36,7 @@ FAMILIES: dict[str, Callable[[Rng], Scene]] = {
 SMOOTH = frozenset({*smooth_scenes.FAMILIES, *bound_scenes.FAMILIES})
 
 
-def scenes(count: int, seed: int, first: int = 0) -> Iterator[Scene]:
+def scenes(count: int, seed: int, first: int = 0) -> Iterator[KnownRun]:
     """`count` scenes from number `first` on, the families in turn.
 
     A scene depends on the seed and its number only.
@@ -50,7 +49,7 @@ def scenes(count: int, seed: int, first: int = 0) -> Iterator[Scene]:
 class Find(NamedTuple):
     """One run of the hunt."""
 
-    scene: Scene
+    scene: KnownRun
     setting: dict[str, Any]
     verdict: str  # "right", "told", "silent", "refused", "unjudged"
     error: float  # true largest error of q over the motion's size
@@ -68,7 +67,7 @@ def hunt(
         yield from judged(scene, np.random.default_rng([seed, k, 1]))
 
 
-def judged(scene: Scene, rng: np.random.Generator) -> Iterator[Find]:
+def judged(scene: KnownRun, rng: np.random.Generator) -> Iterator[Find]:
     """The runs of one scene: the default, and two of the other settings."""
     others = rng.choice(len(scene.others), size=min(2, len(scene.others)), replace=False)
     mech = Mechanism(scene.model)
@@ -77,7 +76,7 @@ def judged(scene: Scene, rng: np.random.Generator) -> Iterator[Find]:
         yield _run(mech, scene, dict(setting), known)
 
 
-def finest(mech: Mechanism, scene: Scene) -> Callable[[Array], Array]:
+def finest(mech: Mechanism, scene: KnownRun) -> Callable[[Array], Array]:
     """A far finer run as the motion; nan where there is none, or it does not know its own error."""
 
     def known(t: Array) -> Array:
@@ -90,7 +89,7 @@ def finest(mech: Mechanism, scene: Scene) -> Callable[[Array], Array]:
 
 
 def _run(
-    mech: Mechanism, scene: Scene, setting: dict[str, Any], known: Callable[[Array], Array]
+    mech: Mechanism, scene: KnownRun, setting: dict[str, Any], known: Callable[[Array], Array]
 ) -> Find:
     given = dict(setting)
     if "parts" in given:

@@ -30,7 +30,7 @@ SMOOTH: tuple[dict[str, Any], ...] = (
 TOUCHING: tuple[dict[str, Any], ...] = ({"rtol": 1e-8}, {"method": "rk4", "parts": 500})
 
 
-class Scene(NamedTuple):
+class KnownRun(NamedTuple):
     """A run whose motion is known."""
 
     family: str

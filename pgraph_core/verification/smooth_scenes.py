@@ -9,12 +9,12 @@ import numpy as np
 
 from ..model import Body, Force, Model, Motor, Servo, Spring, Table, Torsion, VectorTable, Wrench
 from ..packing import Array
-from .scene import NONE, Rng, Scene, numbers, scale, without_gravity
+from .scene import NONE, KnownRun, Rng, numbers, scale, without_gravity
 
 # -- one degree of freedom -----------------------------------------------------------------------
 
 
-def oscillator(rng: Rng) -> Scene:
+def oscillator(rng: Rng) -> KnownRun:
     """A slider or a hinge on its spring, from undamped to overdamped."""
     m, w, size = scale(rng, 1e-9, 1e9), scale(rng, 1e-4, 1e4), scale(rng, 1e-6, 1e3)
     zeta = float(rng.choice([0.0, 0.1, 0.9, 2.0, 30.0, scale(rng, 1e-3, 1e3)]))
@@ -38,12 +38,12 @@ def oscillator(rng: Rng) -> Scene:
         return (size * x)[:, None]
 
     span = scale(rng, 0.1, 30.0) / w
-    return Scene(
+    return KnownRun(
         "oscillator", numbers(m=m, w=w, zeta=zeta, x=size), without_gravity(body), span, known
     )
 
 
-def pendulum(rng: Rng) -> Scene:
+def pendulum(rng: Rng) -> KnownRun:
     """A point mass from rest, by elliptic functions."""
     from scipy.special import ellipj, ellipk
 
@@ -58,10 +58,10 @@ def pendulum(rng: Rng) -> Scene:
 
     span = scale(rng, 0.1, 20.0) / w
     model = Model(bodies=(body,), gravity=(0, 0, -g))
-    return Scene("pendulum", numbers(m=m, l=length, g=g, angle=angle), model, span, known)
+    return KnownRun("pendulum", numbers(m=m, l=length, g=g, angle=angle), model, span, known)
 
 
-def pulse(rng: Rng) -> Scene:
+def pulse(rng: Rng) -> KnownRun:
     """A motor that pushes for a short while: a table with four knots."""
     m, total, push = scale(rng, 1e-3, 1e3), scale(rng, 1e-2, 1e2), scale(rng, 1e-3, 1e3)
     wide, at, rise = scale(rng, 1e-4, 0.3), float(rng.uniform(0.1, 0.6)), 1e-6
@@ -76,10 +76,10 @@ def pulse(rng: Rng) -> Scene:
     def known(t: Array) -> Array:
         return _pushed(t, knots, np.array(table.value) / m)[:, None]
 
-    return Scene("pulse", numbers(m=m, t=total, wide=wide, at=at), model, total, known)
+    return KnownRun("pulse", numbers(m=m, t=total, wide=wide, at=at), model, total, known)
 
 
-def flight(rng: Rng) -> Scene:
+def flight(rng: Rng) -> KnownRun:
     """A free body thrown, which spins about a principal axis."""
     m, speed, spin = scale(rng, 1e-9, 1e9), scale(rng, 1e-6, 1e4), scale(rng, 1e-6, 1e3)
     size, g, span = scale(rng, 1e-6, 1e3), scale(rng, 1e-3, 1e3), scale(rng, 1e-2, 10.0)
@@ -98,10 +98,10 @@ def flight(rng: Rng) -> Scene:
 
     span = min(span, 300.0 / spin)
     model = Model(bodies=(body,), gravity=(0, 0, -g))
-    return Scene("flight", numbers(m=m, v=speed, spin=spin, r=size, g=g), model, span, known)
+    return KnownRun("flight", numbers(m=m, v=speed, spin=spin, r=size, g=g), model, span, known)
 
 
-def knots(rng: Rng) -> Scene:
+def knots(rng: Rng) -> KnownRun:
     """A body in space or on a slider under a force through many knots, near each other or far."""
     m, total, push = scale(rng, 1e-9, 1e9), scale(rng, 1e-3, 1e3), scale(rng, 1e-3, 1e3)
     steps = rng.exponential(size=int(rng.integers(2, 40)))
@@ -130,7 +130,7 @@ def knots(rng: Rng) -> Scene:
         return q
 
     what = numbers(m=m, t=total, push=push, knots=len(times))
-    return Scene("knots", what, model, total, known)
+    return KnownRun("knots", what, model, total, known)
 
 
 def _pushed(t: Array, knots: Array, a: Array) -> Array:
@@ -143,7 +143,7 @@ def _pushed(t: Array, knots: Array, a: Array) -> Array:
     return x[np.searchsorted(fine, t)]
 
 
-def coast(rng: Rng) -> Scene:
+def coast(rng: Rng) -> KnownRun:
     """A hinge or slider that its own friction brings to rest."""
     from scipy.optimize import brentq
 
@@ -172,7 +172,7 @@ def coast(rng: Rng) -> Scene:
 
     span = total * float(rng.uniform(0.3, 2.0))
     model = without_gravity(body)
-    return Scene("coast", numbers(m=m, v=v0, t=total), model, span, known, floor=1e-10)
+    return KnownRun("coast", numbers(m=m, v=v0, t=total), model, span, known, floor=1e-10)
 
 
 # -- several bodies, whose motion a far finer run knows --------------------------------------------
@@ -184,17 +184,17 @@ JOINTS = {
 FIXED_AXES = ("spherical", "universal", "planar", "compound")
 
 
-def tree(rng: Rng) -> Scene:
+def tree(rng: Rng) -> KnownRun:
     """A random tree of joints of all kinds, some of them damped, here or far from the origin."""
     count, size, m = int(rng.integers(1, 7)), scale(rng, 1e-6, 1e6), scale(rng, 1e-9, 1e9)
     far = size * (10.0 ** float(rng.integers(1, 6)) if rng.random() < 0.3 else 0.0)
     bodies = _bodies(rng, count, size, m, far)
     model = Model(bodies=bodies, gravity=(0, 0, -10 * size))
     what = numbers(n=count, l=size, m=m, far=far)
-    return Scene("tree", what, model, scale(rng, 0.1, 5.0), None)
+    return KnownRun("tree", what, model, scale(rng, 0.1, 5.0), None)
 
 
-def springs(rng: Rng) -> Scene:
+def springs(rng: Rng) -> KnownRun:
     """A random tree with springs, torsion springs and servos, some of them stiff."""
     count, size, m = int(rng.integers(2, 6)), scale(rng, 1e-3, 1e3), scale(rng, 1e-6, 1e6)
     bodies = _bodies(rng, count, size, m, 0.0)
@@ -217,7 +217,7 @@ def springs(rng: Rng) -> Scene:
             forces.append(Servo(name=f"f{i}", body=f"b{i}", kp=k * unit, kd=d * unit, target=0.1))
     model = Model(bodies=bodies, gravity=(0, 0, -10 * size), forces=tuple(forces))
     what = numbers(n=count, l=size, m=m) + f", {[f.kind for f in forces]}"
-    return Scene("springs", what, model, scale(rng, 0.1, 2.0), None)
+    return KnownRun("springs", what, model, scale(rng, 0.1, 2.0), None)
 
 
 def _bodies(rng: Rng, count: int, size: float, m: float, far: float) -> tuple[Body, ...]:
@@ -247,17 +247,17 @@ def _bodies(rng: Rng, count: int, size: float, m: float, far: float) -> tuple[Bo
     return tuple(found)
 
 
-def chaos(rng: Rng) -> Scene:
+def chaos(rng: Rng) -> KnownRun:
     """A double pendulum from anywhere, for long."""
     bodies = tuple(
         Body(name=f"b{i}", parent="ground" if i == 0 else "b0", axes=((0, 1, 0),), mass=1.0,
              inertia=NONE, com=(0, 0, -1), link=(0, 0, -i), q=(float(rng.uniform(-3, 3)),))
         for i in range(2)
     )  # fmt: skip
-    return Scene("chaos", "", Model(bodies=bodies), float(rng.uniform(2, 30)), None)
+    return KnownRun("chaos", "", Model(bodies=bodies), float(rng.uniform(2, 30)), None)
 
 
-FAMILIES: dict[str, Callable[[Rng], Scene]] = {
+FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {
     "oscillator": oscillator, "pendulum": pendulum, "pulse": pulse, "flight": flight,
     "knots": knots, "coast": coast, "tree": tree, "springs": springs, "chaos": chaos,
 }  # fmt: skip

@@ -15,8 +15,8 @@ from .scene import (
     NONE,
     SOLVED,
     TOUCHING,
+    KnownRun,
     Rng,
-    Scene,
     integrated,
     numbers,
     scale,
@@ -26,7 +26,7 @@ from .scene import (
 # -- contacts and limits -------------------------------------------------------------------------
 
 
-def bounce(rng: Rng) -> Scene:
+def bounce(rng: Rng) -> KnownRun:
     """A ball dropped on hard ground, or a slider on its limit."""
     r, m = scale(rng, 1e-9, 1e9), scale(rng, 1e-9, 1e9)
     g = r * scale(rng, 1e-1, 1e4)
@@ -58,10 +58,12 @@ def bounce(rng: Rng) -> Scene:
                 break
         return (r + x)[:, None]
 
-    return Scene("bounce", numbers(r=r, m=m, g=g, h=h, e=e), model, span, known, TOUCHING, SOLVED)
+    return KnownRun(
+        "bounce", numbers(r=r, m=m, g=g, h=h, e=e), model, span, known, TOUCHING, SOLVED
+    )
 
 
-def slide(rng: Rng) -> Scene:
+def slide(rng: Rng) -> KnownRun:
     """A block pushed over the ground until friction stops it, a ball until it rolls, or a block up
     an incline, where it stays or turns.
     """
@@ -99,13 +101,13 @@ def slide(rng: Rng) -> Scene:
         q[:, 3], q[:, 5] = np.cos(angle / 2), np.sin(angle / 2)
         return q
 
-    return Scene(
+    return KnownRun(
         "ball" if ball else "slide", numbers(m=m, g=g, mu=mu, r=r, v=v0), model, span, known,
         TOUCHING, SOLVED,
     )  # fmt: skip
 
 
-def turning(rng: Rng) -> Scene:
+def turning(rng: Rng) -> KnownRun:
     """A block thrown up an incline: it stops, and stays or slides down."""
     m, size = scale(rng, 1e-6, 1e6), scale(rng, 1e-6, 1e6)
     g, v0 = size * scale(rng, 1e-1, 1e2), size * scale(rng, 1.0, 1e2)
@@ -125,12 +127,12 @@ def turning(rng: Rng) -> Scene:
         return np.outer(x, way)
 
     span = v0 / up * scale(rng, 0.5, 200.0)  # it may turn in the first step
-    return Scene(
+    return KnownRun(
         "incline", numbers(m=m, g=g, mu=mu, v=v0, slope=slope), model, span, known, TOUCHING, SOLVED
     )
 
 
-def limits(rng: Rng) -> Scene:
+def limits(rng: Rng) -> KnownRun:
     """A slider or hinge that flies between its limits."""
     m, size = scale(rng, 1e-9, 1e9), scale(rng, 1e-9, 1e9)
     speed = size * scale(rng, 0.1, 1e3)
@@ -153,13 +155,13 @@ def limits(rng: Rng) -> Scene:
                 return x[:, None]
             place, begin, v = size * np.sign(v), ends, -e * v
 
-    return Scene(
+    return KnownRun(
         "limits", numbers(m=m, x=size, v=speed, e=e), without_gravity(body), span, known, TOUCHING,
         SOLVED,
     )  # fmt: skip
 
 
-def head_on(rng: Rng) -> Scene:
+def head_on(rng: Rng) -> KnownRun:
     """Two balls on one line that meet, a hard or a soft contact of them."""
     m1, m2 = scale(rng, 1e-3, 1e3), scale(rng, 1e-3, 1e3)
     r, e = scale(rng, 1e-6, 1e6), float(rng.uniform(0, 1))
@@ -185,13 +187,13 @@ def head_on(rng: Rng) -> Scene:
         return np.column_stack((v0 * before + (v0 - push / m1) * after, push / m2 * after))
 
     others = ({"parts": 300}, {"parts": 3000})
-    return Scene(
+    return KnownRun(
         "head on", numbers(m1=m1, m2=m2, r=r, v=v0, gap=gap, e=e), model, span, known, others,
         SOLVED,
     )  # fmt: skip
 
 
-def soft_meeting(rng: Rng) -> Scene:
+def soft_meeting(rng: Rng) -> KnownRun:
     """Two soft balls that meet without losses, and press each other in by up to a tenth.
 
     Hertz's law: in depths and times of the impact z'' = -1.25 z^1.5 [Hertz 1882].
@@ -234,7 +236,7 @@ def soft_meeting(rng: Rng) -> Scene:
 # -- several contacts ----------------------------------------------------------------------------
 
 
-def brick(rng: Rng) -> Scene:
+def brick(rng: Rng) -> KnownRun:
     """A flat box on a slope, pushed: it stays, slides to a stop, or slides on; near or far."""
     m, g, mu = scale(rng, 1e-9, 1e9), scale(rng, 1e-1, 1e2), scale(rng, 1e-2, 2.0)
     a = scale(rng, 1e-6, 1e4)
@@ -269,10 +271,10 @@ def brick(rng: Rng) -> Scene:
 
     what = numbers(m=m, a=a, high=high / a, g=g, mu=mu, tan=np.tan(slope) / mu, v=v0, far=away[0])
     others = ({"parts": 100}, {"rtol": 1e-8}, {"method": "dopri5", "rtol": 1e-5})
-    return Scene("brick", what, model, float(total), known, others, SOLVED)
+    return KnownRun("brick", what, model, float(total), known, others, SOLVED)
 
 
-def stack(rng: Rng) -> Scene:
+def stack(rng: Rng) -> KnownRun:
     """Boxes or balls on each other at rest."""
     count, a, m = int(rng.integers(2, 9)), scale(rng, 1e-4, 1e3), scale(rng, 1e-6, 1e6)
     ratio, away = float(rng.choice([1.0, 1.0, 0.1, 10.0])), scale(rng, 1e-3, 1e3)
@@ -302,12 +304,12 @@ def stack(rng: Rng) -> Scene:
 
     what = numbers(n=count, a=a, m=m, ratio=ratio, far=away) + (", boxes" if boxes else ", balls")
     others = ({"parts": 100}, {"parts": 1000})
-    return Scene(
+    return KnownRun(
         "stack", what, model, float(rng.uniform(0.2, 2.0)), known, others, SOLVED
     )  # fmt: skip
 
 
-def row(rng: Rng) -> Scene:
+def row(rng: Rng) -> KnownRun:
     """Balls on a line with gaps between them that hit each other, one after the other."""
     count, r = int(rng.integers(2, 7)), scale(rng, 1e-6, 1e6)
     v0 = r * scale(rng, 1.0, 1e4)
@@ -342,7 +344,7 @@ def row(rng: Rng) -> Scene:
 
     what = numbers(n=count, r=r, v=v0, e=e, hits=len(hits))
     others = ({"parts": 300}, {"parts": 3000})
-    return Scene("row", what, model, span, known, others, SOLVED)
+    return KnownRun("row", what, model, span, known, others, SOLVED)
 
 
 def _hits(m: Array, v: Array, gaps: Array, e: float, span: float) -> list[tuple[float, Array]]:
@@ -366,7 +368,7 @@ def _hits(m: Array, v: Array, gaps: Array, e: float, span: float) -> list[tuple[
     return found
 
 
-FAMILIES: dict[str, Callable[[Rng], Scene]] = {
+FAMILIES: dict[str, Callable[[Rng], KnownRun]] = {
     "bounce": bounce, "slide": slide, "limits": limits, "head on": head_on,
     "soft meeting": soft_meeting, "brick": brick, "stack": stack, "row": row,
 }  # fmt: skip

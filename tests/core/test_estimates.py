@@ -13,7 +13,7 @@ import pgraph_models
 from pgraph_core.dynamics.states import differences
 from pgraph_core.integrators import METHODS
 from pgraph_core.simulation.estimate import SHIFTS, _shifted
-from pgraph_core.simulation.plan import Plan
+from pgraph_core.simulation.plan import RunPlan
 from pgraph_core.simulation.recording import Recording
 from pgraph_core.verification.hunt import scenes
 from pgraph_core.verification.scene import integrated
@@ -276,7 +276,7 @@ def test_the_step_in_which_sliding_turns_is_in_the_estimate(v0, options):
 def test_runs_whose_steps_are_shifted_have_no_step_of_rounding(rate, frames):
     """The end of one step and the start of the next one may differ by rounding: they are one."""
     times, nothing = np.arange(frames) / rate, cast(Any, None)
-    plan = Plan(
+    plan = RunPlan(
         METHODS["semi_implicit_euler"], times, nothing, nothing, nothing,
         substeps=np.ones(frames - 1, int), width=np.diff(times),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from pgraph_core.integrators import DOP853
 from pgraph_core.packing.forces import NO_LOADS
 from pgraph_core.simulation.loop import links_of
 from pgraph_core.simulation.options import Tolerance, frame_times
-from pgraph_core.simulation.plan import Plan
+from pgraph_core.simulation.plan import RunPlan
 from pgraph_core.simulation.recording import Recording
 
 from .test_cases import DOWN, case, mass, place, rod, worst
@@ -341,7 +341,7 @@ def watched(mech, q, rtol, wanted=0):
     none = np.zeros(0, dtype=np.int64)
     times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
-    plan = Plan(
+    plan = RunPlan(
         method, times, drives, NO_LOADS, none, tolerance=tolerance, length=mech.packed.length
     )
     record = Recording(mech, plan, q, np.zeros(mech.nv), None)

@@ -312,7 +312,7 @@ def test_no_threshold_has_a_unit(name):
         ({"methods": ()}, "stability_map, methods: give at least one of semi_implicit_euler, "),
         (
             {"methods": ["rk5"]},
-            "stability_map, methods: no method is called 'rk5'; choose from semi_implicit_euler, ",
+            "stability_map, methods: no method is called 'rk5'; choose one of semi_implicit_",
         ),
         (
             {"axis": "friction"},
