@@ -23,7 +23,7 @@ import numpy as np
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.study.axes import AXES
-from pgraph_core.study.errors import differences, joint_errors, observer, reach, rms
+from pgraph_core.study.measures import differences, joint_errors, observer, reach, rms
 from pgraph_core.study.stability import in_scenario
 from pgraph_core.study.task import Task
 from pgraph_core.verification.hunt import FAMILIES, scenes

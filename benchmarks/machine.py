@@ -6,7 +6,7 @@ import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
-from pgraph_core.study import timing
+from pgraph_core.study import measures
 
 ROOT = Path(__file__).parent.parent
 PEERS = {  # package: what it imports
@@ -20,7 +20,7 @@ PACKAGES = ("pgraph-dynamics", "numpy", "numba", *PEERS)
 
 def machine() -> dict[str, str | int]:
     """CPU model, cores, Python and package versions, our commit."""
-    return {**timing.machine(PACKAGES), "commit": commit()}
+    return {**measures.machine(PACKAGES), "commit": commit()}
 
 
 def has(peer: str) -> bool:

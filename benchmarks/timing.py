@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from pgraph_core.study.timing import Spread as Spread
-from pgraph_core.study.timing import spread as spread
+from pgraph_core.study.measures import Spread as Spread
+from pgraph_core.study.measures import spread as spread
 
 
 @dataclass(frozen=True)

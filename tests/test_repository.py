@@ -186,7 +186,7 @@ PLAIN = (
     "app/run",
     "pgraph_core/show",
     "pgraph_core/study",
-    "pgraph_core/simulation/simulation.py",
+    "pgraph_core/simulation/__init__.py",
 )
 
 

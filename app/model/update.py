@@ -18,7 +18,7 @@ from pgraph_core.formats import READERS
 from pgraph_core.model import files
 from pgraph_core.model.model import PARTS
 
-from ..core import cells, edit, history
+from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted
 from ..core.events import Event, FromPage, Text, on, on_edit
@@ -65,7 +65,7 @@ class Undo(FromPage):
 
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
-    return history.undone(state, event.client)
+    return edit.undone(state, event.client)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Redo(FromPage):
 
 @on(Redo)
 def redone(state: State, event: Redo) -> State:
-    return history.redone(state, event.client)
+    return edit.redone(state, event.client)
 
 
 # -- new and open ----------------------------------------------------------------------------------

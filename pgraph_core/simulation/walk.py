@@ -14,9 +14,9 @@ from ..model import Force, Gait, Model, VectorTable
 from ..packing import Array
 from ..portable import Portable
 from ..result import Result
+from . import simulate
 from .options import Options, positive
 from .plan import plan_of
-from .simulation import simulate
 from .stepper import Stepper
 
 EDGE = 1e-6  # s in which a push comes and goes

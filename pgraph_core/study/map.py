@@ -19,7 +19,7 @@ from ..model.files import write_atomic
 from ..packing import Array
 from ..portable import Hinting
 from ..result import Result, Status
-from .errors import joint_errors
+from .measures import joint_errors
 from .page import Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
 from .report import plain

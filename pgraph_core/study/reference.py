@@ -15,7 +15,7 @@ from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result, Status
 from ..verification import Case, States
-from .errors import Measure, Motion, joint_errors, measure_of, rms
+from .measures import Measure, Motion, joint_errors, measure_of, rms
 from .task import Progress, Setting, Task
 
 GIVEN, MADE = 3.0, 10.0  # errors below so many times the reference's own are not resolved

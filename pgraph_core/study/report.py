@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, explained, refusal
 from ..model.files import write_atomic
 from ..portable import Hinting
-from .errors import Errors
+from .measures import Errors, Spread
 from .page import (
     WIDE,
     Curve,
@@ -29,7 +29,6 @@ from .page import (
     table,
 )
 from .task import Outcome, Participant, Setting
-from .timing import Spread
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
 HEADER = (

@@ -25,7 +25,7 @@ from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.options import LEAST_RTOL
 from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
-from .errors import Motion
+from .measures import Motion
 
 HALVINGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))

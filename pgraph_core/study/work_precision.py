@@ -15,7 +15,20 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..simulation.plan import active_constraints
 from . import reference as references
-from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
+from .measures import (
+    QUANTITIES,
+    Errors,
+    Motion,
+    least,
+    levelled,
+    machine,
+    measured,
+    observed_order,
+    ratios,
+    rms,
+    spread,
+    step_counts,
+)
 from .reference import Reference
 from .report import LEFT_OUT, USUAL_TARGET, Row, Study
 from .task import (
@@ -34,7 +47,6 @@ from .task import (
     start,
     whole,
 )
-from .timing import least, machine, measured, ratios, spread
 
 FRAMES = 101  # times at which motions are compared, by default
 LONGEST = 1.0  # s that a run may take

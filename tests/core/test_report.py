@@ -15,10 +15,9 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.study import task
-from pgraph_core.study.errors import Errors, angles, observed_order
+from pgraph_core.study.measures import Errors, angles, measured, observed_order, ratios, spread
 from pgraph_core.study.reference import growth_of, horizon
 from pgraph_core.study.report import Row, seconds_at
-from pgraph_core.study.timing import measured, ratios, spread
 from pgraph_core.study.work_precision import contradicted
 
 from .test_orders import heavy_top, tumbling_body
