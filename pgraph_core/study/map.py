@@ -16,7 +16,7 @@ from ..errors import FileError, Problem, choices, explained
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model.files import write_atomic
-from ..packing import Array
+from ..packing import Array, row_of_velocity
 from ..portable import Hinting
 from ..result import Result, Status
 from .measures import joint_errors
@@ -167,7 +167,8 @@ def _first_row(found: Evidence, frame: int) -> int:
     """The row with the largest error, or acceleration if only the start is there."""
     if found.errors[frame].max(initial=0.0) > 0.0:
         return int(np.argmax(found.errors[frame])) + 1
-    return found.mech.packed.row_of_velocity(int(np.argmax(np.abs(found.run.vdot[frame]))))
+    fastest = int(np.argmax(np.abs(found.run.vdot[frame])))
+    return row_of_velocity(found.mech.packed.rows, fastest)
 
 
 def _failed(found: Evidence) -> Cell | None:
