@@ -16,6 +16,7 @@ import math
 from .. import layout as at
 from ..compiler.elementary import cos, sin
 from ..compiler.jit import part
+from ..compiler.masks import chosen, more
 from ..layout import (
     SINE,
     T_ALIGN,
@@ -149,12 +150,16 @@ def slack_of(blocks_i, blocks_f, i):
 
 @part
 def span(blocks_f, i, work, a, b):
-    """(gap of a bound of a length, its point on A, from B's point to it, how long that is)."""
+    """(gap of a bound of a length, its point on A, from B's point to it, length or its negative).
+
+    The length is negative where it may be at most the bound.
+    """
     p = point_a(blocks_f, i, work, a)
     apart = sub(p, point_b(blocks_f, i, work, b))
     length = math.sqrt(dot(apart, apart))
     bound = value_of(blocks_f, i)
-    return math.copysign(length, bound) - bound, p, apart, length
+    signed = chosen(more(0.0, bound), -length, length)
+    return signed - bound, p, apart, signed
 
 
 @part
@@ -236,9 +241,9 @@ def locate(blocks, work, place):
             size = math.sqrt(dot(apart, apart))
             set_along(place, i, 0, scale(1.0 / size, apart))
         elif kind == T_SPAN:
-            _, _, apart, length = span(blocks_f, i, work, a, b)
-            sign = math.copysign(1.0, value_of(blocks_f, i))
-            set_along(place, i, 0, scale(sign / length if length > 0.0 else 0.0, apart))
+            _, _, apart, signed = span(blocks_f, i, work, a, b)
+            share = chosen(more(signed * signed, 0.0), 1.0 / signed, 0.0)
+            set_along(place, i, 0, scale(share, apart))
         else:
             for r in range(size_of(blocks_i, i)):
                 set_along(place, i, r, row_direction(blocks_i, blocks_f, i, r, work))

@@ -378,7 +378,8 @@ def span_reaches(scene, i, w, v):
     blocks, work, linear = data.blocks, data.work, data.space.linear
     velocities(data.rows, data.const, work, v, linear)
     a, b = ends_of(blocks.blocks_i, i)
-    gap, p, apart, length = span(blocks.blocks_f, i, work, a, b)
+    gap, p, apart, signed = span(blocks.blocks_f, i, work, a, b)
+    length = abs(signed)
     if not length > 0.0:
         return False
     q = point_b(blocks.blocks_f, i, work, b)
