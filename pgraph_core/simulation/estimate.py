@@ -804,7 +804,7 @@ def _effective(plan: RunPlan) -> RunPlan:
     apart = np.diff(_ends(plan))
     each = np.minimum(apart, given.widest)
     if not _dense(plan):
-        each = apart / np.ceil(apart / given.widest - 1e-9)
+        each = apart / np.maximum(np.ceil(apart / given.widest - 1e-9), 1.0)
     widest = float(each.max())
     return (
         plan if widest >= given.widest else replace(plan, tolerance=given._replace(widest=widest))

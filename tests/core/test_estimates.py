@@ -670,3 +670,15 @@ def test_a_tolerance_near_rounding_is_not_compared_with_a_run_without_end(monkey
     assert sum(taken) < 20 * run.counters["steps"]
     finer = pg.simulate(model("four_bar"), method="rk4", step=2e-4, estimate=False, **options)
     assert run.error_estimate > 0.2 * np.abs(run.q - finer.q).max()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", ["ros2", "rk4", "radau5"])
+def test_frames_that_equal_steps_but_for_rounding_give_an_estimate(method):
+    """Frames and knots of a table that differ by rounding are ends of no step between them."""
+    pulse = pushed([0, 0.3, 0.301, 0.311, 0.312, 1], [0, 0, 30, 30, 0, 0])
+    run = pg.simulate(pulse, t_end=1.0, frames=21, method=method, step=0.05)
+    fine = pg.simulate(pulse, t_end=1.0, frames=21, rtol=1e-10)
+    off = np.abs(run.q - fine.q).max()
+    assert off < 10 * run.error_estimate + 1e-13  # the other run is known to rounding
+    assert run.error_estimate < 1.0
