@@ -83,7 +83,8 @@ class Problem:
     text: str  # what was given and what would do
 
     def __str__(self) -> str:
-        place = f"{self.where}, {self.field}" if self.field else self.where
+        field = self.field if self.field.isprintable() else repr(self.field)
+        place = f"{self.where}, {field}" if field else self.where
         place, text = plain(place).replace("\n", r"\n"), plain(self.text)
         return f"{_cut(place, 1000)}: {_cut(text, 4000)}"
 

@@ -27,11 +27,15 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
 
 
 def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
-    """The same of a view that works only in sight: pages that have it there."""
+    """The same of a view that works only in sight: pages that have it there.
+
+    All pages when another model is opened, so that nothing of the last one is left out of sight.
+    """
+    opened = new.framed != old.framed
     return [
         client for client, page in new.clients.items()
-        if view in page.sees
-        and (changed or client not in old.clients or view not in old.clients[client].sees)
+        if opened or (view in page.sees
+        and (changed or client not in old.clients or view not in old.clients[client].sees))
     ]  # fmt: skip
 
 
