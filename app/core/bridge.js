@@ -104,7 +104,7 @@ window.pgraph = (() => {
     };
     scene.updateMatrixWorld();
     camera.updateMatrixWorld();
-    for (const x of [canvas.width, canvas.height, scene.background, camera.matrixWorld, camera.projectionMatrix]) value(x);
+    for (const x of [canvas.width, canvas.height, scene.background, scene.environment, scene.fog?.color, camera.matrixWorld, camera.projectionMatrix]) value(x);
     scene.traverseVisible((one) => {
       for (const x of [one.id, one.matrixWorld, one.renderOrder, one.count, one.instanceMatrix?.version, one.instanceColor?.version, one.matricesTexture, one.matricesTexture?._needsUpdate, one.colorsTexture, one.colorsTexture?._needsUpdate, one.intensity, one.color, one.groundColor]) value(x);
       const { geometry } = one;
@@ -114,7 +114,7 @@ window.pgraph = (() => {
       }
       for (const material of [one.material ?? []].flat()) {
         for (const x of [material.id, material.version, material.opacity, material.visible, material.color, material.emissive, material.map]) value(x);
-        // the texture of the labels is sent anew with every frame: they follow nodes that are here too
+        // the texture of the labels is sent again with every frame: they follow nodes that are here too
         for (const name in material.uniforms ?? {}) if (name !== "uLabelData") value(material.uniforms[name].value);
       }
     });

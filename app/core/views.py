@@ -27,9 +27,9 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
 
 
 def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
-    """The same of a view that works only in sight: pages that have it there.
+    """Pages whose picture of a view that is sent only where it is in sight is out of date.
 
-    All pages when another model is opened, so that nothing of the last one is left out of sight.
+    Where another model was opened that is all of them: a hidden tab keeps nothing of the last one.
     """
     opened = new.framed != old.framed
     return [

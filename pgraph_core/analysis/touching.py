@@ -16,7 +16,7 @@ from ..model import Contact, Force, Spring, Tendon
 from ..model.fields import GROUND
 from ..model.force import ends_of
 from ..packing import Array, Drives, Loads
-from ..packing.forces import ORIGIN, length_at, terms_of
+from ..packing.forces import length_at, points_of_spring, terms_of
 
 NEAR = 1e-9  # m, rad, of the mechanism's size: a gap that is shut
 DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences
@@ -33,9 +33,9 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
     """(from a spring's other end to its own (3,) [m], how that changes with v (3, nv))."""
-    own = f.point or mech.model.body(f.body).tip_point
+    own, other = points_of_spring(f, mech.model)
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
-    for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, f.other_point or ORIGIN)):
+    for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):
         if name == GROUND:
             apart += sign * np.array(point)
             continue

@@ -32,7 +32,7 @@ from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
 from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocity
 from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
-from ..packing.forces import ORIGIN, terms_of
+from ..packing.forces import points_of_spring, terms_of
 from ..rotation import matrix
 from ..topology import Topology
 from . import solids
@@ -490,8 +490,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             continue
         bodies = [mech.topology.number(name) for name in spring.pair]
         ends = [int(mech.system.bodies_i[number, at.ROW]) for number in bodies]
-        point = spring.point or mech.model.body(spring.body).tip_point
-        places = point, spring.other_point or ORIGIN
+        places = points_of_spring(spring, mech.model)
         for sign, bound, side in ((1.0, spring.low, "low"), (-1.0, spring.high, "high")):
             if bound is None:
                 continue

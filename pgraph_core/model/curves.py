@@ -29,7 +29,7 @@ class Table(Frozen):
 
     @cached_property
     def lines(self) -> NDArray[np.float64]:
-        """(n, 4) of each knot: time, value, slope after it, value again; not to be written.
+        """(n, 4) of each knot: time, value, slope after it, value again; read-only.
 
         The last slope is how many knots there are a second, from which kernels guess a place.
         """
@@ -37,7 +37,9 @@ class Table(Frozen):
         slopes = np.zeros(len(t))
         slopes[:-1] = np.diff(x) / np.diff(t)
         slopes[-1] = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
-        return np.stack((t, x, slopes, x), axis=1)
+        found = np.stack((t, x, slopes, x), axis=1)
+        found.flags.writeable = False
+        return found
 
 
 class VectorTable(Frozen):

@@ -28,7 +28,7 @@ from ..model.fields import OfSums
 from ..model.force import OnBody, OnJoint
 from ..rotation import matrix, normals_of, unit, unit_vector
 from ..topology import Topology
-from . import Array, Drives, Loads, System, joint_coordinates, point_in_row
+from . import Array, Drives, Loads, System, home_of, joint_coordinates, point_in_row
 
 NO_LOADS = Loads(table(APPLIED_FORCE, 0), np.zeros((0, 7)))
 ORIGIN = (0.0, 0.0, 0.0)
@@ -79,13 +79,18 @@ def _set_wrench(one: Any, f: Wrench, packed: System, a: int) -> Array:
     return _in_row(own, packed, a) if f.frame == "body" else own
 
 
+def points_of_spring(f: Spring, model: Model) -> tuple[Sequence[float], Sequence[float]]:
+    """Its points in the axes of its two bodies [m]: by default a tip, and the other's origin."""
+    return f.point or model.body(f.body).tip_point, f.other_point or ORIGIN
+
+
 def _set_spring(
     one: Any, f: Spring, model: Model, packed: System, ends: tuple[int, ...],
     home: tuple[Array, Array],
 ) -> None:  # fmt: skip
     """Its points, stiffness, damping and length at rest."""
     a, b = ends
-    point, other = f.point or model.body(f.body).tip_point, f.other_point or ORIGIN
+    point, other = points_of_spring(f, model)
     one["point_a"], one["point_b"] = point_in_row(packed, a, point), point_in_row(packed, b, other)
     one["stiffness"], one["damping"] = f.stiffness, f.damping
     apart = _place(home, a, point) - _place(home, b, other)
@@ -94,7 +99,7 @@ def _set_spring(
 
 def _set_torsion(one: Any, f: Torsion, packed: System, ends: tuple[int, ...]) -> None:
     """Its axis, stiffness, damping and angle at rest."""
-    axis = _home(packed, ends[0]) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
+    axis = home_of(packed, ends[0]) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
     one["axis"] = axis
     # at q = 0 all rows have the world's axes
     one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
@@ -105,12 +110,8 @@ def _set_drag(one: Any, f: Drag, model: Model, packed: System, a: int) -> None:
     """The box, and the fluid around it."""
     point = model.body(f.body).com if f.point is None else f.point
     one["point_a"] = point_in_row(packed, a, point)
-    one["axes"] = (_home(packed, a) @ matrix(unit(f.rotation))).ravel()
+    one["axes"] = (home_of(packed, a) @ matrix(unit(f.rotation))).ravel()
     one["box"], one["density"], one["viscosity"] = f.size, f.density, f.viscosity
-
-
-def _home(packed: System, number: int) -> Array:
-    return packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
 
 
 def _place(home: tuple[Array, Array], number: int, point: Any) -> Array:
@@ -122,7 +123,7 @@ def _place(home: tuple[Array, Array], number: int, point: Any) -> Array:
 
 def _in_row(knots: Array, packed: System, number: int) -> Array:
     """Torques and forces in body axes, taken to the home axes of the body's row."""
-    turn = _home(packed, number)
+    turn = home_of(packed, number)
     return np.hstack((knots[:, :1], knots[:, 1:4] @ turn.T, knots[:, 4:] @ turn.T))
 
 
