@@ -6,6 +6,7 @@ import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
+from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from pgraph_core.study import measures
 
 ROOT = Path(__file__).parent.parent
@@ -19,8 +20,9 @@ PACKAGES = ("pgraph-dynamics", "numpy", "numba", *PEERS)
 
 
 def machine() -> dict[str, str | int]:
-    """CPU model, cores, Python and package versions, our commit."""
-    return {**measures.machine(PACKAGES), "commit": commit()}
+    """CPU model, cores, doubles in a vector register, Python and package versions, our commit."""
+    found = measures.machine(PACKAGES)
+    return {"cpu": found.pop("cpu"), "lanes": LANE_WIDTH, **found, "commit": commit()}
 
 
 def has(peer: str) -> bool:

@@ -16,7 +16,7 @@ from ..columns import Columns
 from ..engine import layout as at
 from ..engine import motion, packing
 from ..engine.compiler.address import address_of
-from ..engine.compiler.jit import JIT, ready
+from ..engine.compiler.jit import JIT, closed, ready
 from ..engine.tree import bodies, dynamics
 from ..errors import Called, InputError, Problem, choices, explained, guarded
 from ..model import Model
@@ -30,7 +30,7 @@ from .arguments import finite, numbers, position, wrong_type
 from .scene import Scene
 from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shifted
 
-FORWARD = dynamics.forward_dynamics
+FORWARD = closed(dynamics.forward_dynamics)  # simulations do not need it
 NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
 NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
@@ -77,7 +77,6 @@ class Dynamics(Portable):
                 raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
             model = Columns.of(model)
         self._take(Packed(model))
-        ready(FORWARD)
 
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
@@ -660,7 +659,7 @@ def accelerated(
         space = np.zeros(n), np.zeros_like(work), np.empty(n, np.int64), np.empty((n, n))
         return dynamics.forward_dynamics_composite(*tables, *state, wrench, *space, vdot)
     if external is None:
-        return dynamics.forward_dynamics(*packed.tree, *state, work, vdot)
+        return ready(FORWARD)(*packed.tree, *state, work, vdot)
     return dynamics.forward_dynamics_external(*tables, *state, wrench, work, vdot)
 
 
@@ -673,5 +672,5 @@ def _by_operators(
     try:
         vdot[:] = op.forward_dynamics(tau, wrench if len(external) else None)
     except np.linalg.LinAlgError:  # M is not positive definite: the sweeps find out at which joint
-        return dynamics.forward_dynamics(*packed.tree, q, v, tau, work, vdot)
+        return ready(FORWARD)(*packed.tree, q, v, tau, work, vdot)
     return 0 if np.isfinite(vdot).all() else -1

@@ -99,7 +99,8 @@ def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
 def _inside(asked: Any, t: Array) -> Array:
     """The times as floats. Raises InputError."""
     try:
-        times = np.asarray(np.nan if isinstance(asked, (str, bytes)) else asked, dtype=float)
+        given = np.asarray(asked)
+        times = np.asarray(np.nan if given.dtype.kind in "USb" else given, dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim > 1 or not np.isfinite(times).all():

@@ -34,6 +34,20 @@ many = {n: len(d.signatures) for n, (d, _) in KERNELS.items() if len(d.signature
 print(missed, many)
 """
 
+LATER = """
+import numpy as np, pgraph_core as pg, pgraph_models
+from pgraph_core.engine.tree.dynamics import forward_dynamics
+mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
+pg.simulate(mech, t_end=0.01)
+before, (q, v) = len(forward_dynamics.signatures), mech.home()
+try:
+    mech.forward_dynamics(q, "fast")
+except pg.InputError:
+    between = len(forward_dynamics.signatures)
+first = mech.forward_dynamics(list(q), v)
+again = mech.forward_dynamics(q, v)
+print(before, between, len(forward_dynamics.signatures), np.array_equal(first, again))
+"""
 COLD = """
 import sys, time
 from pathlib import Path
@@ -64,6 +78,13 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
     subprocess.run([sys.executable, "-m", "pgraph_core.engine"], check=True, capture_output=True)
     done = subprocess.run([sys.executable, "-c", USE], check=True, capture_output=True, text=True)
     assert done.stdout.strip() == "{} {}"
+
+
+def test_a_simulation_does_not_compile_the_dynamics_of_single_states():
+    done = subprocess.run(
+        [sys.executable, "-c", LATER], check=True, capture_output=True, text=True
+    )  # fmt: skip
+    assert done.stdout.split() == ["0", "0", "1", "True"]
 
 
 def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):

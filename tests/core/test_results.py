@@ -155,7 +155,7 @@ def test_an_impact_between_frames_is_in_the_error():
     assert (true <= error + 1e-9).all()
 
 
-@pytest.mark.parametrize("t", [-0.1, 2.1, [0.5, 2.5], np.nan, "now", [[0.1]]])
+@pytest.mark.parametrize("t", [-0.1, 2.1, [0.5, 2.5], np.nan, "now", [[0.1]], True, [False]])
 def test_times_outside_of_the_run_are_refused(run, t):
     with pytest.raises(pg.InputError, match=r"run\.at"):
         run.at(t)

@@ -276,7 +276,9 @@ def compile_kernel(name: str) -> None:
     dispatcher, signature = KERNELS.get(name) or LATER[name]
     if JIT and not dispatcher.signatures:
         types, _ = normalize_signature(signature)
+        was_open, dispatcher._can_compile = dispatcher._can_compile, True
         dispatcher.compile(tuple(types))
+        dispatcher._can_compile = was_open
 
 
 def ready(dispatcher: Any) -> Any:
@@ -284,9 +286,15 @@ def ready(dispatcher: Any) -> Any:
 
     Python code can then try a call with what it was given, and look closer only if it fails.
     """
-    if JIT and dispatcher._can_compile:
+    if JIT and not dispatcher.signatures:
         compile_kernel(dispatcher.__name__)
-        dispatcher.disable_compile()
+    return closed(dispatcher)
+
+
+def closed(dispatcher: Any) -> Any:
+    """A kernel that a call does not compile: until it is `ready`, every call raises TypeError."""
+    if JIT:
+        dispatcher._can_compile = False  # `disable_compile` wants a signature
     return dispatcher
 
 
