@@ -175,12 +175,14 @@ COMMANDS = (
         "compute known motions; print errors, targets and cost; exit code 1 if one misses",
         verify_arguments,
         verify,
+        simulates=True,
     ),
     Command(
         "hunt",
         "run random scenes; print the runs that are wrong and do not say so; exit code 1 if any",
         hunt_arguments,
         hunt,
+        simulates=True,
     ),
     Command(
         "bench",

@@ -1,13 +1,15 @@
 """`python -m pgraph_core.engine`: fill the disk cache, one line `i n name` a kernel.
 
 With `--with-parent` it ends as soon as its standard input is closed, however its parent died.
+With `--second` it is the second of the two processes that share the work.
 """
 
 import os
 import sys
 import threading
+from contextlib import nullcontext
 
-from . import warm_up
+from . import second_process, warm_up
 
 
 def main() -> None:
@@ -16,8 +18,10 @@ def main() -> None:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(10)
-    for i, n, name in warm_up():
-        print(i, n, name, flush=True)
+    second = "--second" in sys.argv[1:]
+    with nullcontext() if second else second_process():
+        for i, n, name in warm_up(second):
+            print(i, n, name, flush=True)
 
 
 def _end_with_parent() -> None:

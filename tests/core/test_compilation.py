@@ -1,5 +1,6 @@
 """What is compiled, and when: once, for one signature, and never again."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pgraph_core import engine
 from pgraph_core.engine.compiler import jit
 from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS
 
@@ -52,6 +54,7 @@ COLD = """
 import sys, time
 from pathlib import Path
 from pgraph_core.engine import warm_up
+from pgraph_core import engine
 from pgraph_core.engine.compiler import jit
 jit.cache_folder = lambda: Path(sys.argv[1])
 import pgraph_core.engine.tree.dynamics
@@ -100,6 +103,46 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdin.close()
     assert child.wait(timeout=10) == 1
     child.stdout.close()
+
+
+def test_the_second_process_compiles_what_a_run_needs_last(tmp_path):
+    command = [sys.executable, *engine.SECOND]
+    environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+    ) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline().split()[2:] == [engine.LATE[0].encode()]
+        child.kill()
+    assert list(tmp_path.rglob("*advance_run*.kernel"))
+
+
+@pytest.mark.parametrize("cold", [True, False])
+def test_the_second_process_is_there_for_a_cold_cache_and_ends(cold, monkeypatch):
+    began = []
+    begin = subprocess.Popen
+
+    def popen(*args, **options):
+        began.append(begin(*args, **options))
+        return began[-1]
+
+    monkeypatch.setattr(engine, "_cold", lambda: cold)
+    monkeypatch.setattr(engine.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(engine.subprocess, "Popen", popen)
+    with contextlib.suppress(KeyboardInterrupt), engine.second_process():
+        assert [process.poll() for process in began] == [None] * cold
+        raise KeyboardInterrupt
+    assert len(began) == cold
+    assert all(process.poll() is not None for process in began)
+
+
+def test_a_filled_cache_is_not_cold(monkeypatch, tmp_path):
+    from pgraph_core.engine.stepping.run import advance_run
+
+    jit.compile_kernel("advance_run")
+    assert not engine._cold()
+    monkeypatch.setattr(advance_run._cache, "_cache_file", jit._Files(tmp_path / "none"))
+    assert engine._cold()
 
 
 def test_no_two_modules_have_a_kernel_of_one_name():

@@ -171,6 +171,10 @@ class _Files:
         name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         return self._base.with_name(f"{self._base.name}.{name}.kernel")
 
+    def some(self) -> bool:
+        """Whether there is a file for any signature or processor."""
+        return any(self._base.parent.glob(f"{self._base.name}.*.kernel"))
+
     def load(self, key: object) -> Any:
         """What was saved under this key; None without it."""
         with contextlib.suppress(OSError, ImportError, AttributeError):
@@ -279,6 +283,11 @@ def compile_kernel(name: str) -> None:
         was_open, dispatcher._can_compile = dispatcher._can_compile, True
         dispatcher.compile(tuple(types))
         dispatcher._can_compile = was_open
+
+
+def in_cache(dispatcher: Any) -> bool:
+    """Whether a kernel has been compiled before and is on the disk."""
+    return dispatcher._cache._cache_file.some()
 
 
 def ready(dispatcher: Any) -> Any:
