@@ -15,6 +15,7 @@ from ..compiler.lane import load_triple, numbers, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
+from .islands import NOWHERE
 from .newton import bounds_of, respond, rows_of, velocity
 
 INNER = 8  # rounds between normal and friction of one contact
@@ -24,7 +25,8 @@ SETTLED = 1e-15  # relative: a change that is rounding
 TURNED = 1e-14  # rad: a change of the direction of slip that is
 RIGID = 1e-12  # of the mobility: keeps a direction in which nothing can move apart from none
 DEPTH = 4  # sweeps that are combined
-SMALL = 16  # blocks: sweeps of smaller islands converge by themselves
+SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
+FEWEST = 3  # blocks between several trees of which the same holds
 # Where the scratch of an island keeps them: columns of a block behind the nine of Newton's slope.
 LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
 WIDTH = 15 + 6 * DEPTH
@@ -51,8 +53,11 @@ def own_block(y, slots, dinv, i, own):
 @sweep
 def gauss_seidel(scene, n, size, sweeps, tolerance):
     """Sweeps over an island until no velocity changes; the last change over `size`."""
-    islands = contacts_at(opened(scene).links.contacts).islands
-    large = islands.first[n + 1] - islands.first[n] > SMALL
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    one = islands.tree[joint_of(data.space.slots, islands.blocks[islands.first[n]], 0)]
+    few = SMALL if islands.edge[one] == NOWHERE else FEWEST
+    large = islands.first[n + 1] - islands.first[n] > few
     respond(scene, n)
     least = math.inf
     used = 0
