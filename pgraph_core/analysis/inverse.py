@@ -251,7 +251,7 @@ def _points(mech: Dynamics, q: Array, names: Sequence[str]) -> list[CarryingPoin
     place, turn = mech.poses(q)
     reach = TOUCHING * float(np.max(np.abs(place - place[:1]), initial=1e-3))
     assert scene.touching is not None
-    count = kernels.find(scene.address, reach)
+    count = kernels.find(scene.address, reach, 0)
     shapes, found = scene.touching.shapes, scene.touching.found[:count]
     points: list[CarryingPoint] = []
     carrying: set[str] = set()

@@ -75,7 +75,7 @@ class Touching:
         motion.residuals(address, 0.0, q, v, none, none)  # places the bodies
         reach = NEAR * max(1.0, mech.packed.length)
         depths = []
-        for one in touching.found[: kernels.find(address, reach)]:
+        for one in touching.found[: kernels.find(address, reach, 0)]:
             contact = tables.touches[int(one["pair"])].contact
             if contact.law == "complementarity":
                 if one["gap"] <= reach and (name := f"contact '{contact.name}'") not in self.shut:

@@ -274,7 +274,7 @@ class Condition:
         scene = self._alone()
         self._evaluated(scene.address, t, q, v)
         assert scene.touching is not None
-        found = scene.touching.found[: find(scene.address, FARTHEST)]
+        found = scene.touching.found[: find(scene.address, FARTHEST, 0)]
         gaps = found["gap"][np.isin(found["pair"], self.given.place)]
         return float(gaps.min(initial=FARTHEST))
 

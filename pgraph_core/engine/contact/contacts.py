@@ -50,17 +50,21 @@ def save_contacts(buffer, contacts):
     _save(buffer, contacts)
 
 
-FIND = types.int64(types.int64, types.float64)
+FIND = types.int64(types.int64, types.float64, types.int64)
 _call_find = caller(FIND)
 
 
 @kernel(FIND, nogil=True)
-def find(scene, margin):
-    """Contact points within `margin`, after `positions`; how many, no more than there is room."""
+def find(scene, margin, placed):
+    """Contact points within `margin`, after `positions`; how many, no more than there is room.
+
+    `placed` is 1 after `place`.
+    """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     geometry, poses, found = contacts.geometry, contacts.poses, contacts.found
-    place(geometry.shapes, data.work, poses)
+    if placed == 0:
+        place(geometry.shapes, data.work, poses)
     n = find_contacts(
         geometry, contacts.ground, contacts.candidates, poses, contacts.search, margin, found
     )
@@ -73,9 +77,9 @@ def find(scene, margin):
 
 
 @part
-def touching(scene, margin):
+def touching(scene, margin, placed):
     """`find`, called by address: shapes are compiled once."""
-    return _call_find(opened(scene).links.find, (scene, margin))
+    return _call_find(opened(scene).links.find, (scene, margin, placed))
 
 
 @part
@@ -267,7 +271,7 @@ def contact_forces(scene, v, tau, flow):
     if contacts.tally[0].frozen != ADDING:
         clear(opened(scene).links.contacts)
         share = 1.0
-    count = touching(scene, 0.0)
+    count = touching(scene, 0.0, 0)
     end, stored = 0, 0.0
     for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
@@ -398,7 +402,7 @@ def keep_anchors(scene, q, v):
     velocities(rows, const, work, v, space.linear)
     laws, anchors, found = contacts.laws, contacts.anchors, contacts.found
     tally = contacts.tally[0]
-    count = touching(scene, 0.0)
+    count = touching(scene, 0.0, 0)
     for n in range(count):  # the new points of A and B wait in `held` and `point_b`
         a, b, _, _, pair = endpoints(contacts, n)
         law = laws[pair]

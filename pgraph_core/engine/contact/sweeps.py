@@ -11,7 +11,7 @@ import math
 from .. import layout as at
 from ..arrays import DINV, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
-from ..compiler.lane import load_triple, numbers, store_triple, triple
+from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, store, sub
 from .contacts import contacts_at
@@ -63,7 +63,8 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
     used = 0
     change = 0.0
     for k in range(sweeps):
-        change, turned_over = sweep_once(scene, n, used % DEPTH)
+        count = min(used + 1, DEPTH) if large else 0
+        change, turned_over = sweep_once(scene, n, used % DEPTH, count)
         if not change > tolerance * size:
             break
         if turned_over > WORSE * least:
@@ -73,16 +74,17 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
             used += 1
         least = min(least, turned_over)
         if large and used > 0 and k + 1 < sweeps:
-            move_on(scene, n, (used - 1) % DEPTH, min(used, DEPTH))
+            move_on(scene, n, (used - 1) % DEPTH, count)
     return change / size
 
 
 @sweep
-def sweep_once(scene, n, slot):
+def sweep_once(scene, n, slot, count):
     """One sweep; (largest change of a velocity, energy of all changes).
 
     By how much the change of λ, and λ after it, differ from those of the last sweep goes into a
-    slot of the past.
+    slot of the past; products of the changes in the first `count` slots with that in this one,
+    and with the last one as it is, go into the rows behind. Without `count` nothing is kept.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -90,8 +92,13 @@ def sweep_once(scene, n, slot):
     y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
     lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
+    normal = past[past.shape[0] - NORMAL :]
+    share = normal[DEPTH]
     largest = 0.0
     energy = 0.0
+    for p in range(count):
+        normal[slot, p] = 0.0
+        share[p] = 0.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         r = first_of(slots, i)
@@ -107,10 +114,19 @@ def sweep_once(scene, n, slot):
             lam[r + c] = new[c]
             largest = max(largest, abs(step[c]) * own[i, 4 * c])
             energy += step[c] * step[c] * own[i, 4 * c]
-        store(past, i, CHANGES + 3 * slot, sub(step, load(past, i, LAST)))
+        if count == 0:
+            continue
+        change = sub(step, load(past, i, LAST))
+        store(past, i, CHANGES + 3 * slot, change)
         store(past, i, VALUES + 3 * slot, sub(new, load(past, i, VALUE)))
         store(past, i, LAST, step)
         store(past, i, VALUE, new)
+        size = (own[i, 0], own[i, 4], own[i, 8])
+        change, step = times(size, change), times(size, step)
+        for p in range(count):
+            other = load(past, i, CHANGES + 3 * p)
+            normal[slot, p] += dot(other, change)
+            share[p] += dot(other, step)
     vectors[REPORT, SWEEPS_DONE] += 1.0
     return largest, energy
 
@@ -124,23 +140,11 @@ def move_on(scene, n, slot, count):
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
-    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
+    y, slots, vectors = space.y, space.slots, space.vectors
     lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
     past = islands.slope
     normal = past[past.shape[0] - NORMAL :]
     share = normal[DEPTH]
-    for p in range(count):
-        normal[slot, p] = 0.0
-        share[p] = 0.0
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        size = triple(own[i, 0], own[i, 4], own[i, 8])
-        new = numbers(size * load_triple(past, i, CHANGES + 3 * slot))
-        now = numbers(size * load_triple(past, i, LAST))
-        for p in range(count):
-            change = load(past, i, CHANGES + 3 * p)
-            normal[slot, p] += dot(change, new)
-            share[p] += dot(change, now)
     for p in range(count):
         normal[p, slot] = normal[slot, p]
     if not combine(normal, count):
@@ -184,6 +188,12 @@ def combine(normal, count):
             share[p] -= normal[begin + p, c] * share[c]
         share[p] /= normal[begin + p, p]
     return True
+
+
+@part
+def times(x, y):
+    """Products, number by number."""
+    return x[0] * y[0], x[1] * y[1], x[2] * y[2]
 
 
 @part

@@ -337,7 +337,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
         return True
     first = tally.first_contact
     closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
-    count = touching(scene, max(closed, margin) if look else closed)
+    count = touching(scene, max(closed, margin) if look else closed, 1)
     for n in range(count):
         point = contacts.found[n]
         if look and point_meets(scene, n, h, w):
@@ -424,7 +424,8 @@ def set_velocities(scene, t, h, v, vdot):
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
     locate(blocks, work, space.place)
-    velocities(rows, const, work, v, linear)
+    if contacts_at(data.links.contacts).laws.shape[0] == 0:  # else the search has left them
+        velocities(rows, const, work, v, linear)
     residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
     for j in range(v.shape[0]):
         vectors[STEP, j] = v[j] + h * vdot[j]
