@@ -10,7 +10,7 @@ import viser
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.cells import Display, Quantity, button, cell, choice, field, group, shown
+from ..core.cells import Display, Quantity, button, by_number, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
 from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, typed_as
@@ -68,8 +68,10 @@ def constraints(state: State, page: Client) -> Payload:
 def _list(state: State, page: Client, part: Part) -> Payload:
     """One line each: name, kind, between what; the opened one with all its fields."""
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
+    number = state.rows.named(state.model, part)
     lines = [
         {
+            "id": number[x.name],
             "name": x.name,
             "kind": parts.kind_of(part, x),
             "between": between(x),
@@ -156,14 +158,16 @@ def _picking(picking: Picking | None) -> Payload | None:
 # -- the form of one part ----------------------------------------------------------------------
 
 
-def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
-    """All fields that matter to a part."""
+def form(
+    state: State, display: Display, part: Part, item: Any, among: Sequence[Any] = ()
+) -> list[Payload]:
+    """All fields that matter to a part; to one of a scenario, those of the scenario are `among`."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found = [field("name", "Name", [cell((), item.name)], kind="text")]
     for name in own_fields(item):
         found += _field(state.model, part, item, name, cells, display, at)
-    return [group("", found)]
+    return by_number([group("", found)], state.rows, state.model, part, item.name, among)
 
 
 def _field(

@@ -192,6 +192,12 @@ pgraph.cells = (() => {
     try { act(); } finally { quiet = before; }
   }
 
+  // What holds the cell that is typed in goes: that is to leave the cell, which commits it.
+  function leave(box) {
+    const cell = document.activeElement;
+    if (box.contains(cell)) cell.pgraphCommit?.();
+  }
+
   // `act` may move the focused cell, which takes the focus from it: it has it back afterwards.
   function keepingFocus(act) {
     const cell = document.activeElement, [from, to] = [cell?.selectionStart, cell?.selectionEnd];
@@ -204,7 +210,7 @@ pgraph.cells = (() => {
     });
   }
 
-  return { set, reply, again, forget, doubtful, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
+  return { set, reply, again, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);
 pgraph.on("opened", pgraph.cells.forget);

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import field as field_
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.model.model import PARTS
 from pgraph_core.model.parameters import evaluated
+from pgraph_core.show.shapes import Color
 
 Quantity = Literal["angle", "length", "mass", "number"]
 ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*", re.ASCII)
@@ -275,3 +278,189 @@ def _together(one: Payload, others: list[Payload]) -> Payload:
     units = {one["unit"], *(other["unit"] for other in others)}
     unit = ", ".join(sorted(filter(None, units)))
     return {**one, "cells": cells, "unit": unit, "note": "", "pick": ""}
+
+
+# -- rows ------------------------------------------------------------------------------------------
+# A list that was not changed since the model was opened counts its rows from 0. Rows keep their
+# numbers whatever is put in, taken out, moved or renamed; what is put in gets a new one. Pages
+# speak of rows by numbers: what is typed into one is meant of it wherever it is by then.
+
+Key = tuple[Any, ...]  # ("bodies",), ("contacts", number of a contact, "points")
+LISTS = (*PARTS, "parameters")  # of a model, whose rows have names
+MORE = "more"  # in place of a number: one that is not there yet
+OF_MOTIONS = {"axes": "axes", "q": "q", "v": "v", **dict.fromkeys((
+    "motions", "limits", "stiffness", "damping", "rest", "friction", "armature",
+    "limit_restitution",
+), "motions")}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The numbers of the rows of every list that was changed."""
+
+    known: Mapping[Key, tuple[int, ...]] = field_(default_factory=dict)
+    colors: Mapping[int, Color] = field_(default_factory=dict)  # by number of a body
+    given: Mapping[Key, int] = field_(default_factory=dict)  # numbers below were given to a row
+
+    def of(self, key: Key, count: int) -> tuple[int, ...]:
+        """The numbers of a list with so many rows, in their order."""
+        known = self.known.get(key)
+        return known if known is not None and len(known) == count else tuple(range(count))
+
+    def named(self, model: pg.Model, part: str) -> dict[str, int]:
+        """Name -> number of bodies, constraints, ..."""
+        names = names_of(model, part)
+        return dict(zip(names, self.of((part,), len(names))))
+
+
+def names_of(model: pg.Model, part: str) -> tuple[str, ...]:
+    found = getattr(model, part)
+    return tuple(found) if part == "parameters" else tuple(x.name for x in found)
+
+
+GONE = "The row was taken out meanwhile: what was typed for it is not taken."
+SHAPE = re.compile(r"shape_(?:(\d+|more)_)?([a-z_]+)")  # field of a shape: its number, its name
+
+
+def numbers(
+    rows: Rows, model: pg.Model, part: str, name: str, field: str, among: Sequence[Any] = ()
+) -> tuple[int, ...] | None:
+    """The numbers of the rows that the first index of a field counts; None where it counts none.
+
+    `part` is also "ground", or "scenario" for the cells of a scenario, whose forces are `among`.
+    Raises Refusal, PgraphError where the part is gone.
+    """
+    match part, field:
+        case "ground", "steps":
+            return rows.of(("ground", "steps"), len(model.ground.steps))
+        case "scenario", "q" | "v":
+            return rows.of(("bodies",), len(model.bodies))
+        case "scenario", "constraints" | "contacts":
+            return rows.of((field,), len(getattr(model, field)))
+        case "bodies", _ if field in OF_MOTIONS or field == "shapes":
+            body, inner = model.body(name), OF_MOTIONS.get(field, field)
+            if field != "shapes" and body.joint != "compound":
+                return None
+            number = rows.of(("bodies",), len(model.bodies))[model.row[name]]
+            key = ("bodies", number, inner)
+            return rows.of(key, len(getattr(body, inner)))
+        case _, "points" | "coefficients":
+            item = next((x for x in among or getattr(model, part) if x.name == name), None)
+            if item is None:
+                raise Refusal(GONE)
+            if field == "points":
+                key = (part, rows.named(model, part)[name], field)
+                return rows.of(key, len(item.points))
+            bodies = rows.named(model, "bodies")
+            return tuple(bodies[body] for body in item.coefficients)
+    return None
+
+
+def by_number(
+    groups: list[Payload], rows: Rows, model: pg.Model, part: str, name: str = "",
+    among: Sequence[Any] = (),
+) -> list[Payload]:  # fmt: skip
+    """A form whose rows are named by their numbers in place of their places."""
+    shapes = numbers(rows, model, part, name, "shapes") if part == "bodies" else None
+    for f in (f for g in groups for f in g["fields"]):
+        known = numbers(rows, model, part, name, f["field"], among)
+        for one in [*f["cells"], *(b["fields"] for b in f["buttons"])]:
+            at = one.get("index")
+            if known and at and at[0] < len(known):
+                one |= {"index": [known[at[0]], *at[1:]], "at": at}
+        first = {c["index"][0] for c in f["cells"] if c["index"]}
+        if known and len(first) == 1:
+            f["row"] = first.pop()
+        for one in [f, *(b["fields"] for b in f["buttons"])]:
+            found = SHAPE.fullmatch(one.get("field", ""))
+            if found and shapes:
+                at = int(found[1] or 0)
+                number = shapes[at] if at < len(shapes) else MORE
+                one["field"] = f"shape_{number}_{found[2]}" if number else f"shape_{found[2]}"
+    for g in groups:
+        if g["fields"][0]["field"].startswith("shape_"):
+            g["id"] = g["fields"][0]["field"]
+    return groups
+
+
+def placed(rows: Rows, model: pg.Model, chosen: str, event: Any) -> Any:
+    """An event of a page with places in place of numbers. Raises Refusal, PgraphError.
+
+    `chosen` is the scenario that is meant where the event names none.
+    """
+    fields, among, part, name = vars(event), (), "", ""
+    typed = {"serial", "field"} <= fields.keys() and ({"entries", "index"} & fields.keys())
+    if not typed and "number" not in fields:
+        return event
+    if not isinstance(fields.get("scenario", ""), str):
+        called = scenario(rows, model, chosen, event)
+        s = next((s for s in model.scenarios if s.name == called), None)
+        if s is None:
+            return event
+        if "number" in fields:
+            key = ("scenarios", rows.named(model, "scenarios")[called], "switches")
+            return replace(event, number=_place(rows.of(key, len(s.switches)), event.number))
+        part, among = "scenario", s.forces
+        if "name" in fields:
+            part, name = "forces", event.name
+    elif "bodies" in fields and len(event.bodies) == 1:
+        part, name = "bodies", event.bodies[0]
+    elif "part" in fields:
+        part, name = event.part, event.name
+    elif not {"bodies", "body"} & fields.keys():
+        part = "ground"
+    if not part:
+        return event
+    if "index" in fields:
+        field, index = place_of(rows, model, part, name, event.field, event.index, among)
+        return replace(event, field=field, index=index)
+    found = [place_of(rows, model, part, name, event.field, at, among) for at, _ in event.entries]
+    entries = tuple((index, text) for (_, index), (_, text) in zip(found, event.entries))
+    return replace(event, field=found[0][0], entries=entries)
+
+
+def place_of(
+    rows: Rows, model: pg.Model, part: str, name: str, field: str, index: tuple[int, ...],
+    among: Sequence[Any] = (),
+) -> tuple[str, tuple[int, ...]]:  # fmt: skip
+    """A field and an index in it as a page names them, by their places now.
+
+    Raises Refusal, PgraphError.
+    """
+    if part == "bodies" and (found := SHAPE.fullmatch(field)):
+        known = numbers(rows, model, part, name, "shapes") or ()
+        new = found[1] == MORE or not known
+        at = len(known) if new else _place(known, int(found[1] or 0))
+        return f"shape_{at}_{found[2]}" if at else f"shape_{found[2]}", index
+    known = numbers(rows, model, part, name, field, among)
+    return field, (_place(known, index[0]), *index[1:]) if known is not None and index else index
+
+
+def _place(known: tuple[int, ...], number: int) -> int:
+    if number not in known:
+        raise Refusal(GONE)
+    return known.index(number)
+
+
+def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
+    """The scenario that an event is about: the one it names by its number, else `chosen`.
+
+    Raises Refusal where it is gone.
+    """
+    if event.scenario is None:
+        return chosen
+    known = {number: name for name, number in rows.named(model, "scenarios").items()}
+    if event.scenario not in known:
+        raise Refusal("The scenario was taken out meanwhile.")
+    return known[event.scenario]
+
+
+def touched(event: Any) -> int | None:
+    """The place of the row that an edit is about, of those that `followed` asks for."""
+    if (number := getattr(event, "number", None)) is not None:
+        return number
+    entries = getattr(event, "entries", ())
+    index = entries[0][0] if entries else getattr(event, "index", ())
+    if found := SHAPE.fullmatch(getattr(event, "field", "")):
+        return int(found[1] or 0)
+    return index[0] if index else None

@@ -2,30 +2,32 @@
 
 What pages have selected and opened follows the names of bodies and parts. A page may speak of them
 by names that changed while its message was on the way: it says how many renames it has heard of,
-and what it says is meant of what carries those names now. Undo and redo: each person takes back
-what that person did, others' later edits stay.
+and what it says is meant of what carries those names now. Rows keep their numbers, bodies their
+colours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import accumulate
 from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.model.model import TOLD
+from pgraph_core.show.shapes import Color, colors_beside
 
 from ..gait import Walking
 from ..model import Step
+from ..model.derived import derive
 from ..plots import MANY
 from ..run import FREE_RUN, Live, Run, first_request
-from .cells import Refusal
+from .cells import LISTS, Key, Refusal, Rows, names_of
 from .state import Client, Notice, Rename, State, replied, told
 
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # that are remembered
-PARTS = ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs")
 NAMED = ("constraints", "contacts", "forces", "sites", "outputs")  # named parts besides bodies
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
 IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of a body as text
@@ -37,11 +39,13 @@ def edited(
     make: Callable[[], tuple[pg.Model, str]],
     serial: int | None = None,
     offer: Callable[[], str] = lambda: "",
+    at: int | None = None,
 ) -> State:
     """The new model of `make() -> (model, what was done)` as one undo step.
 
     What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
-    for the repair that `offer` names; without a cell it is a notice.
+    for the repair that `offer` names; without a cell it is a notice. `at` is the place of the row
+    that is edited.
     """
     try:
         model, label = make()
@@ -49,7 +53,7 @@ def edited(
         if serial is None:
             return told(state, client, Notice("Not done", str(problem), bad=True))
         return replied(state, client, serial, str(problem), offer())
-    state = with_model(state, model, label, client)
+    state = with_model(state, model, label, client, at)
     if serial is not None:
         state = replied(state, client, serial)
     return _noticed(state, client, model)
@@ -67,7 +71,9 @@ def _noticed(state: State, client: int, model: pg.Model) -> State:
     return told(state, client, Notice("Also changed", text)) if text else state
 
 
-def with_model(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
+def with_model(
+    state: State, model: pg.Model, label: str, client: int | None = None, at: int | None = None
+) -> State:
     """`model` in place of the current one, as one undo step of a page, or of the server.
 
     Nothing if it is the same.
@@ -76,9 +82,9 @@ def with_model(state: State, model: pg.Model, label: str, client: int | None = N
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit; no run repeats them
     page = state.clients.get(client) if client is not None else None
-    step = Step(state.model, label, by=page.page if page else "")
+    step = Step(state.model, label, page.page if page else "", state.rows)
     undo = (*state.undo, step)[-UNDO_DEPTH:]
-    return replace(showing(state, model), undo=undo, redo=(), greeting=None)
+    return replace(showing(state, model, at), undo=undo, redo=(), greeting=None)
 
 
 def replaced(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
@@ -93,6 +99,7 @@ def replaced(state: State, model: pg.Model, label: str, client: int | None = Non
         last_run=state.last_run,  # not of this model, also where it is the same once more
         playback=after.playback if after.live else at_start,
         renames=state.renames,  # the bodies of its rows are others, not renamed ones
+        rows=Rows(),
         request=first_request(model),
         framed=state.framed + 1,
         walking=Walking(),
@@ -117,9 +124,22 @@ def _afresh(client: Client) -> Client:
     return replace(client, inspected=whole, **{name: getattr(none, name) for name in of_model})
 
 
-def showing(state: State, model: pg.Model) -> State:
-    """`model` shown: selections follow by name or row, the playback is at its start."""
-    names = {(kind, old): new for kind, old, new in renamed(state.model, model)}
+def showing(
+    state: State, model: pg.Model, at: int | None = None, earlier: Step | None = None
+) -> State:
+    """`model` shown: selections follow by name or row, the playback is at its start.
+
+    `at` is the place of the row that was edited; `earlier` is the step that comes back.
+    """
+    changed = list(renamed(state.model, model))
+    names = {(kind, old): new for kind, old, new in changed}
+    if earlier is not None and earlier.model is model:
+        rows = replace(earlier.rows, given=state.rows.given)
+    else:
+        back = earlier and (earlier.model, earlier.rows)
+        rows = followed(state.rows, state.model, model, changed, at, back)
+        if state.model.bodies is not model.bodies:
+            rows = replace(rows, colors=_painted(state, rows, model))
     clients = {
         key: _named(_follows(client, state.model, model), names)
         for key, client in state.clients.items()
@@ -133,7 +153,8 @@ def showing(state: State, model: pg.Model) -> State:
         last_run=state.last_run and _run_on(state.last_run, state.model, model),
         live=live,
         model=model,
-        renames=remembered(state.renames, state.model, model),
+        rows=rows,
+        renames=remembered(state.renames, changed),
         clients=clients,
         request=request,
         playback=state.playback
@@ -247,10 +268,12 @@ def _pairs(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[Any, Any]]:
     return [(a, b) for a, b in other if a.name not in after and b.name not in before]
 
 
-def remembered(renames: tuple[Rename, ...], old: pg.Model, new: pg.Model) -> tuple[Rename, ...]:
-    """With those of an edit from `old` to `new`."""
+def remembered(
+    renames: tuple[Rename, ...], changed: Iterable[tuple[str, str, str]]
+) -> tuple[Rename, ...]:
+    """With those of an edit: (kind, old name, new name)."""
     last = renames[-1].number if renames else 0
-    more = [Rename(last + k, *said) for k, said in enumerate(renamed(old, new), 1)]
+    more = [Rename(last + k, *said) for k, said in enumerate(changed, 1)]
     return (*renames, *more)[-MOST_RENAMES:] if more else renames
 
 
@@ -299,127 +322,127 @@ def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, An
         yield "of", "bodies", fields["of"]
 
 
-# -- undo and redo ---------------------------------------------------------------------------------
+# -- rows that stay themselves ---------------------------------------------------------------------
+
+Places = Sequence[int | None]  # of each row of a list in the list before; None for a new one
+COORDINATES = {"ball": (0, 4, 3), "free": (0, 7, 6)}  # of a motion: its axes, q, v; else 1 each
 
 
-def _last(state: State, steps: Sequence[Step], client: int) -> int | None:
-    """The number of the last step that a page may take back: its own, or of a page that is gone."""
-    if client not in state.clients:
-        return len(steps) - 1 if steps else None
-    me = state.clients[client].page
-    others = {page.page for page in state.clients.values()} - {me}
-    mine = [i for i, step in enumerate(steps) if step.by not in others]
-    return mine[-1] if mine else None
+def followed(
+    rows: Rows, old: pg.Model, new: pg.Model, renames: Iterable[tuple[str, str, str]],
+    at: int | None = None, earlier: tuple[pg.Model, Rows] | None = None,
+) -> Rows:  # fmt: skip
+    """The rows after an edit from `old` to `new`.
 
-
-def undoable(state: State, client: int) -> Step | None:
-    """What Undo of a page would take back."""
-    k = _last(state, state.undo, client)
-    return None if k is None else state.undo[k]
-
-
-def redoable(state: State, client: int) -> Step | None:
-    """What Redo of a page would do again: only where nobody took back something later."""
-    k = _last(state, state.redo, client)
-    return state.redo[-1] if state.redo and k == len(state.redo) - 1 else None
-
-
-def undone(state: State, client: int) -> State:
-    """The model without the last step of a page; its run is shown again if it has one."""
-    k = _last(state, state.undo, client)
-    if k is None:
-        return state
-    step, later = state.undo[k], state.undo[k + 1 :]
-    redo = (*state.redo, Step(state.model, step.label, step.by))
-    if not later:
-        return replace(showing(state, step.model), undo=state.undo[:k], redo=redo)
-    after = later[0].model
-    try:
-        model = reverted(state.model, step.model, after)
-        since = [replace(later[0], model=step.model)]
-        since += [replace(x, model=reverted(x.model, step.model, after)) for x in later[1:]]
-    except (Refusal, pg.PgraphError) as problem:
-        text = f"'{step.label}' cannot be undone any more: {problem}"
-        return told(state, client, Notice("Not undone", text, bad=True))
-    return replace(showing(state, model), undo=(*state.undo[:k], *since), redo=redo)
-
-
-def redone(state: State, client: int) -> State:
-    """The model that the last undo of a page left."""
-    step = redoable(state, client)
-    if step is None:
-        return state
-    undo = (*state.undo, Step(state.model, step.label, step.by))
-    return replace(showing(state, step.model), undo=undo, redo=state.redo[:-1])
-
-
-def reverted(now: pg.Model, before: pg.Model, after: pg.Model) -> pg.Model:
-    """`now` with what changed from `before` to `after` taken back; what others changed stays.
-
-    Raises Refusal where the same was changed since, PgraphError where the rest needs it.
+    `renames` are (part, old name, new name); `at` is the place of the row that was edited, which
+    decides between rows that are alike; what comes back is what it was in `earlier`.
     """
-    names = [said for said in renamed(after, now) if said[0] in PARTS]
-    before, after = _called(before, names), _called(after, names)
-    fields: dict[str, Any] = {}
-    for key in type(now).model_fields:
-        was, then, is_now = (getattr(model, key) for model in (before, after, now))
-        if was == then:
-            continue
-        if key in PARTS:
-            fields[key] = _parts(was, then, is_now)
-        elif is_now == then:
-            fields[key] = was
+    known, given = dict(rows.known), dict(rows.given)
+
+    def put(key: Key, before: int, places: Places, again: Sequence[int | None] = ()) -> None:
+        had, found, new = rows.of(key, before), [], max(given.get(key, 0), before)
+        for k, place in enumerate(places):
+            number = had[place] if place is not None else again[k] if again else None
+            if number is None:
+                number, new = new, new + 1
+            found.append(number)
+        given[key] = new
+        if tuple(found) == tuple(range(len(found))):
+            known.pop(key, None)
         else:
-            raise Refusal(f"the {key} of the model was changed since")
-    return now.replace(**fields)
+            known[key] = tuple(found)
 
-
-def _called(model: pg.Model, names: Sequence[tuple[str, str, str]]) -> pg.Model:
-    """The model with the names that parts have got since."""
-    for kind, old, new in names:
-        if any(part.name == old for part in getattr(model, kind)):
-            which = {} if kind == "bodies" else {"kind": kind[:-1]}
-            model = model.edit(old, **which, name=new)
-    return model
-
-
-def _parts(was: Sequence[Any], then: Sequence[Any], is_now: Sequence[Any]) -> tuple[Any, ...]:
-    """Parts by name, each as it is now or as it was; the order follows what is there now."""
-    a, b, c = ({part.name: part for part in parts} for parts in (was, then, is_now))
-    found: dict[str, Any] = {}
-    for name, part in c.items():
-        if a.get(name) == b.get(name):
-            found[name] = part
-        elif name in a and name in b:
-            found[name] = _part(a[name], b[name], part)
-        elif name in a or part != b[name]:
-            raise Refusal(f"'{name}' was changed since by another person")
-    for name in a:
-        if name in b and name not in c and a[name] != b[name]:
-            raise Refusal(f"'{name}' was taken out since by another person")
-    if list(b) == list(c):
-        return tuple(found.get(name, a[name]) for name in a)
-    order, before = list(found), ""
-    for name in a:
-        if name not in b:
-            order.insert(order.index(before) + 1 if before in order else 0, name)
-            found[name] = a[name]
-        before = name
-    return tuple(found[name] for name in order)
-
-
-def _part(was: Any, then: Any, is_now: Any) -> Any:
-    """A part that is there all along: field by field."""
-    if is_now == then:
-        return was
-    if type(was) is not type(is_now):
-        raise Refusal(f"'{is_now.name}' was changed since by another person")
-    fields = {}
-    for key in type(was).model_fields:
-        old, changed, current = (getattr(part, key) for part in (was, then, is_now))
-        if old == changed:
+    said = {(part, now): was for part, was, now in renames}
+    for part in LISTS:
+        if getattr(old, part) is getattr(new, part):
             continue
-        if current != changed:
-            raise Refusal(f"the {key} of '{is_now.name}' was changed since by another person")
-        fields[key] = old
-    return is_now.unchecked_copy(fields)
+        a, b = names_of(old, part), names_of(new, part)
+        places: Places = range(len(a))
+        if a != b:
+            where = {name: k for k, name in enumerate(a)}
+            places = [where.get(said.get((part, name), name)) for name in b]
+            before = earlier[1].named(earlier[0], part) if earlier else {}
+            put((part,), len(a), places, [before.get(name) for name in b])
+        for k, place in enumerate(places if part in INNER else ()):
+            if place is None:
+                continue
+            one, other = getattr(old, part)[place], getattr(new, part)[k]
+            if one is not other:
+                number = rows.of((part,), len(a))[place]
+                for name, count, inner in INNER[part](one, other, at):
+                    put((part, number, name), count, inner)
+    a, b = old.ground.steps, new.ground.steps
+    if a != b:
+        put(("ground", "steps"), len(a), _kept(a, b, at))
+    return Rows(known, rows.colors, given)
+
+
+def _kept(old: Sequence[Any], new: Sequence[Any], at: int | None) -> Places:
+    """Rows without names: those before and after the ones that were put in or taken out."""
+    few = min(len(old), len(new))
+    if len(old) == len(new):
+        return range(few)
+    first = next((k for k in range(few) if old[k] != new[k]), few)
+    last = next((k for k in range(few) if old[-1 - k] != new[-1 - k]), few)
+    if first + last >= few:  # rows alike next to each other: the edit knows which it was about
+        first = at if at is not None and few - last <= at <= first else first
+        last = few - first
+    return [
+        k if k < first else k + len(old) - len(new) if k >= len(new) - last else None
+        for k in range(len(new))
+    ]
+
+
+Inner = Iterator[tuple[str, int, Places]]  # name of a list, its length before, its places
+
+
+def _of_contact(old: pg.Contact, new: pg.Contact, at: int | None) -> Inner:
+    if old.points != new.points:
+        yield "points", len(old.points), _kept(old.points, new.points, at)
+
+
+def _of_body(old: pg.Body, new: pg.Body, at: int | None) -> Inner:
+    if len(old.shapes) != len(new.shapes):
+        yield "shapes", len(old.shapes), _kept(old.shapes, new.shapes, at)
+    a, b = (x.motions if x.joint == "compound" else () for x in (old, new))
+    if len(a) == len(b):
+        return
+    if not a or not b:  # a joint of another kind
+        yield from ((name, 0, ()) for name in ("motions", "axes", "q", "v"))
+        return
+    places = _kept(a, b, at)
+    yield "motions", len(a), places
+    for i, name in enumerate(("axes", "q", "v")):
+        before, now = ([COORDINATES.get(kind, (1, 1, 1))[i] for kind, _ in x] for x in (a, b))
+        start = list(accumulate(before, initial=0))
+        yield name, start[-1], [
+            start[place] + k if place is not None and before[place] == count else None
+            for place, count in zip(places, now) for k in range(count)
+        ]  # fmt: skip
+
+
+def _of_scenario(old: pg.Scenario, new: pg.Scenario, at: int | None) -> Inner:
+    if old.switches != new.switches:
+        yield "switches", len(old.switches), _kept(old.switches, new.switches, at)
+    a, b = ([f.name for f in x.forces] for x in (old, new))
+    if a != b:
+        same = len(a) == len(b)
+        where = {name: k for k, name in enumerate(a)}
+        gone = [k for k, name in enumerate(a) if name not in b]
+        rest = iter(gone if same else ())
+        yield "forces", len(a), [where[name] if name in where else next(rest, None) for name in b]
+
+
+INNER: Mapping[str, Any] = {"bodies": _of_body, "contacts": _of_contact, "scenarios": _of_scenario}
+
+
+def _painted(state: State, found: Rows, new: pg.Model) -> Mapping[int, Color]:
+    """Bodies that are there keep their colours; new ones get theirs beside those."""
+    rows, old = state.rows, state.model
+    if [(x.name, x.parent) for x in old.bodies] == [(x.name, x.parent) for x in new.bodies]:
+        return rows.colors
+    a, b = state.derived, derive(new)
+    before, after = rows.named(old, "bodies"), found.named(new, "bodies")
+    had = dict(zip((before[name] for name in a.names), state.colors)) | dict(rows.colors)
+    now = colors_beside(b.parent, [had.get(after[name]) for name in b.names])
+    return had | {after[name]: color for name, color in zip(b.names, now)}

@@ -26,14 +26,14 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 import pgraph_core as pg
 from pgraph_core.errors import PgraphError
 
-from .cells import Refusal
+from .cells import Refusal, placed, touched
 from .edit import as_now, edited
 from .state import Notice, State, replied, told, with_client
 
 Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Bodies = Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
-Index = Annotated[tuple[Annotated[int, Field(ge=0, le=1000)], ...], Field(max_length=3)]
+Index = Annotated[tuple[Annotated[int, Field(ge=0, le=10**9)], ...], Field(max_length=3)]
 Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_length=12)]
 
 
@@ -51,6 +51,13 @@ class FromPage(Event):
     __pydantic_config__ = ConfigDict(extra="forbid")
     client: int
     seen: int | None = field(default=None, kw_only=True)  # number of renames the page knew of
+
+
+@dataclass(frozen=True)
+class OfScenario(FromPage):
+    """About a scenario, which it names by its number; None: the one that is chosen."""
+
+    scenario: int | None = field(default=None, kw_only=True)
 
 
 Handler = TypeVar("Handler", bound=Callable[[State, Any], State])
@@ -134,7 +141,7 @@ def on_edit(
         def done(state: State, event: Any) -> State:
             return edited(
                 state, event.client, lambda: handler(state, event),
-                getattr(event, "serial", None), lambda: offer(state, event),
+                getattr(event, "serial", None), lambda: offer(state, event), touched(event),
             )  # fmt: skip
 
         on(*kinds)(done)
@@ -145,7 +152,15 @@ def on_edit(
 
 def update(state: State, event: Event) -> State:
     """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
-    return HANDLERS[type(event)](state, as_now(state.renames, event))
+    event = as_now(state.renames, event)
+    try:
+        event = placed(state.rows, state.model, state.request.scenario, event)
+    except (Refusal, PgraphError) as gone:
+        client, serial = getattr(event, "client", 0), getattr(event, "serial", None)
+        if serial is None:
+            return told(state, client, Notice("Not done", str(gone), bad=True))
+        return replied(state, client, serial, str(gone))
+    return HANDLERS[type(event)](state, event)
 
 
 @dataclass(frozen=True)

@@ -2,102 +2,133 @@
 // with the next one, so that an inertia or a quaternion can be typed number by number.
 pgraph.forms = (() => {
   const { make, cells } = pgraph;
-  const shapeOf = (groups) => JSON.stringify(groups.map((g) => [g.title, g.fields.map((f) =>
-    [f.field, f.label, f.kind, f.columns, f.cells.map((c) => [c.index, c.name]), f.buttons.map((b) => b.text), f.options?.length, f.rows?.length])]));
   const isDirty = (cell) => cell.value !== cell.dataset.shown;
 
   // `ask` = {edit(field, entries, serial), check(...), mend(...), press(button, field), density, upload, parameter}.
+  // A row keeps its cells, with what is typed in them, wherever others move it, until `key` is another.
   function draw(box, groups, ask, key) {
-    const shape = shapeOf(groups);
-    if (box.dataset.shape !== shape || box.dataset.key !== key) {
-      const folded = new Map([...box.querySelectorAll(":scope > details")].map((d) => [d.dataset.title, d.open]));
-      const same = box.dataset.key === key, typed = same ? halfTyped(box) : [];
-      if (!same) left(box);
-      box.pgraphAsk = ask;
-      cells.quietly(() => box.replaceChildren(...groups.map((g) => group(box, g, folded))));
-      Object.assign(box.dataset, { shape, key });
-      fill(box, groups);
-      cells.quietly(() => typed.forEach((one) => retyped(box, one)));
-      return;
+    const folded = box.pgraphFolded ??= new Map();
+    for (const details of box.querySelectorAll(":scope > details")) folded.set(details.dataset.title, details.open);
+    if (box.dataset.key !== key) {
+      cells.leave(box);
+      cells.quietly(() => box.replaceChildren());
+      box.dataset.key = key;
     }
     box.pgraphAsk = ask;
-    fill(box, groups);
+    const items = groups.map((data) => ({ id: data.id, name: data.title, data }));
+    pgraph.keyed(box, items, ({ data }) => group(data, folded), (el, { data }) => fillGroup(box, el, data));
   }
 
-  // A form goes while a cell is typed in: that is to leave the cell, which commits it.
-  function left(box) {
-    const cell = document.activeElement;
-    if (box.contains(cell) && cell.pgraphCommit) cell.pgraphCommit();
+  function group(data, folded) {
+    if (!data.title) return make("div");
+    return make("details", { open: folded.get(data.title) ?? data.open }, make("summary"), make("div"));
   }
-  // The same form with other fields, as others change them: what is half typed stays in its cell.
-  const place = (cell) => [cell.closest("[data-field]")?.dataset.field, cell.getAttribute("aria-label")].join();
-  function halfTyped(box) {
-    const here = (cell) => cell === document.activeElement;
-    return [...box.querySelectorAll("input.cell")].filter((cell) => isDirty(cell) || here(cell)).map((cell) => ({
-      at: place(cell), text: cell.value, dirty: isDirty(cell), focused: here(cell), span: [cell.selectionStart, cell.selectionEnd] }));
-  }
-  function retyped(box, { at, text, dirty, focused, span }) {
-    const cell = [...box.querySelectorAll("input.cell")].find((one) => place(one) === at);
-    if (!cell) return;
-    if (focused) cell.focus({ preventScroll: true });
-    if (dirty) cell.value = text;
-    if (focused) cell.setSelectionRange(...span);
+  function fillGroup(box, el, data) {
+    if (data.title) {
+      el.dataset.title = data.title;
+      el.firstChild.textContent = data.title;
+    }
+    const seen = new Map();
+    const items = data.fields.map((field) => {
+      const name = `${field.field} ${field.row ?? ""}`, again = seen.get(name) ?? 0;
+      seen.set(name, again + 1);
+      return { name: again ? `${name} ${again}` : name, field };
+    });
+    pgraph.keyed(data.title ? el.lastChild : el, items, () => make("div"), (row, { field }) => fill(box, row, field));
   }
 
-  function group(box, data, folded) {
-    const body = make("div", {}, ...data.fields.map((f) => row(box, f)));
-    if (!data.title) return body;
-    return make("details", { open: folded.get(data.title) ?? data.open, "data-title": data.title },
-      make("summary", { textContent: data.title }), body);
+  function fill(box, el, field) {
+    el.pgraphField = field;
+    if (el.pgraphKind !== field.kind) {
+      cells.leave(el);
+      el.replaceChildren(...field.kind === "parameters" ? parameters(box) : row(box, el));
+      Object.assign(el, { pgraphKind: field.kind, pgraphButtons: "" });
+    }
+    if (field.kind === "parameters") { fillParameters(box, el, field); return; }
+    const grid = el.querySelector(".grid"), inputs = cellsOf(box, el, grid, field);
+    label(box, el, field);
+    buttons(box, el, field);
+    if (field.kind === "density") fillDensity(el, String(field.cells[0].value));
+    else {
+      grid.className = `grid columns-${field.columns}`;
+      field.cells.forEach((cell, i) => fillCell(inputs[i], field, cell));
+    }
   }
 
-  function row(box, field) {
-    if (field.kind === "parameters") return parameters(box, field);
-    const grid = make("div", { className: `grid columns-${field.columns}` });
-    grid.append(...field.cells.map((cell) => input(box, grid, field, cell)));
-    if (field.kind === "density") density(box, grid, field);
-    const unit = make("span", { className: "unit" }), what = make("div", { className: "what", title: field.help || field.label }, make("span", { textContent: field.label }), unit);
-    if (field.pick) what.append(picker(box, field));
-    const buttons = field.buttons.map((b) => make("button", {
-      className: "action small", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(b, field),
-    }));
-    if (field.upload) buttons.push(upload(box));
-    return make("div", {}, make("div", { className: "field", "data-field": field.field },
-      what, grid, ...buttons),
-    make("div", { className: "note muted" }));
+  function row(box, el) {
+    const field = el.pgraphField, what = make("div", { className: "what" }, make("span"), make("span", { className: "unit" }));
+    const grid = make("div", { className: "grid" });
+    return [make("div", { className: "field" }, what, grid, ...(field.upload ? [upload(box)] : [])), make("div", { className: "note muted" })];
+  }
+  // The cells of a row by their places: one that stays keeps what is typed in it. Returns the inputs.
+  function cellsOf(box, el, grid, field) {
+    const old = new Map([...grid.children].filter((one) => one.pgraphKey).map((one) => [one.pgraphKey, one]));
+    const now = field.cells.map((cell) => {
+      const key = JSON.stringify([cell.index, cell.name]), made = old.get(key) ?? input(box, el, grid, cell);
+      old.delete(key);
+      made.pgraphKey = key;
+      return made;
+    });
+    for (const gone of old.values()) { cells.leave(gone); gone.remove(); }
+    now.forEach((one, i) => { if (grid.children[i] !== one && !one.isConnected) grid.insertBefore(one, grid.children[i] ?? null); });
+    if (field.kind === "density" && !grid.querySelector(".take")) density(box, grid, field);
+    return now.map((one) => (one.matches("label") ? one.lastChild : one));
+  }
+  function buttons(box, el, field) {
+    const line = el.querySelector(".field"), texts = JSON.stringify(field.buttons.map((b) => b.text));
+    if (el.pgraphButtons === texts) {
+      line.querySelectorAll(":scope > button.own").forEach((one, i) => { one.title = field.buttons[i].title; });
+      return;
+    }
+    el.pgraphButtons = texts;
+    for (const old of line.querySelectorAll(":scope > button.own")) old.remove();
+    line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => make("button", {
+      className: "action small own", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField),
+    })));
+  }
+  function label(box, el, field) {
+    const what = el.querySelector(".what");
+    el.querySelector(".field").dataset.field = field.field;
+    what.title = field.help || field.label;
+    what.firstChild.textContent = field.label;
+    what.querySelector(".unit").textContent = field.unit;
+    if (!field.pick) what.querySelector(".pick")?.remove();
+    else if (!what.querySelector(".pick")) what.append(picker(box, el));
+    what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);
+    el.querySelector(".note").textContent = field.note;
   }
 
   // The row's numbers are taken from the next click in the 3D view.
-  function picker(box, field) {
-    const about = field.pick === "axis" ? "a face or a round side" : "a point", index = field.cells[0].index.slice(0, -1);
-    return pgraph.pictureButton("pick", "pick", `pick ${field.label} in 3D`, `Pick it in the 3D view: click ${about} of a body`,
-      () => pgraph.picking.start(field.pick, { field: field.field, index, ...box.pgraphAsk.owner }));
+  function picker(box, el) {
+    const { pick } = el.pgraphField, about = pick === "axis" ? "a face or a round side" : "a point";
+    return pgraph.pictureButton("pick", "pick", "", `Pick it in the 3D view: click ${about} of a body`,
+      () => pgraph.picking.start(pick, { field: el.pgraphField.field, index: el.pgraphField.cells[0].index.slice(0, -1), ...box.pgraphAsk.owner }));
   }
 
-  function input(box, grid, field, cell) {
-    const label = [field.label, cell.name || cell.index.map((i) => i + 1).join(" ")].filter(Boolean).join(" ");
+  function input(box, el, grid, cell) {
+    const of = () => el.pgraphField;
     const typedIn = () => [...grid.querySelectorAll(".cell")].filter(isDirty);
     const entriesOf = (typed) => typed.map((one) => [one.pgraphIndex, one.value]);
     const check = (serial) => {
       const entries = entriesOf(typedIn());
-      made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
-      box.pgraphAsk.check(field.field, entries, serial);
+      made.onrefuse = (offer, note) => repair(box, of(), entries, offer, note, made);
+      box.pgraphAsk.check(of().field, entries, serial);
     };
     const send = (serial) => {
       const typed = typedIn(), entries = entriesOf(typed);
       const texts = typed.map((one) => one.value);
       made.onaccept = () => typed.forEach((one, i) => { if (one !== made && one.value === texts[i]) cells.revert(one); });
-      made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
-      box.pgraphAsk.edit(field.field, entries, serial);
+      made.onrefuse = (offer, note) => repair(box, of(), entries, offer, note, made);
+      box.pgraphAsk.edit(of().field, entries, serial);
     };
+    const { kind, live, label: called } = of();
     let made;
-    if (field.kind === "choice") made = cells.choice(() => made.pgraphOptions, send, { label });
-    else if (field.kind === "names") made = cells.choice(() => names(made.pgraphOptions), send, { label });
-    else made = cells.input(send, { label, numeric: field.kind === "number", leaving: field.kind !== "density" });
-    if (field.live) made.addEventListener("input", () => cells.doubtful(made, check));
-    if (field.columns >= 3) made.dataset.digits = 5;
+    if (kind === "choice") made = cells.choice(() => made.pgraphOptions, send, { label: called });
+    else if (kind === "names") made = cells.choice(() => names(made.pgraphOptions), send, { label: called });
+    else made = cells.input(send, { label: called, numeric: kind === "number", leaving: kind !== "density" });
+    if (live) made.addEventListener("input", () => cells.doubtful(made, check));
     made.pgraphIndex = cell.index;
-    made.pgraphOptions = field.options ?? [];
+    made.pgraphOptions = of().options ?? [];
     return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), made) : made;
   }
   const names = (extra) => [...extra.map((n) => [n, n === "*" ? "every body with a shape" : n]),
@@ -143,14 +174,8 @@ pgraph.forms = (() => {
   }
 
   // Named numbers: name, value, how many cells use it; the last row makes a new one.
-  function parameters(box, field) {
+  function parameters(box) {
     const ask = (...args) => box.pgraphAsk.parameter(...args);
-    const rows = field.rows.map((row) => {
-      const name = cells.input((serial, text) => ask("RenameParameter", { serial, name: name.dataset.full, text }), { label: "parameter name" });
-      const value = cells.input((serial, text) => ask("EditParameter", { serial, name: name.dataset.full, text }), { label: "parameter value", numeric: true });
-      const out = make("button", { className: "action small", textContent: "×", onclick: () => ask("DeleteParameter", { name: name.dataset.full }) });
-      return make("div", {}, make("div", { className: "field parameter" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), out));
-    });
     const name = cells.input(() => {}, { label: "new parameter name", leaving: false });
     const send = (serial, text) => ask("EditParameter", { serial, name: name.value, text });
     const value = cells.input(send, { label: "new parameter value", leaving: false });
@@ -160,22 +185,26 @@ pgraph.forms = (() => {
     value.onaccept = () => { name.value = value.value = ""; };
     const add = make("button", { className: "action small", textContent: "Add", onclick: () => cells.await(value, send) });
     const fresh = make("div", { className: "field parameter fresh" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), add);
-    return make("div", { className: "parameters", title: field.help }, ...rows, fresh);
+    return [make("div", { className: "parameters" }, make("div"), fresh)];
+  }
+  function parameter(box) {
+    const ask = (...args) => box.pgraphAsk.parameter(...args);
+    const name = cells.input((serial, text) => ask("RenameParameter", { serial, name: name.dataset.full, text }), { label: "parameter name" });
+    const value = cells.input((serial, text) => ask("EditParameter", { serial, name: name.dataset.full, text, row: Number(line.pgraphKey) }), { label: "parameter value", numeric: true });
+    const out = make("button", { className: "action small", textContent: "×", onclick: () => ask("DeleteParameter", { name: name.dataset.full }) });
+    const line = make("div", {}, make("div", { className: "field parameter" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), out));
+    return line;
+  }
+  function fillParameters(box, el, field) {
+    el.firstChild.title = field.help;
+    pgraph.keyed(el.firstChild.firstChild, field.rows, () => parameter(box), (line, data) => {
+      const [name, value] = line.querySelectorAll(".cell");
+      cells.set(name, data.name);
+      cells.set(value, data.value);
+      line.querySelector(".used").textContent = data.used === 0 ? "unused" : `${data.used} ${data.used === 1 ? "cell" : "cells"}`;
+    });
   }
 
-  function fill(box, groups) {
-    const rows = [...box.querySelectorAll(":scope > div > div, :scope > details > div > div")];
-    let at = 0;
-    for (const group of groups) for (const field of group.fields) {
-      const row = rows[at++];
-      if (field.kind === "parameters") { fillParameters(row, field); continue; }
-      row.querySelector(".unit").textContent = field.unit;
-      row.querySelector(".note").textContent = field.note;
-      const inputs = [...row.querySelectorAll(".cell")].filter((cell) => cell.pgraphIndex);
-      if (field.kind === "density") { fillDensity(row, String(field.cells[0].value)); continue; }
-      field.cells.forEach((cell, i) => fillCell(inputs[i], field, cell));
-    }
-  }
   // The density that the mass follows from now; what is typed is an order, not the model's cell.
   function fillDensity(row, value) {
     const [list, cell] = row.querySelectorAll(".grid > .cell");
@@ -184,6 +213,10 @@ pgraph.forms = (() => {
     list.value = [...list.options].some((option) => option.value === value) ? value : "";
   }
   function fillCell(input, field, cell) {
+    const { name, at, index } = cell;
+    input.setAttribute("aria-label", [field.label, name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
+    if (field.columns >= 3) input.dataset.digits = 5;
+    else delete input.dataset.digits;
     input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];
     if (field.kind === "choice" || field.kind === "names") cells.choose(input, cell.value);
     else {
@@ -193,15 +226,6 @@ pgraph.forms = (() => {
       cells.set(input, cell.value, field.help);
     }
     input.classList.toggle("implied", Boolean(cell.implied));
-  }
-  function fillParameters(row, field) {
-    const lines = row.querySelectorAll(".parameter:not(.fresh)");
-    field.rows.forEach((data, i) => {
-      const [name, value] = lines[i].querySelectorAll(".cell");
-      cells.set(name, data.name);
-      cells.set(value, data.value);
-      lines[i].querySelector(".used").textContent = data.used === 0 ? "unused" : `${data.used} ${data.used === 1 ? "cell" : "cells"}`;
-    });
   }
 
   // Units and forms of this page alone; the file has radians and metres.

@@ -20,25 +20,30 @@ pgraph.text = (tag, className, textContent = "") => pgraph.make(tag, { className
 // The sentence below a row or cell, as cells.js puts it there.
 pgraph.sentenceOf = (el) => (el?.nextElementSibling?.classList.contains("sentence") ? el.nextElementSibling : null);
 
-// Makes the children of `box` follow `items`, which have names. An item keeps its element, and with it
-// focus and half-typed text: by its name, or by its place if it was renamed. `create(item)` makes an
-// element, `fill(el, item)` draws the item in it, `gone(el)` is told before one is removed. Children
-// without data-name, and sentences below elements, stay. Returns the elements by name.
+// Makes the children of `box` follow `items`, which have names, and an `id` where their names may
+// change. An item keeps its element, and with it focus and half-typed text, as long as it has its id.
+// `create(item)` makes an element, `fill(el, item)` draws the item in it, `gone(el)` is told before one
+// is removed, and the cell in it that is typed in is left, which commits it. Other children, and
+// sentences below elements, stay. Returns the elements by name.
 pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
-  const old = [...box.children].filter((el) => el.dataset.name !== undefined);
-  const left = new Map(old.map((el) => [el.dataset.name, el])), names = new Set(items.map((item) => item.name));
-  const now = new Map();
+  const ours = (el) => el.pgraphKey !== undefined;
+  const left = new Map([...box.children].filter(ours).map((el) => [el.pgraphKey, el])), now = new Map();
   pgraph.cells.keepingFocus(() => {
-    items.forEach((item, i) => {
-      const renamed = old[i] && !names.has(old[i].dataset.name) ? old[i] : null;
-      const el = left.get(item.name) ?? renamed ?? create(item);
-      left.delete(el.dataset.name);
+    for (const item of items) {
+      const key = String(item.id ?? item.name), el = left.get(key) ?? create(item);
+      left.delete(key);
+      el.pgraphKey = key;
       if (el.dataset.name !== item.name) el.dataset.name = item.name;
-      now.set(item.name, el);
+      now.set(key, el);
       fill(el, item);
-    });
-    for (const el of left.values()) { gone(el); pgraph.sentenceOf(el)?.remove(); el.remove(); }
-    let at = [...box.children].find((el) => el.dataset.name !== undefined) ?? null;
+    }
+    for (const el of left.values()) {
+      pgraph.cells.leave(el);
+      gone(el);
+      pgraph.sentenceOf(el)?.remove();
+      el.remove();
+    }
+    let at = [...box.children].find(ours) ?? null;
     for (const el of now.values()) { // all in place, the common case, costs no move
       const sentence = pgraph.sentenceOf(el);
       if (at === el) { at = (sentence ?? el).nextElementSibling; continue; }
@@ -46,5 +51,5 @@ pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
       if (sentence) el.after(sentence);
     }
   });
-  return now;
+  return new Map([...now.values()].map((el) => [el.dataset.name, el]));
 };

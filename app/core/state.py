@@ -10,6 +10,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.animation import between
+from pgraph_core.show.shapes import Color
 
 from ..constraints import MobilityReport, Picking
 from ..gait import Change, Walking
@@ -24,7 +25,7 @@ from ..report import Analysis, Report, ReportRequest
 from ..run import Exporting, Job, Kernels, Live, Request, Run, first_request
 from ..scene import SHOWN_AT_FIRST
 from ..session import Kept, Saving
-from .cells import Display
+from .cells import Display, Rows
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ class State:
     undo: tuple[Step, ...] = ()
     redo: tuple[Step, ...] = ()
     renames: tuple[Rename, ...] = ()  # of late
+    rows: Rows = field(default_factory=Rows)
     last_run: Run | None = None
     run_framed: int = 0  # `framed` when it was made
     job: Job | None = None
@@ -135,6 +137,15 @@ class State:
     def derived(self) -> Derived:
         """What follows from the model."""
         return derive(self.model)
+
+    @property
+    def colors(self) -> tuple[Color, ...]:
+        """Of the bodies, by number: each keeps its own whatever else is put in or taken out."""
+        own, d = self.rows.colors, self.derived
+        if not own:
+            return d.colors  # of the model as it was opened: a hue for each branch
+        number = self.rows.named(self.model, "bodies")
+        return tuple(own.get(number[name], color) for name, color in zip(d.names, d.colors))
 
     @property
     def renamed(self) -> int:

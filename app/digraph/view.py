@@ -54,7 +54,7 @@ def digraph(state: State) -> Payload:
         "joints": [body.joint for body in bodies],
         "sites": [[s.name for s in state.model.sites if s.body == name] for name in d.names],
         "masses": [body.mass for body in bodies],
-        "colors": [css(color) for color in d.colors],
+        "colors": [css(color) for color in state.colors],
         "tips": sorted(d.tips),
         "separation": sorted(d.separation),
         "pgraph": d.pgraph,

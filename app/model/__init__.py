@@ -16,6 +16,7 @@ class Step:
     model: pg.Model
     label: str
     by: str = ""  # the page that did it, as it calls itself
+    rows: Any = None  # the Rows of that model
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import pgraph_models
 from pgraph_core.show.notebook import picture
 
 from ..core.bridge import Bridge
-from ..core.edit import redoable, undoable
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count
+from .update import redoable, undoable
 
 
 class ToolbarView:

@@ -12,7 +12,7 @@ import pgraph_core as pg
 from pgraph_core.show import shapes
 
 from ..constraints import Part, parts
-from ..core.cells import Display, Refusal
+from ..core.cells import Display, Refusal, place_of
 from ..core.edit import attempted
 from ..core.events import Finite, FromPage, Index, Text, on
 from ..core.state import Notice, State, poses, told, with_client
@@ -129,15 +129,16 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
     if vector is None:
         text = f"{of!r} is not there any more"
         return told(after, client, Notice("Not done", text, bad=True))
-    entries = tuple(((*aim.index, k), repr(x)) for k, x in enumerate(vector))
 
     def made() -> pg.Model:
-        model = state.model
+        model, part = state.model, aim.part or "bodies"
+        field, index = place_of(state.rows, model, part, of, aim.field, aim.index)
+        entries = tuple(((*index, k), repr(x)) for k, x in enumerate(vector))
         if aim.part is None:
-            return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
+            return model.edit(of, **edit_of(model, model.body(of), field, entries, Display()))
         d = state.derived
         at = parts.places(d.names, d.positions, d.wxyz)
-        return parts.changed(model, aim.part, of, aim.field, entries, Display(), at)
+        return parts.changed(model, aim.part, of, field, entries, Display(), at)
 
     return attempted(after, client, made, f"{aim.field} of {of} picked in 3D")
 

@@ -17,7 +17,6 @@
   }
 
   function clear(box) {
-    delete box.dataset.key;
     box.replaceChildren();
   }
 
@@ -30,33 +29,33 @@
     $(".problem").textContent = data.problem;
     $(".hint").hidden = !data.hint;
     $(".hint").textContent = data.hint;
-    const box = $(".joints"), key = JSON.stringify(data.rows.map((row) => [row.body, row.index, row.label]));
-    if (box.dataset.key !== key) {
-      box.dataset.key = key;
-      box.replaceChildren(...data.rows.map((row, i) => joint(row, data.rows[i - 1]?.body === row.body)));
-    }
-    const lines = box.querySelectorAll(":scope > .joint"); // between them stand sentences
-    data.rows.forEach((row, i) => fill(lines[i], row, data.selected));
+    const items = data.rows.map((row, i) => ({ id: row.id, name: row.body, row, again: data.rows[i - 1]?.body === row.body }));
+    pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
   }
 
-  function joint(row, again) {
-    const pose = (serial, text) => send("MoveJoint", { serial, body: row.body, index: row.index, text });
-    const label = `${row.body} ${row.label}`;
-    const slider = make("input", { type: "range", step: "any", "aria-label": label });
-    const cell = cells.input(pose, { label: `${label} in ${row.unit}`, numeric: true });
+  function joint() {
+    const line = make("div"), of = () => line.pgraphRow;
+    const pose = (serial, text) => send("MoveJoint", { serial, body: of().body, index: of().index, text });
+    const slider = make("input", { type: "range", step: "any" });
+    const cell = cells.input(pose, { label: "", numeric: true });
     cell.dataset.digits = 4;
     slider.addEventListener("input", () => later(() => pose(0, slider.value)));
     slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
-    const name = make("button", { className: "of", title: row.body, onclick: () => send("Select", { body: row.body }) },
-      make("span", { className: "chip" }), make("span", { textContent: row.body }));
-    return make("div", { className: again ? "joint again" : "joint" }, name, make("span", { className: "muted", textContent: row.label }), slider, cell,
-      make("span", { className: "unit", textContent: row.unit }));
+    const name = make("button", { className: "of", onclick: () => send("Select", { body: of().body }) }, make("span", { className: "chip" }), make("span"));
+    line.append(name, make("span", { className: "muted" }), slider, cell, make("span", { className: "unit" }));
+    return line;
   }
 
-  function fill(line, row, selected) {
-    const slider = line.querySelector("[type=range]");
-    line.classList.toggle("selected", row.body === selected);
+  function fill(line, { row, again }, selected) {
+    const slider = line.querySelector("[type=range]"), name = line.firstChild, label = `${row.body} ${row.label}`;
+    line.pgraphRow = row;
+    line.className = `joint${again ? " again" : ""}${row.body === selected ? " selected" : ""}`;
+    name.title = name.lastChild.textContent = row.body;
+    line.querySelector(".muted").textContent = row.label;
+    line.querySelector(".unit").textContent = row.unit;
+    slider.setAttribute("aria-label", label);
+    line.querySelector(".cell").setAttribute("aria-label", `${label} in ${row.unit}`);
     line.querySelector(".chip").style.background = row.color;
     slider.min = row.low;
     slider.max = row.high;

@@ -44,11 +44,13 @@ class JointsView:
 
 def joints(state: State, selection: str | None) -> Payload:
     """Sliders in number order, and what there is to say."""
-    d, names = state.derived, None
+    d, names, colors = state.derived, None, state.colors
+    ids = state.rows.named(state.model, "bodies")
     if d.dof > MOST:
         names = path(state, selection)
     rows = [
         {
+            "id": f"{ids[c.body]} {c.index} {c.label}",
             "body": c.body,
             "index": c.index,
             "label": c.label,
@@ -56,7 +58,7 @@ def joints(state: State, selection: str | None) -> Payload:
             "low": c.low,
             "high": c.high,
             "unit": c.unit,
-            "color": css(d.colors[d.number[c.body] - 1]),
+            "color": css(colors[d.number[c.body] - 1]),
         }
         for c in coordinates(state, names)
     ]

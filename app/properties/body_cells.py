@@ -367,9 +367,7 @@ def _motions(body: pg.Body, entries: Sequence[Entry]) -> tuple[Any, ...]:
     """A compound joint's motions with one replaced, added or removed."""
     motions: list[Any] = list(body.motions)
     for index, text in entries:
-        if not index:
-            raise Refusal("must name one motion of the joint")
-        i = index[0]
+        i = index[0] if index else len(motions)  # without: one more
         if not text:
             del motions[i : i + 1]
         elif text not in MOTIONS:

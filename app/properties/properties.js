@@ -19,10 +19,7 @@
     kind.textContent = data.subtitle;
     forms.showUnits(units, data.display);
     for (const select of units.querySelectorAll("select")) select.hidden = !some;
-    // A renamed body keeps its cells and their focus: its number is the same.
-    const renamed = data.bodies.length === 1 && box.pgraphBodies?.length === 1 && String(box.pgraphNumber) === String(data.number);
-    const key = renamed ? box.dataset.key : data.bodies.join("\u0000");
-    Object.assign(box, { pgraphBodies: data.bodies, pgraphNumber: data.number });
+    const key = data.ids.join(); // a renamed body keeps its cells and their focus
     forms.draw(box, data.groups, some ? ofBodies(data.bodies) : ofModel, key);
   }
 

@@ -43,7 +43,7 @@ BodyField = Literal[
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
     "body_length",
 ]  # fmt: skip
-FurtherShape = Annotated[str, Field(pattern=r"^shape_[1-9]\d?_[a-z_]{4,20}$")]  # the second is 1
+FurtherShape = Annotated[str, Field(pattern=r"^shape_([1-9]\d{0,8}|more)_[a-z_]{4,20}$")]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from ..core.cells import (
     XYZ,
     Display,
     button,
+    by_number,
     cell,
     choice,
     field,
@@ -72,18 +73,22 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
     display = display or Display()
     known = [name for name in names if name in state.derived.number]
     if not known:
-        return {"bodies": [], "display": vars(display), **world(state, display)}
+        return {"bodies": [], "ids": [], "display": vars(display), **world(state, display)}
     bodies = [state.model.body(name) for name in known]
     several = len(bodies) > 1
     number = state.derived.number[known[0]]
     text = f"body {number}, {bodies[0].joint} joint to {bodies[0].parent}"
+    ids = state.rows.of(("bodies",), len(state.model.bodies))
+    forms = [groups(state.model, body, display) for body in bodies]
     return {
         "bodies": known,
-        "number": number,
+        "ids": [ids[state.model.row[name]] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
-        "color": css(state.derived.colors[number - 1]),
+        "color": css(state.colors[number - 1]),
         "subtitle": "an edit changes all of them" if several else text,
-        "groups": merged([groups(state.model, body, display) for body in bodies]),
+        "groups": merged(forms)
+        if several
+        else by_number(forms[0], state.rows, state.model, "bodies", known[0]),
         "display": vars(display),
         "parameters": sorted(state.model.parameters),
     }
@@ -190,7 +195,7 @@ class _Form:
                 found.append(self._axis(axis, axis, ""))
                 axis += 1
         more = button("+ motion", "", "one more motion", field="motions",
-                      index=[len(body.motions)], text="rotate")  # fmt: skip
+                      index=[], text="rotate")  # fmt: skip
         found[-1] = {**found[-1], "buttons": [*found[-1]["buttons"], more]}
         return found
 

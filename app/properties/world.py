@@ -16,6 +16,7 @@ from ..core.cells import (
     Payload,
     Refusal,
     button,
+    by_number,
     cell,
     choice,
     field,
@@ -38,7 +39,12 @@ def world(state: State, display: Display) -> Payload:
     return {
         "title": state.model.name,
         "subtitle": "the model: no body is selected",
-        "groups": [_general(state), _ground(state, display), _parameters(state)],
+        "groups": by_number(
+            [_general(state), _ground(state, display), _parameters(state)],
+            state.rows,
+            state.model,
+            "ground",
+        ),
     }
 
 
@@ -91,13 +97,18 @@ def _parameters(state: State) -> Payload:
         for name in names_in(formula.text):
             if name in used:
                 used[name] += 1
+    number = _rows(state)
     rows = [
-        {"name": name, "value": value, "used": used[name]}
+        {"id": number[name], "name": name, "value": value, "used": used[name]}
         for name, value in model.parameters.items()
     ]
     help = "numbers with a name: a cell of a body holds =name or =name/2"
     parameters = field("parameters", "", [], kind="parameters", rows=rows, help=help)
     return group("Parameters", [parameters], bool(rows))
+
+
+def _rows(state: State) -> dict[str, int]:
+    return state.rows.named(state.model, "parameters")
 
 
 # -- edits -----------------------------------------------------------------------------------------
@@ -191,16 +202,19 @@ def _steps(
 
 @dataclass(frozen=True)
 class EditParameter(FromPage):
-    """A parameter's value; with an unknown name a new parameter."""
+    """The value of the parameter in a row; without a row it may be a new one."""
 
     serial: int
     name: Text
     text: Text
+    row: int | None = None
 
 
 @on_edit(EditParameter)
 def parameter_edited(state: State, event: EditParameter) -> tuple[pg.Model, str]:
     name = event.name.strip()
+    if event.row is not None and event.row not in _rows(state).values():
+        raise Refusal(cells.GONE)
     return parameter_set(state.model, name, event.text), f"parameter {name}"
 
 

@@ -1,6 +1,7 @@
 // The scenario that is chosen for the run: how it starts, what acts in it, what goes on and off when.
 (() => {
   const { make, button, text, cells, forms, send } = pgraph;
+  const now = () => pgraph.latest.scenario?.id ?? null; // the one that is shown
 
   function build(host) {
     const scenario = cells.choice(() => pgraph.latest.scenario.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario to edit" });
@@ -8,8 +9,8 @@
     host.replaceChildren(make("div", { className: "scenario" },
       make("div", { className: "bar" }, scenario,
         button("new-scenario", "+ New", "A scenario that runs as the run is set now", () => send("NewScenario")),
-        button("copy-scenario", "Copy", "This scenario once more", () => send("CopyScenario")),
-        button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario"))),
+        button("copy-scenario", "Copy", "This scenario once more", () => send("CopyScenario", { scenario: now() })),
+        button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario", { scenario: now() }))),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
       make("div", { className: "some" },
         make("div", { className: "settings-form" }),
@@ -17,8 +18,8 @@
           button("small add-switch", "+ Switch", "A constraint goes on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
         make("div", { className: "start-form" }),
         make("div", { className: "poses" },
-          button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { shown: true })),
-          button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { shown: false }))),
+          button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { scenario: now(), shown: true })),
+          button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { scenario: now(), shown: false }))),
         make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), text("div", "rows"), drive()),
         make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
     pgraph.inSight(host, "scenario");
@@ -34,7 +35,7 @@
     };
     for (const box of [kind, body]) { box.addEventListener("mousedown", fill); box.addEventListener("focus", fill); }
     const box = make("div", { className: "field add-drive" }, make("span", { className: "muted", textContent: "+" }), kind, make("span", { className: "muted", textContent: "on" }), body,
-      button("small", "Add", "Acts in this scenario only", () => send("AddDrive", { kind: kind.value, body: body.value })));
+      button("small", "Add", "Acts in this scenario only", () => send("AddDrive", { scenario: now(), kind: kind.value, body: body.value })));
     box.pgraphFill = fill;
     return box;
   }
@@ -45,12 +46,13 @@
     $(".none").hidden = !data.none;
     $(".some").hidden = data.none;
     $(".copy-scenario").disabled = $(".delete-scenario").disabled = data.none;
+    const scenario = data.id;
     const ask = {
-      edit: (field, entries, serial) => send("EditScenario", { serial, field, entries }),
-      press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
+      edit: (field, entries, serial) => send("EditScenario", { serial, scenario, field, entries }),
+      press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), scenario, field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
     };
-    forms.draw($(".settings-form"), data.form, ask, String(data.row));
-    forms.draw($(".start-form"), data.start, ask, String(data.row));
+    forms.draw($(".settings-form"), data.form, ask, String(scenario));
+    forms.draw($(".start-form"), data.start, ask, String(scenario));
     $(".add-drive").pgraphFill();
     switches($(".going"), data);
     drives($(".drives"), data);
@@ -63,12 +65,15 @@
     empty.textContent = data.switchable.length ? "nothing is switched during the run" : "there is no constraint to switch";
     empty.hidden = data.switches.length > 0;
     add.disabled = !data.switchable.length;
-    pgraph.keyed(box.querySelector(".rows"), data.switches.map((item, i) => ({ ...item, name: String(i) })), line, fill);
+    pgraph.keyed(box.querySelector(".rows"), ofScenario(data, data.switches), line, fill);
   }
 
+  // Rows of another scenario are others, whatever their numbers.
+  const ofScenario = (data, items) => items.map((item) => ({ ...item, number: item.id, scenario: data.id, id: `${data.id} ${item.id}` }));
+
   function line() {
-    const el = make("div", { className: "switch" }), at = () => Number(el.dataset.name), of = () => el.pgraphItem;
-    const set = (field) => (serial, value) => send("EditSwitch", { serial, number: at(), field, text: value });
+    const el = make("div", { className: "switch" }), of = () => el.pgraphItem, where = () => ({ number: of().number, scenario: of().scenario });
+    const set = (field) => (serial, value) => send("EditSwitch", { serial, ...where(), field, text: value });
     const words = (list) => list.map((word) => (Array.isArray(word) ? word : [word, word]));
     const pick = (field, label, known) => cells.choice(() => words(known()), set(field), { label });
     const c = el.pgraphCells = {
@@ -81,7 +86,7 @@
     };
     el.append(
       make("div", { className: "field" }, c.constraint, text("span", "muted", "goes"), c.active, text("span", "muted", "when"), c.what,
-        button("small delete-switch", "×", "Delete this switch", () => send("DeleteSwitch", { number: at() }))),
+        button("small delete-switch", "×", "Delete this switch", () => send("DeleteSwitch", where()))),
       make("div", { className: "field second" }, c.watched, c.side, c.value, text("span", "unit")));
     return el;
   }
@@ -104,17 +109,17 @@
     empty.hidden = data.drives.length > 0;
     const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name));
     const added = data.drives.filter((item) => !known.has(item.name)).length === 1 && known.size > 0;
-    pgraph.keyed(box.querySelector(".rows"), data.drives, (item) => {
+    pgraph.keyed(box.querySelector(".rows"), ofScenario(data, data.drives), (item) => {
       const el = make("div", { className: "tie" });
       const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); };
       el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
-        button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name }))), make("div", { className: "form" }));
+        button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name, scenario: data.id }))), make("div", { className: "form" }));
       open(added); // it is there to be set; the forces of another scenario stay closed
       return el;
     }, (el, item) => {
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
       el.querySelector(".title").title = [item.name, item.between].filter(Boolean).join(", ");
-      const edit = (field, entries, serial) => send("EditDrive", { serial, name: el.dataset.name, field, entries });
+      const edit = (field, entries, serial) => send("EditDrive", { serial, scenario: item.scenario, name: el.dataset.name, field, entries });
       forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
     });
   }

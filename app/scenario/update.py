@@ -11,9 +11,9 @@ from pydantic import Field
 import pgraph_core as pg
 
 from ..constraints import KINDS, parts
-from ..core.cells import Refusal
+from ..core.cells import Refusal, scenario, touched
 from ..core.edit import attempted, edited
-from ..core.events import Entries, FromPage, Text, on
+from ..core.events import Entries, FromPage, OfScenario, Text, on
 from ..core.state import Notice, State, display_of, told
 from ..pose import solving
 from ..run import FREE_RUN, Request
@@ -29,15 +29,18 @@ from . import (
     without_switch,
 )
 
-Number = Annotated[int, Field(ge=0, le=10_000)]
+Number = Annotated[int, Field(ge=0, le=10**9)]
 NONE = "There is no scenario: make one first."
 
 
-def named(state: State) -> str:
-    """The scenario that is chosen. Raises Refusal."""
-    if state.request.scenario == FREE_RUN:
+def named(state: State, event: Any = None) -> str:
+    """The scenario that is meant, or that is chosen. Raises Refusal."""
+    name = state.request.scenario
+    if event is not None:
+        name = scenario(state.rows, state.model, name, event)
+    if name == FREE_RUN:
         raise Refusal(NONE)
-    return state.request.scenario
+    return name
 
 
 def chosen(state: State, name: str) -> State:
@@ -60,14 +63,19 @@ def on_scenario(kind: type[FromPage], label: str) -> Callable[[Edit], Edit]:
 
     def keep(edit: Edit) -> Edit:
         def done(state: State, event: Any) -> State:
-            name, serial = state.request.scenario, getattr(event, "serial", None)
-            row = next((i for i, s in enumerate(state.model.scenarios) if s.name == name), -1)
-            said = label.format(scenario=name, **vars(event))
-            make = lambda: (edit(state, event, named(state)), said)  # noqa: E731
-            after = edited(state, event.client, make, serial)
-            if serial is None or after.model is state.model or row < 0:
+            serial = getattr(event, "serial", None)
+
+            def make() -> tuple[pg.Model, str]:
+                name = named(state, event)
+                return edit(state, event, name), label.format(**{**vars(event), "scenario": name})
+
+            after = edited(state, event.client, make, serial, at=touched(event))
+            if serial is None or after.model is state.model:
                 return after
-            return chosen(after, after.model.scenarios[row].name)
+            for s, new in zip(state.model.scenarios, after.model.scenarios):
+                if s.name == state.request.scenario and s is not new:
+                    return chosen(after, new.name)
+            return after
 
         on(kind)(done)
         return edit
@@ -91,38 +99,39 @@ def _added(state: State, client: int) -> State:
 
 
 @dataclass(frozen=True)
-class CopyScenario(FromPage):
+class CopyScenario(OfScenario):
     """The scenario once more."""
 
 
 @on(CopyScenario)
 def copy_scenario(state: State, event: CopyScenario) -> State:
     try:
-        model, name = copied(state.model, named(state))
+        model, name = copied(state.model, named(state, event))
     except (Refusal, pg.PgraphError) as problem:
         return told(state, event.client, Notice("Not done", str(problem), bad=True))
     return chosen(attempted(state, event.client, lambda: model, f"duplicate {name}"), name)
 
 
 @dataclass(frozen=True)
-class DeleteScenario(FromPage):
+class DeleteScenario(OfScenario):
     """The model without the scenario."""
 
 
 @on(DeleteScenario)
 def delete_scenario(state: State, event: DeleteScenario) -> State:
-    def make() -> pg.Model:
-        return state.model.remove(named(state), kind="scenario")
+    def make() -> tuple[pg.Model, str]:
+        name = named(state, event)
+        return state.model.remove(name, kind="scenario"), f"delete {name}"
 
-    after = attempted(state, event.client, make, f"delete {state.request.scenario}")
-    if after.model is state.model:
+    after = edited(state, event.client, make)
+    if after.request.scenario == state.request.scenario:
         return after
     left = after.model.scenarios
     return chosen(after, left[0].name) if left else replace(after, request=Request())
 
 
 @dataclass(frozen=True)
-class EditScenario(FromPage):
+class EditScenario(OfScenario):
     """Cells of one field were typed into."""
 
     serial: int
@@ -142,7 +151,7 @@ def scenario_edited(state: State, event: EditScenario, name: str) -> pg.Model:
 
 
 @dataclass(frozen=True)
-class TakePose(FromPage):
+class TakePose(OfScenario):
     """The pose that is shown becomes the scenario's initial state, or the model's own again."""
 
     shown: bool
@@ -162,7 +171,7 @@ def take_pose(state: State, event: TakePose, name: str) -> pg.Model:
 
 
 @dataclass(frozen=True)
-class AddDrive(FromPage):
+class AddDrive(OfScenario):
     """A force that acts in this scenario only, on a body."""
 
     kind: Text
@@ -179,7 +188,7 @@ def add_drive(state: State, event: AddDrive, name: str) -> pg.Model:
 
 
 @dataclass(frozen=True)
-class EditDrive(FromPage):
+class EditDrive(OfScenario):
     """Cells of a force of the scenario were typed into."""
 
     serial: int
@@ -198,7 +207,7 @@ def drive_edited(state: State, event: EditDrive, name: str) -> pg.Model:
 
 
 @dataclass(frozen=True)
-class DeleteDrive(FromPage):
+class DeleteDrive(OfScenario):
     name: Text
 
 
@@ -231,7 +240,7 @@ def add_switch(state: State, event: AddSwitch) -> State:
 
 
 @dataclass(frozen=True)
-class EditSwitch(FromPage):
+class EditSwitch(OfScenario):
     """A cell of a switch was set."""
 
     serial: int
@@ -247,7 +256,7 @@ def switch_set(state: State, event: EditSwitch, name: str) -> pg.Model:
 
 
 @dataclass(frozen=True)
-class DeleteSwitch(FromPage):
+class DeleteSwitch(OfScenario):
     number: Number
 
 

@@ -12,7 +12,7 @@ from pgraph_core.model.scenario import METHOD_NAMES
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.bridge import Bridge
-from ..core.cells import Display, button, cell, choice, field, group, shown
+from ..core.cells import Display, button, by_number, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, watching
 from ..run import FREE_RUN
@@ -60,18 +60,29 @@ def scenario(state: State, display: Display) -> Payload:
     found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
     s = next((s for s in model.scenarios if s.name == name), None)
     if s is None:
-        return found | {"none": True, "row": -1} | {part: [] for part in PARTS}
+        return found | {"none": True, "id": None} | {part: [] for part in PARTS}
     return found | {
         "none": False,
-        "row": model.scenarios.index(s),
+        "id": state.rows.named(model, "scenarios")[name],
         "form": [_settings(s)],
-        "start": [_initial(model, s, display), *_acting(model, s)],
+        "start": by_number(
+            [_initial(model, s, display), *_acting(model, s)], state.rows, model, "scenario"
+        ),
         "drives": _drives(state, s, display),
         "kinds": list(KINDS["forces"].items()),
-        "switches": [_switch(model, x, display) for x in s.switches],
+        "switches": [
+            {"id": number, "name": "", **_switch(model, x, display)}
+            for number, x in zip(inner(state, s, "switches"), s.switches)
+        ],
         "switchable": [c.name for c in model.constraints],
         "events": events(state),
     }
+
+
+def inner(state: State, s: pg.Scenario, what: str) -> tuple[int, ...]:
+    """The numbers of a scenario's switches or forces."""
+    number = state.rows.named(state.model, "scenarios")[s.name]
+    return state.rows.of(("scenarios", number, what), len(getattr(s, what)))
 
 
 def _settings(s: pg.Scenario) -> Payload:
@@ -120,15 +131,16 @@ def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
 
 def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
     draft = as_forces(state.model, s) if s.forces else state.model
-    of = State(draft, state.request)
+    of = State(draft, state.request, rows=state.rows)
     return [
         {
+            "id": number,
             "name": f.name,
             "kind": parts.kind_of("forces", f),
             "between": between(f),
-            "form": _without_picking(form(of, display, "forces", f)),
+            "form": _without_picking(form(of, display, "forces", f, s.forces)),
         }
-        for f in s.forces
+        for number, f in zip(inner(state, s, "forces"), s.forces)
     ]
 
 

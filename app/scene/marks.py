@@ -86,7 +86,7 @@ def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
     """How each body is drawn, by number."""
     d = state.derived
     drawn = [state.model.body(name) for name in d.names]
-    return bodies.looks(drawn, d.children, d.colors, before, "branches" in state.shown)
+    return bodies.looks(drawn, d.children, state.colors, before, "branches" in state.shown)
 
 
 def axes(state: State) -> Local:

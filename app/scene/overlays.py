@@ -198,7 +198,8 @@ def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, 
 def _spine(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
     """Lines in the bodies' colours: what is thinner than a pixel is still seen."""
     owners = [n for n, lines in marks.spine(state).items() for _ in lines]
-    colors = (0.7 * np.array([state.derived.colors[n - 1] for n in owners])).astype(np.uint8)
+    own = state.colors
+    colors = (0.7 * np.array([own[n - 1] for n in owners])).astype(np.uint8)
     return scene.add_line_segments(
         name, points, colors=np.repeat(colors[:, None], 2, axis=1), thickness=4.0,
         thickness_units="screen",

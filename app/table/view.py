@@ -33,18 +33,20 @@ class TableView:
 
 def table(state: State) -> Payload:
     """The rows: number, name, parent, joint, constraints and colour of each body."""
-    d = state.derived
+    d, colors = state.derived, state.colors
+    ids = state.rows.of(("bodies",), len(state.model.bodies))
     rows = [
         {
+            "id": number,
             "name": body.name,
             "number": d.number[body.name],
             "parent": body.parent,
             "dof": body.dof,
             "joint": body.joint,
             "constraints": d.constraints[body.name],
-            "color": css(d.colors[d.number[body.name] - 1]),
+            "color": css(colors[d.number[body.name] - 1]),
         }
-        for body in state.model.bodies
+        for number, body in zip(ids, state.model.bodies)
     ]
     return {"rows": rows, "count": count(state)}
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import colorsys
 import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -277,6 +278,35 @@ def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
         light = 0.42 + 0.05 * (rank[k] % 5)
         colors.append(_rgb(hue[k], light, 0.36 if trunk else 0.52))
     return tuple(colors)
+
+
+def colors_beside(parent: Sequence[int], known: Sequence[Color | None]) -> tuple[Color, ...]:
+    """One colour a body where those that are `known` stay.
+
+    The only child of a parent carries its branch on, in the next lightness; else a body begins a
+    branch, in the hue that the fewest have.
+    """
+    only = [count == 1 for count in np.bincount(parent, minlength=len(parent) + 1)]
+    used = Counter(dict.fromkeys(TIP_HUES, 0))
+    used.update(_hue(color) for color in known if color is not None)
+    found: list[Color] = []
+    for p, color in zip(parent, known):
+        if color is None and p > 0 and only[p]:
+            hue, light, saturation = colorsys.rgb_to_hls(*(c / 255 for c in found[p - 1]))
+            light = 0.42 + 0.05 * ((round((light - 0.42) / 0.05) + 1) % 5)
+            new = _rgb(hue, light, saturation)
+        else:
+            new = color or _rgb(min(used, key=used.__getitem__), 0.42, 0.52)
+        if color is None:
+            used[_hue(new)] += 1
+        found.append(new)
+    return tuple(found)
+
+
+def _hue(color: Color) -> float:
+    """The one of TIP_HUES that is nearest to a colour."""
+    hue = colorsys.rgb_to_hls(*(c / 255 for c in color))[0]
+    return min(TIP_HUES, key=lambda one: abs(one - hue))
 
 
 def _rgb(hue: float, light: float, saturation: float) -> Color:

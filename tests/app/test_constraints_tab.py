@@ -224,7 +224,7 @@ def test_d16_d17_active_switch_and_joint_limits(state):
         ("constraints", "revolute", "axis", (((1,), "1"),), (0.0, 1.0, 0.0)),
         ("constraints", "rolling", "radius", (((), "0.2"),), 0.2),
         ("constraints", "velocity", "value", (((), "3"),), 3.0),
-        ("constraints", "velocity", "coefficients", (((0, 0), "2"),), {"3": (2.0,)}),
+        ("constraints", "velocity", "coefficients", (((2, 0), "2"),), {"3": (2.0,)}),
         ("forces", "servo", "kp", (((), "100"),), 100.0),
         ("forces", "servo", "torque_limit", (((), "5"),), 5.0),
         ("forces", "motor", "torque", (((), "0.5"),), 0.5),

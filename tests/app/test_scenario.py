@@ -211,7 +211,7 @@ def test_a_constraint_waits_for_another(slider):
         (0, "what", "gap", "There is no contact to wait for"),
         (0, "what", "constraint", "No other constraint is switched"),
         (0, "constraint", "gone", "no constraint is named 'gone'"),
-        (1, "value", "1", "The switch is gone"),
+        (1, "value", "1", "taken out meanwhile"),
     ],
 )
 def test_switches_that_cannot_be_are_refused_beside_the_cell(slider, number, field, text, says):
