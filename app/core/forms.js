@@ -107,7 +107,7 @@ pgraph.forms = (() => {
 
   function input(box, el, grid, cell) {
     const of = () => el.pgraphField;
-    const typedIn = () => [...grid.querySelectorAll(".cell")].filter(isDirty);
+    const typedIn = () => [...grid.querySelectorAll(".cell")].filter((one) => isDirty(one) || one === made);
     const entriesOf = (typed) => typed.map((one) => [one.pgraphIndex, one.value]);
     const check = (serial) => {
       const entries = entriesOf(typedIn());
@@ -115,6 +115,7 @@ pgraph.forms = (() => {
       box.pgraphAsk.check(of().field, entries, serial);
     };
     const send = (serial) => {
+      spread(made, [...grid.querySelectorAll("input.cell")], of().pick);
       const typed = typedIn(), entries = entriesOf(typed);
       const texts = typed.map((one) => one.value);
       made.onaccept = () => typed.forEach((one, i) => { if (one !== made && one.value === texts[i]) cells.revert(one); });
@@ -130,6 +131,17 @@ pgraph.forms = (() => {
     made.pgraphIndex = cell.index;
     made.pgraphOptions = of().options ?? [];
     return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), made) : made;
+  }
+  // Several numbers typed into one cell, as 0 0 1 or [0, 0, 1], are of it and of those after it; z or -z is an axis.
+  function spread(cell, row, pick) {
+    const text = cell.value.trim(), letter = pick === "axis" && text.match(/^([+-]?)([xyz])$/i);
+    const listed = /^[[(].*[\])]$/.test(text), bare = listed ? text.slice(1, -1).trim() : text;
+    const parts = letter ? [..."xyz"].map((axis) => (axis === letter[2].toLowerCase() ? `${letter[1].replace("+", "")}1` : "0"))
+      : bare.split(listed ? /\s*[,;]\s*|\s+/ : /\s*[,;]?\s+|\s*;\s*/);
+    const at = letter ? 0 : row.indexOf(cell);
+    if (parts.length < 2 || at + parts.length > row.length || !parts.every((part) => /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(part))) return;
+    parts.forEach((part, i) => { row[at + i].value = part; });
+    cell.dataset.sent = cell.value;
   }
   const names = (extra) => [...extra.map((n) => [n, n === "*" ? "every body with a shape" : n]),
     ...(pgraph.latest.table?.rows ?? []).map((r) => [r.name, r.name])];

@@ -14,6 +14,7 @@ pgraph.shortcuts = (() => {
     ]],
     ["In cells", [
       ["0.2/2", "arithmetic: + - * / ^ ( ), pi"], ["50 mm", "a unit with the number: mm, cm, m, deg, rad, g, kg, t"],
+      ["0 0 1", "several numbers fill the row from this cell on, also [0, 0, 1]"], ["z", "in an axis: along z; -z against it"],
     ]],
     ["In the table", [
       ["↑ ↓ ← →", "next cell"], ["Tab", "next cell, Shift Tab the one before"], ["Home End", "first or last cell of the row"],

@@ -121,6 +121,31 @@ def test_1_5_one_parameter_for_two_links_and_units_that_never_reach_the_file(ben
     until(lambda: model(served).body("3").link[0] == model(served).body("2").link[0] == 0.5, "both")
 
 
+@pytest.mark.parametrize(
+    ("field", "at", "text", "value"),
+    [
+        ("link", 0, "0.1 0 -2e-1", (0.1, 0.0, -0.2)), ("link", 0, "[1,2,3]", (1.0, 2.0, 3.0)),
+        ("link", 1, "5, 6", (0.2, 5.0, 6.0)), ("com", 0, "(1;2; 3)", (1.0, 2.0, 3.0)),
+        ("axes", 0, "z", ((0.0, 0.0, 1.0),)), ("axes", 2, "-X", ((-1.0, 0.0, 0.0),)),
+        ("link", 0, "1,5", None), ("link", 1, "1 2 3", None), ("link", 0, "1 2 x", None),
+        ("com", 0, "z", None),
+    ],
+)  # fmt: skip
+def test_several_numbers_typed_into_a_cell_fill_its_row(bench, served, field, at, text, value):
+    choose_body(bench, "2")
+    before = model(served)
+    typed(cell(bench, field, at), text)
+    if value is None:
+        bench.wait_for_selector(".refused")
+        assert model(served) is before
+        cell(bench, field, at).press("Escape")
+        return
+    until(lambda: getattr(model(served).body("2"), field) == value, f"{value}")
+    until(lambda: bench.locator(".refused, .waiting").count() == 0, "no refused cell")
+    bench.keyboard.press("Control+z")
+    until(lambda: model(served) is before, "one undo step")
+
+
 @pytest.mark.parametrize("hostile", ["1e400", "<b>1</b>", "nan", "🦿", "9" * 10_000])
 def test_what_is_no_number_is_refused_beside_its_cell(bench, served, hostile):
     choose_body(bench, "1")
