@@ -109,7 +109,7 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
         case _, "velocity" | "coupling" | "tendon":
             return {"coefficients": {body: (1.0,) + (0.0,) * (first.dof - 1)}}
         case "forces", "servo":
-            return {"kp": 10.0, "kd": 1.0, "target": start}
+            return {**gains(model, body), "target": start}
         case "forces", "speed_servo":
             return {"kd": 1.0}
         case "forces", "drag":
@@ -119,6 +119,33 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
         case "forces", "torsion":
             return {"stiffness": 1.0}
     return {}
+
+
+SAG = {"rotate": 0.05, "translate": 0.005}  # [rad], [m] under the weight that a servo holds
+QUICK = 10.0  # [rad/s] of a servo where nothing weighs
+
+
+def gains(model: pg.Model, name: str) -> dict[str, float]:
+    """kp and kd of a servo that holds up what its joint carries as it is shown, without swinging.
+
+    The weight moves it by SAG at most, at its full lever; the damping is critical.
+    """
+    kind = next((m.kind for m in model.body(name).sequence), "")
+    top, (places, turns) = pg.Topology.of(model), pg.home_poses(model)
+    at, carried, mass, lever, inertia = top.names.index(name), set(), 0.0, 0.0, 0.0
+    for k, (body, parent) in enumerate(zip(top.names, top.parent)):
+        if k != at and parent - 1 not in carried:
+            continue
+        carried.add(k)
+        one = model.body(body)
+        reach = float(np.linalg.norm(places[k] + turns[k] @ np.asarray(one.com) - places[at]))
+        mass, lever = mass + one.mass, lever + one.mass * reach
+        inertia += one.mass * reach**2 + float(np.linalg.norm(one.inertia, 2))
+    load, moved = (lever, inertia) if kind == "rotate" else (mass, mass)
+    if kind not in SAG or moved == 0:
+        return {"kp": 10.0, "kd": 1.0}
+    kp = max(math.hypot(*model.gravity) * load / SAG[kind], moved * QUICK**2)
+    return {"kp": float(f"{kp:.2g}"), "kd": float(f"{2 * math.sqrt(kp * moved):.2g}")}
 
 
 def _wide(body: pg.Body) -> tuple[Any, ...]:

@@ -13,7 +13,7 @@ import pgraph_models
 from pgraph_app import features
 from pgraph_app.constraints import KINDS
 from pgraph_app.constraints.mobility import mobility_report, report, wanted
-from pgraph_app.constraints.parts import knots, table_of
+from pgraph_app.constraints.parts import added, knots, table_of
 from pgraph_app.constraints.update import (
     AddPart,
     AssembleState,
@@ -441,3 +441,26 @@ def test_a_page_cannot_send_what_is_no_event():
     unknown = '{"event": "AddPart", "part": "constraints", "kind": "glue", "body": "1"}'
     state = update(initial(pg.Model.serial(2)), Connected(ME))
     assert update(state, from_page(ME, unknown)) is state
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_servos_as_they_are_added_hold_an_arm_and_its_gripper(turned, scale):
+    """Six joints about axes across each other and a finger that slides, heavy or light."""
+    axes = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]
+    model = pg.Model.serial(6)
+    for body, axis in zip(model.bodies, axes):
+        heavy = {"mass": body.mass * scale, "inertia": np.array(body.inertia) * scale}
+        model = model.edit(body.name, axes=axis, q=(0.3 if turned else 0.0,), **heavy)
+    finger = pg.Body(name="finger", parent="6", joint="prismatic", axes=(0, 0, 1), mass=0.1 * scale,
+                     inertia=np.eye(3) * 1e-5, link=(0.2, 0.0, 0.0))  # fmt: skip
+    model = model.add(finger)
+    for body in model.bodies:
+        model, _ = added(model, "forces", "servo", body.name, "ground")
+    run = pg.simulate(model, t_end=2.0)
+    assert run.status.ok, run.message
+    for body in model.bodies:
+        moved = run[body.name] - body.q[0]
+        bound = 0.01 if body.name == "finger" else 0.1
+        assert np.abs(moved).max() < bound
+        assert np.abs(moved[-10:] - moved[-1]).max() < 0.05 * bound  # at rest
