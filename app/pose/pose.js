@@ -56,7 +56,7 @@
     line.querySelector(".unit").textContent = row.unit;
     slider.setAttribute("aria-label", label);
     line.querySelector(".cell").setAttribute("aria-label", `${label} in ${row.unit}`);
-    line.querySelector(".chip").style.background = row.color;
+    line.querySelector(".chip").style.setProperty("--body", row.color);
     slider.min = row.low;
     slider.max = row.high;
     if (!slider.dataset.held) slider.value = row.value;

@@ -13,7 +13,7 @@
     const [heading, units, box] = host.firstElementChild.children;
     const [chip, name, kind] = heading.children;
     const some = data.bodies.length > 0;
-    chip.style.background = data.color ?? "transparent";
+    chip.style.setProperty("--body", data.color ?? "transparent");
     chip.hidden = !data.color;
     name.textContent = data.title;
     kind.textContent = data.subtitle;

@@ -128,7 +128,7 @@ pgraph.table = (() => {
     const text = JSON.stringify(row);
     if (tr.dataset.drawn === text) return;
     tr.dataset.drawn = text;
-    tr.querySelector(".chip").style.background = row.color;
+    tr.querySelector(".chip").style.setProperty("--body", row.color);
     tr.querySelector(".n").textContent = row.number;
     const constraint = row.constraints.join(", ") || "holonomic";
     [row.name, row.parent, "", constraint].forEach((value, i) => { tr.children[i + 1].title = value; });
