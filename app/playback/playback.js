@@ -30,7 +30,7 @@
     const $ = (selector) => host.querySelector(selector);
     const none = data.moment[2] <= data.moment[1];
     for (const control of host.querySelectorAll("button, input, select")) control.disabled = none;
-    $(".play").disabled = none && data.earlier; // it simulates where there is nothing yet
+    $(".play").disabled = none && data.blocked; // it simulates where there is nothing yet
     $(".none").hidden = !none;
     $(".none").textContent = data.hint;
     $(".transport").classList.toggle("off", none);

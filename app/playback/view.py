@@ -29,7 +29,7 @@ def settings(state: State) -> tuple[object, ...]:
     """What changes seldom: everything but the time, and the end of a run that grows."""
     live = state.live
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
-    waits = state.job is None, state.earlier is None
+    waits = state.job is None, state.earlier is None, not state.model.bodies
     return replace(state.playback, time=0.0), span, waits
 
 
@@ -42,7 +42,9 @@ def playback(state: State) -> Payload:
     """Everything the bar shows."""
     p, live = state.playback, state.live
     hint = "Play simulates first: nothing has been computed yet."
-    if state.earlier is not None:
+    if not state.model.bodies:
+        hint = "There is no body yet: add one to the table."
+    elif state.earlier is not None:
         hint = "The model was edited since its run: press Simulate, or undo."
     if state.run or state.job:
         hint = ""
@@ -54,7 +56,7 @@ def playback(state: State) -> Payload:
         "speeds": SPEEDS,
         "live": live is not None,
         "nothing": live is None and state.t_end <= state.t_start,
-        "earlier": state.earlier is not None,
+        "blocked": state.earlier is not None or not state.model.bodies,
         "hint": "The live run starts ..." if live and not live.parts else hint,
     }
 

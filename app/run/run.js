@@ -69,6 +69,7 @@
       $(".kernels .said").textContent = data.kernels.text;
       progress($(".kernels progress"), data.kernels.fraction);
     }
+    for (const act of ["simulate", "live"]) $(`.start .${act}`).disabled = data.empty;
     $(".start").hidden = data.job !== null || data.live !== null;
     $(".job").hidden = data.job === null;
     if (data.job) {

@@ -58,6 +58,7 @@ def run(state: State) -> Payload:
             "step": request.step,
             "method": request.method,
         },
+        "empty": not state.model.bodies,
         "kernels": kernels(state),
         "job": job(state),
         "live": live(state),

@@ -87,3 +87,11 @@ def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
 def test_nobody_selected_gives_the_model(state):
     assert properties(state, ())["bodies"] == []
     assert properties(state, ("gone",))["bodies"] == []
+
+
+def test_what_has_no_body_cannot_be_run_and_says_so(state):
+    bare = initial(pg.Model(bodies=()))
+    assert (run(bare)["empty"], playback(bare)["blocked"]) == (True, True)
+    assert "add one" in playback(bare)["hint"]
+    assert (run(state)["empty"], playback(state)["blocked"]) == (False, False)
+    assert "simulates first" in playback(state)["hint"]
