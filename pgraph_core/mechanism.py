@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from functools import cache, wraps
+from typing import TYPE_CHECKING, Any, cast
 
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import wrong_type
-from .errors import explained
+from .dynamics.dynamics import EMPTY, UNFIT
+from .errors import Called, explained
 from .model import Model
 from .needs import Plan
 from .packing import Array
@@ -172,3 +173,28 @@ def mechanism_of(value: Any, where: str) -> Mechanism:
     if isinstance(value, Model):
         return Mechanism(value)
     raise wrong_type(where, "mechanism", "a pg.Mechanism or a pg.Model", value)
+
+
+def derivatives_at_once(checked: Called) -> Called:
+    """`forward_derivatives(q, v, tau)`, directly where the kernel takes the state as it is."""
+
+    @wraps(checked)
+    def forward_derivatives(*args: Any, **named: Any) -> Any:
+        try:
+            mech, q, v, tau = args if len(args) == 4 else (*args, None)
+            if mech._slopes and not named:
+                nq, nv, _, _, _, rest = mech._free
+                kernel, space, shape, by_q, by_v, by_tau, _, _ = mech._slopes
+                tau = rest if tau is None else tau
+                if len(q) == nq and len(v) == nv and len(tau) == nv:
+                    found = EMPTY(shape)
+                    if kernel(space, q, v, tau, found) == 0:
+                        return found[by_q], found[by_v], found[by_tau]
+        except UNFIT:
+            pass
+        return checked(*args, **named)
+
+    return cast("Called", forward_derivatives)
+
+
+Mechanism.forward_derivatives = derivatives_at_once(Mechanism.forward_derivatives)

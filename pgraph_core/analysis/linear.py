@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -23,7 +23,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, numbers, position
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import arrays, motion
-from ..engine import layout as at
+from ..engine.compiler.address import address_of_array, buffer, unnamed
 from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
@@ -440,48 +440,41 @@ def _symmetric(a: Array) -> Array:
 def forward_derivatives(
     mech: Dynamics, q: Array, v: Array, tau: Array | None
 ) -> tuple[Array, Array, Array]:
-    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹; at once where the kernel takes the state as it is."""
-    n = mech.nv
-    found = np.empty((n, 3 * n))
-    try:
-        nq, _, rows, const, work, rest = mech._free
-        given = rest if tau is None else tau
-        fits = len(q) == nq and len(v) == n and len(given) == n
-        state = (rows, const, q, v, given, NOTHING, work, *_space(len(rows), n), found)
-        fits = fits and _kernel()(*state) == 0
-    except (TypeError, ValueError, AttributeError):  # no such arrays, or more acts than the tree
-        fits = False
-    if not fits and n:
-        _derivatives(mech, q, v, tau, found)
-    return found[:, :n], found[:, n : 2 * n], found[:, 2 * n :]
-
-
-def _derivatives(mech: Dynamics, q: Array, v: Array, tau: Array | None, found: Array) -> None:
-    """The derivatives into `found`, with springs and dampers. Raises InputError."""
+    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, with springs and dampers. Raises InputError."""
     mech.forward_dynamics(q, v, tau)  # says what is wrong, and what is left out
     q, v = mech._state(q, v)
     given = mech._rest if tau is None else numbers("tau", tau, mech.nv)
-    passive = NOTHING
-    if len(mech.packed.passive.table) or len(mech.packed.passive_loads.table):
+    kernel, address, shape, by_q, by_v, by_tau, space, _ = slopes_of(mech)
+    found, passive = np.empty(shape), None
+    if len(space.passive):
         given, passive = mech._passive(q, v, given), np.hstack(passive_slopes(mech, q, v))
-    space = _space(len(mech.packed.rows), mech.nv)
     with mech._lock:
-        _kernel()(*mech.packed.tree, q, v, given, passive, mech._work, *space, found)
+        if passive is not None:
+            space.passive[:] = passive
+        if mech.nv:
+            kernel(address, q, v, given, found)
+    return found[by_q], found[by_v], found[by_tau]
 
 
-@cache
-def _kernel() -> Any:
-    return ready(kernels.forward_derivatives)
-
-
-@lru_cache(maxsize=16)
-def _space(rows: int, n: int) -> tuple[Array, Array, Ints, Array]:
-    """Workspace of `forward_derivatives`, which keeps the GIL: one call has it at a time."""
-    own = np.empty((rows, kernels.BODY)), np.empty((n, kernels.FREEDOM))
-    return *own, np.empty((2, n), np.int64), np.empty((n + 1, n))
-
-
-NOTHING = np.empty((0, 0))
+def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
+    """The kernel of derivatives and its workspace, kept with the mechanism from the first call."""
+    if not mech._slopes:
+        packed, n, whole = mech.packed, mech.nv, slice(None)
+        sprung = len(packed.passive.table) or len(packed.passive_loads.table)
+        space = kernels.Slopes(
+            *packed.tree, mech._work,
+            passive=np.empty((n if sprung else 0, 2 * n)),
+            bodies=np.empty((len(packed.rows), kernels.BODY)),
+            freedoms=np.empty((n, kernels.FREEDOM)),
+            outer=np.empty((2, n), np.int64),
+            factor=np.empty((n + 1, n)),
+        )  # fmt: skip
+        kept = buffer()
+        kernels.save_slopes(kept, unnamed(space))
+        columns = [(whole, slice(k * n, (k + 1) * n)) for k in range(3)]
+        kernel, address = ready(kernels.forward_derivatives), address_of_array(kept)
+        mech._slopes = kernel, address, (n, 3 * n), *columns, space, kept
+    return mech._slopes
 
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
@@ -515,11 +508,12 @@ NEAR = 1e-5  # of the largest speed: of the steps where a drag's slope jumps
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
     """∂τ/∂q and ∂τ/∂v (nv, nv) of τ(q, v, v') of eq. (24), without passive forces."""
-    n, rows = mech.nv, len(mech.packed.rows)
+    n = mech.nv
     slopes = np.empty((n, 2 * n))
     if n:
-        work, (bodies, freedoms, *_) = np.empty((rows, at.WORK)), _space(rows, n)
-        kernels.torque_slopes(*mech.packed.tree, q, v, vdot, work, bodies, freedoms, slopes)
+        address = slopes_of(mech)[1]
+        with mech._lock:
+            ready(kernels.torque_slopes)(address, q, v, vdot, slopes)
     return slopes[:, :n], slopes[:, n:]
 
 

@@ -65,6 +65,7 @@ class Dynamics(Portable):
     _free: tuple[Any, ...]  # what `at_once` needs; empty where more than the kernel is needed
     _untold: bool  # constraints are active, and no call has said yet that it leaves them out
     _bound: tuple[Any, ...] = ()  # what `constrained_at_once` needs, after a first call
+    _slopes: tuple[Any, ...] = ()  # what derivatives need, after a first call
     _rest: Array  # (nv,) v = 0
     _work: Array  # of kernels, empty between calls
     _lock: threading.Lock  # of `_work` and of the scene's workspace

@@ -59,6 +59,19 @@ def factor6(work, k):
         work[k, ir + r] = 1.0 / diagonal
 
 
+@sweep
+def restore6(work, k):
+    """The 6x6 inertia in the place of its factor."""
+    for r in range(5, -1, -1):
+        ir = IA + r * (r + 1) // 2
+        for c in range(r, -1, -1):
+            ic = IA + c * (c + 1) // 2
+            x = (work[k, ir + c] if c < r else 1.0) / work[k, ic + c]
+            for n in range(c):
+                x += work[k, ir + n] * work[k, ic + n] / work[k, IA + n * (n + 1) // 2 + n]
+            work[k, ir + c] = x
+
+
 @part
 def forward6(work, k):
     """L⁻¹ x in place, x the six numbers that are solved for."""

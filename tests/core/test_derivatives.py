@@ -120,3 +120,37 @@ def test_a_small_mechanism_keeps_its_digits():
 def test_a_mechanism_that_cannot_move_has_empty_derivatives():
     mech = pg.Mechanism(pg.Model(bodies=(pg.Body(name="a", joint="weld"),)))
     assert [x.shape for x in mech.forward_derivatives(*mech.home())] == [(0, 0)] * 3
+
+
+def test_a_long_chain_keeps_its_digits():
+    """M⁻¹ of 300 links beside the answers of `forward_dynamics` to one torque each."""
+    n = 300
+    mech, rng = pg.Mechanism(pg.Model.serial(n)), np.random.default_rng(0)
+    q, v = rng.normal(size=n), np.zeros(n)
+    inverse = mech.forward_derivatives(q, v)[2]
+    still = mech.forward_dynamics(q, v)
+    for j in (0, 100, n - 1):
+        column = mech.forward_dynamics(q, v, 1e6 * np.eye(n)[j]) - still
+        assert scaled_error(1e6 * inverse[:, j], column) < 1e-10
+
+
+def test_derivatives_are_of_the_mechanism_that_is_asked():
+    """Each one has a workspace of its own; edits, lists and springs go another way to the same."""
+    first, v = pg.Mechanism(pg.Model.serial(5)), np.ones(5)
+    before = first.forward_derivatives(v, v, v)
+    heavy, sprung = first.edit("2", mass=50.0), first.edit("2", stiffness=(3.0,))
+    for mech in (heavy, sprung):
+        fresh = pg.Mechanism(mech.model).forward_derivatives(v, v, v)
+        for _ in range(2):  # the workspace is made, then kept
+            for mine, theirs in zip(mech.forward_derivatives(v, v, v), fresh):
+                assert np.array_equal(mine, theirs)
+    assert not np.allclose(heavy.forward_derivatives(v, v, v)[2], before[2])
+    pull = 3.0 * np.eye(5)[1]
+    by_q, by_v, inverse = first.forward_derivatives(v, v, v - pull)
+    expected = by_q - np.outer(inverse[:, 1], pull), by_v, inverse
+    for mine, theirs in zip(sprung.forward_derivatives(v, v, v), expected):
+        assert scaled_error(mine, theirs) < 1e-12
+    listed = first.forward_derivatives([1.0] * 5, [1.0] * 5, tau=[1.0] * 5)
+    for mine, again, old in zip(listed, first.forward_derivatives(v, v, v), before):
+        assert np.array_equal(mine, old)
+        assert np.array_equal(again, old)

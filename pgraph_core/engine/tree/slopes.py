@@ -1,4 +1,4 @@
-"""Slopes of τ(q, v, v') of eq. (24) along every freedom, O(n depth), and M⁻¹ of them.
+"""Slopes of τ(q, v, v') of eq. (24) along every freedom, O(n depth), and M⁻¹ of them, O(n² depth).
 
 Moving freedom j turns all that it carries about its axis S. Seen from there, row k gains the
 velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v_j × ψ, and its force
@@ -9,11 +9,22 @@ row's origin; gravity is an acceleration -g of the ground. S is fixed in the par
 S' = v_λ × S; of a free motion the turn is carried by the slide.
 """
 
+from typing import Any, NamedTuple
+
+from numba import types
+
+from ..arrays import F1, F2, I1, I2, named
+from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..layout import FREE
+from ..linear import restore6
 from ..rows import (
+    TRANSLATE,
+    armature_of,
     gravity_of,
+    inertia_of,
     kind_of,
+    link_of,
     mass_of,
     nv_of,
     origin_of,
@@ -24,6 +35,7 @@ from ..rows import (
 from ..vec import (
     about_origin,
     add,
+    add_cross,
     add_scaled,
     cross,
     dot,
@@ -41,7 +53,7 @@ from ..vec import (
     sym_mul,
 )
 from .articulated import articulated, singular_row
-from .dynamics import factor, joint_inertia, motion, outer_freedoms
+from .dynamics import motion, outer_freedoms
 from .kinematics import outboard, positions
 
 # columns of `bodies`: what a row and all that it carries sum up to, and its own motion
@@ -51,6 +63,29 @@ BODY = 40
 # columns of `freedoms`: S, ψ, S″, and ψ + S′, which speeds carry
 AXIS, PSI, SECOND, BOTH = 0, 6, 12, 18
 FREEDOM = 24
+
+
+class Slopes(NamedTuple):
+    """A tree and what its slopes are found in."""
+
+    rows: Any
+    const: Any
+    work: Any
+    passive: Any  # (nv, 2 nv) slopes of what is in τ of q and v, or empty
+    bodies: Any  # (rows, BODY)
+    freedoms: Any  # (nv, FREEDOM)
+    outer: Any  # (2, nv) the freedom towards the root; the one after the last that is carried
+    factor: Any  # (nv + 1, nv) M = Lᵀ D L; the last row is v'
+
+
+SLOPES = named(Slopes, I2, F2, F2, F2, F2, F2, I2, F2)
+_save, opened_slopes = stored(SLOPES)
+
+
+@kernel(types.void(I1, plain(SLOPES)), later=True)
+def save_slopes(buffer, slopes):
+    """Keep a workspace where `opened_slopes` finds it."""
+    _save(buffer, slopes)
 
 
 @part
@@ -200,13 +235,12 @@ def set_sums(rows, const, work, bodies):
 
 
 @sweep
-def set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
-    """∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`."""
+def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
+    """∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`, after `outboard`."""
     n = v.shape[0]
     for i in range(n):
         for c in range(2 * n):
             slopes[i, c] = 0.0
-    outboard(rows, const, work, q, v)
     positions(rows, work)
     set_freedoms(rows, const, work, v, vdot, bodies, freedoms)
     set_sums(rows, const, work, bodies)
@@ -227,31 +261,71 @@ def set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
                 slopes[i, n + j] = power(own, by_speed)
             mine = inertial(bodies, k, s)
             back = swept_back(bodies, k, s)
-            p = parent_of(rows, k)
-            while p > 0:
-                for i in range(v_of(rows, p), v_of(rows, p) + nv_of(kind_of(rows, p))):
-                    own = load66(freedoms, i, AXIS)
-                    slopes[i, j] = power(own, turned)
-                    slopes[i, n + j] = power(own, by_speed)
-                    psi = load(freedoms, i, PSI)
-                    slopes[j, i] = power(load66(freedoms, i, SECOND), mine) + dot(psi, back)
-                    both = load66(freedoms, i, BOTH)
-                    slopes[j, n + i] = power(both, mine) + dot(own[0], back)
-                p = parent_of(rows, p)
+            i = outer[first]
+            while i >= 0:
+                own = load66(freedoms, i, AXIS)
+                slopes[i, j] = power(own, turned)
+                slopes[i, n + j] = power(own, by_speed)
+                psi = load(freedoms, i, PSI)
+                slopes[j, i] = power(load66(freedoms, i, SECOND), mine) + dot(psi, back)
+                both = load66(freedoms, i, BOTH)
+                slopes[j, n + i] = power(both, mine) + dot(own[0], back)
+                i = outer[i]
 
 
-@kernel(None)
-def torque_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
-    """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), ∂τ/∂v into the others.
-
-    `bodies` (rows, 40) and `freedoms` (nv, 24) are workspace.
-    """
-    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes)
+@kernel(types.void(types.int64, F1, F1, F1, F2), later=True)
+def torque_slopes(space, q, v, vdot, slopes):
+    """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), ∂τ/∂v into the others."""
+    rows, const, work, _, bodies, freedoms, outer, _ = opened_slopes(space)
+    outer_freedoms(rows, outer[0])
+    outboard(rows, const, work, q, v)
+    set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer[0], slopes)
 
 
 # -- M⁻¹ by the factor of M ------------------------------------------------------------------------
 # Depth-first numbers put the freedoms that freedom j carries, where column j of L is not zero, at
 # j + 1 to last[j] - 1.
+
+
+@sweep
+def set_factor(rows, const, work, freedoms, m):
+    """M = Lᵀ D L in the lower triangle of `m`, L with ones on its diagonal, D in their place.
+
+    From the articulated inertias I of `inboard`: D = hᵀ U with U = I h, and the force U / D shifted
+    to the freedoms that carry it is their row of L [Rodriguez, Jain & Kreutz-Delgado 1992].
+    O(n depth), where elimination is O(n depth²). `freedoms` is workspace.
+    """
+    for k in range(1, rows.shape[0]):
+        kind, first = kind_of(rows, k), v_of(rows, k)
+        if kind == FREE:
+            restore6(work, k)
+        j, b, mass = inertia_of(work, k)
+        for c in range(nv_of(kind)):
+            h = motion(rows, const, work, k, c)
+            u = add(sym_mul(j, h[0]), mul(b, h[1])), add(mul_t(b, h[0]), sym_mul(mass, h[1]))
+            store66(freedoms, first + c, AXIS, u)
+        for c in range(nv_of(kind) - 1, -1, -1):
+            u = load66(freedoms, first + c, AXIS)
+            pivot = power(motion(rows, const, work, k, c), u)
+            if kind <= TRANSLATE:
+                pivot += armature_of(const, k)
+            m[first + c, first + c] = pivot
+            u = times(1.0 / pivot, u)
+            for d in range(c):  # what this one leaves of the inertia of the others of its row
+                a = power(motion(rows, const, work, k, d), u)
+                m[first + c, first + d] = a
+                left = plus(load66(freedoms, first + d, AXIS), times(-a * pivot, u))
+                store66(freedoms, first + d, AXIS, left)
+            moment, force = u
+            p = k
+            while True:
+                moment = add_cross(moment, link_of(work, p), force)
+                p = parent_of(rows, p)
+                if p == 0:
+                    break
+                for d in range(nv_of(kind_of(rows, p))):
+                    h = motion(rows, const, work, p, d)
+                    m[first + c, v_of(rows, p) + d] = power(h, (moment, force))
 
 
 @sweep
@@ -282,29 +356,30 @@ def take_one(x, i, a, row, begin, end):
 
 
 @sweep
-def carried_in(last, m, x, full):
-    """L⁻ᵀ x in place, of slopes: unless `full`, row j is zero beyond what j carries."""
-    n, half = m.shape[0], x.shape[1] // 3
-    for j in range(n - 1, -1, -1):
-        i, end = j + 1, last[j]
-        width = 2 * half if full else half + end
-        while i + 3 < end:
+def carried_in(last, m, x, begin, end, branched):
+    """L⁻ᵀ x in place, of columns `begin` to `end` - 1.
+
+    `branched`: row j is zero beyond the columns of what j carries.
+    """
+    for j in range(m.shape[1] - 1, -1, -1):
+        i, stop = j + 1, begin + last[j] if branched else end
+        while i + 3 < last[j]:
             a = m[i, j], m[i + 1, j], m[i + 2, j], m[i + 3, j]
-            take_four(x, j, a, (i, i + 1, i + 2, i + 3), 0, width)
+            take_four(x, j, a, (i, i + 1, i + 2, i + 3), begin, stop)
             i += 4
-        while i < end:
-            take_one(x, j, m[i, j], i, 0, width)
+        while i < last[j]:
+            take_one(x, j, m[i, j], i, begin, stop)
             i += 1
 
 
 @sweep
-def carried_out(outer, m, x, width):
-    """L⁻¹ D⁻¹ x in place, of the first `width` columns."""
-    for i in range(m.shape[0]):
-        pivot = 1.0 / m[i, i]
-        for c in range(width):
+def carried_out(outer, m, x, begin, end):
+    """-L⁻¹ D⁻¹ x in place, of columns `begin` to `end` - 1."""
+    for i in range(m.shape[1]):
+        pivot = -1.0 / m[i, i]
+        for c in range(begin, end):
             x[i, c] *= pivot
-        take_outer(outer, m, x, i, 0, width)
+        take_outer(outer, m, x, i, begin, end)
 
 
 @sweep
@@ -331,7 +406,7 @@ def set_inverse(outer, m, x, first):
 
     Row i is -Σ L_ij (row j) left of its diagonal, and 1/D_i - Σ L_ij (M⁻¹)_ij on it.
     """
-    for i in range(m.shape[0]):
+    for i in range(m.shape[1]):
         for c in range(first, first + i):
             x[i, c] = 0.0
         take_outer(outer, m, x, i, first, first + i)
@@ -345,37 +420,28 @@ def set_inverse(outer, m, x, first):
             x[c, first + i] = x[i, first + c]
 
 
-@kernel(
-    "i8(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[:,::1],f8[:,::1],"
-    "i8[:,::1],f8[:,::1],f8[:,::1])",
-    later=True,
-)
-def forward_derivatives(rows, const, q, v, tau, passive, work, bodies, freedoms, outer, m, slopes):
-    """∂v'/∂q, ∂v'/∂v and M⁻¹ into `slopes` (nv, 3 nv); 0, or what `forward_dynamics` answers.
-
-    `passive` (nv, 2 nv) are slopes of what is in `tau` of q and v, or empty. `bodies` (rows, 40),
-    `freedoms` (nv, 24), `outer` (2, nv) and `m` (nv + 1, nv) are workspace.
-    """
+@kernel(types.int64(types.int64, F1, F1, F1, F2), later=True)
+def forward_derivatives(space, q, v, tau, slopes):
+    """∂v'/∂q, ∂v'/∂v and M⁻¹ into `slopes` (nv, 3 nv); 0, or what `forward_dynamics` answers."""
+    rows, const, work, passive, bodies, freedoms, lists, m = opened_slopes(space)
     n = v.shape[0]
-    vdot = m[n]
+    outer, last, vdot = lists[0], lists[1], m[n]
     articulated(rows, const, q, v, tau, work, vdot)
     singular = singular_row(rows, work)
     if singular > 0:
         return singular
     if not finite(vdot):
         return -1
-    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes)
-    for i in range(n):
-        for c in range(2 * n):
-            slopes[i, c] = -slopes[i, c]
+    outer_freedoms(rows, outer)
+    last_freedoms(outer, last)
+    set_factor(rows, const, work, freedoms, m)
+    set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes)
+    sprung = passive.shape[0] > 0  # springs join any two branches
     for i in range(passive.shape[0]):
         for c in range(2 * n):
-            slopes[i, c] += passive[i, c]
-    joint_inertia(rows, const, work, m)
-    outer_freedoms(rows, outer[0])
-    last_freedoms(outer[0], outer[1])
-    factor(outer[0], m[:n])
-    carried_in(outer[1], m[:n], slopes, passive.shape[0] > 0)  # springs join any two branches
-    carried_out(outer[0], m[:n], slopes, 2 * n)
-    set_inverse(outer[0], m[:n], slopes, 2 * n)
+            slopes[i, c] -= passive[i, c]
+    for begin in (0, n):
+        carried_in(last, m, slopes, begin, begin + n, not sprung)
+        carried_out(outer, m, slopes, begin, begin + n)
+    set_inverse(outer, m, slopes, 2 * n)
     return 0
