@@ -479,6 +479,52 @@ def test_each_pair_keeps_its_friction(tmp_path):
     assert laws(again.contacts) == laws(contacts)
 
 
+NO_MASKS = 'contype="0" conaffinity="0"'
+PAIR = '<contact><pair geom1="g" geom2="h" friction="0.3 0.3 0.01 0 0"/></contact>'
+
+
+BALLS = """<mujoco><worldbody>
+<body name="a"><freejoint/><geom name="g" size=".1" {g}/>{more}</body>
+<body name="b" pos=".15 0 0"><freejoint/><geom name="h" size=".1" {h}/></body>
+</worldbody>{parts}</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("g", "more", "h", "parts", "touch"),
+    [
+        (NO_MASKS, "", NO_MASKS, PAIR, True),
+        (NO_MASKS, "", NO_MASKS, "", False),
+        ("", "", NO_MASKS, PAIR, True),
+        (NO_MASKS, "", NO_MASKS, PAIR + '<option><flag contact="disable"/></option>', False),
+        (NO_MASKS, "", NO_MASKS, PAIR + '<option><flag constraint="disable"/></option>', False),
+    ],
+)
+def test_pairs_touch_whatever_their_masks(tmp_path, g, more, h, parts, touch):
+    """A file may switch off all masks and name the pairs that touch."""
+    text = BALLS.format(g=g, more=more, h=h, parts=parts)
+    model, _ = read(tmp_path, text)
+    theirs = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(theirs)
+    mujoco.mj_forward(theirs, data)
+    assert bool(data.ncon) is touch
+    assert len(model.contacts) is int(touch)
+    assert not touch or model.contacts[0].friction == 0.3
+    assert all(s.role == ("both" if touch else "visual") for b in model.bodies for s in b.shapes)
+
+
+def test_shapes_that_touch_more_than_in_the_file_are_named(tmp_path):
+    """Contacts are between bodies; masks may leave some of their geoms out."""
+    other = '<geom type="box" size=".1 .1 .1" {}/>'
+    masks = 'contype="4" conaffinity="4"'
+    said = {}
+    for name, more in {"same": other.format(""), "less": other.format(masks), "one": ""}.items():
+        _, report = read(tmp_path, BALLS.format(g="", more=more, h="", parts=""))
+        said[name] = [e.text for e in report.of("approximated") if "all of their shapes" in e.text]
+    assert said["same"] == said["one"] == []
+    assert len(said["less"]) == 1
+    assert said["less"][0].startswith("'a' and 'b' touch with all")
+
+
 HOSTILE = {
     "<robot/>": "read_urdf",
     "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco/>": "document type",

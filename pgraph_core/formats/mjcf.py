@@ -409,8 +409,10 @@ class _Reader:
                 yield found
 
     def touches(self, g: int) -> bool:
-        """Whether a geom may touch anything by the masks."""
-        return bool(self.m.geom_contype[g] or self.m.geom_conaffinity[g])
+        """Whether a geom may touch anything, by its masks or as one of a pair."""
+        m = self.m
+        paired = (m.pair_dim > 0) & ((m.pair_geom1 == g) | (m.pair_geom2 == g))
+        return bool(m.geom_contype[g] or m.geom_conaffinity[g] or np.any(paired))
 
     def solid(self, g: int, b: int) -> dict[str, Any] | None:
         m = self.m

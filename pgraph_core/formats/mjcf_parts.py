@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -120,7 +121,7 @@ class Parts:
             "SPRING": ("jnt_stiffness", "tendon_stiffness"),
             "DAMPER": ("dof_damping", "tendon_damping"),
             "EQUALITY": ("eq_active0",),
-            "CONTACT": ("geom_contype", "geom_conaffinity"),
+            "CONTACT": ("geom_contype", "geom_conaffinity", "pair_dim"),
         }
         bits = needed("mujoco", "mjcf").mjtDisableBit
         everything = bool(m.opt.disableflags & bits.mjDSBL_CONSTRAINT)
@@ -640,7 +641,7 @@ class Parts:
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
         able = [g for g in range(m.ngeom) if self.reader.touches(g)]
-        found: dict[tuple[str, str], set[Law]] = {}
+        found: dict[tuple[str, str], dict[tuple[int, int], Law]] = {}  # and by their geoms
         for n, g in enumerate(able):
             for h in able[:n]:
                 a, b = sorted((int(m.geom_bodyid[h]), int(m.geom_bodyid[g])))
@@ -651,18 +652,29 @@ class Parts:
                     continue
                 pair = self._pair(names, g, h, a, b)
                 if pair is not None:
-                    found.setdefault(pair, set()).add(self._friction(g, h))
-        for p in range(m.npair):
+                    found.setdefault(pair, {})[self._geoms(g, h)] = self._friction(g, h)
+        for p in np.flatnonzero(m.pair_dim):
             g, h = int(m.pair_geom1[p]), int(m.pair_geom2[p])
             a, b = sorted((int(m.geom_bodyid[g]), int(m.geom_bodyid[h])))
             pair = self._pair(names, g, h, a, b)
-            if pair is not None and m.body_weldid[a] != m.body_weldid[b]:
+            if pair is not None:
                 one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
-                found[pair] = {_law(int(m.pair_dim[p]), one, spin, roll)}
-        mixed = [pair for pair, laws in found.items() if len(laws) > 1]
+                law = _law(int(m.pair_dim[p]), one, spin, roll)
+                found.setdefault(pair, {})[self._geoms(g, h)] = law
+        mixed = [pair for pair, laws in found.items() if len(set(laws.values())) > 1]
         if mixed:
             text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
             self.report.add("approximated", self.reader.path.name, text)
+        count = Counter(GROUND if g in self.floors else self._name(m.geom_bodyid[g]) for g in able)
+        count[GROUND] = 1
+        more = [
+            f"'{body}' and '{other}'"
+            for (body, other), laws in found.items()
+            if len(laws) < count[body] * count[other]
+        ]
+        if more:
+            text = "touch with all of their shapes; in the file some of their geoms do not touch"
+            self.report.add("approximated", self.reader.path.name, f"{choices(more, 4)} {text}")
         if found:
             text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
             self.report.add("approximated", self.reader.path.name, text)
@@ -674,7 +686,7 @@ class Parts:
                 f"{wide} geoms or pairs push before they touch, by their margin: here they do not"
             )
             self.report.add("approximated", self.reader.path.name, text)
-        return {pair: max(laws) for pair, laws in found.items()}
+        return {pair: max(laws.values()) for pair, laws in found.items()}
 
     def _pair(self, names: list[str], g: int, h: int, a: int, b: int) -> tuple[str, str] | None:
         """(body, other); None where nothing of it can move."""
@@ -682,7 +694,15 @@ class Parts:
             return None
         if {g, h} & {*self.floors}:
             return names[b], GROUND
-        return ("world" if a == 0 else names[a]), names[b]
+        return self._name(a), names[b]
+
+    def _name(self, b: int) -> str:
+        return "world" if b == 0 else self.reader.names[b]
+
+    def _geoms(self, g: int, h: int) -> tuple[int, int]:
+        """Two geoms, the smaller number first; all planes of the ground are -1."""
+        one, two = sorted(-1 if x in self.floors else x for x in (g, h))
+        return one, two
 
     def _related(self, a: int, b: int) -> bool:
         """Whether MuJoCo takes a pair for neighbours: welded, or parent and child but the world."""
