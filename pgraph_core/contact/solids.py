@@ -151,14 +151,57 @@ def hull(places: Any) -> Solid:
         for g in found.neighbors[f]:
             if group[f] != group[g] and normals[f] @ normals[g] > 1 - FLAT:
                 group[group == group[g]] = group[f]
-    rings = []
+    triangles = _turned(found)
+    rings: list[Array] = []
     for one in np.unique(group):
-        n = normals[group == one].mean(axis=0)
-        rings.append(_around(places, np.unique(found.simplices[group == one]), n))
+        own = triangles[group == one]
+        ring = _outline(own)
+        if ring is None:
+            rings += list(own)
+            continue
+        first = _around(places, np.unique(ring), normals[group == one].mean(axis=0))[0]
+        rings.append(np.roll(ring, -int(np.flatnonzero(ring == first)[0])))
     kept = np.unique(np.concatenate(rings))
     number = {int(old): new for new, old in enumerate(kept)}
     renamed = tuple(tuple(number[int(v)] for v in ring) for ring in rings)
     return Solid(HULL, places[kept], renamed)
+
+
+def _turned(found: Any) -> Array:
+    """(n, 3) the triangles of a hull, counterclockwise from outside.
+
+    From one to its neighbours: of a triangle that is almost a line, corners alone do not tell.
+    """
+    triangles, places = found.simplices.copy(), found.points
+    corners = places[triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first = int(np.argmax(np.linalg.norm(across, axis=1)))
+    if across[first] @ found.equations[first, :3] < 0:
+        triangles[first] = triangles[first, ::-1]
+    done, left = {first}, [first]
+    while left:
+        f = left.pop()
+        edges = set(zip(triangles[f].tolist(), np.roll(triangles[f], -1).tolist()))
+        for g in found.neighbors[f].tolist():
+            if g in done:
+                continue
+            done.add(g)
+            left.append(g)
+            if edges & set(zip(triangles[g].tolist(), np.roll(triangles[g], -1).tolist())):
+                triangles[g] = triangles[g, ::-1]
+    return triangles
+
+
+def _outline(triangles: Array) -> Array | None:
+    """The vertices around triangles of one plane; None where that is not one closed line."""
+    edges = {(u, v) for t in triangles.tolist() for u, v in zip(t, (*t[1:], t[0]))}
+    after = {u: v for u, v in edges if (v, u) not in edges}
+    if len(after) != sum((v, u) not in edges for u, v in edges):
+        return None
+    ring = [min(after)] if after else []
+    while ring and len(ring) < len(after) and after[ring[-1]] != ring[0]:
+        ring.append(after[ring[-1]])
+    return np.array(ring) if ring and len(ring) == len(after) else None
 
 
 def _around(places: Array, ring: Array, n: Array) -> Array:

@@ -94,6 +94,27 @@ def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
     np.testing.assert_allclose(solid.vertices.max(axis=0), (1, 2, 3))
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_hulls_of_rounded_meshes_are_closed(seed):
+    """STL files hold single precision: points of one plane or line are off it by 1e-7.
+
+    A vertex on an edge of one face then belongs to that face too, or to no edge of either.
+    """
+    rng = np.random.default_rng(seed)
+    grid = rng.integers(-1, 2, (40, 3)) * rng.choice([1.0, 0.5], (40, 1))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    places = (grid @ turn).astype(np.float32).astype(float)
+    solid = solids.hull(places)
+    edges, normals = solids.edges_of(solid), solids.normals_of(solid)
+    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
+    for ring, normal in zip(solid.rings, normals):
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        assert ((places - solid.vertices[ring[0]]) @ normal).max() < 1e-6
+    for u, v, f, g in edges:
+        along = np.cross(normals[g], normals[f]) @ (solid.vertices[v] - solid.vertices[u])
+        assert along > -1e-6
+
+
 @pytest.mark.parametrize("count", [4, 5, 30, 200])
 def test_faces_of_a_hull_look_outward(count):
     rng = np.random.default_rng(count)
