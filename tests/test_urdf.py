@@ -207,6 +207,19 @@ def test_units_that_look_wrong_are_said(tmp_path):
         assert unit in text
 
 
+@pytest.mark.parametrize(("role", "loaded"), [("collision", False), ("visual", True)])
+def test_a_sphere_of_radius_0_is_left_out_and_named(tmp_path, role, loaded):
+    """Some quadrupeds mark their toes so; a radius below 0 is refused."""
+    ball = f'<{role}><geometry><sphere radius="{{}}"/></geometry></{role}>'
+    model, report = read(tmp_path, link("a", INERTIAL + ball.format("0.0")))
+    assert report.loaded is loaded
+    assert not model.bodies[0].shapes
+    (entry,) = report.of("left out")
+    assert entry.text == f"a {role} of radius 0, which touches nothing here"
+    with pytest.raises(pg.PgraphError, match="link 'a', radius: must be a number > 0"):
+        read(tmp_path, link("a", INERTIAL + ball.format("-1")))
+
+
 TREE = [link("a"), link("b"), joint("j", "a", "b", kind="fixed")]
 HOSTILE = {
     "<robot": "line 1",

@@ -408,6 +408,10 @@ class _Reader:
         if solid is None:
             self.report.add("left out", where, f"a {role} without geometry", part=name)
             return None
+        if solid.tag == "sphere" and self.source.number(solid, "radius", 1.0, what) == 0:
+            text = f"a {role} of radius 0, which touches nothing here"
+            self.report.add("left out", where, text, acts=acts, part=name)
+            return None
         position, rotation = self._pose(element, what)
         shape: dict[str, Any] = {"position": position, "rotation": rotation}
         if role == "visual" and (colour := self._colour(element)):
