@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def ours(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, A
 
 def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
     """The same free boxes, balls and hulls in MuJoCo."""
-    import mujoco
+    mujoco: Any = import_module("mujoco")
 
     spec = mujoco.MjSpec()
     spec.memory = 1 << 30
@@ -95,7 +96,7 @@ def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
         body.add_freejoint()
         body.mass, body.explicitinertial = one.mass, True
         body.inertia = np.diag(np.array(one.inertia)).tolist()
-        shape = one.touching[0]
+        shape: Any = one.touching[0]
         if shape.kind == "box":
             half = [x / 2 for x in shape.size]
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, friction=rub, condim=3)
@@ -123,7 +124,7 @@ def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
 
 def theirs(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, Any]:
     """(processor seconds a step, MuJoCo's data at the end)."""
-    import mujoco
+    mujoco: Any = import_module("mujoco")
 
     built, data = mujoco_of(model, start)
     steps = round(seconds / STEP)
@@ -238,13 +239,30 @@ def piles() -> None:
         for count, seconds in ((27, 1.5), (125, 1.0), (343, 0.6), (1000, 0.4)):
             name = f"{count} balls, {what} at the start"
             model = heap(grid(count, apart=apart))
-            run = compared(name, model, seconds, 2 if count < 343 else 1)
-            print(f"    {touching(run)} contacts here")
+            compared(name, model, seconds, 2 if count < 343 else 1)
+            here, there = met(model, seconds)
+            print(f"    contacts on average: {here:.0f} here, {there:.0f} there", flush=True)
 
 
-def touching(run: Any, near: float = 1e-3) -> int:
+def met(model: pg.Model, seconds: float, looks: int = 20) -> tuple[float, float]:
+    """How many contacts there are at `looks` instants of the run on average, here and there."""
+    mujoco: Any = import_module("mujoco")
+
+    run = pg.simulate(
+        model, t_end=seconds, step=STEP, frames=looks + 1, method="moreau_jean", estimate=False
+    )
+    here = [touching(run, k) for k in range(1, looks + 1)]
+    built, data = mujoco_of(model)
+    there = []
+    for _ in range(looks):
+        mujoco.mj_step(built, data, round(seconds / STEP / looks))
+        there.append(data.ncon)
+    return float(np.mean(here)), float(np.mean(there))
+
+
+def touching(run: Any, frame: int = -1, near: float = 1e-3) -> int:
     """How many balls are nearer to each other, or to the ground, than a part of their diameter."""
-    place = run.body_pose[-1, :, :3]
+    place = run.body_pose[frame, :, :3]
     size = 2 * run.mechanism.model.bodies[0].touching[0].radius
     apart = np.linalg.norm(place[:, None] - place[None], axis=2)
     pairs = apart[np.triu_indices(len(place), 1)] < (1 + near) * size
@@ -261,7 +279,8 @@ def exponent() -> None:
         run = pg.simulate(mech, run.q[-1], run.v[-1], t_end=0.05, **options)
         found.append((touching(run), run.timing["step_processor"] / 50))
         print(f"{count} balls: {found[-1][0]} contacts, {found[-1][1] * 1e6:.0f} us a step")
-    power = np.polyfit(*np.log(np.array(found)).T, 1)[0]
+    contacts, costs = np.log(np.array(found)).T
+    power = np.polyfit(contacts, costs, 1)[0]
     print(f"cost grows as contacts^{power:.2f}", flush=True)
 
 
