@@ -220,16 +220,17 @@ def field(
 ) -> Payload:
     """A row of cells with its label; `kind` is number, text, choice or names.
 
-    With `pick`, "point" or "axis", its numbers can be picked in the 3D view.
+    With `pick`, "point" or "axis", its numbers can be picked in the 3D view. Those of a
+    `direction`, as an axis is one, can be typed as a letter.
     """
-    cells = list(cells)
+    cells, pick = list(cells), more.pop("pick", "")
     columns = more.pop("columns", 4 if len(cells) == 4 else min(max(len(cells), 1), 3))
     return {
         "field": name, "label": label, "unit": unit, "help": help, "cells": cells,
         "columns": columns,
         "kind": more.pop("kind", "number"), "options": more.pop("options", None),
         "buttons": more.pop("buttons", []), "note": more.pop("note", ""),
-        "pick": more.pop("pick", ""), **more,
+        "pick": pick, "direction": more.pop("direction", pick == "axis"), **more,
     }  # fmt: skip
 
 

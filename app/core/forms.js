@@ -115,7 +115,7 @@ pgraph.forms = (() => {
       box.pgraphAsk.check(of().field, entries, serial);
     };
     const send = (serial) => {
-      spread(made, [...grid.querySelectorAll("input.cell")], of().pick);
+      spread(made, [...grid.querySelectorAll("input.cell")], of().direction);
       const typed = typedIn(), entries = entriesOf(typed);
       const texts = typed.map((one) => one.value);
       made.onaccept = () => typed.forEach((one, i) => { if (one !== made && one.value === texts[i]) cells.revert(one); });
@@ -132,9 +132,9 @@ pgraph.forms = (() => {
     made.pgraphOptions = of().options ?? [];
     return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), made) : made;
   }
-  // Several numbers typed into one cell, as 0 0 1 or [0, 0, 1], are of it and of those after it; z or -z is an axis.
-  function spread(cell, row, pick) {
-    const text = cell.value.trim(), letter = pick === "axis" && text.match(/^([+-]?)([xyz])$/i);
+  // Several numbers typed into one cell, as 0 0 1 or [0, 0, 1], are of it and of those after it; z or -z is a direction.
+  function spread(cell, row, direction) {
+    const text = cell.value.trim(), letter = direction && text.match(/^([+-]?)([xyz])$/i);
     const listed = /^[[(].*[\])]$/.test(text), bare = listed ? text.slice(1, -1).trim() : text;
     const parts = letter ? [..."xyz"].map((axis) => (axis === letter[2].toLowerCase() ? `${letter[1].replace("+", "")}1` : "0"))
       : bare.split(listed ? /\s*[,;]\s*|\s+/ : /\s*[,;]?\s+|\s*;\s*/);

@@ -36,8 +36,8 @@
     parameter: (event, fields) => send(event, fields),
   });
   const ofModel = {
-    edit: (field, entries, serial) => send("EditWorld", { serial, field, index: entries[0][0], text: entries[0][1] }),
-    press: (button) => send("EditWorld", { serial: pgraph.nextSerial(), field: button.fields.field, index: button.fields.index, text: button.fields.text }),
+    edit: (field, entries, serial) => send("EditWorld", { serial, field, entries }),
+    press: (button) => send("EditWorld", { serial: pgraph.nextSerial(), field: button.fields.field, entries: [[button.fields.index, button.fields.text]] }),
     parameter: (event, fields) => send(event, fields),
   };
 

@@ -24,7 +24,7 @@ from ..core.cells import (
     quantity_in,
     shown,
 )
-from ..core.events import FromPage, Index, Text, on_edit
+from ..core.events import Entries, FromPage, Text, on_edit
 from ..core.state import State, display_of
 
 # -- the form --------------------------------------------------------------------------------------
@@ -74,7 +74,8 @@ def _ground(state: State, display: Display) -> Payload:
             cell((i,) if several else (), shown(x, quantity, display), implied=empty)
             for i, x in enumerate(value if several else (value,))
         ]
-        fields.append(field(name, shows.label, row, unit=display.unit(quantity), help=shows.help))
+        fields.append(field(name, shows.label, row, unit=display.unit(quantity), help=shows.help,
+                            direction=name == "uphill"))  # fmt: skip
     a, b = AXES[model.up]
     for i, step in enumerate(ground.steps):
         values = (*step.low, *step.high, step.height)
@@ -125,27 +126,25 @@ STEP = ("low", "low", "high", "high", "height")  # what the numbers of a ground 
 
 @dataclass(frozen=True)
 class EditWorld(FromPage):
-    """A cell of the model was typed into."""
+    """Text typed into cells of one field of the model."""
 
     serial: int
     field: WorldField
-    index: Index
-    text: Text
+    entries: Entries
 
 
 @on_edit(EditWorld)
 def edited(state: State, event: EditWorld) -> tuple[pg.Model, str]:
     display = display_of(state, event.client)
     try:
-        model = _world(state.model, display, event.field, event.index, event.text)
+        model = _world(state.model, display, event.field, event.entries)
     except Refusal as refusal:
         raise Refusal(f"The {event.field} {refusal}") from None
     return model, f"{event.field} of the model"
 
 
-def _world(
-    model: pg.Model, display: Display, field: str, index: tuple[int, ...], text: str
-) -> pg.Model:
+def _world(model: pg.Model, display: Display, field: str, entries: Entries) -> pg.Model:
+    _, text = entries[0]
     match field:
         case "name":
             if not text.strip() or len(text) > cells.LONGEST_NAME:
@@ -156,12 +155,11 @@ def _world(
         case "up":
             return model.replace(up=text)
         case "gravity":
-            return model.replace(gravity=cells.replaced(model.gravity, index, cells.number(text)))
+            return model.replace(gravity=_numbers(model.gravity, entries))
         case "uphill":
             level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
             old = model.ground.uphill or level
-            new = cells.replaced(old, index, cells.number(text)) if text.strip() else None
-            return _grounded(model, uphill=new)
+            return _grounded(model, uphill=_numbers(old, entries) if text.strip() else None)
         case "slope":
             return _grounded(model, slope=cells.quantity(text, "angle", display))
         case "static_friction":
@@ -169,7 +167,7 @@ def _world(
         case "rolling_friction" | "spinning_friction":
             return _grounded(model, **{field: cells.quantity(text, "length", display)})
         case "steps":
-            return _grounded(model, steps=_steps(model.ground, index, text, display))
+            return _grounded(model, steps=_steps(model.ground, entries, display))
     return _grounded(model, **{field: cells.number(text)})
 
 
@@ -177,24 +175,29 @@ def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
     return model.replace(ground={**model.ground.model_dump(), **fields})
 
 
-def _steps(
-    ground: pg.Ground, index: tuple[int, ...], text: str, display: Display
-) -> tuple[Any, ...]:
-    """Steps with a number typed in one, one added or one taken out."""
+def _numbers(vector: Any, entries: Entries) -> Any:
+    """A vector with what was typed in its cells."""
+    for index, text in entries:
+        vector = cells.replaced(vector, index, cells.number(text))
+    return vector
+
+
+def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[str, Any]]:
+    """Steps with numbers typed in, one added or one taken out."""
     steps = [step.model_dump() for step in ground.steps]
-    if not index:
-        far = max((s["high"][0] for s in steps), default=0.0)
-        return (*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1})
-    i, *rest = index
-    if i >= len(steps) or (rest and rest[0] >= len(STEP)):
-        raise Refusal("has no such step or number any more")
-    if not rest:
-        return (*steps[:i], *steps[i + 1 :])
-    key = STEP[rest[0]]
-    value = cells.quantity(text, "length", display)
-    old = steps[i][key]
-    new = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)
-    return (*steps[:i], {**steps[i], key: new}, *steps[i + 1 :])
+    for index, text in entries:
+        if not index:
+            far = max((s["high"][0] for s in steps), default=0.0)
+            return [*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1}]
+        i, *rest = index
+        if i >= len(steps) or (rest and rest[0] >= len(STEP)):
+            raise Refusal("has no such step or number any more")
+        if not rest:
+            return [*steps[:i], *steps[i + 1 :]]
+        key, value = STEP[rest[0]], cells.quantity(text, "length", display)
+        old = steps[i][key]
+        steps[i][key] = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)
+    return steps
 
 
 # -- parameters ------------------------------------------------------------------------------------

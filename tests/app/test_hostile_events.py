@@ -124,8 +124,8 @@ CAUGHT = {
         {"event": "EditScenario", "serial": 1, "field": "q", "entries": [[[0], "5"]]},
     ],
     "a sixth number of a ground step": [
-        {"event": "EditWorld", "serial": 1, "field": "steps", "index": [], "text": ""},
-        {"event": "EditWorld", "serial": 2, "field": "steps", "index": [0, 10], "text": "1"},
+        {"event": "EditWorld", "serial": 1, "field": "steps", "entries": [[[], ""]]},
+        {"event": "EditWorld", "serial": 2, "field": "steps", "entries": [[[0, 10], "1"]]},
     ],
     "a motion without its number": [
         {

@@ -142,7 +142,7 @@ KINDS: dict[str, tuple[Any, ...]] = {
     ),
     "steps": (
         Select(NOBODY, None), "Properties", '[data-field="steps"]', "input",
-        lambda k: EditWorld(NOBODY, 1, "steps", (k,), ""),
+        lambda k: EditWorld(NOBODY, 1, "steps", (((k,), ""),)),
         lambda m: [s.low[0] for s in m.ground.steps],
     ),
     "parameters": (

@@ -364,19 +364,19 @@ def test_errands_are_answered_beside_the_store(state):
     ],
 )
 def test_properties_of_the_model(state, field, index, text, value):
-    after = update(state, EditWorld(ME, 1, field, index, text))
+    after = update(state, EditWorld(ME, 1, field, ((index, text),)))
     assert told(after) == ""
     assert value(after.model)
     assert len(after.undo) == 1
 
 
 def test_steps_of_the_ground_are_edited_and_taken_out(state):
-    state = update(state, EditWorld(ME, 1, "steps", (), ""))
-    state = update(state, EditWorld(ME, 1, "steps", (0, 4), "0.25"))
+    state = update(state, EditWorld(ME, 1, "steps", (((), ""),)))
+    state = update(state, EditWorld(ME, 1, "steps", (((0, 4), "0.25"),)))
     assert state.model.ground.steps[0].height == 0.25
-    bad = update(state, EditWorld(ME, 1, "steps", (0, 0), "99"))
+    bad = update(state, EditWorld(ME, 1, "steps", (((0, 0), "99"),)))
     assert "low must be less" in told(bad)
-    state = update(state, EditWorld(ME, 1, "steps", (0,), ""))
+    state = update(state, EditWorld(ME, 1, "steps", (((0,), ""),)))
     assert state.model.ground.steps == ()
 
 
@@ -416,7 +416,7 @@ def test_a_refusal_of_the_model_s_own_cells_names_the_field(state):
         ("slope", "1e400", "The slope '1e400' is too large for a number"),
     ):
         index = (0,) if field == "gravity" else ()
-        after = update(state, EditWorld(ME, 1, field, index, text))
+        after = update(state, EditWorld(ME, 1, field, ((index, text),)))
         assert told(after).startswith(said)
         assert after.model is state.model
 

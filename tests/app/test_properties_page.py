@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from pgraph_app.model.update import NewModel
+from pgraph_app.properties.world import EditWorld
 from pgraph_app.session.update import SetDisplay
 
 from .conftest import NOBODY, until
@@ -144,6 +145,39 @@ def test_several_numbers_typed_into_a_cell_fill_its_row(bench, served, field, at
     until(lambda: bench.locator(".refused, .waiting").count() == 0, "no refused cell")
     bench.keyboard.press("Control+z")
     until(lambda: model(served) is before, "one undo step")
+
+
+@pytest.mark.parametrize(
+    ("field", "at", "text", "value"),
+    [
+        ("gravity", 0, "0 1.62 0", lambda m: m.gravity == (0.0, 1.62, 0.0)),
+        ("gravity", 1, "[0, -3.7]", lambda m: m.gravity == (0.0, 0.0, -3.7)),
+        ("uphill", 0, "y", lambda m: m.ground.uphill == (0.0, 1.0, 0.0)),
+        ("steps", 0, "4 1 6 2 0.25", lambda m: m.ground.steps[0].model_dump()
+            == {"low": (4.0, 1.0), "high": (6.0, 2.0), "height": 0.25}),
+    ],
+)  # fmt: skip
+def test_several_numbers_fill_a_row_of_the_model(bench, served, field, at, text, value):
+    bench.evaluate("() => pgraph.send('Select', { body: null })")
+    bench.wait_for_function("() => pgraph.latest.properties.bodies.length === 0")
+    if field == "steps":
+        served.send(EditWorld(NOBODY, 1, "steps", (((), ""),)))
+    until(lambda: cell(bench, field, at).count() == 1, "its cells")
+    steps = len(served.store.state.undo)
+    folded = "document.querySelectorAll('[data-view=properties] details')"
+    bench.evaluate(f"() => {folded}.forEach((one) => {{ one.open = true; }})")
+    typed(cell(bench, field, at), text)
+    until(lambda: value(model(served)), "all of them")
+    assert len(served.store.state.undo) == steps + 1
+
+
+def test_a_letter_is_the_axis_of_several_bodies(bench, served):
+    names = ("2", "3")
+    choose_body(bench, "2")
+    bench.locator('tr[data-name="3"] td.number').click(modifiers=["Control"])
+    bench.wait_for_function("() => pgraph.latest.properties.bodies.length === 2")
+    typed(cell(bench, "axes"), "-x")
+    until(lambda: all(model(served).body(n).axes == ((-1.0, 0.0, 0.0),) for n in names), "both")
 
 
 @pytest.mark.parametrize("hostile", ["1e400", "<b>1</b>", "nan", "🦿", "9" * 10_000])
