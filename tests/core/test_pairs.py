@@ -48,6 +48,32 @@ def test_gap_is_the_signed_distance(kinds, square):
         assert scene.gap() == pytest.approx(true_gap(scene), abs=PREFERRED), seed
 
 
+@pytest.mark.parametrize("kind", ["box", "capsule", "sphere"])
+def test_the_gap_to_a_mesh_in_single_precision(kind):
+    """Its faces are flat to rounding only, and the shape is parallel to one of them."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        angle = np.sort(rng.uniform(0, 2 * np.pi, 9))
+        outline = np.column_stack((0.05 * np.cos(angle), 0.03 * np.sin(angle)))
+        prism = np.array([(x, y, z) for x, y in outline for z in (-0.01, 0.01)])
+        turned = Rotation.random(random_state=seed).apply(prism)
+        solid = solids.hull(turned.astype(np.float32).astype(float))
+        ring = solid.vertices[list(max(solid.rings, key=len))]
+        x, n = ring[1] - ring[0], np.cross(ring[1] - ring[0], ring[2] - ring[0])
+        x, n = x / np.linalg.norm(x), n / np.linalg.norm(n)
+        axes = np.column_stack((n, x, np.cross(n, x)))  # along the face lies the other shape's z
+        turn = Rotation.from_matrix(axes) * Rotation.from_rotvec((rng.uniform(0, 6), 0, 0))
+        place = ring.mean(axis=0) + axes @ (rng.uniform(0.02, 0.1), *rng.uniform(-0.06, 0.06, 2))
+        other = {
+            "box": lambda: solids.box((0.01, 0.02, 0.03)),
+            "capsule": lambda: solids.capsule(0.002, 0.04),
+            "sphere": lambda: solids.sphere(0.002),
+        }[kind]()
+        scene = Scene([other, solid], [pose(place, turn), pose()])
+        assert scene.gap() == pytest.approx(true_gap(scene), abs=3e-8), seed
+        assert scene.gap(1, 0) == pytest.approx(scene.gap(), abs=1e-12), seed
+
+
 def test_points_have_the_gap_of_the_nearest_of_them():
     for seed, kind in itertools.product(range(5), KINDS):
         scene = scene_of(seed, ("points", kind))

@@ -4,7 +4,10 @@ The signed distance of two convex polytopes is the largest separation along the 
 faces of their difference A - B: faces of A, faces of B, and products of edges whose arcs cross on
 the Gauss map [Gottschalk et al. 1996; Gregorius 2013]. That is exact where they penetrate, and
 where the nearest features are a face and a vertex or two edges. Else (vertex to edge or vertex)
-the nearest pair is searched, pruned by the separation. Nothing iterates, so nothing can stall.
+the nearest pair is searched, pruned by the separation. Faces of a mesh are flat only to rounding of
+its vertices, so the normals of two that are almost parallel may name the wrong one: where no plane
+keeps the two as far apart as the pair is, all features are searched. Nothing iterates, so nothing
+can stall.
 
 All vertices are taken relative to A's origin: far away from the world's nothing is lost.
 """
@@ -22,6 +25,7 @@ from .shapes import put
 CERTAIN = 1e-12  # of the sizes: rounding of a distance
 PREFER = 1e-9  # of the smaller size: a face is taken where two edges overlap only this much less
 NO_WAY = 1e-9  # of the sizes: nearer corners have no direction between them worth having
+KEPT = 1e-10  # of the sizes: a plane keeps two solids apart that much less than they are
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
 
@@ -339,6 +343,23 @@ def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin,
 
 
 @sweep
+def by_faces(geometry, room, row, a, b, found, least, below, radii, origin, size, margin, out, n):
+    """`by_face` of the face of a, else of b, whose separation is at least this and below that."""
+    by_a, by_b = found
+    written = -1
+    if least <= by_a[0] < below:
+        written = by_face(
+            geometry, room, row, a, by_a, b, radii, FACE_A, origin, size, margin, out, n
+        )
+    if written < 0 and least <= by_b[0] < below:
+        turned = (radii[1], radii[0])
+        written = by_face(
+            geometry, room, row, b, by_b, a, turned, FACE_B, origin, size, margin, out, n
+        )
+    return written
+
+
+@sweep
 def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
     """The contact point of two edges; -1 where they are not nearest within their lengths."""
     separation, i, j, way = found
@@ -455,6 +476,90 @@ def edge_at_right_angle(geometry, room, b, v, n):
     return way, abs(dot(way, n))
 
 
+@part
+def is_over(geometry, room, b, f, n, x):
+    """Whether a point is in the prism over a face, whose normal is n."""
+    rings, face = geometry.rings, geometry.faces[b.face + f]
+    inside = True
+    for k in range(face.corners):
+        after = k + 1 if k + 1 < face.corners else 0
+        u = xyz(room[b.first + rings[face.first + k]].place)
+        w = xyz(room[b.first + rings[face.first + after]].place)
+        inside = inside and dot(cross(sub(w, u), sub(x, u)), n) >= 0.0
+    return inside
+
+
+@sweep
+def vertex_to_face(geometry, room, a, b, way, base, best):
+    """(distance, vertex of a, face of b below it) below `best`, face -1 if none; as before."""
+    found_v, found_f = -1, -1
+    for k in range(a.vertices):
+        if way * (base - room[a.first + k].height) >= best:
+            continue
+        x = xyz(room[a.first + k].place)
+        for f in range(b.faces):
+            corner, n = face_corner(geometry, room, b, f)
+            height = dot(n, sub(x, corner))
+            if 0.0 < height < best and is_over(geometry, room, b, f, n, x):
+                best = height
+                found_v, found_f = k, f
+    return best, found_v, found_f
+
+
+@sweep
+def edge_to_edge(geometry, room, a, b, best):
+    """(distance, edge of a, edge of b, from a to b, on b) below `best` within both; -1 if none."""
+    edges = geometry.edges
+    found_a, found_b, between, on_b = -1, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(a.ridges):
+        p, da = edge_line(geometry, room, a, i)
+        start = room[a.first + edges[a.edge + i].start].height
+        high = max(start, room[a.first + edges[a.edge + i].end].height)
+        for j in range(b.ridges):
+            start = room[b.first + edges[b.edge + j].start].height
+            if min(start, room[b.first + edges[b.edge + j].end].height) - high >= best:
+                continue
+            q, db = edge_line(geometry, room, b, j)
+            across, r = cross(da, db), sub(q, p)
+            size = dot(across, across)
+            if size <= PARALLEL * dot(da, da) * dot(db, db):
+                continue
+            s, t = dot(cross(r, db), across) / size, dot(cross(r, da), across) / size
+            if min(s, t) < 0.0 or max(s, t) > 1.0:
+                continue
+            there = add_scaled(q, t, db)
+            apart = sub(there, add_scaled(p, s, da))
+            distance = math.sqrt(dot(apart, apart))
+            if distance < best:
+                best, between, on_b = distance, apart, there
+                found_a, found_b = i, j
+    return best, found_a, found_b, between, on_b
+
+
+@sweep
+def by_any(geometry, room, a, b, low_b, high_a, known):
+    """(distance, from a to b, place on b, feature) of all pairs, nearer than `known` if there are.
+
+    Heights are measured from a to b; `low_b` and `high_a` are the extreme ones.
+    """
+    best, nearest, on_b, feature = known
+    closer, i, j, between, there = edge_to_edge(geometry, room, a, b, best)
+    if i >= 0:
+        nearest, on_b, feature = scale(1.0 / closer, between), there, feature_of(EDGES, i, j)
+    best = closer
+    closer, v, f = vertex_to_face(geometry, room, a, b, 1.0, low_b, best)
+    if f >= 0:
+        _, n = face_corner(geometry, room, b, f)
+        nearest, feature = scale(-1.0, n), feature_of(FACE_B, f, v)
+        on_b = add_scaled(xyz(room[a.first + v].place), -closer, n)
+    best = closer
+    closer, v, f = vertex_to_face(geometry, room, b, a, -1.0, high_a, best)
+    if f >= 0:
+        _, nearest = face_corner(geometry, room, a, f)
+        on_b, feature = xyz(room[b.first + v].place), feature_of(FACE_A, f, v)
+    return closer, nearest, on_b, feature
+
+
 @sweep
 def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
     """Contact points where a vertex is nearest to an edge or a vertex; `way` from a to b."""
@@ -465,28 +570,36 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
     best_b, v_b, e_b, t_b = vertex_to_edge(geometry, room, b, a, -1.0, high_a, best)
     if e_b >= 0:
         best, v, e, t, of_a = best_b, v_b, e_b, t_b, False
+    p, d = edge_line(geometry, room, b if of_a else a, e)
+    on_edge = add_scaled(p, t, d)
+    vertex = xyz(room[(a.first if of_a else b.first) + v].place)
+    on_b = on_edge if of_a else vertex
+    if best > NO_WAY * size:
+        way = scale(1.0 / best, sub(on_b, vertex if of_a else on_edge))
+    feature = feature_of(CORNER, v, e) if of_a else feature_of(CORNER, 1 << 20 | e, v)
+    low_b, _ = measure(room, b, way)
+    _, high_a = measure(room, a, way)
+    corner = True
+    if low_b - high_a < best - KEPT * size:
+        closer, way, on_b, feature = by_any(
+            geometry, room, a, b, low_b, high_a, (best, way, on_b, feature)
+        )
+        corner = closer == best
+        best = closer
     if best - radii[0] - radii[1] > margin:
         return n
-    if a.faces == 0 and a.vertices == 2:
+    if corner and a.faces == 0 and a.vertices == 2:
         p, d = edge_line(geometry, room, a, 0)
         edge = e if of_a else edge_at(geometry, room, b, v, d)
         q, db = edge_line(geometry, room, b, edge)
         feature = feature_of(CAPSULE_EDGE, 0, edge)
         return ends_of_capsule(p, d, radii, q, db, origin, margin, feature, out, n)
-    if b.faces == 0 and b.vertices == 2:
+    if corner and b.faces == 0 and b.vertices == 2:
         q, d = edge_line(geometry, room, b, 0)
         edge = edge_at(geometry, room, a, v, d) if of_a else e
         p, da = edge_line(geometry, room, a, edge)
         feature = feature_of(CAPSULE_EDGE, edge, 0)
         return ends_of_capsule(p, da, radii, q, d, origin, margin, feature, out, n)
-    p, d = edge_line(geometry, room, b if of_a else a, e)
-    on_edge = add_scaled(p, t, d)
-    vertex = xyz(room[(a.first if of_a else b.first) + v].place)
-    on_b = on_edge if of_a else vertex
-    between = sub(on_b, vertex if of_a else on_edge)
-    if best > NO_WAY * size:
-        way = scale(1.0 / best, between)
-    feature = feature_of(CORNER, v, e) if of_a else feature_of(CORNER, 1 << 20 | e, v)
     on_b = add(origin, add_scaled(on_b, -radii[1], way))
     return put(out, n, on_b, scale(-1.0, way), best - radii[0] - radii[1], feature)
 
@@ -519,18 +632,17 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     if best > limit or best == -math.inf:  # numbers that have overflowed
         return n
     tied = best - prefer if best <= 0.0 else best - CERTAIN * size
-    written = -1
-    if by_a[0] >= tied:
-        written = by_face(
-            geometry, room, row, a, by_a, b, radii, FACE_A, origin, size, margin, out, n
-        )
-    if written < 0 and by_b[0] >= tied:
-        turned = (radius_b, radius_a)
-        written = by_face(
-            geometry, room, row, b, by_b, a, turned, FACE_B, origin, size, margin, out, n
-        )
+    found = by_a, by_b
+    written = by_faces(
+        geometry, room, row, a, b, found, tied, math.inf, radii, origin, size, margin, out, n
+    )
     if written < 0 and edges >= tied:
         written = by_edges(geometry, room, a, crossed, b, radii, origin, margin, out, n)
+    if written < 0:
+        almost = best - KEPT * size
+        written = by_faces(
+            geometry, room, row, a, b, found, almost, tied, radii, origin, size, margin, out, n
+        )
     if written >= 0:
         return written
     if edges >= faces:
