@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .errors import FileError, ModelError, Problem, choices
+from .errors import FileError, ModelError, PgraphError, Problem, choices
 from .markup import Element, Source, content_of, parse_markup, reason_of
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
@@ -34,7 +34,7 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
         mesh.apply_scale(np.array(scale) * UNITS[unit])  # one that mirrors turns the faces too
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
     except Exception as error:  # damaged faces may be found only here
-        raise FileError(_unreadable(file, error)) from error
+        raise FileError(_unreadable(file, _damage(error))) from error
     return mesh
 
 
@@ -51,7 +51,7 @@ def parsed_mesh(file: str | Path) -> Any:
     except FileNotFoundError as error:
         raise FileError(Problem(where, "", "there is no such file")) from error
     except (OSError, ValueError) as error:
-        raise FileError(_unreadable(file, error)) from error
+        raise FileError(_unreadable(file, reason_of(error))) from error
     if not _looks_like(suffix, content):
         text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
@@ -64,7 +64,7 @@ def parsed_mesh(file: str | Path) -> Any:
             mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # whatever a reader of a damaged file raises
-        raise FileError(_unreadable(file, error)) from error
+        raise FileError(_unreadable(file, _damage(error))) from error
     if len(faces) == 0:
         raise FileError(Problem(where, "", "holds no faces"))
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -114,10 +114,14 @@ def _msh(content: bytes) -> tuple[Any, Any]:
     return vertices.astype(float), np.frombuffer(content, "<i4", 3 * faces, after).reshape(-1, 3)
 
 
-def _unreadable(file: str | Path, error: Exception) -> Problem:
-    lines = (reason_of(error) or type(error).__name__).splitlines()
+def _unreadable(file: str | Path, reason: str) -> Problem:
     suffix = Path(file).suffix.lower().lstrip(".")
-    return Problem(f"mesh {file}", "", f"cannot be read as {suffix}: {lines[0]}")
+    return Problem(f"mesh {file}", "", f"cannot be read as {suffix}: {reason.splitlines()[0]}")
+
+
+def _damage(error: Exception) -> str:
+    """Why a file is damaged: what our reader says; a message of another's is for programmers."""
+    return str(error) if isinstance(error, PgraphError) else "its content is damaged or cut short"
 
 
 # -- COLLADA ---------------------------------------------------------------------------------------

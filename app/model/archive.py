@@ -87,8 +87,9 @@ def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
     """
     try:
         size, held = _contents(content)
-    except DAMAGED as error:
-        raise Refusal(f"it is no zip that can be read ({error}); pack it again") from None
+    except DAMAGED:
+        text = "it is no zip that can be read: damaged, cut short or encrypted; pack it again"
+        raise Refusal(text) from None
     if size > LARGEST_WITHIN:
         said = f"{size / 1e6:.0f} MB unpacked"
         raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")

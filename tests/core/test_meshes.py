@@ -156,6 +156,28 @@ def broken(folder: Path) -> dict[str, Path]:
     return files
 
 
+@pytest.mark.parametrize("kind", ["glb", "obj", "off", "ply", "stl"])
+def test_a_damaged_mesh_is_refused_in_words_for_a_person(kind, tmp_path):
+    """Cut anywhere, and with a byte changed; no message of a reader's own."""
+    whole = trimesh.creation.box((1, 1, 1)).export(file_type=kind)
+    whole = whole.encode() if isinstance(whole, str) else whole
+    rng, said = np.random.default_rng(0), set()
+    for place in rng.integers(4, len(whole), 60):
+        for content in (whole[:place], whole[:place] + b"\xff" + whole[place + 1 :]):
+            file = tmp_path / f"part.{kind}"
+            file.write_bytes(content)
+            try:
+                load_mesh(file)
+            except pg.PgraphError as error:
+                said.add(str(error).split(": ", 1)[1])
+    known = ("cannot be read", "holds no", "has faces of", "has coordinates", "its content")
+    assert said
+    assert all(text.startswith(known) for text in said)
+    ours = ("its content is damaged or cut short", f"its content is no {kind.upper()} mesh")
+    reasons = {text.split(f" as {kind}: ")[1] for text in said if " as " in text}
+    assert reasons <= set(ours)
+
+
 def test_sentences(tmp_path):
     files = broken(tmp_path)
     shape = pg.Shape(kind="mesh", file=str(files["open.stl"]))
