@@ -6,6 +6,7 @@ import json
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -381,6 +382,17 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_dies(alone):
 def test_a_scheduler_that_is_not_there(pendulum):
     with pytest.raises(pg.InputError, match=r"tcp://127\.0\.0\.1:1"):
         pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler="tcp://127.0.0.1:1", **SHORT)
+
+
+def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("pgraph_core.sweeps.tasks.ANSWER", 1)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(pg.InputError, match=r"said nothing for 2 s|does not answer"):
+            pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler=address, **SHORT)
 
 
 def test_a_worker_of_another_version_is_refused(pendulum):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,6 +30,7 @@ from .together import Together
 CHUNK = 1.0  # [s] of work handed out at once
 STRETCH = 0.25  # [s] of work between two looks at the clock
 MOST_NUMBERS = 10_000_000  # in frames of a run again, whose frames missed an oscillation at first
+ANSWER = 10  # [s] for a scheduler to answer
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
 
 
@@ -206,6 +208,28 @@ def _run_kept(points: Sequence[Any]) -> list[Row]:
     return run_points(_KEPT[0], points)
 
 
+def _connected(scheduler: Any) -> Any:
+    """A client of a Dask scheduler. Raises InputError, also where one answers no word."""
+    from distributed import Client
+
+    found: list[Any] = []
+
+    def connect() -> None:
+        try:
+            found.append(Client(scheduler, timeout=ANSWER))
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            found.append(error)
+
+    thread = threading.Thread(target=connect, name="pgraph-scheduler", daemon=True)
+    thread.start()
+    thread.join(2 * ANSWER)  # its own limit does not hold for a greeting that never comes
+    if found and isinstance(found[0], Client):
+        return found[0]
+    why = found[0] if found else f"it said nothing for {2 * ANSWER} s"
+    text = f"{scheduler!r:.60} does not answer: {why}; start one with `dask scheduler`"
+    raise InputError(Problem("sweep", "scheduler", text))
+
+
 def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list[Row]]:
     """By the workers of a Dask cluster: an address, a cluster, or a `distributed.Client`."""
     try:
@@ -213,13 +237,7 @@ def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list
     except ImportError:
         text = "needs the package distributed: pip install pgraph-dynamics[cluster]"
         raise InputError(Problem("sweep", "scheduler", text)) from None
-    client = scheduler
-    if not isinstance(scheduler, Client):
-        try:
-            client = Client(scheduler, timeout=10)
-        except (OSError, ValueError, TypeError, TimeoutError) as error:
-            text = f"{scheduler!r:.60} does not answer: {error}; start one with `dask scheduler`"
-            raise InputError(Problem("sweep", "scheduler", text)) from None
+    client = scheduler if isinstance(scheduler, Client) else _connected(scheduler)
     try:
         shared = client.scatter(task, broadcast=True)
         parts = _chunks(points, CHUNK / 50)
