@@ -40,6 +40,17 @@ def until(true: Callable[[], Any], what: str, seconds: float = 60.0) -> Any:
     return value
 
 
+def steps_after(last: Any, served: Server) -> int:
+    """How many undo steps follow `last` (by identity: the list keeps the newest two hundred)."""
+    undo = served.store.state.undo
+    return next((k for k, step in enumerate(reversed(undo)) if step is last), len(undo))
+
+
+def last_step(served: Server) -> Any:
+    """The newest undo step, None where there is none."""
+    return next(iter(reversed(served.store.state.undo)), None)
+
+
 @contextlib.contextmanager
 def held(server: Server) -> Iterator[None]:
     """The server answers nothing meanwhile: what a page does must not hang on how soon it does."""

@@ -10,7 +10,7 @@ from pgraph_app.model.update import NewModel
 from pgraph_app.properties.world import EditWorld
 from pgraph_app.session.update import SetDisplay
 
-from .conftest import NOBODY, until
+from .conftest import NOBODY, last_step, steps_after, until
 
 
 @pytest.fixture
@@ -163,12 +163,12 @@ def test_several_numbers_fill_a_row_of_the_model(bench, served, field, at, text,
     if field == "steps":
         served.send(EditWorld(NOBODY, 1, "steps", (((), ""),)))
     until(lambda: cell(bench, field, at).count() == 1, "its cells")
-    steps = len(served.store.state.undo)
+    last = last_step(served)
     folded = "document.querySelectorAll('[data-view=properties] details')"
     bench.evaluate(f"() => {folded}.forEach((one) => {{ one.open = true; }})")
     typed(cell(bench, field, at), text)
     until(lambda: value(model(served)), "all of them")
-    assert len(served.store.state.undo) == steps + 1
+    assert steps_after(last, served) == 1
 
 
 def test_a_letter_is_the_axis_of_several_bodies(bench, served):

@@ -20,7 +20,7 @@ from pgraph_app.scene.camera import extent
 from pgraph_app.scene.update import Show
 from pgraph_app.table.update import DeleteBodies
 
-from .conftest import NOBODY, until
+from .conftest import NOBODY, last_step, steps_after, until
 from .test_page import place, row
 
 
@@ -62,11 +62,11 @@ def lit(page: Any, what: str) -> list[str]:
 
 
 def test_d7_a_node_dragged_onto_another_changes_its_parent_as_one_undo_step(page, served):
-    steps = len(served.store.state.undo)
+    last = last_step(served)
     said = drag(page, "left_femur", "thorax")
     assert "thorax becomes the parent of left_femur" in said
     until(lambda: served.store.state.model.body("left_femur").parent == "thorax", "the new parent")
-    assert len(served.store.state.undo) == steps + 1
+    assert steps_after(last, served) == 1
 
 
 def test_d7_descendants_are_not_offered_and_a_refused_drop_says_why(page, served):
@@ -195,7 +195,7 @@ def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, ser
     page.get_by_role("tab", name="Show").click()
     page.locator("select.gizmo").select_option("com")
     until(lambda: drawn(page, "/grip/control"), "the gizmo")
-    steps = len(served.store.state.undo)
+    last = last_step(served)
     page.evaluate(
         """(owner) => {
       const name = "/grip/control", wxyz = [1, 0, 0, 0], send = window.__viserMutable.sendMessage;
@@ -207,7 +207,7 @@ def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, ser
     }""",
         str(max(served.viser.get_clients())),
     )
-    until(lambda: len(served.store.state.undo) == steps + 1, "one undo step")
+    until(lambda: steps_after(last, served) == 1, "one undo step")
     assert served.store.state.model.body("thorax").com == pytest.approx((0.29, 0, 0))
     page.locator("select.gizmo").select_option("")
     until(lambda: not drawn(page, "/grip/control"), "no gizmo")
