@@ -736,3 +736,35 @@ def test_contacts_that_push_before_they_touch_are_named(tmp_path, margin, gap, n
 </worldbody></mujoco>"""
     _, report = read(tmp_path, text)
     assert ("margin" in str(report)) == named
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(0.5, ["follows from"]), (3, ["are held"]), (0, [])])
+def test_equalities_of_joints_in_a_ring_are_named(tmp_path, ratio, told):
+    body = '<body><joint name="{0}"/><geom size=".1"/></body>'
+    bodies = "".join(map(body.format, "ab"))
+    ring = f"""<joint name="one" joint1="a" joint2="b" polycoef="0 2 0 0 0"/>
+      <joint name="two" joint1="b" joint2="a" polycoef="0 {ratio} 0 0 0"/>"""
+    text = f"<mujoco><worldbody>{bodies}</worldbody>\n<equality>{ring}</equality></mujoco>"
+    _, report = read(tmp_path, text)
+    said = [e for e in report.of("warning") if "ring of gears" in e.text]
+    assert [word in e.text for e, word in zip(said, told, strict=True)] == [True] * len(told)
+    assert all("line 3, joint 'two'" in e.where for e in said)
+
+
+def test_a_plane_has_no_end_whatever_size_it_is_drawn_with(tmp_path):
+    """A plane above or beside z = 0 is a wide box that touches; the size is what is drawn."""
+    plane = '<geom name="{}" type="plane" size="{}" pos="{}" zaxis="{}"/>'
+    text = f"""<mujoco><worldbody>{plane.format("low", "1 2 .1", "0 0 -.3", "0 0 1")}
+      {plane.format("wall", "0 0 .1", "3 0 0", "-1 0 0")}
+      {plane.format("far", "70 1 .1", "0 -9 0", "0 1 0")}
+      <body name="ball" pos="2.5 5 1"><freejoint/><geom size=".2"/></body></worldbody></mujoco>"""
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    world = model.body("world")
+    assert [s.role for s in world.shapes] == ["collision", "visual", "both", "collision", "visual"]
+    assert [s.size[0] for s in world.shapes] == [100, 2, 100, 140, 140]
+    assert all("100 m wide" in e.text for e in report.of("approximated") if "plane" in e.text)
+    for x, y, gap in ((-20.0, 0.0, 1.1), (0.0, 30.0, 1.1), (2.0, -5.0, 0.8), (2.0, 8.0, 0.8)):
+        there = model.edit("ball", q=(x, y, 1.0, 1.0, 0.0, 0.0, 0.0))
+        (found,) = pg.simulate(there, t_end=1e-3).contact_gap.values()
+        assert abs(found[0] - gap) < 1e-12

@@ -98,6 +98,49 @@ def test_mimics_are_gears(tmp_path):
     assert [e.where for e in report.of("left out") if e.acts] == ["arm.urdf, line 7, joint 'slide'"]
 
 
+@pytest.mark.parametrize(
+    ("mimics", "told"),
+    [
+        ([("b", 0.5, 1)], None),
+        ([("b", 2, 1), ("c", -1, 0)], None),  # a chain
+        ([("b", 2, 1), ("a", 0.5, -0.5)], "the gear follows from the others"),
+        ([("b", 2, 1), ("c", -4, 0), ("a", -0.125, 0.125)], "the gear follows from the others"),
+        ([("b", 2, 1), ("a", 0.5, 0.5)], "no position of the joints meets all of its gears"),
+        ([("b", 2, 1), ("a", -1, 1)], "all joints of the ring are held"),
+        ([("b", 2, 1), ("c", 3, 1), ("a", -1, 4)], "all joints of the ring are held"),
+    ],
+)
+def test_mimics_in_a_ring_are_named(tmp_path, mimics, told):
+    """What is said of a ring is what the rows of its gears say."""
+    joints = [
+        joint(name, "base", f"l{name}", kind="continuous", inside="".join(
+            f'<mimic joint="{other}" multiplier="{ratio}" offset="{offset}"/>'
+            for other, ratio, offset in mimics[k : k + 1]
+        ))
+        for k, name in enumerate("abc")
+    ]  # fmt: skip
+    model, report = read(tmp_path, *map(link, ("base", "la", "lb", "lc")), *joints)
+    said = [e for e in report.of("warning") if "ring" in e.text]
+    rows = np.array([
+        [(g.body == f"l{n}") - g.ratio * (g.other == f"l{n}") for n in "abc"]
+        for g in model.constraints if isinstance(g, pg.Gear)
+    ])  # fmt: skip
+    right = np.array([offset for *_, offset in mimics])
+    assert (np.linalg.matrix_rank(rows) < len(rows)) == bool(told and "held" not in told)
+    if told is None:
+        assert not said
+        return
+    (entry,) = said
+    assert told in entry.text
+    assert entry.where == f"arm.urdf, line {6 + len(mimics)}, joint {'abc'[len(mimics) - 1]!r}"
+    q, *_ = np.linalg.lstsq(rows, right)
+    assert (np.abs(rows @ q - right).max() > 0.1) == told.startswith("no position")
+    if "held" in told:
+        held = dict(zip(("la", "lb", "lc"), q))
+        body, value = entry.text.rsplit(", '", 1)[1].split("' at q = ")
+        assert abs(held[body] - float(value)) < 1e-5
+
+
 def test_shapes_have_roles_colours_and_meshes_of_the_package(tmp_path):
     folder = tmp_path / "my_robot"
     for name in ("meshes", "urdf"):

@@ -49,6 +49,7 @@ from ..model.shape import mass_properties as mass_properties
 
 Array = np.ndarray
 FLAT = 1e-12  # 1 - cosine of the angle below which two facets of a hull are one face
+LEVEL = 3e-7  # of the extent of a hull: corners so near to one plane may be of one face
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,7 @@ def hull(places: Any) -> Solid:
             if group[f] != group[g] and normals[f] @ normals[g] > 1 - FLAT:
                 group[group == group[g]] = group[f]
     triangles = _turned(found)
+    _make_convex(places, triangles, group)
     rings: list[Array] = []
     for one in np.unique(group):
         own = triangles[group == one]
@@ -190,6 +192,41 @@ def _turned(found: Any) -> Array:
             if edges & set(zip(triangles[g].tolist(), np.roll(triangles[g], -1).tolist())):
                 triangles[g] = triangles[g, ::-1]
     return triangles
+
+
+def _make_convex(places: Array, triangles: Array, group: Array) -> None:
+    """Join faces that have a corner inwards with those beside it that lie in one plane with them.
+
+    Between corners that are in one plane to rounding, facets have whatever normals.
+    """
+    beside = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
+    near = LEVEL * float(np.ptp(places, axis=0).max())
+    numbers, counts = np.unique(group, return_counts=True)
+    waiting = numbers[counts > 1].tolist()
+    while waiting:
+        one = waiting.pop()
+        ring = _outline(triangles[group == one])
+        if ring is None:
+            continue
+        p, ahead = places[ring], np.roll(places[ring], -1, axis=0)
+        normal = np.cross(p - p[0], ahead - p[0]).sum(axis=0)
+        inward = np.cross(p - np.roll(p, 1, axis=0), ahead - p) @ normal < 0
+        edges = zip(np.roll(ring, -1).tolist(), ring.tolist())
+        others = [int(group[beside[edge]]) for edge in edges]
+        for other in {o for k in np.flatnonzero(inward) for o in (others[k - 1], others[k])}:
+            if _are_level(places, triangles[(group == one) | (group == other)], near):
+                group[group == other] = one
+                waiting.append(one)
+                break
+
+
+def _are_level(places: Array, triangles: Array, near: float) -> bool:
+    """Whether all corners of these triangles are this near to one plane [m]."""
+    p, q, r = places[triangles].transpose(1, 0, 2)
+    normal = np.cross(q - p, r - p).sum(axis=0)
+    return bool(
+        np.ptp((places[np.unique(triangles)] - p[0]) @ normal) < near * np.linalg.norm(normal)
+    )
 
 
 def _outline(triangles: Array) -> Array | None:

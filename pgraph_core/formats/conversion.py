@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, choices, explained, shown
-from ..model import Model
+from ..model import Gear, Model
 from ..model.body import inertia_problems
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]
@@ -119,10 +119,41 @@ class Report:
         return f"<p>{html.escape(repr(self))}</p>{why}<table>{head}{rows}</table>"
 
 
-MOST_INERTIA = 1e150  # [kg m^2] its square is still a number
+# -- joints that follow each other ----------------------------------------------------------------
+
+MEETS = 1e-9  # of numbers about one
+
+
+def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
+    """Warn of each gear (and its place) that ties joints which others tie to each other already."""
+    tied: dict[tuple[str, int], tuple[tuple[str, int], float, float]] = {}  # q = factor x q' + at
+    for gear, where in gears:
+        own, other = (gear.body, gear.coordinate), (gear.other, gear.other_coordinate)
+        base, factor, at = tied.get(other, (other, 1.0, 0.0))
+        factor, at = gear.ratio * factor, gear.ratio * at + gear.offset
+        root, own_factor, own_at = tied.setdefault(own, (own, 1.0, 0.0))
+        tied.setdefault(other, (other, 1.0, 0.0))
+        if not own_factor or not np.isfinite(factor + at):  # products that vanish or overflow
+            continue
+        slope, gap = own_factor - factor, at - own_at
+        if root != base:  # q of the root = (factor x q of the base + gap) / own_factor
+            for end, (known, f, x) in tied.items():
+                if known == root:
+                    tied[end] = base, f * factor / own_factor, f * gap / own_factor + x
+            continue
+        if abs(slope) > MEETS * max(abs(factor), abs(own_factor)):
+            text = f"all joints of the ring are held, '{base[0]}' at q = {gap / slope:.6g}"
+        elif abs(gap) > MEETS * max(1.0, abs(at), abs(own_at)):
+            text = "no position of the joints meets all of its gears"
+        else:
+            text = "the gear follows from the others"
+        text = f"'{own[0]}' and '{other[0]}' follow each other in a ring of gears: {text}"
+        report.add("warning", where, text, part=gear.name)
 
 
 # -- inertias --------------------------------------------------------------------------------------
+
+MOST_INERTIA = 1e150  # [kg m^2] its square is still a number
 
 
 def why_unphysical(inertia: np.ndarray) -> str:

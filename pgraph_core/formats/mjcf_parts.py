@@ -32,7 +32,7 @@ from ..model import (
 from ..model.fields import EVERY, GROUND, name_problem
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
-from .conversion import Report
+from .conversion import Report, suspect_rings
 
 Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
@@ -48,7 +48,8 @@ SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
 }  # fmt: skip
 LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
-WIDE = 50.0  # m: half the edge of one without bounds
+WIDE = 50.0  # m: half the edge of such a box, since a plane of MuJoCo has no end
+SHEET = 0.01  # m: thickness of the box that shows a plane
 FLAT = 1e-9
 FAR = 1e9  # m, rad: an end of a range this far is none
 GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
@@ -163,6 +164,8 @@ class Parts:
                 self.reader.left_out("equality", name, text, acts=bool(self.m.eq_active0[e]))
             if one is not None:
                 found.append(one)
+        gears = (c for c in found if isinstance(c, Gear) and c.active)
+        suspect_rings(self.report, ((c, self.reader.where("joint", c.name)) for c in gears))
         return found
 
     def _follows(self, e: int, name: str) -> Constraint | None:
@@ -572,9 +575,8 @@ class Parts:
 
     def world(self) -> list[dict[str, Any]]:
         """A body on the ground with the solids of the world, if there are any."""
-        shapes = [self._wall(g) for g in self.walls]
-        for shape in self._solids_of_the_world():
-            shapes.append(shape)
+        shapes = [shape for g in self.walls for shape in self._wall(g)]
+        shapes += self._solids_of_the_world()
         if not shapes:
             return []
         none = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3, "joint": "weld"}
@@ -586,20 +588,24 @@ class Parts:
             if g not in planes and (shape := self.reader.solid(g, 0)):
                 yield shape
 
-    def _wall(self, g: int) -> dict[str, Any]:
-        """A box whose face is a plane."""
+    def _wall(self, g: int) -> Iterator[dict[str, Any]]:
+        """Boxes whose face is a plane: one that touches, and where it has a size one to look at."""
         m = self.m
-        x, y, _ = (float(s) or WIDE for s in m.geom_size[g])
+        drawn = [float(s) for s in m.geom_size[g][:2]]
         normal = matrix(m.geom_quat[g].tolist())[:, 2]
         where = self.reader.where("geom", m.geom(g).name)
-        text = f"a plane that is not z = 0 is a box {THICK} m thick"
+        wide = [max(s, WIDE) for s in drawn]
+        text = f"a plane that is not z = 0 is a box {THICK} m thick and {2 * min(wide):g} m wide"
         self.report.add("approximated", where, text)
-        return {
-            "kind": "box",
-            "size": (2 * x, 2 * y, THICK),
-            "position": tuple((m.geom_pos[g] - THICK / 2 * normal).tolist()),
-            "rotation": unit(m.geom_quat[g].tolist()),
-        }
+        for role, (x, y), thick in (("collision", wide, THICK), ("visual", drawn, SHEET)):
+            if x and y:
+                yield {
+                    "kind": "box",
+                    "size": (2 * x, 2 * y, thick),
+                    "position": tuple((m.geom_pos[g] - thick / 2 * normal).tolist()),
+                    "rotation": unit(m.geom_quat[g].tolist()),
+                    "role": role if all(drawn) else "both",
+                }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
         """What may touch what, by MuJoCo's rules; all pairs of one law as one contact of '*'."""

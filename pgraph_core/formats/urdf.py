@@ -30,7 +30,7 @@ from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
 from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of
-from .conversion import Folders, Report, reach_of, suspect_units, unphysical
+from .conversion import Folders, Report, reach_of, suspect_rings, suspect_units, unphysical
 
 Value = TypeVar("Value")
 ZERO = (0.0, 0.0, 0.0)
@@ -490,6 +490,7 @@ class _Reader:
     def _mimics(self) -> list[Constraint]:
         by_name = {joint.name: joint for joint in self.joints}
         found: list[Constraint] = []
+        gears: list[tuple[Gear, str]] = []
         for joint in self.joints:
             mimic = joint.element.first("mimic")
             if mimic is None:
@@ -512,11 +513,14 @@ class _Reader:
             name, body = joint.name, self._body_name(joint.child)
             if ratio:
                 other = self._body_name(leader.child)
-                found.append(Gear(name=name, body=body, other=other, ratio=ratio, offset=offset))
+                gear = Gear(name=name, body=body, other=other, ratio=ratio, offset=offset)
+                found.append(gear)
+                gears.append((gear, where))
             else:
                 curve = {"kind": "polynomial", "coefficients": [offset]}
                 found.append(Motion(name=name, body=body, q_of_t=curve))
             self.report.add("converted", where, f"<mimic> is the constraint '{name}'", part=name)
+        suspect_rings(self.report, gears)
         return found
 
     def _loops(self) -> list[Constraint]:

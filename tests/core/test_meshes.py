@@ -131,6 +131,23 @@ def test_faces_of_a_hull_look_outward(count):
         assert signed_distance(p[None], solid.vertices) < 1e-10
 
 
+def test_faces_of_hulls_in_single_precision_have_no_corner_inwards():
+    """Between corners in one plane there are facets whose normals are anything."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        angle, far = rng.uniform(0, 2 * np.pi, 100), np.sqrt(rng.uniform(0, 1, 100))
+        plate = np.column_stack((0.1 * far * np.cos(angle), 0.07 * far * np.sin(angle)))
+        places = np.array([(x, y, z) for x, y in plate for z in (-0.01, 0.01)])
+        turned = Rotation.random(random_state=seed).apply(places).astype(np.float32)
+        solid = solids.hull(turned)
+        assert max(map(len, solid.rings)) > 12  # each side is one face
+        for ring, normal in zip(solid.rings, solids.normals_of(solid)):
+            corners = solid.vertices[list(ring)]
+            for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+                inside = (corners - start) @ np.cross(normal, end - start)
+                assert inside.min() > -1e-9 * np.linalg.norm(end - start), seed
+
+
 @pytest.mark.parametrize(
     "solid", [solids.box((1, 2, 3)), solids.cylinder(0.5, 2), solids.capsule(0.3, 1)]
 )
