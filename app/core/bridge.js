@@ -19,6 +19,14 @@ window.pgraph = (() => {
     for (const act of listeners[topic] ?? []) safely(() => act(latest[topic]));
   }
 
+  // What asks for the layout waits for the next picture, for which it is made once whatever changed.
+  const beforePicture = new Map(); // what for -> act, the last one given
+  function settle() {
+    const acts = [...beforePicture.values()];
+    beforePicture.clear();
+    acts.forEach(safely);
+  }
+
   function flush() {
     const viser = window.__viserMutable;
     if (!uplink || !viser?.sendMessage) { setTimeout(flush, 50); return; }
@@ -75,7 +83,8 @@ window.pgraph = (() => {
     watchedScene = scene;
     scene.onBeforeRender = (gl) => {
       delete scene.onBeforeRender;
-      const draw = gl.render;
+      gl.debug.checkShaderErrors = false; // to ask waits for the compiler
+      const draw = gl.render, keep = (program) => { if (!program.pgraphKept) { program.pgraphKept = true; program.usedTimes++; } };
       let last = null, drawn = 0, pause = 500;
       gl.render = (what, camera) => {
         if (what !== scene || gl.getRenderTarget()) { draw.call(gl, what, camera); return; }
@@ -84,6 +93,7 @@ window.pgraph = (() => {
         pause = changed ? 500 : Math.min(2 * pause, RARELY);
         [drawn, asked] = [now, false];
         draw.call(gl, what, camera);
+        gl.info.programs.forEach(keep); // a scene made anew does not compile its shaders again
         last = looks(scene, camera, gl.domElement); // drawing uploads what was pending
       };
     };
@@ -131,6 +141,10 @@ window.pgraph = (() => {
       flush();
     },
     nextSerial: () => ++serial,
+    beforePicture(what, act) {
+      if (!beforePicture.size) requestAnimationFrame(settle);
+      beforePicture.set(what, act);
+    },
     hosts: (view) => document.querySelectorAll(`.pgraph[data-view="${view}"]`),
     draw(view, topic) {
       const draw = views[view][topic];

@@ -92,7 +92,7 @@ pgraph.digraph = (() => {
     });
     vectors(host.querySelector(".vectors"), graph, part);
     arrange(canvas, [...graph.edges.slice(1), ...loops(data, part), ...graph.nodes]);
-    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) { host.fillPanel(); canvas.fit(); }
+    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) pgraph.beforePicture("digraph size", () => { host.fillPanel(); canvas.fit(); });
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
     if (again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
@@ -227,8 +227,10 @@ pgraph.digraph = (() => {
     for (const el of graph.marked) el.classList.add("selected");
     reachable(graph, k || 1);
     if (!k) return;
-    graph.entries[k][0]?.scrollIntoView({ block: "nearest" });
-    host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+    pgraph.beforePicture("digraph place", () => {
+      graph.entries[k][0]?.scrollIntoView({ block: "nearest" });
+      host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+    });
   }
   // One node takes part in the order of tabs; arrows lead to the others.
   function reachable(graph, k) {

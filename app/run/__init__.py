@@ -48,11 +48,12 @@ class Run:
     model: pg.Model
     request: Request
     result: Any  # pgraph_core's result
+    walked: tuple[Change, ...] | None = None  # what its feet did, where that is known
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:
         """What its feet did."""
-        return changes(self.result)
+        return changes(self.result) if self.walked is None else self.walked
 
     @cached_property
     def usual_force(self) -> float:

@@ -12,7 +12,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State
-from ..gait import changes
+from ..gait import changes, since
 from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
@@ -299,5 +299,6 @@ def stopped(state: State) -> State:
     live = state.live
     if live is None or not live.parts:
         return replace(state, live=None)
-    run = Run(state.model, live.request, pg.joined(live.parts))
+    walked = tuple(since(live.falls, state.t_start))  # seconds of work after a long run
+    run = Run(state.model, live.request, pg.joined(live.parts), walked)
     return replace(state, live=None, last_run=run, run_framed=state.framed)

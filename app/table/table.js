@@ -175,7 +175,7 @@ pgraph.table = (() => {
     for (const name of all) trs.get(name)?.classList.add("selected");
     const tr = last === null ? null : trs.get(last);
     tr?.classList.add("selected", "last");
-    if (tr && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" });
+    pgraph.beforePicture("table", () => { if (tr?.isConnected && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" }); });
     pgraph.rows.enable(host, tr ? Math.max(all.size, 1) : 0);
   }
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import pytest
 
-from pgraph_app.model.update import Edit, NewModel
+from pgraph_app.model.update import Edit, NewModel, Undo
 from pgraph_app.server import Server
 from pgraph_app.session.update import Select
+from pgraph_app.table.update import Duplicate
 
 from .conftest import NOBODY, until
 from .test_page import drawn
@@ -94,6 +95,32 @@ def test_bodies_in_3d_are_sent_again_only_where_they_look_different(chain: Any, 
     edit(chain, served, 4, "3", "name", "thigh")
     until(lambda: caught_up_with(chain, served), "the scene")
     assert chain.evaluate(same)
+
+
+LINKED = """() => {
+  const proto = WebGL2RenderingContext.prototype, link = proto.linkProgram;
+  window.linked = 0;
+  proto.linkProgram = function (program) { window.linked++; link.call(this, program); };
+}"""
+PICTURES = """() => new Promise((done) => {
+  let n = 0;
+  (function next() { if (n++ > 20) done(); else requestAnimationFrame(next); })();
+})"""
+
+
+def test_a_body_that_comes_again_compiles_no_shader_again(chain: Any, served: Server):
+    """A copy makes the 3D view anew; its shaders took software GL more than a second."""
+    chain.evaluate(LINKED)
+    me, linked = next(iter(served.store.state.clients)), []
+    for _ in range(3):
+        served.send(Duplicate(me, ("5",), True))
+        until(lambda: drawn(chain, "/bodies/6"), "the copy in the 3D view")
+        chain.evaluate(PICTURES)
+        served.send(Undo(me))
+        until(lambda: not drawn(chain, "/bodies/6"), "the copy gone")
+        chain.evaluate(PICTURES)
+        linked.append(chain.evaluate("linked"))
+    assert linked[1] == linked[2], linked
 
 
 def caught_up_with(page: Any, served: Server) -> bool:

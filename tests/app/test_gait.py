@@ -134,6 +134,13 @@ def test_what_the_page_shows_is_what_the_csv_says():
             assert shown["phases"][now[-1]] == phase
 
 
+def test_a_run_that_is_stopped_keeps_what_its_feet_did():
+    """It is known by then; to find it again took seconds after ten minutes, and Stop as long."""
+    run = trotted().last_run
+    assert run.walked is not None
+    assert run.falls == run.walked == changes(run.result)
+
+
 def test_the_arrows_are_the_forces_of_the_csv():
     state = trotted()
     head, *rows = csv.reader(io.StringIO(view.table(state.last_run).decode()))
