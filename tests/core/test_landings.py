@@ -82,3 +82,28 @@ def test_a_thin_plate_that_overlaps_by_a_tenth_of_its_thickness_is_told():
     model = pg.Model(bodies=(plate,), contacts=(pg.Contact(name="lies", body="plate"),))
     run = pg.simulate(model, t_end=0.01, step=1e-3, frames=3, estimate=False)
     assert any("lies" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 6e-9, 1e-7])
+@pytest.mark.parametrize("push", [300.0, 3000.0])
+def test_what_is_pressed_down_softly_costs_no_parts_of_a_step_where_another_lands(push, gap):
+    """It rests where the step takes it; only the ball that falls is located."""
+    ball = {
+        "joint": "prismatic", "axes": (0, 0, 1), "mass": 1.0, "derived": ("inertia",),
+        "shape": {"kind": "sphere", "radius": 0.05},
+    }  # fmt: skip
+    stands = pg.Body(name="stands", q=(0.05 + gap,), **ball)
+    falls = pg.Body(name="falls", link=(1, 0, 0), q=(0.0505,), v=(-1.0,), **ball)
+    contacts = tuple(pg.Contact(name=body.name, body=body.name) for body in (stands, falls))
+
+    def run(bodies, torques):
+        model = pg.Model(bodies=bodies, contacts=contacts[: len(bodies)])
+        return pg.simulate(
+            model, tau=np.array(torques), t_end=1e-3, step=1e-3, frames=2, estimate=False
+        )
+
+    both, alone = run((stands, falls), (-push, 0.0)), run((stands,), (-push,))
+    idle = run((stands, falls), (0.0, 0.0))
+    assert both.counters["evaluations"] == idle.counters["evaluations"]
+    assert alone.contacts.gap["stands"][-1] <= both.contacts.gap["stands"][-1] < 0.0
+    assert abs(both.v[-1]).max() < 1e-12

@@ -20,7 +20,6 @@ from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import dot, sub, xyz
 from .closing import (
-    DEPTH,
     ROUNDING,
     SURE,
     closed_gap,
@@ -48,6 +47,7 @@ SUNK = 0.25  # of the thinner shape's half: what has sunk in this far has landed
 SAG = 0.2  # of the thinner shape's half: how far the path may bend within a part
 ARRIVED = 1e-12  # of a part: a time this near to its end is its end
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
+CARRIED = -2  # in place of the ground, -1: what has arrived softly, and is not followed any more
 
 
 @part
@@ -197,6 +197,8 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
             arrived = False
             beyond = False
             for n in range(count):
+                if meetings[n].shape_b == CARRIED:
+                    continue
                 if meetings[n].shape_a < 0:
                     ahead, landed, inside = next_limit(data, meetings[n], q, v, vdot, left - tau)
                 elif meetings[n].shape_b < 0:
@@ -247,6 +249,7 @@ def next_ground(scene, meeting, h):
     """As `next_landing`, of one part of a shape over the ground.
 
     What arrives softly is left to the middle of the step: a foot that stands, and has drifted off.
+    The step carries it there, so what it would do without impulses later on means nothing.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -254,13 +257,14 @@ def next_ground(scene, meeting, h):
     gap, p = ground_point(contacts, i, meeting.vertex)
     u = point_velocity(data.work, data.space.linear, contacts.geometry.shapes[i].row, p)
     closing = -dot(u, normal)
-    closed, curving = closed_gap(contacts, i, -1, p), curving_bound(scene, i, -1)
+    closed = closed_gap(contacts, i, -1, p)
     if gap > closed:
+        curving = curving_bound(scene, i, -1)
         return time_to_close(gap - 0.5 * closed, closing, curving), False, False
-    size = smaller_size(contacts, i, -1)
-    if hits(closing, h, size, contacts.tally[0].pull):
+    if hits(closing, h, smaller_size(contacts, i, -1), contacts.tally[0].pull):
         return math.inf, True, gap < -closed
-    return time_to_close(DEPTH * size, closing, curving), False, False
+    meeting.shape_b = CARRIED
+    return math.inf, False, False
 
 
 @part
