@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 import pgraph_core as pg
 import pgraph_models
@@ -11,7 +12,11 @@ from pgraph_app.cli.main import main
 
 mujoco = pytest.importorskip("mujoco")
 
-from tests.core.test_mjcf_of_others import errors_of, start_of  # noqa: E402 (it needs mujoco too)
+from tests.core.test_mjcf_of_others import (  # noqa: E402 (it needs mujoco too)
+    compare_pairs,
+    errors_of,
+    start_of,
+)
 
 ARM = """<mujoco model="arm">
 <compiler angle="degree"/><option gravity="0 0 -1.6"/>
@@ -768,3 +773,34 @@ def test_a_plane_has_no_end_whatever_size_it_is_drawn_with(tmp_path):
         there = model.edit("ball", q=(x, y, 1.0, 1.0, 0.0, 0.0, 0.0))
         (found,) = pg.simulate(there, t_end=1e-3).contact_gap.values()
         assert abs(found[0] - gap) < 1e-12
+
+
+HEAP = """<mujoco><asset><mesh name="part" file="part.stl"/></asset><worldbody>
+<geom name="floor" type="plane" size="1 1 1"/>
+<geom name="wall" type="plane" size="1 1 1" pos="4 0 0" zaxis="-1 0 1"/>
+<geom pos="0 3 0" size=".5"/>
+<body name="a"><freejoint/><geom type="mesh" mesh="part" contype="2"/></body>
+<body name="b"><freejoint/><geom type="ellipsoid" size=".1 .2 .3" conaffinity="2"/></body>
+<body><freejoint/><geom name="c" type="cylinder" size=".1 .2" contype="0" conaffinity="0"/>
+  <body><joint axis="1 0 0"/><geom name="d" type="box" size=".1 .2 .3"/>
+    <body><joint axis="0 1 0"/><geom name="e" type="capsule" size=".1 .2" pos="0 0 1"/></body>
+</body></body></worldbody>
+<contact><pair geom1="c" geom2="floor"/><pair geom1="c" geom2="e"/><exclude body1="a" body2="b"/>
+</contact></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        (ARM, 6),
+        (HEAP, 18),
+        (HEAP.replace("<asset>", '<option><flag filterparent="disable"/></option><asset>'), 19),
+        (HEAP.replace("<asset>", '<option><flag contact="disable"/></option><asset>'), 0),
+    ],
+)
+def test_the_same_pairs_may_touch_at_the_same_distances(tmp_path, monkeypatch, text, count):
+    trimesh.creation.icosphere(subdivisions=2, radius=0.3).export(tmp_path / "part.stl")
+    (tmp_path / "model.xml").write_text(text)
+    pairs, more, worst = compare_pairs(tmp_path / "model.xml", monkeypatch)
+    assert (pairs, more) == (count, 0)
+    assert worst < 1e-6

@@ -220,7 +220,7 @@ def pairs_of_mujoco(m, data) -> Pairs:
         if masks and one != two and not related and frozenset(bodies) not in excluded:
             found.add((g, h))
     floor, distances = planes_of(m), dict[tuple[int, int], float]()
-    m.opt.disableflags &= ~off.mjDSBL_NATIVECCD  # libccd's distances are wrong by millimetres
+    m.opt.disableflags &= ~int(off.mjDSBL_NATIVECCD)  # libccd's distances are wrong by millimetres
     for g, h in found:
         low, high = sorted(FLOOR if x in floor else x for x in (g, h))
         apart = mujoco.mj_geomDistance(m, data, g, h, 1e3, None)
@@ -262,13 +262,13 @@ def pairs_here(mech: pg.Mechanism, m, q: np.ndarray) -> Pairs:
     return {(low, high): float(gap) for (low, high), gap in zip(ends, gaps)}
 
 
-def compare_pairs(path: Path, package: str, monkeypatch) -> tuple[int, int, float]:
+def compare_pairs(path: Path, monkeypatch, roots=()) -> tuple[int, int, float]:
     """(pairs, pairs that the file does not have and the report names, largest difference [m])."""
     monkeypatch.setattr(contact_tables, "CROWD", 10**9)  # each pair of bodies on its own
     m = loaded_by_mujoco(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model, report = pg.read_mjcf(path, roots=[folder(package)])
+        model, report = pg.read_mjcf(path, roots=roots)
     if m is None or not model.contacts:
         assert m is None or not pairs_of_mujoco(m, mujoco.MjData(m))
         return 0, 0, 0.0
@@ -290,7 +290,7 @@ def test_the_same_pairs_may_touch_at_the_same_distances(package, monkeypatch):
     if folder(package) is None:
         pytest.skip(f"{package} cannot be downloaded here")
     found = {
-        path: compare_pairs(path, package, monkeypatch)
+        path: compare_pairs(path, monkeypatch, [folder(package)])
         for path in files(package, ".xml") if loaded_by_mujoco(path)
     }  # fmt: skip
     for path, (count, more, worst) in found.items():
