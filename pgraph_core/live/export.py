@@ -122,7 +122,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
             raise
         found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
         return found
-    for field, of in zip(wanted, follows(mech.model, runs, wanted, make)):
+    for field, of in follows(mech.model, runs, wanted, make):
         place, entry = field.path, {method: what._asdict() for method, what in of.items()}
         found["open"].append(
             {"path": place.text, "value": place.present, "low": field.low, "high": field.high,

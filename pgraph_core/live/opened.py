@@ -3,7 +3,7 @@
 The browser must do with a field what Python does. By a rule: every number that changes with it is
 a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
 kernel that packs models; that is tried out at several values, byte for byte. Or of a list: the
-numbers for each of n values are worked out here and stored.
+numbers for each of n values are worked out here and stored; so where no rule holds.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from .run import BASE, LiveRun
 
 TRIED = 3  # values within the range, besides its ends
 MOST_VALUES = 200  # that are worked out one by one
+SOME = 21  # values of a field where the browser knows no rule
 FARTHER = 4.0  # how many times smaller or larger a value may be where no range is given
 TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
 PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
@@ -96,42 +97,66 @@ class Follows(NamedTuple):
 
 def follows(
     model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any
-) -> list[dict[str, Follows]]:
-    """{method: what follows} of every field. Raises InputError where the browser cannot follow.
+) -> list[tuple[Opened, dict[str, Follows]]]:
+    """Every field with {method: what follows}; one that no rule holds for takes some values only.
 
-    `make(mechanism, method)` is the run of a changed model.
+    `make(mechanism, method)` is the run of a changed model. Raises InputError where the browser
+    cannot follow.
     """
-    found: list[dict[str, Follows]] = []
+    found = []
     rng = np.random.default_rng(0)
     own = {method: run.memory() for method, run in runs.items()}
     for one in fields:
-        values = one.values or [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
-        changed = [_made(model, [(one, x)], make, runs) for x in values]
-        of = {}
-        for method, run in runs.items():
-            theirs = [memories[method] for memories in changed]
-            of[method] = (_listed if one.number else _follows)(
-                one, run, own[method], values, theirs
-            )
-            for x, memory in zip(values, theirs):
-                _verify(one, run, own[method], [(of[method], x)], memory)
-        found.append(of)
+        try:
+            found.append((one, _of(one, model, runs, own, make, rng)))
+        except _NoRuleError:
+            some = one._replace(number=SOME)
+            found.append((some, _of(some, model, runs, own, make, rng)))
+    used = [one for one, _ in found]
     for _ in range(TRIED if len(fields) > 1 else 0):  # all at once
         together = [float(rng.choice(f.values) if f.number else rng.uniform(f.low, f.high))
-                    for f in fields]  # fmt: skip
-        changed = _made(model, list(zip(fields, together)), make, runs)
+                    for f in used]  # fmt: skip
+        changed = _made(model, list(zip(used, together)), make, runs)
         for method, run in runs.items():
-            given = [(of[method], x) for of, x in zip(found, together)]
-            _verify(fields[-1], run, own[method], given, changed[method], fields[:-1])
+            given = [(of[method], x) for (_, of), x in zip(found, together)]
+            if wrong := _differs(run, own[method], given, changed[method]):
+                names = choices(other.path.text for other in used[:-1])
+                text = f"cannot be left open with {names}: {wrong} follow several of them; "
+                raise InputError(Problem("export", used[-1].path.text, f"{text}leave one out"))
     return found
 
 
+class _NoRuleError(InputError):
+    """Numbers of the run follow a field by a rule that the browser does not know."""
+
+    def __init__(self, one: Opened, what: str):
+        text = f"cannot be left open: {what} follow it by a rule that the browser does not know"
+        super().__init__(Problem("export", one.path.text, text))
+
+
+def _of(
+    one: Opened, model: Model, runs: Mapping[str, LiveRun], own: Mapping[str, bytearray],
+    make: Any, rng: np.random.Generator,
+) -> dict[str, Follows]:  # fmt: skip
+    """{method: what follows} of a field. Raises InputError."""
+    values = one.values or [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
+    changed = [_made(model, [(one, x)], make, runs) for x in values]
+    of = {}
+    for method, run in runs.items():
+        theirs = [memories[method] for memories in changed]
+        if any(len(memory) != len(own[method]) for memory in theirs):
+            raise _NoRuleError(one, "the sizes of its tables")
+        of[method] = (_listed if one.number else _follows)(run, own[method], values, theirs)
+        for x, memory in zip(values, theirs):
+            if wrong := _differs(run, own[method], [(of[method], x)], memory):
+                raise _NoRuleError(one, wrong)
+    return of
+
+
 def _listed(
-    one: Opened, run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
+    run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
 ) -> Follows:
     """The numbers of each value."""
-    if any(len(memory) != len(own) for memory in theirs):
-        raise _refused(one, "the sizes of its tables")
     found, before = [], np.frombuffer(own, np.int64)
     for x, memory in zip(values, theirs):
         words = np.frombuffer(memory, np.int64)
@@ -156,11 +181,9 @@ def _made(
 
 
 def _follows(
-    one: Opened, run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
+    run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
 ) -> Follows:
     """Which numbers are copies or multiples of the value."""
-    if any(len(memory) != len(own) for memory in theirs):
-        raise _refused(one, "the sizes of its tables")
     x = np.array(values)
     words = np.stack([np.frombuffer(memory, np.int64) for memory in theirs])
     places = np.flatnonzero((words != np.frombuffer(own, np.int64)).any(axis=0))
@@ -194,11 +217,10 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
     return place, place + 8 * int(np.prod(shape))
 
 
-def _verify(
-    one: Opened, run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any,
-    others: Sequence[Opened] = (),
-) -> None:  # fmt: skip
-    """Do to the image what the browser does; raises InputError where another image is wanted."""
+def _differs(
+    run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
+) -> str:
+    """What is not as wanted after doing to the image what the browser does; "" if all is."""
     memory = bytearray(own)
 
     def view(name: str) -> Any:
@@ -226,15 +248,4 @@ def _verify(
         for begin, to, size in run.header()["copies"]:
             memory[to - BASE : to - BASE + size] = memory[begin - BASE : begin - BASE + size]
     wrong = np.flatnonzero(np.frombuffer(memory, np.int64) != np.frombuffer(want, np.int64))
-    if len(wrong):
-        raise _refused(one, run.image.name_of(BASE + 8 * int(wrong[0])), others)
-
-
-def _refused(one: Opened, what: str, others: Sequence[Opened] = ()) -> InputError:
-    if others:
-        names = choices(other.path.text for other in others)
-        text = f"cannot be left open with {names}: {what} follow several of them; leave one out"
-    else:
-        text = f"cannot be left open: {what} follow it by a rule that the browser does not know; "
-        text += "let it take some values only, as in PATH=low:high:n"
-    return InputError(Problem("export", one.path.text, text))
+    return run.image.name_of(BASE + 8 * int(wrong[0])) if len(wrong) else ""

@@ -287,7 +287,6 @@ def test_what_cannot_be_left_open_is_refused() -> None:
         ("bodies.lower.mass=5:9", "around"),
         ("bodies.lower.weight", "no field"),
         ("bodies.lower.mass=-1:2", "smaller range"),
-        ("bodies.lower.axes.0.0=-1:1", "PATH=low:high:n"),
         ("bodies.lower.mass=0.5:2:1", "n > 1"),
         ("bodies.lower.mass=0.5:2:3:4", "low:high:n"),
         ("bodies.lower.mass=0.5:2:2.5", "n > 1"),
@@ -310,12 +309,31 @@ def test_fields_that_follow_no_rule_take_some_values(figure: Any) -> None:
     assert "1.25" in shown.evaluate(SIMULATE, {"set": {path: 0.7}})["refused"]
 
 
+@of_these_sources
+def test_a_field_without_a_rule_takes_some_values_unasked() -> None:
+    """The mass of a walker's trunk, by whose weight its controller is planned, between masses."""
+    model = model_of("quadruped_hips")
+    run = recorded(model, scenario="trot", t_end=0.1)
+    fields = given_of(page(run, ["bodies.pelvis.mass=3.5:14", "ground.friction=0.4:1"]))["engine"][
+        "open"
+    ]
+    values, rule = fields[0]["values"], fields[1]["values"]
+    assert len(values) == 22
+    assert {3.5, 7.0, 14.0} <= set(values)
+    assert values == sorted(values)
+    assert not rule
+
+
+def given_of(html: str) -> Any:
+    """What a page's figure is given."""
+    start = html.index('id="figure">') + len('id="figure">')
+    return json.loads(html[start : html.index("</script>", start)])
+
+
 def test_a_run_writes_its_figure(tmp_path: Path) -> None:
     run = pg.simulate(model_of("pendulum"), t_end=1.0)
     run.to_html(tmp_path / "a.html", live=True)
-    html = (tmp_path / "a.html").read_text(encoding="utf-8")
-    start = html.index('id="figure">') + len('id="figure">')
-    given = json.loads(html[start : html.index("</script>", start)])
+    given = given_of((tmp_path / "a.html").read_text(encoding="utf-8"))
     methods = ["dop853", "rk4", "semi_implicit_euler", "dopri5"]
     assert given["engine"]["methods"] == ([] if module.stale() else methods)
     assert given["recording"]["count"] > 10
