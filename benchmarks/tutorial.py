@@ -1,7 +1,7 @@
-"""What a person does on the page, by clicks and keys: docs/tutorial.md, and a URDF with a loop.
+"""What a person does on the page, by clicks and keys: docs/tutorial.md, a URDF with a loop, an arm.
 
-From New to a simulated four-bar; and from a zip of a URDF with its meshes, through the loop that
-URDF cannot hold, to the run and back to a file.
+From New to a simulated four-bar; from a zip of a URDF with its meshes, through the loop that
+URDF cannot hold, to the run and back to a file; from New to a six-axis arm that picks up a box.
 
 The seconds are those of the keystroke-level model [Card, Moran, Newell 1980]: a key, a click after
 pointing, and a thought before each step. Nothing here waits for them.
@@ -29,19 +29,37 @@ class Person:
 
     page: Any
     seconds: float = 0.0
+    clicks: int = 0
+    keys: int = 0  # with those held down, as Control
 
     def think(self) -> None:
         self.seconds += THOUGHT
 
-    def click(self, what: str) -> None:
-        self.page.locator(what).first.click()
-        self.seconds += CLICK
+    def click(self, what: str, *, holding: str = "") -> None:
+        held: Any = [holding] if holding else None
+        self.page.locator(what).first.click(modifiers=held)
+        self._spent(1, len(holding) > 0)
+
+    def choose(self, what: str, value: str) -> None:
+        """From a drop-down: a click opens it, another takes the entry."""
+        self.page.locator(what).first.focus()  # it is filled when it is opened
+        self.page.locator(what).first.select_option(value)
+        self._spent(2, 0)
+
+    def press(self, keys: str) -> None:
+        """A key, or several at once: Control+Enter."""
+        self.page.keyboard.press(keys)
+        self._spent(0, len(keys.split("+")))
 
     def write(self, text: str, *, then: str = "Enter") -> None:
         """Into the cell that has the focus; then the key that ends it."""
         self.page.keyboard.type(text)
         self.page.keyboard.press(then)
-        self.seconds += KEY * (len(text) + 1)
+        self._spent(0, len(text) + 1)
+
+    def _spent(self, clicks: int, keys: int) -> None:
+        self.clicks, self.keys = self.clicks + clicks, self.keys + keys
+        self.seconds += CLICK * clicks + KEY * keys
 
 
 def create(person: Person) -> None:
@@ -94,6 +112,123 @@ def simulate(person: Person) -> None:
 
 
 STEPS: tuple[Callable[[Person], None], ...] = (create, rename, bend, close, simulate)
+
+
+# -- a six-axis arm with a gripper that picks up a box ---------------------------------------------
+
+MODEL = """async ([test, arg]) => {  // until the table holds what it should
+  const right = new Function("rows", "arg", `return ${test}`);
+  while (!right(pgraph.latest.table.rows, arg)) await new Promise((next) => setTimeout(next, 20));
+}"""
+
+
+def row(name: str) -> str:
+    return f'tr[data-name="{name}"] td.number'
+
+
+def select(person: Person, name: str, *, holding: str = "", count: int = 1) -> None:
+    """A row, alone or with others; a person then sees what the properties are of."""
+    person.click(row(name), holding=holding)
+    person.page.wait_for_function(
+        "([name, n]) => ((found) => found.length === n && found.includes(name))"
+        "(pgraph.latest.properties.bodies)",
+        arg=[name, count],
+    )
+
+
+def cell(field: str, at: int = 0) -> str:
+    return f'[data-view=properties] [data-field="{field}"] .cell >> nth={at}'
+
+
+def part(field: str) -> str:
+    return f'.tie.open [data-field="{field}"] .cell'
+
+
+def rows(person: Person, test: str, arg: Any = None) -> None:
+    """Wait until the rows of the table are so."""
+    person.page.evaluate(MODEL, [test, arg])
+
+
+def force(person: Person, kind: str, *on: str) -> None:
+    """A part of that kind on the selected body, and on what is clicked."""
+    opened = person.page.locator(".tie.open strong")
+    before = opened.inner_text() if opened.count() else ""
+    person.click("button.add-tie")
+    person.click(f'[data-kind="{kind}"]')
+    for other in on:
+        person.click(other)
+    person.page.wait_for_function(
+        "(name) => document.querySelector('.tie.open strong')?.textContent !== name", arg=before
+    )
+
+
+def box(person: Person) -> None:
+    """A box on the ground in front of the arm, before there is an arm: nothing is selected."""
+    person.click("button.new")
+    person.write("6")
+    rows(person, "rows.length === 6")
+    person.click("button.add")
+    rows(person, "rows.length === 7")
+    person.choose(cell("joint"), "free")
+    rows(person, "rows[6].dof === 6")
+    person.click(cell("link"))
+    person.write("1.2 0 .025")
+    if not person.page.locator(cell("shape_kind")).is_visible():  # folded until it was opened once
+        person.click('[data-view=properties] details[data-title="Shape"] summary')
+    person.choose(cell("shape_kind"), "box")
+    person.click(cell("shape_size"))
+    person.write(".05 .05 .05")
+    person.click('[role="tab"][title="Constraints"]')
+    force(person, "contacts complementarity", '.pgraph-banner button:text-is("ground")')
+
+
+def joints(person: Person) -> None:
+    """The first joint upright, the fourth and the sixth along the arm."""
+    select(person, "1")
+    person.click(cell("link", 2))
+    person.write(".025")
+    person.click(cell("axes"))
+    person.write("z")
+    select(person, "4")
+    select(person, "6", holding="Control", count=2)
+    person.click(cell("axes"))
+    person.write("x")
+
+
+def gripper(person: Person) -> None:
+    """Shapes of all bodies, from which mass, centre and inertia follow; a finger that slides, with
+    its servo and its contact with the box; then its mirror image."""
+    select(person, "6")
+    person.press("Control+Enter")
+    rows(person, "rows.length === 8")
+    person.press("Control+a")
+    person.page.wait_for_function("pgraph.latest.properties.bodies.length === 8")
+    person.click('[data-view=properties] [data-field="mass"] button:text-is("derive")')
+    select(person, "8")
+    person.choose(cell("joint"), "prismatic")
+    person.click(cell("q"))
+    person.write(".05")
+    force(person, "forces servo")
+    person.click(part("target"))
+    person.write("0")
+    force(person, "contacts complementarity", row("7"))
+    person.click("button.mirror")
+    person.click("button.plane-y")
+    rows(person, "rows.length === 9")
+
+
+def drives(person: Person) -> None:
+    """Servos for the arm; the second joint lifts it after a second; the run."""
+    select(person, "1")
+    select(person, "6", holding="Shift", count=6)
+    force(person, "forces servo")
+    person.click('.tie[data-name="servo 3"] .title')
+    person.click(part("target"))
+    person.write("1 0; 2 -.5")
+    person.click("button.simulate")
+
+
+ARM_STEPS = (box, joints, gripper, drives)
 
 
 # -- a URDF with meshes and a loop -----------------------------------------------------------------

@@ -134,14 +134,17 @@
     called = data.called;
   }
 
-  // In the table a click on the selected row changes nothing, so it is handled here.
+  // In the table a click on the selected row changes nothing, so it is handled here, and selects nothing.
+  let taken = false;
+  const take = (event) => { event.stopPropagation(); event.preventDefault(); };
   document.addEventListener("mousedown", (event) => {
     const name = picking && event.target.closest?.("tr[data-name]")?.dataset.name;
-    if (!name) return;
-    event.stopPropagation();
-    event.preventDefault();
+    taken = Boolean(name);
+    if (!taken) return;
+    take(event);
     send("PickName", { name });
   }, true);
+  document.addEventListener("click", (event) => { if (taken && event.detail) { taken = false; take(event); } }, true);
 
   pgraph.on("constraints", banner);
   pgraph.on("constraintsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
