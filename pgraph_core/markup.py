@@ -168,6 +168,10 @@ def parse_markup(content: bytes, name: str) -> Element:
     def doctype(*_: object) -> None:
         raise refuse("has a document type (<!DOCTYPE>); remove it: models need no entities")
 
+    begun = content.lstrip()
+    if begun.startswith(b"<?xml"):  # blank lines before it are common, and expat refuses them
+        first, mark, rest = begun.partition(b"?>")
+        content = first + mark + content[: len(content) - len(begun)] + rest
     parser.buffer_text = True
     parser.StartElementHandler = start
     parser.EndElementHandler = end

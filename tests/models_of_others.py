@@ -21,6 +21,7 @@ REGISTRY = {
     "gymnasium-robotics": "1.4.2",
     "dm-control": "1.0.50",
     "robosuite": "1.5.2",
+    "pybullet": "3.2.7",
 }
 PLACE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pgraph" / "models"
 

@@ -99,6 +99,40 @@ def test_mimics_are_gears(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("inside", "told"),
+    [("<origin/>", "<origin>, which means nothing inside of this element"),
+     ("<colision/>", "<colision>; did you mean <collision>?"), ("<sensor/>", "<sensor>")],
+)  # fmt: skip
+def test_what_stands_in_the_wrong_place_or_is_misspelt_is_named(tmp_path, inside, told):
+    _, report = read(tmp_path, link("base", inside), *TWO[1:])
+    (entry,) = [e for e in report.of("left out") if inside.strip("</>") in e.text]
+    assert entry.text == told
+    assert entry.acts == (inside != "<sensor/>")
+
+
+def test_what_bullet_takes_besides_urdf(tmp_path):
+    """Blank lines before the declaration, limits the wrong way round, planes."""
+    plane = '<collision><origin xyz="1 0 0" rpy="0 1.5707963267948966 0"/>'
+    plane += '<geometry><plane normal="0 2 0"/></geometry></collision>'
+    free = TWO[3].replace('lower="-1" upper="2"', 'lower="1" upper="-1"')
+    path = tmp_path / "arm.urdf"
+    path.write_text("\n \n" + robot(link("base", plane), *TWO[1:3], free, TWO[4]))
+    model, report = pg.read_urdf(path)
+    assert report.loaded
+    assert not any(model.body("upper").limits)
+    assert "arm.urdf, line 8, joint 'shoulder'" in {e.where for e in report.of("warning")}
+    (box,) = model.body("base").shapes
+    turn = matrix(box.rotation)
+    np.testing.assert_allclose(turn[:, 2], (0, 1, 0), atol=1e-15)
+    np.testing.assert_allclose(np.linalg.det(turn), 1)
+    np.testing.assert_allclose(box.position, (1, -0.5, 0), atol=1e-15)
+    assert box.size == (100, 100, 1)
+    path.write_text(path.read_text().replace('"0 2 0"', '"0 0 0"'))
+    with pytest.raises(pg.FileError, match="line 5, link 'base', normal: must not be zero"):
+        pg.read_urdf(path)
+
+
+@pytest.mark.parametrize(
     ("mimics", "told"),
     [
         ([("b", 0.5, 1)], None),

@@ -29,12 +29,13 @@ from ..markup import Element, Source, read_markup
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
 from ..model.fields import GROUND, name_problem
-from ..rotation import Quaternion, matrix, multiply, normals_of
+from ..rotation import Quaternion, matrix, multiply, normals_of, quaternion_of
 from .conversion import Folders, Report, reach_of, suspect_rings, suspect_units, unphysical
 
 Value = TypeVar("Value")
 ZERO = (0.0, 0.0, 0.0)
 X = (1.0, 0.0, 0.0)
+Z = (0.0, 0.0, 1.0)
 JOINTS = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -346,7 +347,11 @@ class _Reader:
             text = "the limits 0 and 0 would hold the joint; it is taken to have none"
             self.report.add("converted", where, text, part=joint.child)
             return {}
-        if low >= high:
+        if low > high:
+            text = f"lower {shown(low)} above upper {shown(high)} is no limit, as in Bullet"
+            self.report.add("warning", where, text, part=joint.child)
+            return {}
+        if low == high:
             text = f"lower must be less than upper; given {shown(low)} and {shown(high)}"
             self.report.add("warning", where, f"{text}; the limits are left out", part=joint.child)
             self.report.add("left out", where, "limits", acts=True, part=joint.child)
@@ -430,11 +435,30 @@ class _Reader:
             case "mesh":
                 found = self._mesh(solid, what, name, acts)
                 return shape | found if found else None
+            case "plane":
+                return shape | self._plane(solid, position, rotation, where, name, what)
             case other:
                 text = f"a {role} of kind <{other}>, which URDF does not have"
                 self.report.add("left out", where, text, acts=acts, part=name)
                 return None
         return shape
+
+    def _plane(
+        self, solid: Element, position: Any, rotation: Any, where: str, name: str, what: str
+    ) -> dict[str, Any]:
+        """A box whose face is a plane, as Bullet has them."""
+        normal = np.array(self.source.numbers(solid, "normal", Z, what))
+        if not 1e-9 < np.linalg.norm(normal) < 1e9:
+            raise self.source.wrong(solid, "normal", "must not be zero", what)
+        normal /= np.linalg.norm(normal)
+        turn = multiply(rotation, quaternion_of(np.column_stack((*normals_of(normal), normal))))
+        text = "a plane, which URDF does not have, is a box 1 m thick and 100 m wide"
+        self.report.add("approximated", where, text, part=name)
+        below = np.array(position) - matrix(turn)[:, 2] / 2
+        return {
+            "kind": "box", "size": (100.0, 100.0, 1.0),
+            "position": tuple(below.tolist()), "rotation": turn,
+        }  # fmt: skip
 
     def _sizes(self, solid: Element, what: str) -> tuple[float, ...]:
         size = self.source.numbers(solid, "size", ZERO, what)
@@ -590,7 +614,10 @@ class _Reader:
         for tag, count in seen.items():
             many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
             close = get_close_matches(tag, read, n=1, cutoff=0.75)  # misspelt, so it may act
-            many += f"; did you mean <{close[0]}>?" if close else ""
+            if tag in read:
+                many += ", which means nothing inside of this element"
+            elif close:
+                many += f"; did you mean <{close[0]}>?"
             self.report.add("left out", self.source.at(first[tag]), many, acts=bool(close))
         if count := getattr(self, "hulls", 0):
             text = f"{count} collision meshes touch by their convex hulls"
