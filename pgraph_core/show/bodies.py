@@ -74,10 +74,13 @@ def corners(pieces: Sequence[shapes.Piece]) -> np.ndarray:
     return np.concatenate(found) if found else np.zeros((1, 3))
 
 
+ROOM = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # 1 m, the size without a body
+
+
 def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(n, 3) corners of what is drawn of bodies at these poses [m]."""
+    """(n, 3) corners of what is drawn of bodies at these poses [m]; of none, of room for one."""
     found = [p + corners(look.pieces) @ r.T for look, p, r in zip(looks, positions, R)]
-    return np.concatenate(found) if found else np.zeros((1, 3))
+    return np.concatenate(found) if found else ROOM
 
 
 class Bodies(Protocol):

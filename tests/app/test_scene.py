@@ -284,6 +284,14 @@ def test_a_view_holds_what_a_mechanism_does_in_its_run_unless_it_leaves_its_plac
     assert len(camera.passed(state)) > 0 or not whole
 
 
+@pytest.mark.parametrize("aspect", [0.4, 1.0, 2.0])
+def test_an_empty_model_is_seen_from_as_far_as_a_body_of_its_size(aspect):
+    """From 2 cm away the squares of the ground, half a metre wide, filled the picture."""
+    state = opened(pg.Model(bodies=()))
+    position, target = camera.viewpoint(state, aspect)
+    assert state.derived.size < np.linalg.norm(position - target) < 10 * state.derived.size
+
+
 def test_an_impact_leaves_the_arrows_of_what_stands_to_be_seen():
     fallen = BALL.model_copy(update={"q": (0, 0, 0.6, 1, 0, 0, 0)})
     state = opened(pg.Model(bodies=(fallen,), contacts=(pg.Contact(name="c", body="ball"),)))
