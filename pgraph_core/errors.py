@@ -206,7 +206,7 @@ def synonym(name: Any, known: Iterable[str]) -> str:
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
-    """What is said of the name of an integration method that there is not."""
+    """The sentence on the name of an integration method that does not exist."""
     names = list(known)
     text = f"no method is called {shown(name)}; choose one of {choices(names)}"
     return text + synonym(name, names)

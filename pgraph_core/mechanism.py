@@ -183,7 +183,7 @@ def derivatives_at_once(checked: Called) -> Called:
         try:
             mech, q, v, tau = args if len(args) == 4 else (*args, None)
             if mech._slopes and not named:
-                nq, nv, _, _, _, rest = mech._free
+                nq, nv, *_, rest = mech._free
                 kernel, space, shape, by_q, by_v, by_tau, _, _ = mech._slopes
                 tau = rest if tau is None else tau
                 if len(q) == nq and len(v) == nv and len(tau) == nv:

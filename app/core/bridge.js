@@ -93,7 +93,7 @@ window.pgraph = (() => {
         pause = changed ? 500 : Math.min(2 * pause, RARELY);
         [drawn, asked] = [now, false];
         draw.call(gl, what, camera);
-        gl.info.programs.forEach(keep); // a scene made anew does not compile its shaders again
+        gl.info.programs.forEach(keep); // a scene that is made again does not compile its shaders again
         last = looks(scene, camera, gl.domElement); // drawing uploads what was pending
       };
     };

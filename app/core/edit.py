@@ -437,7 +437,7 @@ INNER: Mapping[str, Any] = {"bodies": _of_body, "contacts": _of_contact, "scenar
 
 
 def _painted(state: State, found: Rows, new: pg.Model) -> Mapping[int, Color]:
-    """Bodies that are there keep their colours; new ones get theirs beside those."""
+    """Bodies that are there keep their colours; new ones get others."""
     rows, old = state.rows, state.model
     if [(x.name, x.parent) for x in old.bodies] == [(x.name, x.parent) for x in new.bodies]:
         return rows.colors

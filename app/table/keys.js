@@ -156,8 +156,8 @@ pgraph.keys = (() => {
     const cell = here(target) && target.matches(".cell, .constraint button") && target.closest("tr[data-name]");
     const row = here(target) && target.matches("tr");
     const table_ = /[\t\n\r]/.test(text.trimEnd());
-    const beside = table_ && (target === document.body || here(target)) && !target.matches("input, select"); // rows on the ground
-    if ((!cell && !row && !beside) || target.dataset.editing === "1" || !text.trim()) return;
+    const outside = table_ && (target === document.body || here(target)) && !target.matches("input, select"); // rows on the ground
+    if ((!cell && !row && !outside) || target.dataset.editing === "1" || !text.trim()) return;
     if (cell && target.matches("input") && !table_) return; // typed into the cell
     event.preventDefault();
     const names = table().shown(), serial = pgraph.nextSerial();

@@ -195,11 +195,11 @@ def _turned(found: Any) -> Array:
 
 
 def _make_convex(places: Array, triangles: Array, group: Array) -> None:
-    """Join faces that have a corner inwards with those beside it that lie in one plane with them.
+    """Join faces that have a corner inwards with their neighbours in the same plane.
 
     Between corners that are in one plane to rounding, facets have whatever normals.
     """
-    beside = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
+    over = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
     near = LEVEL * float(np.ptp(places, axis=0).max())
     numbers, counts = np.unique(group, return_counts=True)
     waiting = numbers[counts > 1].tolist()
@@ -212,7 +212,7 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
         normal = np.cross(p - p[0], ahead - p[0]).sum(axis=0)
         inward = np.cross(p - np.roll(p, 1, axis=0), ahead - p) @ normal < 0
         edges = zip(np.roll(ring, -1).tolist(), ring.tolist())
-        others = [int(group[beside[edge]]) for edge in edges]
+        others = [int(group[over[edge]]) for edge in edges]
         for other in {o for k in np.flatnonzero(inward) for o in (others[k - 1], others[k])}:
             if _are_level(places, triangles[(group == one) | (group == other)], near):
                 group[group == other] = one
