@@ -353,12 +353,13 @@ const pgraphEngine = (() => {
       return rtol === undefined ? "rk4" : rtol > 1e-5 ? "dopri5" : "dop853";
     }
 
-    async simulate({ t_end, step, rtol, method, set, ...rest } = {}) {
-      const { given } = this;
+    async simulate(options = {}) {
+      if (options === null || typeof options !== "object")
+        throw new Problem(`simulate takes {t_end, step, rtol, method, set}; given ${String(options)}`);
+      const { t_end: until, step, rtol, method: named, set, ...rest } = options, { given } = this;
       const [unknown] = Object.keys(rest);
       if (unknown !== undefined) throw new Problem(`simulate takes t_end, step, rtol, method and set; given ${unknown}`);
-      method ??= this.method({ step, rtol });
-      t_end ??= given.t_end;
+      const method = named ?? this.method({ step, rtol }), t_end = until ?? given.t_end;
       const world = await this.world(method);
       for (const [name, value] of Object.entries({ step, rtol }))
         if (value !== undefined && (typeof value !== "number" || !(value > 0) || !isFinite(value)))

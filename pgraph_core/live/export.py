@@ -299,12 +299,17 @@ class _Drawing:
 
 
 def _facts(run: Result, engine: dict[str, Any]) -> str:
-    """How the recorded run was made."""
+    """How the recorded run was made, and what follows what the reader changes."""
     header = run.header
     step = f"step {header['step']:g} s" if header["step"] else f"rtol {header['rtol']:g}"
     text = f"{run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"
     text = f"Recorded by {header['why']}; {step}, {text}."
-    return escape(f"{text} Computed here by {engine['how']}." if engine["how"] else text)
+    if engine["how"]:
+        text += f" Computed here by {engine['how']}."
+    if engine["open"]:
+        text += " A slider changes its own number; only what the model derives from it follows,"
+        text += " so the inertia of a body may stay as it is while its mass changes."
+    return escape(text)
 
 
 def _plain(value: Any) -> Any:

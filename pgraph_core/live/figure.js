@@ -2,10 +2,12 @@
 (() => {
   const MOST_BEHIND = 0.1; // [s] of motion in one picture: slower computers show slow motion
   const KEPT = 20000; // pictures
+  const APART = 1 / 60; // [s] of motion between two of them
   const find = (selector) => document.querySelector(selector);
+  let lacking = ""; // what this browser cannot do: stays in front of all that is told
   const say = (text, wrong = false) => {
-    find("#said").textContent = text;
-    find("#said").classList.toggle("wrong", wrong);
+    find("#said").textContent = lacking + text;
+    find("#said").classList.toggle("wrong", wrong || !!lacking);
   };
 
   async function main() {
@@ -17,12 +19,12 @@
       ? { ground: [0.2, 0.22, 0.26], line: [0.33, 0.36, 0.42] }
       : { ground: [0.91, 0.92, 0.94], line: [0.78, 0.8, 0.84] };
 
-    let view = null, engine = null, world = null, why = "";
+    let view = null, engine = null, world = null;
     try {
       view = new pgraphView.View(find("canvas"), given.scene, theme);
     } catch {
       find("canvas").hidden = true;
-      why = "This browser has no WebGL 2, so the motion is not drawn. ";
+      lacking = "This browser has no WebGL 2, so the motion is not drawn. ";
     }
     let broken = "";
     try {
@@ -79,6 +81,7 @@
       const path = (list) => list.map(([t, y], i) => `${i ? "L" : "M"}${x(t)} ${(95 - 90 * (y - low) / span).toFixed(2)}`).join("");
       find("#recorded").setAttribute("d", path(before));
       find("#computed").setAttribute("d", path(since));
+      find("#plot p span").hidden = !live;
       find("#cursor").setAttribute("d", `M${x(frame.t)} 0V100`);
       const text = (y) => `${Number(y.toPrecision(4))} ${unit}`;
       find("#low").textContent = text(low);
@@ -109,13 +112,19 @@
       return true;
     }
 
+    // Less than a step is left, where steps have a width.
+    const ended = () => world.shown.t > last - (usual.step ? 0.999 * usual.step : 0);
+
     function advance(seconds) {
-      const before = world.shown.t;
       owed = Math.min(owed + seconds, MOST_BEHIND);
+      if (!grip) owed = Math.min(owed, last - world.shown.t + 1e-9);
       world.pull(grip && grip.spring);
-      owed = world.go(owed, usual, last - first, !!grip);
-      if (world.shown.t === before) return;
-      shown.push(picture());
+      for (let before = NaN; world.shown.t !== before && owed > 0; ) {
+        before = world.shown.t;
+        const part = Math.min(owed, Math.max(APART, usual.step || 0));
+        owed -= part - world.go(part, usual, last - first, !!grip);
+        if (world.shown.t !== before) shown.push(picture());
+      }
       if (shown.length > KEPT) shown.splice(1, KEPT / 2);
       at = shown.length - 1;
       if (grip) grip.from = pointOf(grip, shown[at]);
@@ -130,7 +139,7 @@
         if (at < shown.length - 1) {
           head = Math.max(head, shown[at].t) + gone;
           while (at < shown.length - 1 && shown[at + 1].t <= head) at++;
-        } else if (live && (grip || world.shown.t < last)) advance(gone);
+        } else if (live && (grip || !ended())) advance(gone);
         else play(false);
         draw();
       });
@@ -148,7 +157,7 @@
 
     function play(on) {
       if (on && !playing && at === shown.length - 1 && !grip) {
-        if (live && world.shown.t >= last) guarded(() => goLive(true));
+        if (live && ended()) guarded(() => goLive(true));
         else if (!live) at = 0;
       }
       if (on && !playing) {
@@ -202,6 +211,7 @@
         shown = frames;
         at = 0;
         slider.max = last;
+        view?.fit();
         say("The recorded run.");
         draw();
       });
@@ -213,6 +223,12 @@
     slider.addEventListener("input", () => {
       play(false);
       const t = Number(slider.value);
+      if (live) guarded(() => { // what lies ahead is computed
+        for (let before = NaN; world.shown.t !== before && world.shown.t < t && !ended(); ) {
+          before = world.shown.t;
+          advance(MOST_BEHIND);
+        }
+      });
       at = shown.findLastIndex((frame) => frame.t <= t + 1e-9);
       at = Math.max(at, 0);
       draw();
@@ -264,7 +280,6 @@
     // -- keys --------------------------------------------------------------------------------------
 
     document.addEventListener("keydown", (event) => {
-      const field = event.target.matches?.("input, select, button, summary");
       const keys = {
         " ": () => play(!playing),
         Home: () => { at = 0; },
@@ -275,16 +290,23 @@
         "+": () => view?.zoom(0.85),
         "-": () => view?.zoom(1.18),
       };
-      if (field || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+      const own = { SELECT: Object.keys(keys), INPUT: ["Home", "End", "ArrowLeft", "ArrowRight"], BUTTON: [" "], SUMMARY: [" "] };
+      const taken = own[event.target.tagName]?.includes(event.key);
+      if (taken || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
       event.preventDefault();
       keys[event.key]();
       draw();
     });
 
     find("#controls").hidden = false;
+    find("#fit").hidden = !view;
+    find("#fit").addEventListener("click", () => {
+      view.fit();
+      draw();
+    });
     draw();
     const hint = engine && view ? "Drag a body to pull on it, the background to turn the view." : "";
-    say(why + (broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint)), !!(why || broken));
+    say(broken || (open.length ? `Move a slider to change the mechanism. ${hint}` : hint), !!broken);
     document.body.dataset.ready = engine ? "live" : "recorded";
   }
 

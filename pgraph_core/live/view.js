@@ -198,6 +198,8 @@ void main() {
     }
 
     camera() {
+      const rise = (this.scene.low + 0.01 * this.scene.size - dot(this.target, this.up)) / this.distance;
+      this.elevation = Math.max(this.elevation, Math.asin(Math.min(Math.max(rise, -1), 0.9))); // above the ground
       const eye = this.eye, z = unit(sub(eye, this.target)), x = unit(cross(this.up, z)), y = cross(z, x);
       const look = new Float32Array([x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, -dot(x, eye), -dot(y, eye), -dot(z, eye), 1]);
       const near = this.distance / 100, far = this.distance * 40, f = 1 / Math.tan(0.35), w = this.canvas.width / this.canvas.height;
@@ -331,6 +333,9 @@ void main() {
         this.held = fingers.size === 1 && event.button === 0 && !event.shiftKey && !!this.grab?.(event);
         if (fingers.size > 1) this.letGo?.();
       });
+      canvas.addEventListener("touchstart", (event) => { // one finger up or down scrolls the page
+        if (this.held || event.touches.length > 1) event.preventDefault();
+      }, { passive: false });
       canvas.addEventListener("pointermove", (event) => {
         const before = fingers.get(event.pointerId);
         if (!before) return;

@@ -31,7 +31,7 @@ def model_html(model: Any) -> str:
         if getattr(model, field)
     ]  # fmt: skip
     dof = sum(body.dof for body in model.bodies)
-    counts = [counted(len(model.bodies), "body", "bodies"), f"{dof} DoF", *counts]
+    counts = [counted(len(model.bodies), "body", "bodies"), f"{dof} DoF of joints", *counts]
     return _framed(model.name or "model", ", ".join(counts), _drawn(model) + _bodies(model))
 
 

@@ -214,6 +214,61 @@ def _hits(shown: Any, x: float, y: float) -> bool:
 
 
 @of_these_sources
+def test_a_view_that_is_lost_comes_back(figure: Any) -> None:
+    """It stays above the ground; Fit view, Reset and the key F bring the mechanism back."""
+    shown = figure(page(recorded(model_of("pendulum"))))
+    ready(shown)
+    box = shown.locator("canvas").bounding_box()
+    left, top, wide, high = box["x"], box["y"], box["width"], box["height"]
+    grid = np.stack(
+        np.meshgrid(left + wide * np.linspace(0, 1, 60), top + high * np.linspace(0, 1, 40))
+    )
+    places = grid.reshape(2, -1).T.tolist()
+
+    def seen() -> bool:
+        return shown.evaluate(
+            "(all) => all.some(([x, y]) => pgraph_live.at(x, y) !== null)", places
+        )
+
+    def dragged(dx: float, dy: float) -> None:
+        shown.mouse.move(left + 30, top + 0.5 * high)
+        shown.mouse.down()
+        shown.mouse.move(left + 30 + dx, top + 0.5 * high + dy, steps=5)
+        shown.mouse.up()
+
+    assert seen()
+    dragged(0, -high / 2)
+    assert seen()
+    for way in ("Fit view", "Reset", "f"):
+        shown.keyboard.down("Shift")
+        dragged(3 * wide, 0)
+        shown.keyboard.up("Shift")
+        assert not seen()
+        if way == "f":
+            shown.keyboard.press("f")  # while the button has the focus
+        else:
+            shown.get_by_role("button", name=way).click()
+        assert seen(), way
+
+
+@of_these_sources
+def test_the_slider_of_time_goes_ahead_of_what_has_been_computed(figure: Any) -> None:
+    shown = figure(page(recorded(model_of("pendulum"), t_end=3.0), ["bodies.rod.mass=0.5:2"]))
+    ready(shown)
+    shown.evaluate("""() => {
+      const put = (field, x) => { field.value = x; field.dispatchEvent(new Event("input")); };
+      put(document.querySelector(".open input"), 2);
+      put(document.querySelector("#time"), 2.4);
+    }""")
+    assert shown.locator("#play").inner_text() == "Play"
+    assert float(shown.locator("#clock").inner_text().split()[0]) == pytest.approx(2.4, abs=0.02)
+    shown.get_by_role("button", name="Play").click()
+    shown.wait_for_function("document.querySelector('#play').textContent === 'Play'")
+    assert float(shown.locator("#time").get_attribute("max")) == pytest.approx(3.0, abs=1e-6)
+    assert "given 5" in shown.evaluate(SIMULATE, 5)["refused"]
+
+
+@of_these_sources
 def test_without_webassembly_the_recorded_run_is_shown(figure: Any) -> None:
     html = page(recorded(model_of("pendulum")))
     shown = figure(html, "delete globalThis.WebAssembly")
