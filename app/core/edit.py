@@ -14,6 +14,7 @@ from itertools import accumulate
 from typing import Any
 
 import pgraph_core as pg
+from pgraph_core.errors import counted
 from pgraph_core.model.model import TOLD
 from pgraph_core.show.shapes import Color, colors_beside
 
@@ -53,10 +54,11 @@ def edited(
         if serial is None:
             return told(state, client, Notice("Not done", str(problem), bad=True))
         return replied(state, client, serial, str(problem), offer())
+    said = [*model.notices, *_pointed(state.model, model)]
     state = with_model(state, model, label, client, at)
     if serial is not None:
         state = replied(state, client, serial)
-    return _noticed(state, client, model)
+    return _noticed(state, client, said)
 
 
 def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
@@ -64,9 +66,22 @@ def attempted(state: State, client: int, make: Callable[[], pg.Model], label: st
     return edited(state, client, lambda: (make(), label))
 
 
-def _noticed(state: State, client: int, model: pg.Model) -> State:
-    """Tells the page what else the edit changed."""
-    first, *more = model.notices or ("",)
+def _pointed(before: pg.Model, now: pg.Model) -> Iterator[str]:
+    """A sentence for each contact whose body got a shape, but which touches at points alone."""
+    for contact in now.contacts:
+        name = contact.body
+        bare = name in before.row and not before.body(name).shapes
+        if contact.points and bare and name in now.row and now.body(name).shapes:
+            points = counted(len(contact.points), "point")
+            yield (
+                f"contact '{contact.name}' still touches at {points} of '{name}' alone; "
+                "delete them to let the shape touch"
+            )
+
+
+def _noticed(state: State, client: int, said: Sequence[str]) -> State:
+    """Tells the page what else the edit changed, and what it did not."""
+    first, *more = said or ("",)
     text = f"{first}; and {len(more)} more" if len(more) > 1 else "; ".join((first, *more))
     return told(state, client, Notice("Also changed", text)) if text else state
 

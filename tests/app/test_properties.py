@@ -479,6 +479,20 @@ def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
     assert a < 0.1 * c
 
 
+def test_a_contact_at_points_is_told_when_its_body_gets_a_shape(state):
+    """Made without one it touches at the tip, and goes on to do so."""
+    points = pg.Contact(name="grip", body="2", points=((0, 0, 0.5),))
+    other = pg.Contact(name="floor", body="3", points=((0, 0, 0.5),))
+    state = replace(state, model=state.model.add(points).add(other))
+    shaped = edit(state, "shape_kind", ((), "box"))
+    said = shaped.clients[ME].notice.text
+    assert "grip" in said
+    assert "1 point" in said
+    assert "floor" not in said
+    quiet = replace(shaped, clients={ME: replace(shaped.clients[ME], notice=None)})
+    assert edit(quiet, "shape_size", ((0,), "0.3")).clients[ME].notice is None
+
+
 def test_every_shape_of_a_body_has_a_form(state):
     state = edit(state, "shape_kind", ((), "box"))
     state = edit(state, "shape_more_kind", ((), "sphere"))
