@@ -215,7 +215,8 @@ def _sliding(omega: Array, u: Array, mu: float) -> Array:
         left = float(omega[0] @ along) * u[1:] - u[0] * (omega[1:] @ along)
         return float(d[0] * left[1] - d[1] * left[0])
 
-    start = math.atan2(u[2], u[1])
+    # In a plane the slip goes on or turns round: these two are in the middle of what is searched.
+    start = math.atan2(u[2], u[1]) + math.pi / DIRECTIONS
     angles = (start + np.linspace(-math.pi, math.pi, DIRECTIONS + 1)).tolist()
     values = [across(a) for a in angles]
     best, most = np.zeros(3), -math.inf

@@ -44,6 +44,41 @@ def test_a_contact_stops_and_friction_opposes_its_slip(friction, lever, slip):
         assert solved.gain <= rounding * lam[0]
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.6, 0.8)])
+@pytest.mark.parametrize("friction", [0.05, 0.3, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_the_slip_of_a_rod_in_a_plane_goes_on_ends_or_turns_round(way, friction, e):
+    """The one solution of Coulomb's and Newton's laws, by cases, for a rod at many angles."""
+    seen = set()
+    for angle in np.linspace(0.1, 1.5, 15):
+        for slip in (-2.0, -0.1, 0.0, 0.1, 0.5, 2.0):
+            x, z = -0.5 * np.cos(angle), -0.5 * np.sin(angle)  # of the end from the middle, 1 kg
+            plane = np.eye(2) + 12 * np.array([[x * x, -x * z], [-x * z, z * z]])
+            goal = np.array([-2.0 * (1 + e), slip])
+            found = {"ends": -np.linalg.solve(plane, goal)}
+            if abs(found["ends"][1]) > friction * found["ends"][0]:
+                del found["ends"]
+            for sign in (1.0, -1.0):
+                along = np.array([1.0, -sign * friction])
+                rim = -goal[0] / float(plane[0] @ along) * along
+                if rim[0] > 0 and sign * float((goal + plane @ rim)[1]) > 0:
+                    found["goes on" if sign * slip > 0 else "turns"] = rim
+            if len(found) != 1:
+                continue  # Painlevé's cases
+            ((case, (normal, drag)),) = found.items()
+            turned = np.zeros((3, 2))
+            turned[0, 0], turned[1:, 1] = 1.0, way
+            across = np.diag([0.0, way[1] ** 2, way[0] ** 2])
+            across[1, 2] = across[2, 1] = -way[0] * way[1]
+            omega, u = turned @ plane @ turned.T + across, turned @ np.array([-2.0, slip])
+            row = impacts.ContactRow(0, 3, friction, -2.0 * e)
+            solved = impacts.impulses(omega, u, 0, [row])
+            wanted = turned @ np.array([normal, drag])
+            np.testing.assert_allclose(solved.impulse, wanted, atol=1e-12 * normal, err_msg=case)
+            seen.add(case)
+    assert "turns" in seen or friction > 0.3
+
+
 def block_on(points):
     """Ω of a block of 1 kg at points of its bottom: rows normal, x, y of each."""
     inverse = np.linalg.inv(np.diag([0.02, 0.03, 0.04]))
