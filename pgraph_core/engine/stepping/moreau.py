@@ -127,6 +127,7 @@ SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
 DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
+TOGETHER = 1e-7  # of the size: corners this far apart land at once
 RIM = 1e-9  # relative: friction that is nearer to the rim of its cone is all that there is
 CREEPS = 1e-8  # of the velocity without impulses: less slip is the solver's rounding
 BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
@@ -348,7 +349,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             near = DRIFT * tolerated(contacts, n, h)
             slack = point.gap / h
         if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
-            near = DRIFT * tolerated(contacts, n, h)
+            near = TOGETHER * smaller_size(contacts, point.shape_a, point.shape_b)
         if laws[point.pair].law == RIGID and point.gap <= near:
             law = laws[point.pair]
             slides = law.static_friction == law.friction
@@ -574,7 +575,8 @@ def book(scene, first, t, h, last):
         slip = math.sqrt(x * x + z * z)
         place_in = count
         if not last:
-            new = lam[r] > 0.0 and kept_place(found[n], kept, tally.kept, n) < 0
+            new = lam[r] > 0.0 and tally.share > 0.0
+            new = new and kept_place(found[n], kept, tally.kept, n) < 0
             place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
         if place_in >= 0:
             push = scale(whole, (lam[r], lam[r + 1], lam[r + 2]))
