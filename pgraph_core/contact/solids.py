@@ -307,7 +307,7 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         half, middle = s.box
         rotation = np.asarray(shape.rotation, float).ravel()
         place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
-        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place, 0, 0.0)
+        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place)
         first += counts
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)

@@ -212,9 +212,6 @@ class _Shapes:
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
         geometry = solids.packed(self.placed)
-        alone, lightness = _rows(self.mech.topology, self.mech.system)
-        geometry.shapes["alone"] = alone[geometry.shapes["row"]]
-        geometry.shapes["lightness"] = lightness[geometry.shapes["row"]]
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
@@ -265,7 +262,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     """(10,) as in PAIR_LAW, with what is left out filled in.
 
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
-    bodies' size. Without a damping, the loss of a soft contact gives the restitution.
+    bodies' size. Without a damping, the loss gives the restitution.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
@@ -278,10 +275,9 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     damping, loss = c.damping, 0.0
-    if damping is None and soft:
-        damping, loss = 0.0, loss_of_impact(restitution)
-    elif damping is None:
-        damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * _moved(c, topology, packed))
+    if damping is None:
+        damping = 0.0
+        loss = loss_of_impact(restitution) if soft else 2.0 * damping_ratio(restitution)
     values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
     return (*values, friction.static, friction.rolling, friction.spinning, mass, loss)
 
@@ -290,7 +286,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     """The tables for a run whose bodies (nb,) move at most this fast at the start [m/s].
 
     Of soft and penalty contacts that leave out their stiffness, that speed leads no deeper than a
-    tenth of the thinner shape. A penalty contact without damping keeps its restitution.
+    tenth of the thinner shape.
     """
     laws = found.laws.copy()
     shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]
@@ -309,8 +305,6 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
             energy = mass * speed**2  # = k d², or 4/5 k d^2.5
             needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
             stiffness = max(stiffness, needed)
-        if c.damping is None and not soft:
-            row["damping"] *= np.sqrt(stiffness / row["stiffness"])
         row["stiffness"] = stiffness
     pull = pull_of(mech.model)
     return found._replace(laws=laws, rate=max((rate_of(row, pull) for row in laws), default=0.0))
@@ -324,7 +318,8 @@ def rate_of(row: Any, pull: float) -> float:
         damper = float(row["loss"]) * np.sqrt(1.25 * pull / depth)
         return float(np.sqrt(1.5 * pull / depth) + damper + row["friction"] * pull / CREEP)
     if row["law"] == PENALTY:
-        return float(np.sqrt(stiffness / mass) + row["damping"] / mass)
+        loss = row["damping"] + row["loss"] * np.sqrt(stiffness * mass)
+        return float(np.sqrt(stiffness / mass) + loss / mass)
     return 0.0
 
 
@@ -389,18 +384,6 @@ def loss_of_impact(restitution: float) -> float:
         return float(np.log(end) - x * (into + back) - np.log(e))
 
     return float(brentq(excess, 0.5 * (1.0 - e), 1.0 / e, xtol=1e-14))  # pyright: ignore
-
-
-def _rows(topology: Topology, packed: System) -> tuple[Ints, Array]:
-    """Of all rows: 1 where it is a free body that carries no others; 1 over its tree's mass."""
-    parent, kind = packed.rows[:, at.PARENT], packed.rows[:, at.KIND]
-    alone = (kind == at.FREE) & (parent == 0) & ~np.isin(np.arange(len(parent)), parent)
-    lightness = np.zeros(len(parent))
-    root, total = _trees(topology, packed)
-    for k in range(1, topology.nb + 1):
-        if root[k] and total[root[k]] > 0.0:
-            lightness[packed.row_of(k)] = 1.0 / total[root[k]]
-    return alone.astype(np.int64), lightness
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:

@@ -20,6 +20,7 @@ from ..engine.records import (
     PAIR,
     PHASE_CHANGE,
     POSE,
+    RIGID,
     WATCH,
     table,
 )
@@ -181,6 +182,8 @@ class ContactSpace(Unportable):
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
         self.pairs = pairs = table(PAIR, n + limits)
         pairs["phase"] = -1
+        gives = bool((contacts.laws["law"] != RIGID).any())
+        factored = np.zeros((len(packed.rows) if gives else 0, at.WORK))
         self._kept = Contacts(
             contacts.geometry,
             contacts.ground,
@@ -200,6 +203,7 @@ class ContactSpace(Unportable):
             np.zeros(packed.nv),
             self.changes,
             islands(packed.rows, packed.nv, first + limits + count * (2 if contacts.turns else 1)),
+            factored,
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
         self.pairs = pairs  # what each did in the last step

@@ -261,6 +261,7 @@ class Contacts(NamedTuple):
     limit_tau: Any  # (nv,) torques of joint limits in the last step
     changes: Any  # of PHASE_CHANGE; whoever reads them sets `logged` to 0
     islands: Any
+    factored: Any  # as `work`, for the masses that soft and penalty contacts move
 
 
 class Guard(NamedTuple):
@@ -378,7 +379,7 @@ ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1, F1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
-    array_of(PHASE_CHANGE), ISLANDS,
+    array_of(PHASE_CHANGE), ISLANDS, F2,
 )  # fmt: skip
 GUARD = named(
     Guard, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND, array_of(LIMIT), array_of(CLEARANCE),

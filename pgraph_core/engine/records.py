@@ -212,8 +212,6 @@ SHAPE = record(  # its frame in the home axes of its row
     half_extents=(REAL, 3),  # of the bounding box in the shape's frame [m]
     middle=(REAL, 3),  # centre of that box [m]
     reach=REAL,  # from the frame's origin to the farthest point [m]
-    alone=INTEGER,  # 1: of a free body that carries no others
-    lightness=REAL,  # 1 over the mass of its tree, 0 of what is fixed [1/kg]
 )
 
 FACE = record(first=INTEGER, corners=INTEGER)  # vertices in `rings`
@@ -291,7 +289,7 @@ PAIR_LAW = record(
     rolling=REAL,  # torque against rolling over normal force [m]
     spinning=REAL,  # torque about the normal over normal force [m]
     mass=REAL,  # of the lightest tree that touches [kg]
-    loss=REAL,  # χ of a soft contact without damping
+    loss=REAL,  # χ of a soft contact, 2 ζ of a penalty contact, whose damping is left out
 )
 
 PAIR = record(  # what a contact pair does, world axes

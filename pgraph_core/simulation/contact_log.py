@@ -161,7 +161,7 @@ def contact_notices(
         )
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
-    found += bounced(mech, tables)
+    found += bounced(mech, tables, active)
     found += sunk(mech, tables, active, *frames)
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
@@ -324,28 +324,36 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
     return found
 
 
-def bounced(mech: Mechanism, tables: Tables) -> list[str]:
-    """A notice where a soft contact gives about the restitution asked for, not exactly.
+def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
+    """A notice where a contact that gives has about the restitution asked for, not exactly.
 
-    A body of a tree counts as a point with the mass of the tree, and each pair by itself.
+    Each touch is taken by itself, and trees as if no constraint held them.
     """
-    soft = [
+    gives = [
         pair for pair in tables.touches
-        if pair.contact.law == "soft" and pair.contact.damping is None and pair.contact.restitution
+        if pair.contact.law != "complementarity"
+        and pair.contact.damping is None and pair.contact.restitution
     ]  # fmt: skip
-    shapes, names = tables.geometry.shapes, mech.names
-    tied = {names[n - 1] for n in shapes["body"][shapes["alone"] == 0] if n > 0}
-    slides = {
-        b.name for b in mech.model.bodies
-        if b.parent == GROUND and {m.kind for m in b.sequence} == {"translate"}
-    }  # fmt: skip
-    carried = tied - (slides - {b.parent for b in mech.model.bodies})
-    held = Counter(name for pair in soft for name in pair[1:3] if name != GROUND)
-    parts = Counter(names[n - 1] for n in shapes["body"] if n > 0)
-    for pair in soft:
-        ours = [name for name in pair[1:3] if name in held and name != EVERY]
-        why = next((f"'{n}' is a body of a tree" for n in ours if n in carried), "")
-        why = why or next((f"'{n}' has {held[n]} soft contacts" for n in ours if held[n] > 1), "")
+    if not gives:
+        return []
+    parents = {b.name: b.parent for b in mech.model.bodies}
+
+    def root(name: str) -> str:
+        while parents.get(name, GROUND) != GROUND:
+            name = parents[name]
+        return name
+
+    rows = [mech.model.constraints[i] for i in active.tolist()]
+    held = {root(n) for c in rows for n in (c.body, getattr(c, "other", GROUND)) if n != GROUND}
+    touches = Counter(name for pair in gives for name in pair[1:3] if name not in (GROUND, EVERY))
+    names = mech.names
+    parts = Counter(names[n - 1] for n in tables.geometry.shapes["body"] if n > 0)
+    for pair in gives:
+        ours = [name for name in pair[1:3] if name in touches]
+        tied = ours or ([*parents] if held else [])
+        why = next((f"'{n}' is held by constraints" for n in tied if root(n) in held), "")
+        count = next(((n, touches[n]) for n in ours if touches[n] > 1), None)
+        why = why or (f"'{count[0]}' has {count[1]} contacts that give" if count else "")
         why = why or next((f"'{n}' has {parts[n]} shapes" for n in ours if parts[n] > 1), "")
         if why:
             return [

@@ -193,3 +193,23 @@ def test_limits_of_all_sizes_are_hit_when_they_must(size, e):
     known = np.isfinite(rise) & ((e > 0.0) | (after > 0))
     assert known.sum() > 40
     assert np.abs(run.q[known, 0] / size - rise[known]).max() < 1e-9
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
+@pytest.mark.parametrize("restitution", [0.3, 0.5])
+@pytest.mark.parametrize("tilt", [1e-5, 1e-4, 3e-4, 1e-3, 2e-3])
+def test_corners_that_land_one_after_the_other_are_hit_so(tilt, restitution, step):
+    """A plate that lands nearly flat, as an event-driven run has it."""
+    up = 0.1 * np.cos(tilt) + 0.5 * np.sin(tilt) + 0.2
+    plate = pg.Body(
+        name="b", joint="free", q=(0, 0, up, np.cos(tilt / 2), 0, np.sin(tilt / 2), 0), mass=1.0,
+        shape={"kind": "box", "size": (1, 1, 0.2)}, derived=("inertia",),
+    )  # fmt: skip
+    floor = pg.Contact(name="c", body="b", friction=0.0, restitution=restitution)
+    model = pg.Model(bodies=[plate], contacts=[floor])
+    t_end = (0.4 / 9.81) ** 0.5 + 0.12
+    exact = pg.simulate(model, t_end=t_end, method="dop853", estimate=False)
+    run = pg.simulate(model, t_end=t_end, step=step)
+    error = abs(2 * run["b"][-1, 5] - 2 * exact["b"][-1, 5])
+    assert error < max(1e-9, 3 * run.error_estimate)
+    assert run.error_estimate < 3e-4

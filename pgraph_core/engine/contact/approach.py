@@ -175,11 +175,11 @@ def one_bound(contacts, pair, gap, rates, thin, width, given):
         depth = -gap
         push = law.stiffness * depth
         slope = law.stiffness
-        loss = law.damping
+        loss = law.damping + law.loss * math.sqrt(law.stiffness * law.mass)
         if law.law != PENALTY:
             push *= math.sqrt(depth)
             slope *= 1.5 * math.sqrt(depth)
-            loss *= push
+            loss = law.damping * push
             if law.loss > 0.0:
                 loss = law.loss * math.sqrt(1.25 * law.mass * push / depth)
         if push > HARD * law.mass * contacts.tally[0].pull or rate * width > PART * depth:

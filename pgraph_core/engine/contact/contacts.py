@@ -30,7 +30,7 @@ from ..vec import (
     sub,
     xyz,
 )
-from .restitution import lost_share, stored_speed
+from .restitution import factor_tree, loss_of_touch, lost_share
 from .search import find_contacts
 from .shapes import place
 
@@ -272,17 +272,20 @@ def contact_forces(scene, v, tau, flow):
         clear(opened(scene).links.contacts)
         share = 1.0
     count = touching(scene, 0.0, 0)
-    end, stored = 0, 0.0
+    end, loss, factored = 0, 0.0, False
     for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
         if laws[pair].law != RIGID:
             if n >= end and laws[pair].loss > 0.0:
-                stored, end = stored_speed(contacts, rows, const, work, n, count)
+                if not factored:
+                    factor_tree(contacts, rows, const, work, tau)
+                    factored = True
+                loss, end = loss_of_touch(contacts, rows, n, count)
             p = middle(contacts.found[n])
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
-            force, slip = compliant_force(contacts, n, laws[pair], u, stored)
+            force, slip = compliant_force(contacts, n, laws[pair], u, loss)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
             note(opened(scene).links.contacts, work, n, scale(share, force), slip)
@@ -291,10 +294,10 @@ def contact_forces(scene, v, tau, flow):
 
 
 @part
-def compliant_force(contacts, n, law, u, stored):
+def compliant_force(contacts, n, law, u, loss):
     """(force on A, slip speed) of a soft or penalty contact that closes with velocity u.
 
-    `stored` is 2 E w of `restitution`, for soft contacts without damping [m²/s²].
+    `loss` is that of `loss_of_touch`, for contacts whose damping is left out.
     """
     point = contacts.found[n]
     normal = xyz(point.normal)
@@ -304,10 +307,10 @@ def compliant_force(contacts, n, law, u, stored):
     slide = add_scaled(slide, -dot(slide, normal), normal)  # once more: what rounding has left
     slip = math.sqrt(dot(slide, slide))
     k = law.stiffness
-    c = law.damping
+    c = loss if law.law == PENALTY and law.loss > 0.0 else law.damping
     mu = law.friction
     if law.law == SOFT:
-        more = lost_share(law, speed, stored) if law.loss > 0.0 else c * speed
+        more = lost_share(law, speed, loss) if law.loss > 0.0 else c * speed
         size = max(k * depth * math.sqrt(depth) * (1.0 + more), 0.0)
         creep = max(CREEP, ROUNDED * abs(speed))
         drag = mu * size / math.sqrt(slip * slip + creep * creep)

@@ -1,17 +1,39 @@
-"""What a soft contact loses: the same share of the speed of an impact, however fast it is.
+"""What contacts that give lose: the same share of the speed of an impact, however fast it is.
 
-Its force is k d^1.5 (1 + χ d' / V) with V² = d'² + 2 E w: E, the sum of 2/5 k d^2.5, is the energy
-in the springs between two shapes, and w the inverse of the mass that their resultant moves. So V is
-the speed of an impact with the energy that is left. All terms grow alike with the speed, and the
-restitution depends on χ alone.
+The points between two shapes push with p, the sum of k d^1.5 (soft) or k d (penalty), and store
+E, the sum of 2/5 k d^2.5 or 1/2 k d². With w, the inverse of the mass that their resultant moves,
+
+    soft:    k d^1.5 (1 + χ d' / V),  V² = d'² + 2 E w
+    penalty: k d + c d',  c = 2 ζ sqrt(k / (N w)),  N = p² / (2 k E)
+
+V is the speed of an impact with the energy that is left, and N the number of points that would
+push as hard together at one depth. So the restitution depends on χ or ζ alone.
 """
 
 import math
 
 from ..compiler.jit import part, sweep
-from ..linear import factor3, solve3
-from ..rows import mass_of, origin_of, rotation_of
-from ..vec import add, add_cross, dot, mul, rotate_sym, scale, sub, xyz
+from ..linear import backward6, diagonal6, forward6, solve3
+from ..records import SOFT
+from ..rows import (
+    BALL,
+    FREE,
+    ROTATE,
+    TRANSLATE,
+    axis_of,
+    ball_of,
+    inertia_of,
+    inverse_pivot_of,
+    kind_of,
+    link_of,
+    origin_of,
+    parent_of,
+    projected_of,
+    set_solved,
+    solved_of,
+)
+from ..tree.articulated import inboard
+from ..vec import add, add_cross, add_scaled, cross, dot, mul_t, scale, sub, xyz
 
 SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
 
@@ -23,8 +45,21 @@ def lost_share(law, speed, stored):
 
 
 @sweep
-def stored_speed(contacts, rows, const, work, n, count):
-    """(2 E w of the two shapes at contact point n [m²/s²], the first point that is not theirs)."""
+def factor_tree(contacts, rows, const, work, tau):
+    """The articulated factors that `inverse_mass` takes, after `outboard` and `positions`."""
+    factored = contacts.factored
+    for k in range(factored.shape[0]):
+        for n in range(factored.shape[1]):
+            factored[k, n] = work[k, n]
+    inboard(rows, const, factored, tau)
+
+
+@sweep
+def loss_of_touch(contacts, rows, n, count):
+    """(2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, the first point after).
+
+    After `factor_tree`.
+    """
     found = contacts.found
     first = found[n]
     law = contacts.laws[first.pair]
@@ -35,19 +70,24 @@ def stored_speed(contacts, rows, const, work, n, count):
     while end < count and same_shapes(found[end], first):
         point = found[end]
         depth = max(-point.gap, 0.0)
-        size = law.stiffness * depth * math.sqrt(depth)
+        size = law.stiffness * depth * (math.sqrt(depth) if law.law == SOFT else 1.0)
         pushed = scale(size, xyz(point.normal))
         force = add(force, pushed)
         moment = add_cross(moment, sub(xyz(point.point_a), place), pushed)
         push += size
-        energy += 0.4 * size * depth
+        energy += (0.4 if law.law == SOFT else 0.5) * size * depth
         end += 1
     if not push > 0.0:
         return 0.0, end
+    shapes = contacts.geometry.shapes
+    a = shapes[first.shape_a].row
+    b = shapes[first.shape_b].row if first.shape_b >= 0 else 0
     force, moment = scale(1.0 / push, force), scale(1.0 / push, moment)
-    w = inverse_mass(contacts, rows, const, work, first.shape_a, place, moment, force)
-    w += inverse_mass(contacts, rows, const, work, first.shape_b, place, moment, force)
-    return 2.0 * energy * w, end
+    w = inverse_mass(rows, contacts.factored, a, b, place, moment, force)
+    if law.law == SOFT:
+        return 2.0 * energy * w, end
+    together = push * push / (2.0 * law.stiffness * energy)
+    return law.loss * math.sqrt(law.stiffness / (together * w)) if w > 0.0 else 0.0, end
 
 
 @part
@@ -57,21 +97,55 @@ def same_shapes(point, other):
     return same and point.pair == other.pair
 
 
-@part
-def inverse_mass(contacts, rows, const, work, i, place, moment, force):
-    """Speed along itself that a unit impulse, a wrench at a place, gives shape i [1/kg].
+@sweep
+def inverse_mass(rows, factored, a, b, place, moment, force):
+    """Speed along itself that an impulse on row a, its opposite on row b, gives both [1/kg].
 
-    Exactly of a free body that carries no others; else all of its tree counts as a point mass.
+    A wrench at a place of length one. Carried to the ground as in `constraints.paths`: the sum of
+    what each joint on the two paths takes.
     """
-    if i < 0:
-        return 0.0
-    shape = contacts.geometry.shapes[i]
-    k = shape.row
-    if shape.alone == 0:
-        return dot(force, force) * shape.lightness
-    mass, com, inertia = mass_of(const, k)
-    r = rotation_of(work, k)
-    centre = add(origin_of(work, k), mul(r, com))
-    torque = add_cross(moment, sub(place, centre), force)
-    turned = solve3(factor3(rotate_sym(r, inertia)), torque)
-    return dot(force, force) / mass + dot(torque, turned)
+    w = 0.0
+    k, x, y = a, at_origin(factored, a, place, moment, force), force
+    other, u, v = b, scale(-1.0, at_origin(factored, b, place, moment, force)), scale(-1.0, force)
+    while k > 0 or other > 0:
+        if other > k:
+            k, x, y, other, u, v = other, u, v, k, x, y
+        if k == other:
+            x, y = add(x, u), add(y, v)
+            other = 0
+        taken, x, y = past_joint(rows, factored, k, x, y)
+        w += taken
+        k = 0 if kind_of(rows, k) == FREE else parent_of(rows, k)
+    return w
+
+
+@part
+def at_origin(factored, k, place, moment, force):
+    """The moment about row k's origin of a wrench at a place."""
+    return add_cross(moment, sub(place, origin_of(factored, k)), force)
+
+
+@part
+def past_joint(rows, factored, k, moment, force):
+    """(what joint k takes of a unit wrench [1/kg], moment and force that it passes on)."""
+    kind = kind_of(rows, k)
+    if kind <= TRANSLATE:
+        share = dot(axis_of(factored, k), moment if kind == ROTATE else force)
+        passed = inverse_pivot_of(factored, k) * share
+        u0, u1 = projected_of(factored, k)
+        force = add_scaled(force, -passed, u1)
+        moment = add_cross(add_scaled(moment, -passed, u0), link_of(factored, k), force)
+        return passed * share, moment, force
+    if kind == BALL:
+        f, _ = ball_of(factored, k)
+        _, b, _ = inertia_of(factored, k)
+        turn = solve3(f, moment)
+        taken = dot(moment, turn)
+        force = sub(force, mul_t(b, turn))
+        return taken, cross(link_of(factored, k), force), force
+    set_solved(factored, k, moment, force)
+    forward6(factored, k)
+    diagonal6(factored, k)
+    backward6(factored, k)
+    turn, move = solved_of(factored, k)
+    return dot(moment, turn) + dot(force, move), moment, force
