@@ -16,6 +16,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import point_velocity, velocities
 from ..motion import opened
 from ..records import CHOSEN, PENALTY, POINTS, RIGID, SWING
+from ..rows import spin_of
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
@@ -66,7 +67,7 @@ def turn_bound(phased, work):
         i = points[s].slide_block
         if points[s].phase == SWING and points[s].limit == 0:
             arm = load(blocks.blocks_f, i, at.PA)
-            turn = load(work, blocks.blocks_i[i, at.B_A], at.W)
+            turn = spin_of(work, blocks.blocks_i[i, at.B_A])
             if dot(arm, arm) > 0.0:
                 fastest = max(fastest, math.sqrt(dot(turn, turn)))
     return TURN / fastest if fastest > 0.0 else math.inf

@@ -5,12 +5,12 @@ Sizes that gaps and depths are measured by, speeds of shapes, bounds of closing 
 
 import math
 
-from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part
 from ..constraints.blocks import point_velocity
 from ..records import POINTS, SPHERE
-from ..vec import dot, load, sub, xyz
+from ..rows import spin_of
+from ..vec import dot, sub, xyz
 from .contacts import contacts_at, endpoints, middle
 
 NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
@@ -71,7 +71,7 @@ def thinner(contacts, a, b):
 def shape_speed(work, linear, shape, pose):
     """Bound of the speed of a shape's points [m/s]."""
     u = point_velocity(work, linear, shape.row, xyz(pose.position))
-    turn = load(work, shape.row, at.W)
+    turn = spin_of(work, shape.row)
     arm = 0.0 if shape.kind == SPHERE else shape.reach
     return math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn))
 
@@ -107,7 +107,7 @@ def motion_of(work, linear, shape, pose):
     """(velocity, speed of turning, speed of points by it) of a shape; a ball's turning is none."""
     k = shape.row
     u = point_velocity(work, linear, k, xyz(pose.position))
-    w = load(work, k, at.W)
+    w = spin_of(work, k)
     turn = math.sqrt(dot(w, w))
     return u, turn, 0.0 if shape.kind == SPHERE else turn * shape.reach
 

@@ -12,6 +12,7 @@ from ..constraints.blocks import point_velocity, velocities
 from ..forces import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import ACCEPTANCE, CREEP, PENALTY, RIGID, SLIP, SOFT, STANCE, SWING
+from ..rows import offset_of, origin_of, rotation_of
 from ..tree.kinematics import outboard, positions
 from ..vec import (
     add,
@@ -19,8 +20,6 @@ from ..vec import (
     add_xyz,
     cross,
     dot,
-    load,
-    load9,
     matrix,
     mul,
     mul_t,
@@ -213,14 +212,14 @@ def note(address, work, n, force, slip):
     point, wrenches = contacts.found[n], contacts.wrenches
     a, b, body_a, body_b, k = endpoints(contacts, n)
     p = middle(point)
-    arm = sub(p, load(work, a, at.X))
+    arm = sub(p, origin_of(work, a))
     add_xyz(wrenches[body_a].torque, cross(arm, force))
     add_xyz(wrenches[body_a].force, force)
     if body_b > 0:
-        torque = cross(sub(p, load(work, b, at.X)), force)
+        torque = cross(sub(p, origin_of(work, b)), force)
         add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
         add_xyz(wrenches[body_b].force, scale(-1.0, force))
-    offset = mul(load9(work, a, at.R), load(contacts.bodies_f, body_a, at.OFFSET))
+    offset = mul(rotation_of(work, a), offset_of(contacts.bodies_f, body_a))
     pair = contacts.pairs[k]
     add_xyz(pair.force, force)
     add_xyz(pair.torque, cross(sub(arm, offset), force))
@@ -258,7 +257,7 @@ def contact_forces(scene, v, tau, flow):
         for b in range(1, wrenches.shape[0]):
             k = bodies_i[b, at.ROW]
             torque, force = xyz(wrenches[b].torque), xyz(wrenches[b].force)
-            apply(work, k, load(work, k, at.X), torque, force)
+            apply(work, k, origin_of(work, k), torque, force)
         return 0
     soft = False
     for k in range(laws.shape[0]):
@@ -445,7 +444,7 @@ def record_contacts(scene, wrenches, pairs, missed):
     tally = contacts.tally[0]
     for b in range(1, contacts.wrenches.shape[0]):
         k = bodies_i[b, at.ROW]
-        offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
+        offset = mul(rotation_of(work, k), offset_of(bodies_f, b))
         wrench = contacts.wrenches[b]
         force = xyz(wrench.force)
         store(wrenches, b - 1, 0, sub(xyz(wrench.torque), cross(offset, force)))

@@ -25,7 +25,7 @@ from ..constraints.blocks import (
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
 from ..motion import RECORD, call_acceleration, call_record
 from ..records import STANCE, SWING
-from ..rows import FREE, TRANSLATE, kind_of, parent_of
+from ..rows import FREE, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
@@ -119,9 +119,9 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
 @part
 def path_length(rows, const, work, k, p, n):
     """What a height is summed from: along normal n, from the ground to point p of row k [m]."""
-    length = abs(dot(sub(p, load(work, k, at.X)), n))
+    length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
-        length += abs(dot(load(work, k, at.L), n))
+        length += abs(dot(link_of(work, k), n))
         if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
             link = load(const, k, at.LINK)  # which a displacement may have been taken from
             length += abs(link[0]) + abs(link[1]) + abs(link[2])
@@ -140,7 +140,7 @@ def point_force(rows, blocks, work, space, contact, s):
     r = first_of(slots, i)
     if points[s].limit == 1:
         points[s].normal_force = lam[r]
-        axis = load(work, blocks_i[i, at.B_A], at.H)
+        axis = axis_of(work, blocks_i[i, at.B_A])
         set_xyz(points[s].force, scale(terms_f[blocks_i[i, at.B_TERM]] * lam[r], axis))
         return
     force = (0.0, 0.0, 0.0)

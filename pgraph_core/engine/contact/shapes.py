@@ -1,14 +1,13 @@
 """Shapes in the world: poses, bounding boxes, and how a contact point is written."""
 
-from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..records import CAPSULE, SPHERE
+from ..rows import origin_of, rotation_of
 from ..vec import (
     add,
     add_scaled,
     dot,
     load,
-    load9,
     mat_mul,
     matrix,
     mul,
@@ -24,8 +23,8 @@ def place(shapes, work, poses):
     """Poses of all shapes from the rows that carry them, after `outboard` and `positions`."""
     for i in range(shapes.shape[0]):
         k = shapes[i].row
-        r = load9(work, k, at.R)
-        set_xyz(poses[i].position, add(load(work, k, at.X), mul(r, xyz(shapes[i].position))))
+        r = rotation_of(work, k)
+        set_xyz(poses[i].position, add(origin_of(work, k), mul(r, xyz(shapes[i].position))))
         set_matrix(poses[i].rotation, mat_mul(r, matrix(shapes[i].rotation)))
 
 

@@ -12,6 +12,7 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
+from ..rows import origin_of, rotation_of, spin_of
 from ..vec import (
     add,
     add_cross,
@@ -19,7 +20,6 @@ from ..vec import (
     cross,
     dot,
     load,
-    load9,
     mul,
     scale,
     set_xyz,
@@ -39,9 +39,9 @@ def centre(rows, const, work, linear):
     u = (0.0, 0.0, 0.0)
     for k in range(1, rows.shape[0]):
         m = const[k, at.MASS]
-        c = mul(load9(work, k, at.R), load(const, k, at.COM))
-        x = add_scaled(x, m, add(load(work, k, at.X), c))
-        u = add_scaled(u, m, add_cross(load(linear, k, 0), load(work, k, at.W), c))
+        c = mul(rotation_of(work, k), load(const, k, at.COM))
+        x = add_scaled(x, m, add(origin_of(work, k), c))
+        u = add_scaled(u, m, add_cross(load(linear, k, 0), spin_of(work, k), c))
         total += m
     return scale(1.0 / total, x), scale(1.0 / total, u)
 

@@ -94,6 +94,7 @@ from ..rows import (
     armature_of,
     axis_of,
     kind_of,
+    origin_of,
     parent_of,
     set_spin,
     spin_of,
@@ -603,11 +604,11 @@ def note_span(scene, i, force):
     a, b = ends_of(data.blocks.blocks_i, i)
     body_a = data.blocks.blocks_i[i, at.B_BODY_A]
     body_b = data.blocks.blocks_i[i, at.B_BODY_B]
-    torque = cross(sub(place_a(place, i), load(work, a, at.X)), force)
+    torque = cross(sub(place_a(place, i), origin_of(work, a)), force)
     add_xyz(wrenches[body_a].torque, torque)
     add_xyz(wrenches[body_a].force, force)
     if body_b > 0:
-        torque = cross(sub(place_b(place, i), load(work, b, at.X)), force)
+        torque = cross(sub(place_b(place, i), origin_of(work, b)), force)
         add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
         add_xyz(wrenches[body_b].force, scale(-1.0, force))
 
