@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..engine import layout as at
-from ..engine.compiler.address import address_of
-from ..engine.compiler.jit import JIT, ready
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
+from ..engine.compiler.jit import JIT, compile_kernel, ready
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.lockstep import block as columns
 from ..engine.lockstep import step as kernels
+from ..engine.lockstep import walk as walks
 from ..engine.records import BOX, CAPSULE, POINTS, RIGID, SPHERE
 from ..engine.stepping import run
+from ..gait.controller import GaitTorque
 from ..packing import Array, Ints
 from ..simulation.stepper import Stepper
 from .instances import COPY, Instances
@@ -72,6 +74,7 @@ class FeetLanes(Instances):
         self._memory = 0 if user is None else len([a for a in user.memory if a.size])
         self._ways, self._drives = _ways(stepper), drives_of(stepper)
         self._room = [_room(worker.stepper, self._ways) for worker in self.workers]
+        self._walks = [_walk(w.stepper, room[1]) for w, room in zip(self.workers, self._room)]
         ready(kernels.step_lanes)
 
     def _part(self, n: int, number: int, *span: int) -> None:
@@ -80,10 +83,11 @@ class FeetLanes(Instances):
             return
         worker = self.workers[number]
         near, block, frames, lanes = self._room[number]
+        walk, place, fallen, _ = self._walks[number]
         kernels.step_lanes(
             worker.run, address_of(run.advance_run), COPY, worker.own, worker.numbers,
             self._memory, self._ways, near, self._drives, block, frames, lanes, self._tables(),
-            self.kind, self.codes, n, *span,
+            self.kind, self.codes, n, *span, walk, address_of_array(place), fallen,
         )  # fmt: skip
 
 
@@ -139,3 +143,21 @@ def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array,
     block = tuple(np.zeros((*shape, LANE_WIDTH)) for shape in shapes)
     frames = np.zeros((LANE_WIDTH, n, at.WORK))
     return np.zeros(points + 1, dtype=np.int64), block, frames, np.zeros((3, LANE_WIDTH), np.int64)
+
+
+def _walk(stepper: Stepper, block: tuple[Array, ...]) -> tuple[int, Array, Array, Any]:
+    """(address of the controller in lanes or 0, its tuple stored, when the run fell, the tuple)."""
+    user, nothing = stepper.recording.user, np.zeros(0)
+    if not isinstance(user, GaitTorque) or not user.kept.theirs.size or user.kept.terrain.x.size:
+        return 0, nothing, nothing, None
+    kept, nv = user.kept, len(user.kept.v)
+    settings, legs, feet = (
+        x.view(np.float64).reshape(len(x), -1) for x in (kept.settings, kept.legs, kept.feet)
+    )
+    own = settings, legs, kept.waves, kept.limit.reshape(1, nv)
+    lanes = [np.zeros((*x.shape, LANE_WIDTH)) for x in (*own, feet, kept.matrix, kept.work)]
+    place = buffer()
+    compile_kernel("save_walk_of_lanes")
+    walk = walks.WalkOfLanes(kept.rows, kept.spine, *own, *lanes, *block[:4], block[-1])
+    ready(walks.save_walk_of_lanes)(place, unnamed(walk))
+    return address_of(walks.walk_in_lanes), place, kept.fallen, walk

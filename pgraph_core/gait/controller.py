@@ -158,13 +158,13 @@ class GaitTorque(UserTorque):
         self._tau = self.exchange[2, :nv]
         rows, const = mech.packed.tree
         a = controller.anatomy
-        self._kept = Walk(
+        self.kept = Walk(
             rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)),
             controller.legs, self.settings, self.waves, table(FOOT, 4), np.zeros((6, 7)), self._q,
             self._v, self._tau, np.zeros(nv), controller.limit, a.spine, self.fallen,
             controller.terrain, NO_RUN,
         )  # fmt: skip
-        _store(self.exchange, self._kept)
+        _store(self.exchange, self.kept)
 
     @property
     def memory(self) -> list[Array]:
@@ -174,15 +174,15 @@ class GaitTorque(UserTorque):
     @property
     def numbers(self) -> list[Array]:
         """What the model and the gait give."""
-        kept = self._kept
+        kept = self.kept
         return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
 
     def join(self, packed: Packed, work: Array) -> None:
         """Take frames, velocities and inertias from a run of the same bodies."""
-        mine = self._kept.rows, self._kept.const
+        mine = self.kept.rows, self.kept.const
         if all(np.array_equal(a, b) for a, b in zip(mine, packed.tree)):
-            self._kept = self._kept._replace(theirs=work)
-            _store(self.exchange, self._kept)
+            self.kept = self.kept._replace(theirs=work)
+            _store(self.exchange, self.kept)
 
     def torque(self, t: float, q: Array, v: Array) -> Array:
         """τ (nv,) at a state."""

@@ -258,7 +258,7 @@ class LiveRun:
             from ..engine.gait.tables import WALK
 
             inside = user.exchange
-            roots["walk"] = Root(WALK, user._kept, inside, inside[:3].nbytes)
+            roots["walk"] = Root(WALK, user.kept, inside, inside[:3].nbytes)
         nb, nv = self.mech.nb, self.mech.nv
         self.position, self.rotation = np.zeros((nb, 3)), np.zeros((nb, 9))
         self.still, self.trial = np.zeros(nv), np.zeros(self.mech.nq + nv)

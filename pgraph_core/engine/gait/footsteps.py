@@ -5,8 +5,9 @@ what lies between.
 """
 
 from ..compiler.jit import part, sweep
+from ..compiler.masks import larger, smaller
 from ..vec import add_scaled, scale, sub, xyz
-from .tables import into, out_of, smooth
+from .tables import FEET, into, out_of, smooth
 
 FREED, FREE = 0.04, 0.2  # a swing's part in which the foot only lifts; in which it is let go
 SURE = 0.5  # of a full load: with more on the ground its slope is known
@@ -22,15 +23,16 @@ def ground(feet, guess):
 
     `guess` is its height where no foot carries.
     """
-    total = 1e-9
-    middle = (0.0, 0.0, 0.0)
-    for f in range(feet.shape[0]):
+    none = 0.0 * guess
+    total = none + 1e-9
+    middle = (none, none, none)
+    for f in range(FEET):
         total += feet[f].load
         middle = add_scaled(middle, feet[f].load, xyz(feet[f].place))
     middle = scale(1.0 / total, middle)
-    xx = SPREAD
-    xy = 0.0
-    for f in range(feet.shape[0]):
+    xx = none + SPREAD
+    xy = none
+    for f in range(FEET):
         d = sub(xyz(feet[f].place), middle)
         xx += feet[f].load * d[0] * d[0]
         xy += feet[f].load * d[0] * d[1]
@@ -147,14 +149,36 @@ def lift(s, z, whole, clearance):
 @part
 def eased(z):
     """(part done, rate, acceleration) after the part z of its time; at rest at both ends."""
-    z = min(max(z, 0.0), 1.0)
+    z = smaller(1.0, larger(0.0, z))
     m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
     return m, 30.0 * z * z * (1.0 - z) * (1.0 - z), 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z)
 
 
+@part
+def over_felt(s, z, whole, felt, m, m1, leave, land):
+    """(height, rate, acceleration) of a swinging foot over the ground as the others feel it."""
+    y, y1, y2 = lift(s, z, whole, s.clearance)
+    y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
+    y1 += felt[2] * m1 * (land[0] - leave[0])
+    return y, y1, y2
+
+
+@part
+def over_steps(s, z, whole, between, low, free):
+    """The same over known ground, from the height `low` of the foot; see `ground_between`."""
+    first, last, top = between
+    y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
+    up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
+    y += first + up * (last - first)
+    y = low + free * (y - low)
+    y1 += 2.0 * up1 * (last - first) / whole
+    y2 += 4.0 * up2 * (last - first) / (whole * whole)
+    return y, y1, y2
+
+
 @sweep
 def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
-    """(place, velocity, acceleration) of a swinging foot, heading axes."""
+    """(place, velocity, acceleration) of a swinging foot, heading axes; no terrain in lanes."""
     z = feet[f].swing
     whole = (1.0 - legs[f].duty) * s.stride
     foot = xyz(feet[f].place)
@@ -162,20 +186,13 @@ def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
     m, m1, m2 = eased(z)
     m1 /= whole
     m2 /= whole * whole
-    if terrain.x.shape[0] > 0:
+    if terrain is None or terrain.x.shape[0] == 0:
+        y, y1, y2 = over_felt(s, z, whole, felt, m, m1, leave, land)
+    else:
         leave = beside_edges(terrain, s, heading, leave)
         land = beside_edges(terrain, s, heading, land)
-        first, last, top = ground_between(terrain, s, heading, leave, land)
-        y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
-        up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
-        y += first + up * (last - first)
-        y = foot[1] + free * (y - foot[1])
-        y1 += 2.0 * up1 * (last - first) / whole
-        y2 += 4.0 * up2 * (last - first) / (whole * whole)
-    else:
-        y, y1, y2 = lift(s, z, whole, s.clearance)
-        y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
-        y1 += felt[2] * m1 * (land[0] - leave[0])
+        between = ground_between(terrain, s, heading, leave, land)
+        y, y1, y2 = over_steps(s, z, whole, between, foot[1], free)
     dx = land[0] - leave[0]
     dz = land[1] - leave[1]
     x = foot[0] + free * (leave[0] + m * dx - foot[0])

@@ -8,13 +8,17 @@ motion that leaves it there is held to the same shape.
 
 import math
 
-from ..compiler.elementary import acos, atan2, sine_cosine
+from ..compiler import elementary
+from ..compiler.elementary import atan2, sine_cosine
 from ..compiler.jit import part, sweep
+from ..compiler.lane_records import in_each
+from ..compiler.masks import chosen, larger, more, most, smaller
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
 FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
 DAMPED = 1e-5  # m⁴
 FASTEST, HARDEST = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at most
+acos = in_each(elementary.acos)
 
 
 @part
@@ -24,8 +28,8 @@ def turned(angle, x, y):
 
 
 @part
-def clamp(x, most):
-    return min(max(x, -most), most)
+def clamp(x, bound):
+    return smaller(bound, larger(-bound, x))
 
 
 @part
@@ -36,9 +40,9 @@ def reach(legs, f, x, y):
     aa = ax * ax + ay * ay
     bb = bx * bx + by * by
     cosine = (x * x + y * y - aa - bb) / (2.0 * math.sqrt(aa * bb))
-    bend = acos(min(max(cosine, FOLDED), STRAIGHT))
+    bend = acos(smaller(STRAIGHT, larger(FOLDED, cosine)))
     home = atan2(ax * by - ay * bx, ax * bx + ay * by)
-    knee = (bend if home > 0.0 else -bend) - home
+    knee = chosen(more(home, 0.0), bend, -bend) - home
     px, py = turned(knee, bx, by)
     px += ax
     py += ay
@@ -51,7 +55,7 @@ def two_rates(place, b, rate):
     x, y = place
     bx, by = b
     area = x * by - y * bx
-    over = area / (area * area + DAMPED) if abs(area) < FLAT else 1.0 / area
+    over = chosen(more(FLAT, abs(area)), area / (area * area + DAMPED), 1.0 / area)
     return (rate[0] * bx + rate[1] * by) * over, -(rate[0] * x + rate[1] * y) * over
 
 
@@ -63,39 +67,47 @@ def out_of_spread(spread, x):
 
 
 @sweep
-def swing(legs, f, place, speed, push, q, v, s, vdot):
-    """v' of a leg whose foot is to be at `place` from the hip, with a velocity and acceleration.
+def swing(legs, f, place, speed, push, q, v, s):
+    """v' of spread, hip, knee and paw of a leg whose foot is to be at `place` from the hip.
 
-    All three in the girdle's axes, relative to it.
+    With a velocity and an acceleration; all three in the girdle's axes, relative to it. Where the
+    leg has no spreading motion, its v' is no number to be used.
     """
     i = legs[f].q_flex
     j = legs[f].v_flex
     kp = s.gain_swing[0]
     kd = s.gain_swing[1]
     y = place[1]
+    aside = y
     if legs[f].v_spread >= 0:
         spread = atan2(-place[2], -place[1])
         y = -math.sqrt(place[1] * place[1] + place[2] * place[2])
         speed = out_of_spread(spread, speed)
         push = out_of_spread(spread, push)
         k = legs[f].v_spread
-        vdot[k] = kp * (spread - q[legs[f].q_spread]) + kd * (speed[2] / y - v[k])
-        vdot[k] += push[2] / y
+        aside = kp * (spread - q[legs[f].q_spread]) + kd * (speed[2] / y - v[k])
+        aside += push[2] / y
     hip, knee = reach(legs, f, place[0], y)
     b = turned(hip + knee, legs[f].shank[0], legs[f].shank[1])
     hip_rate, knee_rate = two_rates((place[0], y), b, (speed[0], speed[1]))
     hip_push, knee_push = two_rates((place[0], y), b, (push[0], push[1]))
     hip_rate = clamp(hip_rate, FASTEST)
     knee_rate = clamp(knee_rate, FASTEST)
-    vdot[j] = kp * (hip - q[i]) + kd * (hip_rate - v[j]) + clamp(hip_push, HARDEST)
     bent = clamp(knee_push, HARDEST)
-    vdot[j + 1] = kp * (knee - q[i + 1]) + kd * (knee_rate - v[j + 1]) + bent
-    vdot[j + 2] = kp * (-knee - q[i + 2]) + kd * (-knee_rate - v[j + 2]) - bent
+    return (
+        aside,
+        kp * (hip - q[i]) + kd * (hip_rate - v[j]) + clamp(hip_push, HARDEST),
+        kp * (knee - q[i + 1]) + kd * (knee_rate - v[j + 1]) + bent,
+        kp * (-knee - q[i + 2]) + kd * (-knee_rate - v[j + 2]) - bent,
+    )
 
 
 @sweep
-def stand(legs, f, q, v, s, vdot):
-    """v' of a leg along the motion that leaves its foot in place, towards a pantograph's shape."""
+def stand(legs, f, q, v, s):
+    """v' of hip, knee and paw along the motion that leaves a foot in place.
+
+    Towards a pantograph's shape.
+    """
     i = legs[f].q_flex
     j = legs[f].v_flex
     bend = q[i] + q[i + 1]
@@ -111,9 +123,8 @@ def stand(legs, f, q, v, s, vdot):
     paw = hx * ky - hy * kx
     size = math.sqrt(hip * hip + knee * knee + paw * paw)
     along = knee + paw
-    if abs(along) < 0.05 * size:
-        along = 0.05 * size if along >= 0.0 else -0.05 * size
+    least = 0.05 * size
+    enough = chosen(most(0.0, along), least, -least)
+    along = chosen(more(least, abs(along)), enough, along)
     pull = -s.gain_paw[0] * (q[i + 1] + q[i + 2]) - s.gain_paw[1] * (v[j + 1] + v[j + 2])
-    vdot[j] = pull * hip / along
-    vdot[j + 1] = pull * knee / along
-    vdot[j + 2] = pull * paw / along
+    return pull * hip / along, pull * knee / along, pull * paw / along

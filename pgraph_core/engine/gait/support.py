@@ -12,6 +12,7 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
+from ..compiler.masks import any_of, chosen, larger, more, smaller
 from ..rows import origin_of, rotation_of, spin_of
 from ..vec import (
     add,
@@ -26,6 +27,7 @@ from ..vec import (
     sub,
     xyz,
 )
+from .tables import FEET
 
 ROUNDS = 6
 MOST = 4.0  # weights: the largest load of one foot
@@ -34,9 +36,10 @@ MOST = 4.0  # weights: the largest load of one foot
 @part
 def centre(rows, const, work, linear):
     """(centre of mass, its velocity), world axes."""
-    total = 0.0
-    x = (0.0, 0.0, 0.0)
-    u = (0.0, 0.0, 0.0)
+    none = 0.0 * const[0, at.MASS]
+    total = none
+    x = (none, none, none)
+    u = (none, none, none)
     for k in range(1, rows.shape[0]):
         m = const[k, at.MASS]
         c = mul(rotation_of(work, k), load(const, k, at.COM))
@@ -54,7 +57,7 @@ def carry(feet, s, goal, com, mat):
     for _ in range(ROUNDS):
         for i in range(6):
             mat[i, 6] = goal[i]
-        for f in range(feet.shape[0]):
+        for f in range(FEET):
             one = xyz(feet[f].force)
             moment = cross(sub(xyz(feet[f].place), com), one)
             for i in range(3):
@@ -63,21 +66,30 @@ def carry(feet, s, goal, com, mat):
         substitute(mat)
         turn = (mat[0, 6], mat[1, 6], mat[2, 6])
         push = (mat[3, 6], mat[4, 6], mat[5, 6])
-        for f in range(feet.shape[0]):
+        for f in range(FEET):
             w = feet[f].load
-            if w > 0.0:
+            bears = more(w, 0.0)
+            if any_of(bears):
                 arm = sub(xyz(feet[f].place), com)
-                force = add_scaled(xyz(feet[f].force), w, add(push, cross(turn, arm)))
-                set_xyz(feet[f].force, in_cone(force, w, s))
+                before = xyz(feet[f].force)
+                force = add_scaled(before, w, add(push, cross(turn, arm)))
+                set_xyz(feet[f].force, where(bears, in_cone(force, w, s), before))
+
+
+@part
+def where(mask, x, y):
+    """x where the mask is set, else y."""
+    return (chosen(mask, x[0], y[0]), chosen(mask, x[1], y[1]), chosen(mask, x[2], y[2]))
 
 
 @part
 def in_cone(force, w, s):
     """A force that pushes enough, and not more than friction holds."""
-    up = min(max(force[1], s.least_load * w), MOST * s.mass * s.gravity * w)
+    up = smaller(MOST * s.mass * s.gravity * w, larger(s.least_load * w, force[1]))
     side = force[2] * s.lever
     size = math.sqrt(force[0] * force[0] + side * side)
-    k = min(1.0, s.grip * up / size) if size > 0.0 else 1.0
+    some = more(size, 0.0)
+    k = chosen(some, smaller(s.grip * up / chosen(some, size, 1.0), 1.0), 1.0)
     return (k * force[0], up, k * side)
 
 
@@ -89,7 +101,7 @@ def weigh(feet, s, com, mat):
             mat[i, j] = 0.0
         tight = s.tight_torque if i < 3 else s.tight_force
         mat[i, i] = 1.0 / (tight * tight)
-    for f in range(feet.shape[0]):
+    for f in range(FEET):
         w = feet[f].load
         p = sub(xyz(feet[f].place), com)
         x, y, z = p

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from ..arrays import F1, F2, I2, named
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
+from ..compiler.masks import any_of, either, larger, smaller
 from ..records import INTEGER, REAL, array_of, record
 
 GAIT_SETTINGS = record(  # what a person may change between steps is here
@@ -129,6 +130,7 @@ WALK = named(
 # waves (5, 8), each a1, b1, a2, b2, ...: Σ a cos(2π k phase) + b sin(2π k phase)
 RISE, NOD, SWAY, SURGE, FLEXION = 0, 1, 2, 3, 4  # of height, pitch, place, place, spine hinges
 HARMONICS = 4
+FEET = 4
 
 
 @part
@@ -148,7 +150,7 @@ def out_of(heading, x):
 @part
 def smooth(x):
     """0 below 0, 1 above 1, level at both."""
-    x = min(max(x, 0.0), 1.0)
+    x = smaller(1.0, larger(0.0, x))
     return x * x * (3.0 - 2.0 * x)
 
 
@@ -156,12 +158,12 @@ def smooth(x):
 def wave(waves, i, s, phase):
     """(value, rate, acceleration) of wave i."""
     rate = 2.0 * math.pi / s.stride
-    x = 0.0
-    x1 = 0.0
-    x2 = 0.0
+    x = phase - phase
+    x1 = x
+    x2 = x
     for k in range(HARMONICS):
         a, b = waves[i, 2 * k], waves[i, 2 * k + 1]
-        if a == 0.0 and b == 0.0:
+        if not any_of(either(a, b)):
             continue
         n, c = sine_cosine(2.0 * math.pi * (k + 1) * phase)
         w = rate * (k + 1)
@@ -174,8 +176,8 @@ def wave(waves, i, s, phase):
 @part
 def speed_at(s, t):
     """Forward speed that is wanted [m/s]: a ramp."""
-    most = s.speed_rate * max(t - s.speed_time, 0.0)
-    return s.speed_from + min(max(s.speed_to - s.speed_from, -most), most)
+    most = s.speed_rate * larger(0.0, t - s.speed_time)
+    return s.speed_from + smaller(most, larger(-most, s.speed_to - s.speed_from))
 
 
 @part

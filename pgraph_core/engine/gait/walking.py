@@ -11,9 +11,12 @@ import math
 from numba import types
 
 from .. import layout as at
+from ..compiler import elementary
 from ..compiler.address import plain, stored
-from ..compiler.elementary import asin, atan2
+from ..compiler.elementary import atan2
 from ..compiler.jit import kernel, part
+from ..compiler.lane_records import in_each
+from ..compiler.masks import any_of, both, chosen, either, larger, more, smaller, without
 from ..constraints.blocks import velocities
 from ..rows import axis_of, bias_of, parent_of, set_bias, set_force, v_of
 from ..tree.dynamics import newton_euler
@@ -34,9 +37,10 @@ from ..vec import (
     xyz,
 )
 from .footsteps import ground, level_at, step_to, swing_foot
-from .legs import stand, swing
+from .legs import clamp, stand, swing
 from .support import carry, centre
 from .tables import (
+    FEET,
     FLEXION,
     NOD,
     RISE,
@@ -52,6 +56,7 @@ from .tables import (
 )
 
 _save, opened_walk = stored(WALK)
+asin = in_each(elementary.asin)
 
 
 @kernel(types.void(types.int64[::1], plain(WALK)), later=True)
@@ -64,9 +69,10 @@ def save_walk(buffer, walk):
 def trunk(work, linear, legs, s):
     """(heading, (roll, yaw, pitch), their rates) from the line between the hips' middles."""
     hind = legs[2].girdle
-    d = (0.0, 0.0, 0.0)
-    u = (0.0, 0.0, 0.0)
-    for f in range(4):  # the first two are in front
+    none = 0.0 * s.mass
+    d = (none, none, none)
+    u = (none, none, none)
+    for f in range(FEET):  # the first two are in front
         side = 0.5 if f < 2 else -0.5
         d = add_scaled(d, side, load(work, legs[f].hip, at.X))
         u = add_scaled(u, side, load(linear, legs[f].hip, 0))
@@ -78,14 +84,14 @@ def trunk(work, linear, legs, s):
     w = into(heading, load(work, hind, at.W))
     pitch = atan2(d[1], d[0]) - s.pitch
     nods = (d[0] * u[1] - d[1] * u[0]) / (d[0] * d[0] + d[1] * d[1])
-    roll = -asin(min(max(right[1], -1.0), 1.0))
+    roll = -asin(smaller(1.0, larger(-1.0, right[1])))
     return heading, (roll, atan2(heading[1], heading[0]), pitch), (w[0], w[1], nods)
 
 
 @part
 def feel(work, linear, legs, s, phase, heading, feet):
     """Where the feet are, which ones carry by their clocks, and how much they are to carry."""
-    for f in range(legs.shape[0]):
+    for f in range(FEET):
         p = phase - legs[f].offset
         p -= math.floor(p)
         duty = legs[f].duty
@@ -94,13 +100,10 @@ def feel(work, linear, legs, s, phase, heading, feet):
         u = add_cross(load(linear, k, 0), load(work, k, at.W), arm)
         set_xyz(feet[f].place, into(heading, add(load(work, k, at.X), arm)))
         set_xyz(feet[f].velocity, into(heading, u))
-        if p < duty:
-            whole = s.ramp * duty
-            feet[f].load = smooth(min(p, duty - p) / whole) if duty < 1.0 else 1.0
-            feet[f].swing = -1.0
-        else:
-            feet[f].load = 0.0
-            feet[f].swing = (p - duty) / (1.0 - duty)
+        stands, lifts = more(duty, p), more(1.0, duty)
+        near = smooth(smaller(duty - p, p) / (s.ramp * duty))
+        feet[f].load = chosen(stands, chosen(lifts, near, 1.0), 0.0)
+        feet[f].swing = chosen(stands, -1.0, (p - duty) / chosen(lifts, 1.0 - duty, 1.0))
         up = feet[f].load * legs[f].share * s.mass * s.gravity
         set_xyz(feet[f].force, (0.0, up, 0.0))
 
@@ -135,9 +138,10 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
     """(angular, linear) of the root that the feet's forces give, also into `vdot`; world axes."""
-    force = (0.0, 0.0, 0.0)
-    moment = (0.0, 0.0, 0.0)
-    for f in range(feet.shape[0]):
+    none = 0.0 * s.mass
+    force = (none, none, none)
+    moment = (none, none, none)
+    for f in range(FEET):
         one = xyz(feet[f].force)
         force = add(force, one)
         moment = add(moment, cross(sub(xyz(feet[f].place), com), one))
@@ -155,9 +159,8 @@ def base_acceleration(work, feet, s, heading, com, vdot):
 
 @part
 def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
-    """v' of a swinging leg: its foot's aim, seen from its girdle."""
-    linear, legs, s = walk.linear, walk.legs, walk.settings[0]
-    feet, q, v, vdot = walk.feet, walk.q, walk.v, walk.vdot
+    """v' of a swinging leg: its foot's aim, seen from its girdle; as of `swing`."""
+    linear, legs, s, feet = walk.linear, walk.legs, walk.settings[0], walk.feet
     g = legs[f].girdle
     hip = load(work, legs[f].hip, at.X)
     hip_u = load(linear, legs[f].hip, 0)
@@ -174,7 +177,7 @@ def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
     rate = sub(sub(out_of(heading, speed), hip_u), cross(load(work, g, at.W), arm))
     push = sub(sub(out_of(heading, push), hip_a), cross(alpha, arm))
     r = load9(work, g, at.R)
-    swing(legs, f, mul_t(r, arm), mul_t(r, rate), mul_t(r, push), q, v, s, vdot)
+    return swing(legs, f, mul_t(r, arm), mul_t(r, rate), mul_t(r, push), walk.q, walk.v, s)
 
 
 @part
@@ -187,26 +190,37 @@ def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
         i, j = spine[n, 0], spine[n, 1]
         vdot[j] = s.gain_spine[0] * (bend - q[i])
         vdot[j] += s.gain_spine[1] * (bend_u - v[j]) + bend_a
-    for f in range(feet.shape[0]):
+    for f in range(FEET):
+        j = legs[f].v_flex
+        stands = more(0.0, feet[f].swing)
+        swings = without(1.0, stands)
         if legs[f].v_spread >= 0:
             vdot[legs[f].v_spread] = 0.0
-        if feet[f].swing < 0.0:
-            stand(legs, f, q, v, s, vdot)
-        else:
-            swing_leg(walk, work, t, f, heading, u, roll, felt, base)
+        if any_of(stands):
+            held = stand(legs, f, q, v, s)
+            for n in range(3):
+                vdot[j + n] = held[n]
+        if any_of(swings):
+            moved = swing_leg(walk, work, t, f, heading, u, roll, felt, base)
+            for n in range(3):
+                vdot[j + n] = chosen(swings, moved[1 + n], vdot[j + n])
+            if legs[f].v_spread >= 0:
+                vdot[legs[f].v_spread] = chosen(swings, moved[0], 0.0)
 
 
 @part
-def take_off_forces(rows, work, legs, feet, heading, tau):
-    """τ less Jᵀ f of the feet's forces."""
-    for f in range(feet.shape[0]):
-        if feet[f].load > 0.0:
+def take_off_forces(rows, work, legs, feet, heading, tau, walks):
+    """τ less Jᵀ f of the feet's forces, where `walks`."""
+    for f in range(FEET):
+        bears = both(walks, more(feet[f].load, 0.0))
+        if any_of(bears):
             force = out_of(heading, xyz(feet[f].force))
             place = out_of(heading, xyz(feet[f].place))
             k = legs[f].foot
             while k > 1:
+                j = v_of(rows, k)
                 moment = cross(sub(place, load(work, k, at.X)), force)
-                tau[v_of(rows, k)] -= dot(axis_of(work, k), moment)
+                tau[j] = chosen(bears, tau[j] - dot(axis_of(work, k), moment), tau[j])
                 k = parent_of(rows, k)
 
 
@@ -214,7 +228,7 @@ def take_off_forces(rows, work, legs, feet, heading, tau):
 def has_fallen(work, s, com, level):
     """Whether the trunk is too low or too tilted to walk on."""
     upright = work[1, at.R + 4]
-    return com[1] - level < s.low * s.height or upright < s.upright
+    return either(more(s.low * s.height, com[1] - level), more(s.upright, upright))
 
 
 @part
@@ -226,12 +240,11 @@ def copied_bias(work, out):
 
 
 @part
-def slowed(rows, const, work, mine, v, vdot, s, tau):
-    """τ that slows all joints down at the same rate, whatever pulls on them."""
+def slow_down(v, vdot, s, lies):
+    """v' that slows all joints down at the same rate, whatever pulls on them, where it lies."""
     for j in range(v.shape[0]):
-        vdot[j] = -s.limp * v[j] if j >= 6 else 0.0
-    vdot[4] = -s.gravity
-    torques(rows, const, work, mine, v, vdot, tau)
+        slow = -s.limp * v[j] if j >= 6 else 0.0 * s.limp
+        vdot[j] = chosen(lies, -s.gravity if j == 4 else slow, vdot[j])
 
 
 @part
@@ -248,25 +261,17 @@ def torques(rows, const, work, mine, v, vdot, tau):
 def falls(walk, work, t, com, level):
     """Whether it lies; the time of the first fall is kept."""
     lies = has_fallen(work, walk.settings[0], com, level)
-    if lies and walk.fallen[0] < 0.0:
-        walk.fallen[0] = t
+    first = both(lies, more(0.0, walk.fallen[0]))
+    walk.fallen[0] = chosen(first, t, walk.fallen[0])
     return lies
 
 
-@kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
-def walking(t, q_place, v_place, tau_place):
-    """τ at (t, q, v), which stand where the tuple behind `tau_place` says; 0.
-
-    After a fall the joints are slowed down.
-    """
-    walk = opened_walk(tau_place + (tau_place - v_place))
+@part
+def control(walk, work, t):
+    """τ at (t, q, v) of one walk or of lanes, of the frames in `work`; joints slow after a fall."""
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
-    q, v, tau, vdot, limit = walk.q, walk.v, walk.tau, walk.vdot, walk.limit
-    theirs = walk.theirs
-    work = theirs if theirs.shape[0] > 0 else mine
-    if theirs.shape[0] == 0:
-        outboard(rows, const, work, q, v)
+    v, tau, vdot, limit = walk.v, walk.tau, walk.vdot, walk.limit
     positions(rows, work)
     velocities(rows, const, work, v, linear)
     com, u = centre(rows, const, work, linear)
@@ -275,16 +280,29 @@ def walking(t, q_place, v_place, tau_place):
     phase = phase_at(s, t)
     feel(work, linear, legs, s, phase, heading, feet)
     felt = ground(feet, com[1] - s.height - wave(waves, RISE, s, phase)[0])
-    if falls(walk, work, t, com, level_at(felt, com[0])):
-        slowed(rows, const, work, mine, v, vdot, s, tau)
-    else:
+    lies = falls(walk, work, t, com, level_at(felt, com[0]))
+    walks = without(1.0, lies)
+    if any_of(walks):
         carry(feet, s, wanted(s, waves, phase, t, felt, angles, rates, com, u), com, mat)
         base = base_acceleration(work, feet, s, heading, com, vdot)
         legs_and_spine(walk, work, t, phase, heading, u, angles[0], felt, base)
-        torques(rows, const, work, mine, v, vdot, tau)
-        take_off_forces(rows, work, legs, feet, heading, tau)
+    if any_of(lies):
+        slow_down(v, vdot, s, lies)
+    torques(rows, const, work, mine, v, vdot, tau)
+    take_off_forces(rows, work, legs, feet, heading, tau, walks)
     for j in range(6):
         tau[j] = 0.0
     for j in range(6, tau.shape[0]):
-        tau[j] = min(max(tau[j], -limit[j]), limit[j])
+        tau[j] = clamp(tau[j], limit[j])
+
+
+@kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
+def walking(t, q_place, v_place, tau_place):
+    """τ at (t, q, v), which stand where the tuple behind `tau_place` says; 0."""
+    walk = opened_walk(tau_place + (tau_place - v_place))
+    theirs = walk.theirs
+    work = theirs if theirs.shape[0] > 0 else walk.work
+    if theirs.shape[0] == 0:
+        outboard(walk.rows, walk.const, work, walk.q, walk.v)
+    control(walk, work, t)
     return 0

@@ -76,8 +76,8 @@ PENETRATION, LARGEST, WORST, WORST_PAIR, WORST_TIME, DEEPEST, DEEPEST_PAIR = (
     23, 24, 25, 26, 27, 28, 29,
 )  # fmt: skip
 DEEPEST_TIME, DEEPEST_DEPTH, COUNT, NUMBER, LOGGED, LIVES = 30, 31, 32, 33, 34, 35
-ORIGIN, TAKEN = 36, 37
-LANE = 38
+ORIGIN, TAKEN, FALLEN, FELL = 36, 37, 38, 39  # when a walk fell first, and with the step under way
+LANE = 40
 
 # columns of `ways`: of a point its shape, row, body, contact pair, vertex, feature, joints
 W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT = range(9)

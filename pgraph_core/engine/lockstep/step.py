@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import F3, I1, I2, i8, opened_run
+from ..arrays import F1, F3, I1, I2, i8, opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
@@ -48,6 +48,8 @@ from .block import (
     DEEPEST_TIME,
     DINV,
     DONE,
+    FALLEN,
+    FELL,
     FORCE,
     FOUND,
     GAP,
@@ -117,6 +119,7 @@ from .feet import (
     own_block,
     warm,
 )
+from .walk import ALL, call_walk
 
 
 @sweep
@@ -431,21 +434,25 @@ LEAST = 3  # instances in a block, or each goes by itself
 
 
 @kernel(
-    types.void(i8, i8, i8, I2, I2, i8, I2, I1, I2, BLOCK, F3, I2, I2, I1, I1, i8, i8, i8),
+    types.void(
+        i8, i8, i8, I2, I2, i8, I2, I1, I2, BLOCK, F3, I2, I2, I1, I1, *[i8] * 5, F1,
+    ),
     nogil=True, later=True,
 )  # fmt: skip
 def step_lanes(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
-    kind, codes, n, first, end,
+    kind, codes, n, first, end, walk, place, fallen,
 ):  # fmt: skip
     """As `batch.step_instances`, side by side in lanes as far as that goes.
 
-    The last `memory` spans of `own` are those of a user's function; the rest are names and scratch.
+    The last `memory` spans of `own` are those of a user's function. `walk` is the address of
+    `walk_in_lanes` where all walk, else 0, `place` that of its tuple, and `fallen` when the one in
+    the run fell. The rest are names and scratch.
     """
     while first < end:
         step_block(
             run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state,
-            tables, kind, codes, n, first, min(first + W, end),
+            tables, kind, codes, n, first, min(first + W, end), walk, place, fallen,
         )  # fmt: skip
         first += W
 
@@ -458,7 +465,7 @@ def is_running(codes, i):
 @sweep
 def step_block(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
-    kind, codes, n, first, end,
+    kind, codes, n, first, end, walk, place, fallen,
 ):  # fmt: skip
     """n steps of one block."""
     this = opened_run(run)
@@ -467,7 +474,7 @@ def step_block(
     passive = data.drives.table.shape[0] <= data.drives.passive
     b, s = in_lanes(block), named_block(block)
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
-    running = 0
+    running, h = 0, this.control[0].widest
     for i in range(first, end):
         running += 1 if is_running(codes, i) else 0
     for w in range(W):
@@ -482,17 +489,21 @@ def step_block(
         elif running >= LEAST:
             load_run(copy, own, numbers, tables, kind, i)
             good = take_in(run, ways, drives, s, w, True)
+            if walk != 0:
+                call_walk(walk, (place, w, h))
+                lane[FALLEN, w] = fallen[0]
             if first + w < end and is_running(codes, i):
                 ways_on[w] = IN_LANES if good else BY_ITSELF
         lane[LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
     if running < LEAST:
         return
-    h = this.control[0].widest
     mine = own[own.shape[0] - memory :]
     loaded = -1
     for _ in range(n):
         begin(rows, drives, b, h)
-        if user.address != 0:
+        if walk != 0:
+            call_walk(walk, (place, ALL, h))
+        elif user.address != 0:
             lay_out(s.work, frames)
             size = 8 * at.WORK * work.shape[0]
             for w in range(W):
@@ -514,16 +525,21 @@ def step_block(
                 swept[w] += int(lane[SWEPT, w])
                 lane[TAKEN, w] += 1.0
                 lane[TIME, w] = lane[ORIGIN, w] + lane[TAKEN, w] * h
+                lane[FALLEN, w] = lane[FELL, w]
             elif ways_on[w] != OUT:
                 load_run(copy, own, numbers, tables, kind, i)
                 loaded = kind[i]
                 if since[w] > 0:
                     put_out(run, ways, s, w, since[w], swept[w])
+                    if walk != 0:
+                        fallen[0] = lane[FALLEN, w]
                 codes[i] = call_advance(advance, (run, 1))
                 exchange(copy, own, tables[0, 0] + i * tables[0, 1], True)
                 since[w] = 0
                 swept[w] = 0
                 good = take_in(run, ways, drives, s, w, False)
+                if walk != 0:
+                    lane[FALLEN, w] = fallen[0]
                 ways_on[w] = OUT
                 if is_running(codes, i):
                     ways_on[w] = IN_LANES if good else BY_ITSELF
@@ -532,4 +548,6 @@ def step_block(
         if ways_on[w] == IN_LANES and since[w] > 0:
             load_run(copy, own, numbers, tables, kind, first + w)
             put_out(run, ways, s, w, since[w], swept[w])
+            if walk != 0:
+                fallen[0] = lane[FALLEN, w]
             exchange(copy, own, tables[0, 0] + (first + w) * tables[0, 1], True)

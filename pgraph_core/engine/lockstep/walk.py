@@ -1,0 +1,104 @@
+"""The walking controller for a block of lanes, behind one address: compiled where a batch walks."""
+
+from typing import Any, NamedTuple
+
+from numba import types
+
+from .. import layout as at
+from ..arrays import F2, F3, I2, f8, i8, named
+from ..compiler.address import caller, plain, stored
+from ..compiler.jit import kernel, sweep
+from ..compiler.lane import lanes
+from ..compiler.lane_records import in_lanes_of
+from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
+from ..gait.walking import control
+from ..rows import TRANSLATE, armature_of, kind_of, v_of
+from .block import ARMATURE, FALLEN, FELL, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT, V
+
+
+class WalkOfLanes(NamedTuple):
+    """What the controller of a run is, and of a block; the last axis of the latter is the lane."""
+
+    rows: Any
+    spine: Any
+    settings: Any  # (1, words) of the run
+    legs: Any  # (4, words)
+    waves: Any
+    limit: Any  # (1, nv)
+    all_settings: Any  # (1, words, W)
+    all_legs: Any  # (4, words, W)
+    all_waves: Any
+    all_limits: Any  # (1, nv, W)
+    feet: Any  # (4, words, W)
+    matrix: Any  # (6, 7, W)
+    own: Any  # (n + 1, WORK, W)
+    const: Any  # from here on of the block
+    work: Any
+    linear: Any
+    vectors: Any
+    lane: Any
+
+
+WALK_OF_LANES = named(WalkOfLanes, I2, I2, *[F2] * 4, *[F3] * 12)
+_save, _opened = stored(WALK_OF_LANES)
+_settings, _legs, _feet = map(in_lanes_of, (GAIT_SETTINGS, LEG, FOOT))
+ALL = -1  # lanes
+call_walk = caller(types.int64(i8, i8, f8))
+
+
+@kernel(types.void(types.int64[::1], plain(WALK_OF_LANES)), later=True)
+def save_walk_of_lanes(buffer, walk):
+    """Keep the tuple where `walk_in_lanes` finds it."""
+    _save(buffer, walk)
+
+
+@sweep
+def numbers_into(one, all_, w):
+    for i in range(one.shape[0]):
+        for j in range(one.shape[1]):
+            all_[i, j, w] = one[i, j]
+
+
+@sweep
+def exchange_armatures(rows, const, x):
+    """The inertia of drives with what stiff ones add, for that without it: no controller has it."""
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
+            stiff = armature_of(const, k)
+            const[k, at.ARMATURE] = x[ARMATURE, j]
+            x[ARMATURE, j] = stiff
+
+
+@kernel(types.int64(i8, i8, f8), later=True)
+def walk_in_lanes(place, w, h):
+    """Add τ of the controller to that of all lanes, in the middle of a step h.
+
+    With w from 0 on instead: take the numbers of the run into lane w.
+    """
+    our = _opened(place)
+    if w != ALL:
+        numbers_into(our.settings, our.all_settings, w)
+        numbers_into(our.legs, our.all_legs, w)
+        numbers_into(our.waves, our.all_waves, w)
+        numbers_into(our.limit, our.all_limits, w)
+        return 0
+    const, work, x, lane = lanes(our.const), lanes(our.work), lanes(our.vectors), lanes(our.lane)[0]
+    nv = our.limit.shape[1]
+    v, torque = x[V, :nv], x[MOVE, :nv]
+    lane[FELL] = lane[FALLEN]
+    walk = Walk(
+        our.rows, const, lanes(our.own), lanes(our.linear), _legs(our.all_legs),
+        _settings(our.all_settings), lanes(our.all_waves), _feet(our.feet), lanes(our.matrix),
+        x[NEW_Q], v, torque, x[VDOT, :nv], lanes(our.all_limits)[0], our.spine,
+        lane[FELL : FELL + 1], None, work,
+    )  # fmt: skip
+    exchange_armatures(our.rows, const, x)
+    control(walk, work, lane[TIME] + 0.5 * h)
+    exchange_armatures(our.rows, const, x)
+    power = 0.0 * lane[TIME]
+    for j in range(nv):
+        x[TAU, j] += torque[j]
+        power += torque[j] * v[j]
+    lane[PUT_IN] += power
+    return 0
