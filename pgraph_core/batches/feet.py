@@ -158,6 +158,7 @@ def _walk(stepper: Stepper, block: tuple[Array, ...]) -> tuple[int, Array, Array
     lanes = [np.zeros((*x.shape, LANE_WIDTH)) for x in (*own, feet, kept.matrix, kept.work)]
     place = buffer()
     compile_kernel("save_walk_of_lanes")
-    walk = walks.WalkOfLanes(kept.rows, kept.spine, *own, *lanes, *block[:4], block[-1])
+    arrays = kept.rows, kept.spine, *own, *lanes, *block[:4], block[-1]
+    walk = walks.WalkOfLanes._make(arrays)
     ready(walks.save_walk_of_lanes)(place, unnamed(walk))
     return address_of(walks.walk_in_lanes), place, kept.fallen, walk

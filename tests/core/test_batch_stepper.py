@@ -156,6 +156,43 @@ def test_feet_in_lanes_hit_slide_and_tumble_with_the_bits_of_single_runs():
     assert hit == 4 * size
 
 
+@pytest.mark.parametrize("name", ["trot", "crawl", "gallop", "bound"])
+def test_gaits_in_lanes_have_the_bits_of_single_runs(name: str):
+    """Pushed walks, in other phases and with other gaits; some fall. Damped joints are stiff."""
+    model = built_in("quadruped" if name == "bound" else "quadruped_hips")
+    for leg in ("left_radius", "right_tibia", "lumbar"):
+        model = model.edit(leg, kind="body", damping=[0.02])
+    size, gait = LANE_WIDTH + 3, f"scenarios.{name}.gait"
+    start = pg.Stepper(model, scenario=name)
+    given = {
+        f"{gait}.clearance": np.linspace(0.9, 1.1, size) * Path(model, f"{gait}.clearance").present,
+        f"{gait}.turn": np.linspace(0.0, 0.3, size),
+        "bodies.pelvis.mass": np.linspace(0.8, 1.1, size) * model["pelvis"].mass,
+    }
+    v = np.random.default_rng(5).normal(0, 0.2, (size, len(start.v)))
+    v[2] += 3.0
+    batch = pg.BatchStepper(model, size, set=given, scenario=name, threads=2)
+    assert isinstance(batch._many, FeetLanes)
+    assert batch._many._walks[0][0]
+    batch.reset(v=v)
+    batch.step(n=200)
+    batch.reset(v=v[:1], which=[1])  # another phase than its neighbours
+    batch.step(n=200)
+    fell = 0
+    for i in range(size):
+        stepper = alone(model, given, i, scenario=name)
+        stepper.reset(v=v[i] if i != 1 else v[0])
+        stepper.step(n=200 if i == 1 else 400)
+        assert np.array_equal(batch.q[i], stepper.q)
+        assert np.array_equal(batch.v[i], stepper.v)
+        assert batch.work[i] == stepper.recording.steps.ledger[0]
+        batch._many.into_worker(i)
+        said = batch._first.recording.user.fallen[0]
+        assert said == stepper.recording.user.fallen[0]
+        fell += said >= 0.0
+    assert 0 < fell < size
+
+
 @pytest.mark.parametrize(
     ("name", "scenario", "path", "span"),
     [

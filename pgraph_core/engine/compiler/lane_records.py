@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import extending, types
 from numba.core import cgutils
 from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, signature
@@ -22,7 +22,6 @@ from numba.extending import (
     lower_getattr_generic,
     lower_setattr_generic,
     models,
-    overload,
     register_model,
 )
 
@@ -33,6 +32,7 @@ from .lane import LANE, LANE_WIDTH, Lane, intrinsic
 
 infer_global: Any = templates.infer_global  # untyped in numba
 infer_getattr: Any = templates.infer_getattr
+overload: Any = extending.overload  # typed too narrowly in numba
 WORD = 8  # bytes of a number
 BYTES = ir.IntType(8).as_pointer()
 

@@ -117,7 +117,7 @@ class Walk(NamedTuple):
     limit: Any  # (nv,)
     spine: Any
     fallen: Any  # (1,) time of the first fall [s], -1: none
-    terrain: Terrain
+    terrain: Any  # a Terrain; None: in lanes, which know none
     theirs: Any  # work of the run that asks, after `outboard`; empty where none does
 
 
