@@ -25,6 +25,7 @@ from ..portable import EqualByFields, keep_unchanged
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
 PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # by number, as kernels know them
+MAKE = "_make"  # what makes a record that nobody has read yet
 FREE, STOP = "free", "stop"  # a joint between its limits, and at one
 
 
@@ -67,13 +68,34 @@ class ContactRecord(EqualByFields):
     """(n,) part of the force off the ground [N], of touches with the ground."""
     phases: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     """(n,) swing, weight acceptance, slip or stance by contact point; a limit: free or stop."""
-    events: tuple[Event, ...] = ()
+    events: tuple[Event, ...] = field(default_factory=tuple)
     """Changes, in order of time."""
+
+    @classmethod
+    def later(cls, make: Callable[[], ContactRecord]) -> ContactRecord:
+        """The record that `make` gives, made when it is first read: that takes many steps' time."""
+        found = object.__new__(cls)
+        found.__dict__[MAKE] = make
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        if MAKE not in self.__dict__:
+            raise AttributeError(f"a record of contacts has no {name!r}")
+        made = self.__dict__[MAKE]()
+        made.keep_unchanged()
+        self.__dict__.update(made.__dict__)
+        self.__dict__.pop(MAKE, None)
+        return getattr(self, name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its arrays, not how they are made."""
+        assert self.wrench is not None
+        return self.__dict__
 
     def keep_unchanged(self) -> None:
         """Let nobody write into its arrays; mappings of other kinds see to it themselves."""
-        if not self.wrench.flags.writeable:
-            return  # done before
+        if MAKE in self.__dict__ or not self.wrench.flags.writeable:
+            return  # done when it is made, or before
         keep_unchanged((self.wrench, self.residual))
         for what in KINDS:
             if type(found := getattr(self, what)) is dict:

@@ -307,11 +307,13 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
 
     The weight is that of all that moves, which may rest on one contact.
     """
+    gives = [(row, pair, -x) for row, pair, x in zip(tables.laws, tables.touches, gap.tolist())
+             if pair.contact.law != "complementarity" and x < 0.0]  # fmt: skip
+    if not gives:
+        return []
     moves, found = mech.packed.system.bodies_i[:, at.ROW] > 0, []
     weight = float(mech.packed.system.bodies_f[moves, at.B_MASS].sum()) * pull_of(mech.model)
-    for row, pair, depth in zip(tables.laws, tables.touches, np.maximum(-gap, 0.0).tolist()):
-        if pair.contact.law == "complementarity" or depth == 0.0:
-            continue
+    for row, pair, depth in gives:
         power = 1.5 if pair.contact.law == "soft" else 1.0
         usual = float(weight / row["stiffness"]) ** (1.0 / power)
         if depth > PRESSED * usual > 0.0:

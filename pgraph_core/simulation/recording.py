@@ -735,7 +735,8 @@ class Recording:
             return self.steps.clearance.untouched(q, tuple(self.ended.log))
         from .contact_log import contacts_of
 
-        return contacts_of(self.mech, self.plan, frames, q, self.changes, self.ended.log)
+        given = self.mech, self.plan, frames, q, self.changes, tuple(self.ended.log)
+        return ContactRecord.later(lambda: contacts_of(*given))
 
     @property
     def changes(self) -> Any:
@@ -763,6 +764,8 @@ class Recording:
 
     def _oriented(self) -> int:
         """How many frames have orientations: what blows up may end in a state without any."""
+        if self.ended.ok:
+            return self.done
         for n in range(self.done, 0, -1):
             with suppress(InputError):
                 positions(self.mech.packed, self.out.q[n - 1 : n])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from functools import cache
 
 import numpy as np
@@ -27,6 +29,26 @@ def test_pieces_make_the_run():
     assert run.t[[0, -1]] == pytest.approx([0.0, 1.0])
     assert run.q[-1] == pytest.approx(whole.q[-1], abs=1e-4)  # impulses start anew a piece
     assert set(run.phases) == set(whole.phases)
+
+
+def test_what_a_piece_tells_of_contacts_does_not_depend_on_when_it_is_read():
+    """It is made when first read, also by a copy; the steps in between leave it as it is."""
+    both = []
+    for read_at_once in (True, False):
+        walk = pg.Walk(mechanism(), "trot")
+        made = []
+        for _ in range(3):
+            made.append(walk.step(0.2))
+            assert not read_at_once or len(made[-1].contacts.events) >= 0
+        both.append(made)
+    for early, late in zip(*both, strict=True):
+        for found in (pickle.loads(pickle.dumps(late)), copy.deepcopy(late), late):
+            assert found == early
+            with pytest.raises(ValueError, match="read-only"):
+                next(iter(found.contacts.force.values()))[0] = 1.0
+    assert any(part.contacts.events for part in both[1])
+    with pytest.raises(AttributeError, match="no 'forces'"):
+        _ = both[1][0].contacts.forces  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_the_same_changes_give_the_same_bits():
