@@ -1,14 +1,16 @@
 """How soon a live run obeys a person: `python -m benchmarks.live [--seconds 60] [--busy 2]`.
 
 A page in headless Chromium with software GL walks the quadruped, while `busy` processes that only
-count keep the processor at its limit. Push and Stop are pressed with the mouse; each is timed from
-the browser's own time of the press to the moment when the server has obeyed, and to the first
-picture on the page of a motion after it.
+count keep the processor at its limit: once long, then in `stops` short walks. Push and Stop are
+pressed with the mouse; each is timed from the browser's own time of the press to the moment when
+the server has obeyed, and to what the page shows of it: the first picture of a motion after a push,
+the button that offers another walk after a stop.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import statistics
 import subprocess
 import sys
@@ -16,7 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import pgraph_core as pg
 import pgraph_models
@@ -28,15 +30,18 @@ from pgraph_app.gait.update import Push, Walk
 from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server, serve
 
+SHORT = 3.0  # [s] of the walks after the first
 VIEWPORT = {"width": 1280, "height": 800}
 LISTEN = """() => {
     const now = () => performance.timeOrigin + performance.now();
-    window.pressed = []; window.handled = []; window.shown = [];
+    window.pressed = []; window.handled = []; window.shown = []; window.ended = [];
     document.addEventListener("click", (event) => {
         pressed.push(performance.timeOrigin + event.timeStamp);
         handled.push(now());
     }, true);
     pgraph.on("time", (moment) => shown.push([now(), moment[0]]));
+    let going = true;
+    pgraph.on("gait", (data) => { if (going && !data.live) ended.push(now()); going = data.live; });
 }"""
 DISTANCE = """() => {
     const camera = pgraph.viser.controls(), at = camera.camera.position.clone(), to = at.clone();
@@ -58,18 +63,26 @@ def busy(n: int) -> Iterator[None]:
             one.kill()
 
 
+class Moment(NamedTuple):
+    """When the server obeyed a press [ms since 1970], and the time of the motion by then [s]."""
+
+    at: float
+    motion: float
+    push: bool
+
+
 class Obeyed:
-    """When the server obeyed each press [ms since 1970], and the time of the motion by then [s]."""
+    """When the server obeyed each press."""
 
     def __init__(self, server: Server):
-        self.at: list[tuple[float, float]] = []
+        self.at: list[Moment] = []
         self._update = server.store._update
         server.store._update = self
 
     def __call__(self, state: State, event: Event) -> State:
         after = self._update(state, event)
         if isinstance(event, (Push, StopLive)):
-            self.at.append((1e3 * time.time(), state.t_end))
+            self.at.append(Moment(1e3 * time.time(), state.t_end, isinstance(event, Push)))
         return after
 
 
@@ -93,51 +106,72 @@ def said(what: str, times: list[float]) -> str:
     return f"{what}: {statistics.median(times):.0f} ms (median), {max(times):.0f} ms (worst)"
 
 
-def measured(server: Server, page: Any, seconds: float) -> Iterator[str]:
-    """Walk, push every half second, stop; a line for each figure."""
-    store, obeyed, most, apart = server.store, Obeyed(server), [0], []
+def walk(server: Server, page: Any, seconds: float, obeyed: Obeyed, apart: list[float]) -> float:
+    """A walk, pushed every half second, then stopped: its pace."""
+    store, begun = server.store, len(obeyed.at)
+    (client,) = store.state.clients
+    until(lambda: store.state.live is None)
+    store.send(Walk(client))
+    until(lambda: store.state.going is not None and store.state.t_end > 1.0)
+    page.wait_for_function("pgraph.latest.gait.live")
+    end, k, pace = time.monotonic() + seconds, 0, 0.0
+    while time.monotonic() < end and (live := store.state.going) is not None:
+        press(page, f"button.push >> nth={k % 2}")
+        until(lambda k=k: len(obeyed.at) > begun + k)
+        apart.append(page.evaluate(DISTANCE))
+        time.sleep(0.5)
+        k, pace = k + 1, live.pace
+    press(page, "button.walk-on")
+    until(lambda: store.state.going is None and len(obeyed.at) > begun + k)
+    page.wait_for_function("!pgraph.latest.gait.live")
+    return pace
+
+
+def measured(server: Server, page: Any, seconds: float, stops: int) -> Iterator[str]:
+    """A long walk, then short ones; a line for each figure."""
+    store, obeyed, most, apart = server.store, Obeyed(server), [0], list[float]()
 
     def look() -> None:
-        while store.state.live is not None:
+        while True:
             most[0] = max(most[0], store.waiting)
             time.sleep(0.005)
 
     page.evaluate("pgraph.front('Gait')")
     page.wait_for_selector("button.push")
-    (client,) = store.state.clients
-    store.send(Walk(client))
-    until(lambda: store.state.live is not None and store.state.t_end > 1.0)
     page.evaluate(LISTEN)
     threading.Thread(target=look, daemon=True).start()
-    end, k = time.monotonic() + seconds, 0
-    while time.monotonic() < end and store.state.live is not None:
-        press(page, f"button.push >> nth={k % 2}")
-        until(lambda k=k: len(obeyed.at) > k)
-        apart.append(page.evaluate(DISTANCE))
-        time.sleep(0.5)
-        k += 1
-    walked, pace = store.state.t_end, store.state.live.pace if store.state.live else 0.0
-    press(page, "button.walk-on")
-    until(lambda: store.state.live is None)
-    pressed, handled, shown = (page.evaluate(name) for name in ("pressed", "handled", "shown"))
-    took = [at - start for start, (at, _) in zip(pressed, obeyed.at)]
-    served = [at - start for start, (at, _) in zip(handled, obeyed.at)]
+    pace = walk(server, page, seconds, obeyed, apart)
+    walked, load = obeyed.at[-1].motion, os.getloadavg()[0]
+    for _ in range(stops):
+        walk(server, page, SHORT, obeyed, apart)
+    names = ("pressed", "handled", "shown", "ended")
+    pressed, handled, shown, ended = (page.evaluate(name) for name in names)
+    every = list(zip(pressed, handled, obeyed.at))
+    pushes = [one for one in every if one[2].push]
+    halts = [one for one in every if not one[2].push]
     seen = [
-        next((at - start for at, t in shown if at > start and t > motion), None)
-        for start, (_, motion) in zip(pressed[:k], obeyed.at)
+        next((at - start for at, t in shown if at > start and t > how.motion), None)
+        for start, _, how in pushes
     ]
-    yield f"{k} pushes in {walked:.0f} s of walk, pace {pace:.2f}; events waiting at most {most[0]}"
-    yield said("push, from the press to obeyed", took[:k])
-    yield said("push, from the page's script to obeyed", served[:k])
+    yield (
+        f"{len(pushes)} pushes, the first walk {walked:.0f} s long, pace {pace:.2f}, "
+        f"load {load:.1f}; events waiting at most {most[0]}"
+    )
+    for what, some in (("push", pushes), ("stop", halts)):
+        yield said(f"{what}, from the press to obeyed", [how.at - start for start, _, how in some])
+        served = [how.at - start for _, start, how in some]
+        yield said(f"{what}, from the page's script to obeyed", served)
     yield said("push, from the press to its picture", [s for s in seen if s is not None])
-    yield said("stop, from the press to obeyed", took[k : k + 1])
-    yield said("stop, from the page's script to obeyed", served[k : k + 1])
+    told = [min(at for at in ended if at > start) - start for start, _, _ in halts]
+    yield said("stop, from the press to the page that says so", told)
+    yield f"  of the long walk: obeyed {halts[0][2].at - halts[0][0]:.0f}, said {told[0]:.0f} ms"
     yield f"camera: distance kept to {(max(apart) - min(apart)) / statistics.median(apart):.1e}"
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seconds", type=float, default=60.0)
+    options.add_argument("--stops", type=int, default=10, help="short walks after the long one")
     options.add_argument("--busy", type=int, default=2, help="processes that only count")
     given = options.parse_args()
     from playwright.sync_api import sync_playwright
@@ -153,7 +187,7 @@ def main() -> None:
         page.wait_for_selector("table.bodies tr[data-name]")
         until(lambda: server.store.state.kernels.ready)
         with busy(given.busy):
-            for line in measured(server, page, given.seconds):
+            for line in measured(server, page, given.seconds, given.stops):
                 print(line, flush=True)
         browser.close()
     server.stop()

@@ -165,7 +165,7 @@ def showing(
     live = state.live and _live_on(state.live, state.model, model)
     return replace(
         state,
-        last_run=state.last_run and _run_on(state.last_run, state.model, model),
+        last_run=state.last_run and run_on(state.last_run, state.model, model),
         live=live,
         model=model,
         rows=rows,
@@ -178,7 +178,7 @@ def showing(
     )
 
 
-def _run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
+def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
     """A run of the old model as one of the new, if an edit changed names or looks only."""
     if run.model is not old or not _same_motion(old, new):
         return run

@@ -161,6 +161,11 @@ class State:
         return posed if posed.time == self.playback.time else None
 
     @property
+    def going(self) -> Live | None:
+        """The live run, unless it was stopped."""
+        return None if self.live is None or self.live.over else self.live
+
+    @property
     def run(self) -> Run | None:
         """The run to play: the live one's part at this time, else the last of this model."""
         if self.live is not None:

@@ -55,7 +55,7 @@ def simulate(state: State, event: Simulate) -> State:
 
 @on(Continue)
 def go_on(state: State, event: Continue) -> State:
-    if not idle(state) or state.run is None:
+    if not idle(state) or state.live is not None or state.run is None:
         return state
     return asked(state, state.run.result, set_gait(state))
 
@@ -119,10 +119,10 @@ def settled(state: State, walking: Walking) -> State:
     if offer is not None and state.kernels.ready:
         checked(state.model, offer)
     state = replace(state, walking=walking)
-    if state.live is not None and offer is not None:
+    if state.going is not None and offer is not None:
         request = requested(state.model, offer)
-        if request != state.live.request:
-            state = replace(state, live=replace(state.live, request=request))
+        if request != state.going.request:
+            state = replace(state, live=replace(state.going, request=request))
     return state
 
 
@@ -137,13 +137,13 @@ class SetGround(FromPage):
 
 @on_typed(SetGround)
 def ground_set(state: State, event: SetGround) -> State:
-    if state.live is not None and event.field in ("slope", "steps"):
+    if state.going is not None and event.field in ("slope", "steps"):
         raise Refusal(f"{NAMES[event.field]} is set before a walk: stop this one first.")
     law = event.field == "law"
     value = event.text if law else cells.named_number(NAMES[event.field], event.text)
     model = grounded(state.model, event.field, value)
     state = with_model(state, model, f"{event.field} of the ground", event.client)
-    live, offer = state.live, offered(model, state.walking)
+    live, offer = state.going, offered(model, state.walking)
     if live is not None and offer is not None and event.field == "law":
         state = replace(state, live=replace(live, request=requested(model, offer)))
     return state
@@ -158,7 +158,7 @@ class Push(FromPage):
 
 @on(Push)
 def push(state: State, event: Push) -> State:
-    if state.live is None:
+    if state.going is None:
         return state
     page = state.clients.get(event.client)
     body = (page.selection if page is not None else None) or ""

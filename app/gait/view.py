@@ -53,7 +53,7 @@ class GaitView:
     def render(self, old: State, new: State) -> None:
         self._place(has_feet(new.model))
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        changed = changed or (old.live is None) != (new.live is None)
+        changed = changed or (old.going is None) != (new.going is None)
         clients = audience(old, new, changed)
         payload = gait(new) if clients else {}
         for client in clients:
@@ -88,7 +88,7 @@ def gait(state: State) -> Payload:
         "steps": step_height(model),
         "law": law(model),
         "laws": [[name, text] for name, (text, _, _) in LAWS.items()],
-        "live": state.live is not None,
+        "live": state.going is not None,
         "busy": state.job is not None,
         "problem": "" if state.run is not None else state.run_problem,  # else it is told there
     }
@@ -146,7 +146,7 @@ WINDOW = 60.0  # [s] of motion that a live run sends
 
 
 class PhasesView:
-    """Sends all of a run that is over or paused, the last seconds of a live one."""
+    """Sends all of a run that is kept or paused, the last seconds of a live one."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -155,7 +155,8 @@ class PhasesView:
         self._told: object = None  # what everybody has
 
     def render(self, old: State, new: State) -> None:
-        falls, running = new.falls, new.live is not None and new.live.running
+        live = new.live
+        falls, running = new.falls, live is not None and (live.running or live.over)
         key = (id(falls), running)
         due = key != self._told
         if due and running and time.monotonic() - self._sent < OFTEN:

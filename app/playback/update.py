@@ -20,8 +20,8 @@ class Play(FromPage):
 
 @on(Play)
 def play(state: State, event: Play) -> State:
-    if state.live is not None:
-        return at_its_end(state, replace(state.live, running=True))
+    if state.going is not None:
+        return at_its_end(state, replace(state.going, running=True))
     if state.t_end <= state.t_start:
         return state
     again = state.playback.time >= state.t_end
@@ -35,8 +35,8 @@ class Pause(FromPage):
 
 @on(Pause)
 def pause(state: State, event: Pause) -> State:
-    if state.live is not None:
-        return replace(state, live=replace(state.live, running=False))
+    if state.going is not None:
+        return replace(state, live=replace(state.going, running=False))
     return _at(state, state.playback.time, False) if state.playback.moves else state
 
 
@@ -50,7 +50,7 @@ class Scrub(FromPage):
 
 @on(Scrub)
 def scrub(state: State, event: Scrub) -> State:
-    if state.live is None and state.t_end <= state.t_start:
+    if state.going is None and state.t_end <= state.t_start:
         return state
     state = _held(state)
     time = min(max(event.time, state.t_start), state.t_end)
@@ -133,5 +133,5 @@ def _at(state: State, time: float, playing: bool) -> State:
 
 def _held(state: State) -> State:
     """A live run waits while one looks back."""
-    live = state.live
+    live = state.going
     return state if live is None else replace(state, live=replace(live, running=False))

@@ -27,7 +27,7 @@ class PlaybackView:
 
 def settings(state: State) -> tuple[object, ...]:
     """What changes seldom: everything but the time, and the end of a run that grows."""
-    live = state.live
+    live = state.going
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
     waits = state.job is None, state.earlier is None, not state.model.bodies
     return replace(state.playback, time=0.0), span, waits
@@ -40,7 +40,7 @@ def moment(state: State) -> tuple[float, float, float]:
 
 def playback(state: State) -> Payload:
     """Everything the bar shows."""
-    p, live = state.playback, state.live
+    p, live = state.playback, state.going
     hint = "Play simulates first: nothing has been computed yet."
     if not state.model.bodies:
         hint = "There is no body yet: add one to the table."

@@ -81,6 +81,7 @@ class Live:
     taken: int = 0  # parts so far
     pace: float = 1.0  # its speed over the one asked for
     falls: tuple[Change, ...] = ()  # what its feet did
+    over: bool = False  # stopped: its parts are shown until they are joined
 
     def part_at(self, time: float) -> Any:
         """The part that holds `time`, else the last."""

@@ -23,7 +23,7 @@ from ..gait import Walking
 from ..gait.walker import LYING, Walker, gait_of
 from ..pose.solving import pull_force
 from ..pose.update import Pull
-from ..run.update import Advanced, Stuck
+from ..run.update import Advanced, Joined, Stuck, joined
 from . import FREE_RUN
 
 PICTURES = 60  # a second
@@ -39,22 +39,35 @@ class LiveRunner:
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
         self._state: State | None = None
-        self._running = 0  # id of the live run that was started last
+        self._running = self._over = 0  # ids of the live runs that were started and joined last
 
     def render(self, old: State, new: State) -> None:
         self._state = new
         live = new.live
-        if live is not None and live.id != self._running:
+        if live is None:
+            return
+        if live.over and live.id != self._over:
+            self._over = live.id
+            _begin(self._join, new)
+        elif live.id != self._running and not live.over:
             self._running = live.id
-            args = (live.id,)
-            threading.Thread(target=self._run, args=args, name="pgraph-live", daemon=True).start()
+            _begin(self._run, live.id)
 
     def _wanted(self, id: int) -> tuple[State, Live] | None:
-        """The state, as long as this live run is in it."""
+        """The state, as long as this live run goes on in it."""
         state = self._state
-        if state is None or state.live is None or state.live.id != id:
+        if state is None or state.going is None or state.going.id != id:
             return None
-        return state, state.live
+        return state, state.going
+
+    def _join(self, state: State) -> None:
+        assert state.live is not None
+        try:
+            found = joined(state)
+            _ = found.run and found.run.usual_force  # what views read first
+        except Exception as error:  # said on the page: the session goes on
+            found = Joined(state.live.id, None, problem=f"The live run is lost: {error!r}")
+        self._send(found)
 
     def _run(self, id: int) -> None:
         motion, clock, ends = Motion(), Clock(), deque[float]()
@@ -87,6 +100,10 @@ class LiveRunner:
             if (over := motion.over(part)) is not None:
                 self._send(Stuck(id, over))
                 return
+
+
+def _begin(work: Callable[[Any], None], of: Any) -> None:
+    threading.Thread(target=work, args=(of,), name="pgraph-live", daemon=True).start()
 
 
 class Clock:

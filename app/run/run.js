@@ -70,7 +70,8 @@
       progress($(".kernels progress"), data.kernels.fraction);
     }
     for (const act of ["simulate", "live"]) $(`.start .${act}`).disabled = data.empty;
-    $(".start").hidden = data.job !== null || data.live !== null;
+    const over = data.live !== null && data.live.running === undefined; // stopped, and being joined
+    $(".start").hidden = data.job !== null || (data.live !== null && !over);
     $(".job").hidden = data.job === null;
     if (data.job) {
       progress($(".job progress"), data.job.fraction);
@@ -79,7 +80,8 @@
     $(".lively").hidden = data.live === null;
     if (data.live) {
       $(".lively .said").textContent = data.live.text;
-      $(".lively .dot").classList.toggle("on", data.live.running);
+      $(".lively .dot").classList.toggle("on", data.live.running === true);
+      $(".lively .stop").hidden = over;
     }
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;

@@ -10,6 +10,7 @@ from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core import cells
 from ..core.cells import Refusal
+from ..core.edit import run_on
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State
 from ..gait import changes, since
@@ -81,7 +82,7 @@ def _value(field: str, text: str) -> float | str | None:
 
 def idle(state: State) -> bool:
     """Whether nothing is being simulated."""
-    return state.job is None and state.live is None
+    return state.job is None and state.going is None
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,8 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)
             return replace(
-                state, job=None, last_run=run, run_framed=job.framed, playback=playback,
-                run_problem=problem,
+                state, job=None, live=None, last_run=run, run_framed=job.framed,
+                playback=playback, run_problem=problem,
             )  # fmt: skip
 
 
@@ -236,9 +237,9 @@ class Advanced(Event):
 
 @on_news("live", Advanced)
 def advanced(state: State, event: Advanced, live: Live) -> State:
-    """The live run with one more part, unless the part is empty or of other bodies."""
+    """The live run with one more part, unless it is over, or the part empty or of other bodies."""
     part = event.part
-    if tuple(part.mechanism.names) != state.derived.names or not len(part.t):
+    if live.over or tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state
     parts, joined = grown(live, part)
     live = replace(
@@ -281,7 +282,7 @@ class Stuck(Event):
 
 @on_news("live", Stuck)
 def stuck(state: State, event: Stuck, live: Live) -> State:
-    return replace(stopped(state), run_problem=event.text)
+    return state if live.over else replace(stopped(state), run_problem=event.text)
 
 
 @dataclass(frozen=True)
@@ -295,10 +296,35 @@ def stop_live(state: State, event: StopLive) -> State:
 
 
 def stopped(state: State) -> State:
-    """Without a live run: what it computed is a run like any other."""
+    """The live run is over at once: `joined` tells of it as one, which takes a moment."""
+    live = state.going
+    if live is None:
+        return state
+    return replace(state, live=replace(live, running=False, over=True) if live.parts else None)
+
+
+@dataclass(frozen=True)
+class Joined(Event):
+    """What a live run that is over computed is a run like any other."""
+
+    id: int  # of the live run
+    run: Run | None
+    framed: int = 0  # `State.framed` when it was stopped
+    problem: str = ""  # why there is no run
+
+
+def joined(state: State) -> Joined:
+    """The run of a live run that has just been stopped."""
     live = state.live
-    if live is None or not live.parts:
-        return replace(state, live=None)
+    assert live is not None
     walked = tuple(since(live.falls, state.t_start))  # seconds of work after a long run
     run = Run(state.model, live.request, pg.joined(live.parts), walked)
-    return replace(state, live=None, last_run=run, run_framed=state.framed)
+    return Joined(live.id, run, state.framed)
+
+
+@on_news("live", Joined)
+def kept(state: State, event: Joined, live: Live) -> State:
+    if event.run is None:
+        return replace(state, live=None, run_problem=event.problem)
+    run = run_on(event.run, event.run.model, state.model)
+    return replace(state, live=None, last_run=run, run_framed=event.framed)

@@ -92,7 +92,7 @@ class SceneView:
 
     def _pulled(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
         """A drag on a body: its grip is fixed where the drag begins, in the body's axes."""
-        if self._state is None or self._state.live is None or number > len(self._names):
+        if self._state is None or self._state.going is None or number > len(self._names):
             return  # only what moves can be pulled
         positions, wxyz = poses(self._state)
         if event.phase == "start" or client not in self._grips:

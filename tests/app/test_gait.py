@@ -24,7 +24,7 @@ from pgraph_app.model.update import OpenText, Undo
 from pgraph_app.playback.update import Scrub
 from pgraph_app.run import view
 from pgraph_app.run.live import Motion, Seam
-from pgraph_app.run.update import Advanced, GoLive, SetScenario, Simulate, StopLive, Stuck
+from pgraph_app.run.update import Advanced, GoLive, SetScenario, Simulate, StopLive, Stuck, joined
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
@@ -56,7 +56,8 @@ def walked(state: State, motion: Motion, seconds: float) -> Any:
         state = after(state, Advanced(state.live.id, part, 1.0))
         if (over := motion.over(part)) is not None:
             assert state.live is not None
-            return after(state, Stuck(state.live.id, over))
+            state = after(state, Stuck(state.live.id, over))
+            return update(state, joined(state))
     return state
 
 
@@ -65,7 +66,8 @@ def trotted() -> Any:
     """A second of the trot, a change of speed, a second more; over."""
     state = walked(after(ready(), Walk(ME)), motion := Motion(), 1.0)
     state = walked(after(state, SetWalk(ME, 1, "speed", "0.9")), motion, 1.0)
-    return after(state, StopLive(ME))
+    state = after(state, StopLive(ME))
+    return update(state, joined(state))
 
 
 def test_walk_goes_live_with_the_scenario_of_the_gait():

@@ -17,7 +17,7 @@ from pgraph_app.core.state import Kernels, State, initial, poses
 from pgraph_app.core.store import Store
 from pgraph_app.features import update
 from pgraph_app.gait.update import Push
-from pgraph_app.model.update import Edit, Undo
+from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Play, Scrub, StepFrames
 from pgraph_app.pose.update import Pull, UsePose
 from pgraph_app.run.live import Clock, LiveRunner, Motion
@@ -31,7 +31,9 @@ from pgraph_app.run.update import (
     Simulated,
     StopLive,
     Stuck,
+    joined,
 )
+from pgraph_app.run.view import run
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import AddBody
 
@@ -68,6 +70,12 @@ def grown(state: State, found: list[pg.Result]) -> State:
     return after(state, *(Advanced(state.live.id, part, 1.0) for part in found))
 
 
+def stopped(state: State, *meanwhile: Event) -> State:
+    """A live run stopped, what happens while its parts are joined, and then joined."""
+    over = after(state, StopLive(ME))
+    return after(over, *meanwhile, joined(over))
+
+
 def test_a_live_run_shows_its_newest_time(live):
     state = grown(live, parts(live, 3))
     assert state.playback.time == pytest.approx(3 * STEP)
@@ -88,7 +96,7 @@ def test_looking_back_pauses_it_and_play_goes_on(live):
 
 
 def test_stopped_it_is_a_run_like_any_other(live):
-    state = after(grown(live, parts(live, 5)), StopLive(ME))
+    state = stopped(grown(live, parts(live, 5)))
     assert state.live is None
     assert state.run.result.t[-1] == pytest.approx(5 * STEP)
     assert np.all(np.diff(state.run.result.t) > 0)
@@ -128,7 +136,51 @@ def test_what_stops_it_is_said_and_what_was_computed_is_kept(live):
     state = grown(live, parts(live, 2))
     state = after(state, Stuck(state.live.id, "The live run stopped: no."))
     assert state.run_problem == "The live run stopped: no."
-    assert state.run is not None
+    assert update(state, joined(state)).last_run is not None
+
+
+def test_stop_acts_before_the_parts_are_joined(live):
+    """What was computed stays in view and plays; another run may be asked for at once."""
+    state = grown(live, found := parts(live, 4))
+    over = after(state, StopLive(ME))
+    assert over.going is None
+    assert over.run.result is found[-1]
+    assert update(over, Advanced(over.live.id, parts(state, 1)[0], 1.0)) is over
+    assert after(over, Play(ME)).playback.playing
+    assert after(over, StepFrames(ME, -1)).playback.time < over.playback.time
+    assert run(over)["live"]["text"].startswith("stopped at 0.0 s")
+    again = stopped(state, GoLive(ME))
+    assert again.going is not None
+    assert again.going.id != over.live.id
+    assert after(over, Simulate(ME)).job is not None
+    assert stopped(state, Simulate(ME)).last_run is not None
+    newer = pg.simulate(pg.Mechanism(state.model), t_end=0.2)
+    shown = stopped(state, Simulate(ME), Simulated(over.jobs + 1, newer))
+    assert shown.last_run.result is newer  # what came first is not shown over it
+
+
+def test_an_edit_right_after_stop_leaves_the_run_of_the_model_before_it(live):
+    state = grown(live, parts(live, 3))
+    named = stopped(state, Edit(ME, 1, "2", "name", (), "tip"))
+    assert named.run.result.mechanism.names[1] == "tip"
+    heavier = stopped(state, Edit(ME, 1, "2", "mass", (), "3"))
+    assert heavier.run is None
+    assert heavier.earlier.model is state.model
+    longer = stopped(state, AddBody(ME, "2"))
+    assert longer.earlier.model is state.model
+    other = stopped(state, OpenText(ME, "other", pg.Model.serial(3).to_json()))
+    assert (other.run, other.earlier) == (None, None)
+
+
+def test_a_run_whose_parts_do_not_join_says_so(live):
+    first, _, third = parts(live, 3)
+    over, told = after(grown(live, [first, third]), StopLive(ME)), list[Event]()
+    runner = LiveRunner(told.append)
+    runner.render(over, over)
+    until(lambda: told, "the runner's word")
+    state = update(over, told[0])
+    assert state.live is None
+    assert "a run from 0.02 s after one to 0.01 s" in state.run_problem
 
 
 def test_parts_of_a_run_that_is_over_are_dropped(live):
@@ -163,6 +215,7 @@ def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
         wait(lambda: mass() == 7)
     finally:
         send(StopLive(ME))
+    wait(lambda: state.live is None)
     assert isinstance(state.run.result, pg.Result)
     wait(lambda: not any(thread.name == "pgraph-live" for thread in threading.enumerate()))
 
@@ -297,6 +350,6 @@ def test_a_long_live_run_keeps_few_parts_and_loses_no_frame(live):
         state = update(state, Advanced(state.live.id, part, 1.0))
     assert len(state.live.parts) <= 1 + 2 * 31
     assert state.live.part_at(0.01).t[0] <= 0.01
-    run = after(state, StopLive(ME)).run.result
+    run = stopped(state).run.result
     assert set(np.round(ends, 9)) <= set(np.round(run.t, 9))
     assert np.all(np.diff(run.t) > 0)
