@@ -46,7 +46,19 @@ window.pgraph = (() => {
     if (!there) { setTimeout(unveil, 50); return; }
     loading.classList.add("over");
     setTimeout(() => loading.remove(), 300);
+    shorten();
     watchView(); // what stands now covers more of the 3D view
+  }
+
+  // viser's notice on software GL lies over the 3D view until it is closed: ours is short, goes by
+  // itself, and is shown once in a browser.
+  function shorten(patience = 40) {
+    const notice = [...document.querySelectorAll(".mantine-Notification-root")].find((el) => el.textContent.startsWith("Software WebGL"));
+    if (!notice) { if (patience) setTimeout(shorten, 250, patience - 1); return; }
+    notice.querySelector("button")?.click();
+    if (pgraph.choices.get().slow) return;
+    pgraph.choices.set({ slow: true });
+    pgraph.toast("This browser draws without the graphics card: the 3D view is slow. Its settings have a switch for hardware acceleration.", true);
   }
 
   // A picture has been seen, or nobody looks: the next may come.

@@ -15,6 +15,7 @@
     canvas.addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
     host.replaceChildren(make("div", { className: "feet", hidden: true }, make("div", { className: "names" }), canvas), make("div", { className: "phase-legend muted", hidden: true }));
     new ResizeObserver(() => paint(host)).observe(canvas);
+    new ResizeObserver(() => scrolls(host)).observe(host.firstChild); // its height follows the window's
   }
 
   // The bars have the scale of the slider above them.
@@ -41,9 +42,13 @@
       const order = [3, 0, 1, 2].filter((k) => data.phases[k]);
       legend.replaceChildren(...order.map((k) => make("span", {}, swatch(k), data.phases[k])), make("span", { className: "all" }));
     }
-    const hidden = feet.scrollHeight > feet.clientHeight + GAP;
-    legend.lastChild.textContent = hidden ? `${data.feet.length} contacts: scroll` : "";
-    paint(host);
+    paint(host); // which gives the bars their height
+    scrolls(host);
+  }
+  function scrolls(host) {
+    const feet = host.querySelector(".feet"), hidden = feet.scrollHeight > feet.clientHeight + GAP;
+    const all = host.querySelector(".phase-legend .all");
+    if (all) all.textContent = hidden ? `${feet.querySelectorAll(".names > *").length} contacts: scroll` : "";
   }
   function swatch(k) {
     const chip = make("span", { className: "chip" });

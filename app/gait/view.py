@@ -24,7 +24,6 @@ from . import (
     offered,
     offers,
     prints,
-    since,
     step_height,
     turns,
     why_not,
@@ -153,6 +152,7 @@ class PhasesView:
         bridge.host("phases")
         self._sent = 0.0  # when a picture of the live run was sent
         self._told: object = None  # what everybody has
+        self._window = Window()
 
     def render(self, old: State, new: State) -> None:
         live = new.live
@@ -166,17 +166,36 @@ class PhasesView:
             return
         if due:
             self._told, self._sent, self._kept = key, time.monotonic(), falls
-        payload = phases(falls, new, running)
+        payload = phases(falls, new, self._window if running else None)
         for client in clients:
             self._bridge.send(client, "phases", payload)
 
 
-def phases(falls: tuple[Change, ...], state: State, running: bool) -> Payload:
-    """Feet, and the changes of each as [foot, time, phase]."""
-    start = max(state.t_start, state.t_end - WINDOW) if running else state.t_start
-    feet = list(dict.fromkeys(change.foot for change in falls))
+class Window:
+    """Changes of the last seconds of a run that grows: only what is new is gone through."""
+
+    def __init__(self) -> None:
+        self._first: Change | None = None
+        self._left = 0  # how many are before the window
+        self._last: dict[str, Change] = {}  # the last of each foot that are
+
+    def of(self, falls: tuple[Change, ...], start: float) -> list[Change]:
+        """Changes after `start`, and of each foot the last one before."""
+        if not falls or falls[0] is not self._first:  # another run, or its beginning was dropped
+            self._first, self._left, self._last = falls[0] if falls else None, 0, {}
+        while self._left < len(falls) and falls[self._left].t <= start:
+            change = falls[self._left]
+            self._last[change.foot] = change
+            self._left += 1
+        return [*self._last.values(), *falls[self._left :]]
+
+
+def phases(falls: tuple[Change, ...], state: State, window: Window | None = None) -> Payload:
+    """Feet, and the changes of each as [foot, time, phase]; those in a window, or all."""
+    start = max(state.t_start, state.t_end - WINDOW)
+    shown = falls if window is None else window.of(falls, start)
+    feet = list(dict.fromkeys(change.foot for change in shown))
     number = {foot: k for k, foot in enumerate(feet)}
-    shown = since(falls, start) if running else falls
     return {
         "feet": feet,
         "phases": list(PHASES),

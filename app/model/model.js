@@ -9,10 +9,11 @@
         button("open", "Open", "A built-in model or a file", () => ask(host, openQuestion)),
         button("save", "Save", "Download, or write to a file", () => ask(host, saveQuestion)),
         text("span", "spring"),
-        pgraph.pictureButton("undo", "undo", "Undo", "Undo", () => send("Undo")),
-        pgraph.pictureButton("redo", "redo", "Redo", "Redo", () => send("Redo")),
-        pgraph.pictureButton("theme", "theme", "Dark or light", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
-        button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open())),
+        make("span", { className: "group" },
+          pgraph.pictureButton("undo", "undo", "Undo", "Undo", () => send("Undo")),
+          pgraph.pictureButton("redo", "redo", "Redo", "Redo", () => send("Redo")),
+          pgraph.pictureButton("theme", "theme", "Dark or light", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
+          button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open()))),
       make("div", { className: "asked" }),
       make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));
   }

@@ -44,9 +44,10 @@ def toolbar(state: State, client: int) -> Payload:
 
 
 def gallery(state: State) -> list[tuple[str, str]]:
-    """The built-in models, with a sentence each."""
+    """The built-in models, with a sentence each; those that walk first."""
     said = pgraph_models.about()
-    return [(name, said.get(name, "")) for name in state.gallery]
+    names = sorted(state.gallery, key=lambda name: ('"gait"' not in state.gallery[name], name))
+    return [(name, said.get(name, "")) for name in names]
 
 
 class GalleryView:

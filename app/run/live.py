@@ -64,7 +64,8 @@ class LiveRunner:
         assert state.live is not None
         try:
             found = joined(state)
-            _ = found.run and found.run.usual_force  # what views read first
+            if found.run is not None:  # what views read first
+                _ = found.run.usual_force, found.run.result.body_pose
         except Exception as error:  # said on the page: the session goes on
             found = Joined(state.live.id, None, problem=f"The live run is lost: {error!r}")
         self._send(found)

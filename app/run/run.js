@@ -17,9 +17,10 @@
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
           pgraph.pressButton("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
+        make("p", { className: "muted hint", hidden: true }),
+        make("dl", { className: "summary", hidden: true }),
         make("table", { className: "compared", hidden: true }),
-        after(),
-        make("dl", { className: "summary", hidden: true })));
+        after()));
   }
 
   function settings(host) {
@@ -28,7 +29,7 @@
     const method = cells.choice(() => pgraph.latest.run.methods, edit("method"), { label: "method" });
     const number = (field, label) => cells.input(edit(field), { label, numeric: true });
     const t_end = number("t_end", "duration"), step = number("step", "step"), rtol = number("rtol", "tolerance");
-    step.placeholder = rtol.placeholder = "automatic";
+    step.placeholder = rtol.placeholder = "auto";
     host.pgraphRun = { scenario, method, t_end, step, rtol };
     const field = (label, unit, cell, help) => make("div", { className: cell.tagName === "INPUT" ? "field" : "field wide", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
@@ -83,6 +84,8 @@
       $(".lively .dot").classList.toggle("on", data.live.running === true);
       $(".lively .stop").hidden = over;
     }
+    $(".hint").hidden = data.empty || data.job !== null || data.live !== null || data.summary !== null || Boolean(data.problem);
+    $(".hint").textContent = `Simulate computes ${data.request.t_end} s of motion and plays them. Live plays without an end, while you edit, pull and push.`;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     outcome(host, data);
@@ -111,7 +114,7 @@
   }
 
   // What is read first; the rest, unless it is bad, is unfolded.
-  const FIRST = new Set(["This run is", "Status", "Method", "Error estimate", "Energy drift", "Cost"]);
+  const FIRST = new Set(["This run is", "Status", "Error estimate", "Energy drift"]);
 
   // A long list is one line until it is asked for.
   function folded(text) {

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+import numpy as np
+
 import pgraph_core as pg
 from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.show.stage import GRID
 
 from ..core import cells
 from ..core.cells import Refusal
@@ -153,10 +156,24 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)
+            first = state.last_run is None or state.run_framed != state.framed
+            if plays and first and _walks_off(state, result):
+                state = replace(state, clients={
+                    number: replace(page, follow=True) for number, page in state.clients.items()
+                })  # fmt: skip
             return replace(
                 state, job=None, live=None, last_run=run, run_framed=job.framed,
                 playback=playback, run_problem=problem,
             )  # fmt: skip
+
+
+def _walks_off(state: State, result: Any) -> bool:
+    """Whether the first body goes farther over the ground than the model is long."""
+    at = np.asarray(result.body_pose)[:, :1, :3].reshape(-1, 3)
+    up = np.asarray(GRID[state.model.up][1])
+    way = np.ptp(at - np.outer(at @ up, up), axis=0)
+    free = any(body.joint == "free" for body in state.model.bodies)
+    return free and bool(np.linalg.norm(way) > state.derived.size)
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,22 @@ from pgraph_app.core.state import Kernels, State, initial, poses
 from pgraph_app.features import update
 from pgraph_app.gait import Change, changes, has_feet, prints, since
 from pgraph_app.gait.update import SHOWN, Push, SetGait, SetGround, SetWalk, Walk
-from pgraph_app.gait.view import gait, phases
+from pgraph_app.gait.view import Window, gait, phases
 from pgraph_app.model.update import OpenText, Undo
 from pgraph_app.playback.update import Scrub
 from pgraph_app.run import view
 from pgraph_app.run.live import Motion, Seam
-from pgraph_app.run.update import Advanced, GoLive, SetScenario, Simulate, StopLive, Stuck, joined
+from pgraph_app.run.update import (
+    Advanced,
+    GoLive,
+    SetScenario,
+    Simulate,
+    Simulated,
+    StopLive,
+    Stuck,
+    joined,
+)
+from pgraph_app.run.worker import simulated
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
@@ -126,7 +136,7 @@ def test_what_the_page_shows_is_what_the_csv_says():
     state = trotted()
     head, *rows = csv.reader(io.StringIO(view.table(state.last_run).decode()))
     table = {name: [row[k] for row in rows] for k, name in enumerate(head)}
-    shown = phases(state.falls, state, running=False)
+    shown = phases(state.falls, state)
     for number, foot in enumerate(shown["feet"]):
         own = [(t, code) for k, t, code in shown["changes"] if k == number]
         counted = sum(e.contact == foot for e in state.last_run.result.events)
@@ -309,3 +319,34 @@ def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
     fastest = max(s.gait.acceleration for s in model.scenarios if s.gait is not None)
     assert np.abs(np.diff(asked)).max() <= fastest * 1.01 * PART
     assert np.ptp(asked) > 0.05
+
+
+def test_the_window_of_a_run_that_grows_is_that_of_all_its_changes():
+    """It goes through each change once, whatever is dropped at the beginning."""
+    rng = np.random.default_rng(4)
+    times = np.sort(rng.uniform(0, 100, 400))
+    every = tuple(Change(f"foot {rng.integers(4)}", t, int(rng.integers(4))) for t in times)
+    window = Window()
+    for n, dropped in ((50, 0), (50, 0), (200, 0), (330, 0), (330, 120), (400, 120)):
+        falls = every[dropped:n]
+        start = falls[-1].t - 30
+        found, plain = window.of(falls, start), since(falls, start)
+        assert sorted(found) == sorted(plain)
+        assert window.of((), 0.0) == []
+
+
+def test_the_first_run_of_what_walks_off_is_followed_by_the_camera():
+    model = ready().model.replace(scenarios=tuple(
+        s.model_copy(update={"t_end": 3.0}) for s in ready().model.scenarios if s.name == "trot"
+    ))  # fmt: skip
+    state = after(ready(), OpenText(ME, "trot", model.to_json()), Simulate(ME))
+    result = simulated(state.job, lambda _: True)
+    state = after(state, Simulated(state.job.id, result))
+    assert state.clients[ME].follow
+    again = after(state, Show(ME, "follow", False), Simulate(ME))
+    again = after(again, Simulated(again.job.id, result))
+    assert not again.clients[ME].follow  # a person's own choice stays
+    still = result.body_pose * 0 + result.body_pose[:1]
+    stays = after(ready(), OpenText(ME, "trot", model.to_json()), Simulate(ME))
+    object.__setattr__(result, "body_pose", still)
+    assert not after(stays, Simulated(stays.job.id, result)).clients[ME].follow

@@ -139,3 +139,50 @@ def test_a_zoomed_page_is_in_order(page):
     finally:
         page.keyboard.press("Escape")
         page.set_viewport_size(before)
+
+
+def test_what_viser_says_of_software_gl_is_said_once_and_goes(open_page, page):
+    """Its own notice lay over the 3D view until it was closed."""
+    fresh = page.context.browser.new_context().new_page()  # nothing was said there yet
+    theirs = ".mantine-Notification-root:has-text('Software WebGL')"
+    try:
+        fresh.add_init_script(
+            "new MutationObserver(() => { window.said ||= [...document.querySelectorAll("
+            "'.pgraph-toast')].some((one) => one.textContent.includes('graphics card')); })"
+            ".observe(document, { childList: true, subtree: true })"
+        )
+        fresh.goto(page.url)
+        fresh.wait_for_selector("table.bodies tr[data-name]")
+        until(lambda: fresh.evaluate("window.said === true"), "our words", seconds=LONG)
+        until(lambda: fresh.locator(theirs).count() == 0, "viser's notice gone", seconds=LONG)
+        fresh.reload()
+        fresh.wait_for_selector("table.bodies tr[data-name]")
+        until(
+            lambda: (
+                fresh.evaluate("pgraph.latest.toolbar !== undefined")
+                and not fresh.locator("#pgraph-loading").count()
+            ),
+            "the page again",
+        )
+        fresh.wait_for_timeout(3000)
+        until(lambda: fresh.locator(theirs).count() == 0, "no notice again", seconds=LONG)
+        assert not fresh.evaluate("window.said")
+    finally:
+        fresh.context.close()
+
+
+def test_the_outcome_is_read_without_scrolling_and_a_panel_of_one_tab_has_no_tabs(seen):
+    page = seen((1280, 800), False)
+    page.evaluate(FRAMES)
+    above = """() => {
+      const lines = [...document.querySelectorAll('.summary > dd')];
+      const panel = lines[0].closest('.mantine-ScrollArea-viewport').getBoundingClientRect();
+      const ends = lines.map((one) => one.getBoundingClientRect().bottom);
+      return lines.length >= 2 && Math.max(...ends) <= panel.bottom;
+    }"""
+    until(lambda: page.evaluate(above), "the outcome in sight", seconds=LONG)
+    alone = page.locator("[data-dock-strip]:has(> [role=tab]:only-of-type)")
+    assert alone.count() == 2
+    assert not any(one.is_visible() for one in alone.all())
+    said = page.locator(".phase-legend .all")
+    until(lambda: said.inner_text() == "", "four feet, and nothing to scroll to", seconds=LONG)
