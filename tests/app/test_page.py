@@ -363,7 +363,9 @@ def test_simulate_play_and_see_the_body_move(simulated, served):
     page = simulated
     summary = page.locator(".summary").inner_text()
     assert "Energy drift" in summary
-    assert "Cost" in summary
+    assert "Cost" not in summary  # but unfolded
+    page.locator(".summary .more > summary").click()
+    assert "Cost" in page.locator(".summary").inner_text()
     start = place(page, "/bodies/1")
     page.locator("button.play").click()
     until(lambda: place(page, "/bodies/1") != start, "the pelvis to move")
