@@ -114,7 +114,7 @@
   }
 
   // What is read first; the rest, unless it is bad, is unfolded.
-  const FIRST = new Set(["This run is", "Status", "Error estimate", "Energy drift"]);
+  const FIRST = new Set(["This run is", "Status", "Method", "Error estimate", "Energy drift"]);
 
   // A long list is one line until it is asked for.
   function folded(text) {
