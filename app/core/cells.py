@@ -320,7 +320,9 @@ def names_of(model: pg.Model, part: str) -> tuple[str, ...]:
 
 
 GONE = "The row was taken out meanwhile: what was typed for it is not taken."
-SHAPE = re.compile(r"shape_(?:(\d+|more)_)?([a-z_]+)")  # field of a shape: its number, its name
+UNLIKE = "The selected bodies have different shapes by now: select one of them."
+# Field of a shape: its number, or one for each selected body where they differ; its name.
+SHAPE = re.compile(r"shape_(?:((?:\d+|more)(?:\.(?:\d+|more))*)_)?([a-z_]+)")
 
 
 def numbers(
@@ -362,7 +364,6 @@ def by_number(
     among: Sequence[Any] = (),
 ) -> list[Payload]:  # fmt: skip
     """A form whose rows are named by their numbers in place of their places."""
-    shapes = numbers(rows, model, part, name, "shapes") if part == "bodies" else None
     for f in (f for g in groups for f in g["fields"]):
         known = numbers(rows, model, part, name, f["field"], among)
         for one in [*f["cells"], *(b["fields"] for b in f["buttons"])]:
@@ -372,12 +373,23 @@ def by_number(
         first = {c["index"][0] for c in f["cells"] if c["index"]}
         if known and len(first) == 1:
             f["row"] = first.pop()
+    return shapes_by_number(groups, rows, model, (name,)) if part == "bodies" else groups
+
+
+def shapes_by_number(
+    groups: list[Payload], rows: Rows, model: pg.Model, names: Sequence[str]
+) -> list[Payload]:
+    """A form of bodies, in which shapes are named by their numbers in place of their places."""
+    lists = [numbers(rows, model, "bodies", name, "shapes") or () for name in names]
+    for f in (f for g in groups for f in g["fields"]):
         for one in [f, *(b["fields"] for b in f["buttons"])]:
-            found = SHAPE.fullmatch(one.get("field", ""))
-            if found and shapes:
+            if (found := SHAPE.fullmatch(one.get("field", ""))) and any(lists):
                 at = int(found[1] or 0)
-                number = shapes[at] if at < len(shapes) else MORE
-                one["field"] = f"shape_{number}_{found[2]}" if number else f"shape_{found[2]}"
+                each = [str(known[at]) if at < len(known) else MORE for known in lists]
+                number = each[0] if len(set(each)) == 1 else ".".join(each)
+                one["field"] = (
+                    "shape_" + found[2] if number == "0" else f"shape_{number}_{found[2]}"
+                )
     for g in groups:
         if g["fields"][0]["field"].startswith("shape_"):
             g["id"] = g["fields"][0]["field"]
@@ -406,6 +418,8 @@ def placed(rows: Rows, model: pg.Model, chosen: str, event: Any) -> Any:
             part, name = "forces", event.name
     elif "bodies" in fields and len(event.bodies) == 1:
         part, name = "bodies", event.bodies[0]
+    elif "bodies" in fields and SHAPE.fullmatch(event.field):
+        return replace(event, field=_shape_field(rows, model, event.bodies, event.field))
     elif "part" in fields:
         part, name = event.part, event.name
     elif not {"bodies", "body"} & fields.keys():
@@ -428,13 +442,25 @@ def place_of(
 
     Raises Refusal, PgraphError.
     """
-    if part == "bodies" and (found := SHAPE.fullmatch(field)):
-        known = numbers(rows, model, part, name, "shapes") or ()
-        new = found[1] == MORE or not known
-        at = len(known) if new else _place(known, int(found[1] or 0))
-        return f"shape_{at}_{found[2]}" if at else f"shape_{found[2]}", index
+    if part == "bodies" and SHAPE.fullmatch(field):
+        return _shape_field(rows, model, (name,), field), index
     known = numbers(rows, model, part, name, field, among)
     return field, (_place(known, index[0]), *index[1:]) if known is not None and index else index
+
+
+def _shape_field(rows: Rows, model: pg.Model, names: Sequence[str], field: str) -> str:
+    """A field of a shape by its place now, which has to be the same in all these bodies."""
+    found = SHAPE.fullmatch(field)
+    assert found
+    each = (found[1] or "0").split(".")
+    places = set[int]()
+    for name, number in zip(names, each if len(each) > 1 else each * len(names)):
+        known = numbers(rows, model, "bodies", name, "shapes") or ()
+        places.add(len(known) if number == MORE or not known else _place(known, int(number)))
+    if len(places) != 1 or len(each) not in (1, len(names)):
+        raise Refusal(UNLIKE)
+    at = places.pop()
+    return f"shape_{at}_{found[2]}" if at else f"shape_{found[2]}"
 
 
 def _place(known: tuple[int, ...], number: int) -> int:

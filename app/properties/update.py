@@ -43,7 +43,10 @@ BodyField = Literal[
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
     "body_length",
 ]  # fmt: skip
-FurtherShape = Annotated[str, Field(pattern=r"^shape_([1-9]\d{0,8}|more)_[a-z_]{4,20}$")]
+SHAPE_NUMBER = r"(\d{1,9}|more)"
+FurtherShape = Annotated[
+    str, Field(pattern=rf"^shape_{SHAPE_NUMBER}(\.{SHAPE_NUMBER})*_[a-z_]{{4,20}}$")
+]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from ..core.cells import (
     group,
     merged,
     quantity_in,
+    shapes_by_number,
     shown,
 )
 from ..core.state import Client, State
@@ -86,7 +87,7 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
         "title": f"{len(bodies)} bodies" if several else known[0],
         "color": css(state.colors[number - 1]),
         "subtitle": "an edit changes all of them" if several else text,
-        "groups": merged(forms)
+        "groups": shapes_by_number(merged(forms), state.rows, state.model, known)
         if several
         else by_number(forms[0], state.rows, state.model, "bodies", known[0]),
         "display": vars(display),

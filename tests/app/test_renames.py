@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import colorsys
+import json
 from itertools import combinations
 
 import pytest
 
 import pgraph_core as pg
 from pgraph_app.constraints.update import EditPart, OpenConstraints, OpenPart
-from pgraph_app.core.events import Event
+from pgraph_app.core.events import Event, FromPage, from_page
 from pgraph_app.core.state import Reply, State, initial
 from pgraph_app.digraph.view import digraph
 from pgraph_app.features import update
 from pgraph_app.model.update import Download, Edit, NewModel, OpenText, Redo, Undo
 from pgraph_app.plots.update import Plot
 from pgraph_app.properties.update import EditBodies
+from pgraph_app.properties.view import properties
 from pgraph_app.properties.world import EditParameter, RenameParameter
 from pgraph_app.run.update import SetScenario
 from pgraph_app.scenario.update import DeleteScenario, EditScenario
@@ -204,6 +206,47 @@ def test_shapes_and_motions_follow_too():
     assert state.model.body("a").v == (0.0, 0.5)
     state = after(state, typed("axes", "0.25", 1, 0))
     assert state.model.body("a").axes[0] == (0.25, 1.0, 0.0)
+
+
+def test_shapes_of_several_bodies_are_those_that_were_seen():
+    """One person types for the second shape of two bodies; another takes out a first one."""
+    ball, box = pg.Shape(kind="sphere", radius=0.1), pg.Shape(kind="box", size=(1.0, 1.0, 1.0))
+    two = tuple(pg.Body(name=name, shapes=(box, ball)) for name in "ab")
+    bare = pg.Body(name="c")
+    start = after(initial(pg.Model(bodies=(*two, bare))), Connected(ME), Connected(OTHER))
+
+    def fields(state: State, *names: str) -> list[str]:
+        return [f["field"] for g in properties(state, names)["groups"] for f in g["fields"]]
+
+    def typed(names: str, field: str, text: str, client: int = ME) -> FromPage:
+        words = {"event": "EditBodies", "serial": 1, "bodies": [*names], "field": field}
+        return from_page(client, json.dumps({**words, "entries": [[[], text]]}))
+
+    def radii(state: State) -> list[float | None]:
+        return [shape.radius for body in state.model.bodies for shape in body.shapes]
+
+    assert "shape_1_radius" in fields(start, "a", "b")
+    both = after(start, typed("ab", "shape_1_radius", "2"))
+    assert radii(both) == [None, 2.0, None, 2.0]
+    gone = after(start, typed("a", "shape_kind", "none", OTHER))
+    late = after(gone, typed("ab", "shape_1_radius", "2"))
+    assert late.model is gone.model
+    assert late.clients[ME].reply.text.startswith("The selected bodies have different shapes by")
+    gone = after(gone, typed("b", "shape_kind", "none", OTHER))
+    assert radii(after(gone, typed("ab", "shape_1_radius", "2"))) == [2.0, 2.0]
+    only = after(start, typed("a", "shape_kind", "none", OTHER))
+    one = after(only, typed("a", "shape_more_kind", "box"), typed("a", "shape_1_radius", "3"))
+    name = next(f for f in fields(one, "a", "b") if f.endswith("_kind"))
+    assert name == "shape_1.0_kind"
+    none = after(one, typed("ab", name, "none"))
+    assert [len(body.shapes) for body in none.model.bodies] == [1, 1, 0]
+    # a body without a shape gets its first; one more goes to bodies that have as many
+    assert "shape_0.more_kind" in fields(start, "a", "c")
+    boxed = after(start, typed("ac", "shape_0.more_kind", "box"))
+    assert [len(body.shapes) for body in boxed.model.bodies] == [2, 2, 1]
+    refused = after(start, typed("ac", "shape_more_kind", "box"))
+    assert refused.model is start.model
+    assert after(start, typed("ab", "shape_0.1.1_kind", "box")).model is start.model
 
 
 def test_what_is_typed_for_a_scenario_is_not_of_the_one_chosen_meanwhile(state):
