@@ -31,7 +31,6 @@ from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server, serve
 
 SHORT = 3.0  # [s] of the walks after the first
-VIEWPORT = {"width": 1280, "height": 800}
 LISTEN = """() => {
     const now = () => performance.timeOrigin + performance.now();
     window.pressed = []; window.handled = []; window.shown = []; window.ended = [];
@@ -181,7 +180,7 @@ def main() -> None:
     print(f"{about}; {given.busy} processes that only count\n")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path(), args=list(FLAGS))
-        page = browser.new_page(viewport=VIEWPORT)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(300_000)
         page.goto(server.url)
         page.wait_for_selector("table.bodies tr[data-name]")
