@@ -60,7 +60,7 @@
     box.dataset.asked = question.name;
     const close = () => { box.replaceChildren(); box.dataset.asked = ""; };
     box.append(...question(close));
-    box.querySelector("input[type=text]")?.focus();
+    box.querySelector("input[type=text], button")?.focus(); // where Escape is heard
     box.onkeydown = (event) => { if (event.key === "Escape") close(); };
   }
 

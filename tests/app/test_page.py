@@ -309,6 +309,16 @@ def test_open_a_built_in_model(page):
     until(lambda: vector.all_inner_texts() == pgraph, "its Pgraph")
 
 
+@pytest.mark.parametrize("which", ["new", "open", "save"])
+def test_escape_closes_a_question_right_away(page, which):
+    """The one of Open has no text to type: Escape was not heard there."""
+    for _ in range(2):
+        page.locator(f"button.{which}").click()
+        page.locator(".asked:not(:empty)").wait_for()
+        page.keyboard.press("Escape")
+        until(lambda: page.locator(".asked:not(:empty)").count() == 0, "no question")
+
+
 def test_open_a_file_and_a_bad_one(page, tmp_path: Path, quadruped):
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
     good.write_text(quadruped.remove("left_femur", children="delete").to_json())
