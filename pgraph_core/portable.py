@@ -192,12 +192,37 @@ _RUN_HAS = {
     **dict.fromkeys(("compare", "diff"), "write run['knee'] - other['knee'], or run == other"),
     "metric": "write run['knee'].max(), or pg.sweep(model, {...}, 'max knee')",
 }
+_STEPPER_HAS = {
+    **dict.fromkeys(
+        ("run", "simulate", "advance"),
+        "write st.step(n=1000), or st.record_over(1.0) for a Result of one second",
+    ),
+    **dict.fromkeys(("time", "times"), "the time is st.t"),
+    **dict.fromkeys(("state", "get_state"), "the state is st.q and st.v; st.save() is all of it"),
+    **dict.fromkeys(("set_state", "set"), "write st.reset(q, v)"),
+    **dict.fromkeys(("pose", "position", "positions"), "write st.mech.pose(st.q, 'arm')"),
+}
+_BATCH_HAS = {
+    **dict.fromkeys(
+        ("run", "simulate", "advance", "record", "rollout"),
+        "write batch.step(n=1000), or batch.trace(n=1000) for q and v after each step",
+    ),
+    **dict.fromkeys(("time", "times"), "the times are batch.t"),
+    **dict.fromkeys(("state", "states", "get_state"), "the states are batch.q and batch.v"),
+    **dict.fromkeys(("set_state", "set"), "write batch.reset(q, v)"),
+    **dict.fromkeys(
+        ("energy", "energies", "pose", "positions"),
+        "declare an Output in the model and read batch.outputs",
+    ),
+}
 _PANDAS = dict.fromkeys(("to_dataframe", "to_df", "df", "dataframe"), "to_pandas()")
 # class -> names that people try: what to write
 MEANT_BY: dict[str, dict[str, str]] = {
     "Mechanism": _MECH_HAS,
     "Model": _MODEL_HAS,
     "Result": _RUN_HAS | {name: f"write run.{to}" for name, to in _PANDAS.items()},
+    "Stepper": _STEPPER_HAS,
+    "BatchStepper": _BATCH_HAS,
     "Sweep": _TABLE_HAS | {name: f"write table.{to}" for name, to in _PANDAS.items()},
 }
 

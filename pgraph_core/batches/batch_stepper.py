@@ -21,10 +21,10 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
 from ..packing import Array, Ints, System
-from ..portable import Portable, put_back, sealed, unsealed
+from ..portable import MEANT_BY, Elsewhere, Portable, put_back, sealed, unsealed
 from ..result.records import Named
 from ..simulation.recording import STATUS
-from ..simulation.stepper import AUTO, Stepper
+from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
 from .feet import FeetLanes, on_feet
 from .instances import (
     Instances,
@@ -259,6 +259,7 @@ class BatchStepper(Portable):
         return self._many.trace(_whole("n", n, 1))
 
     def _give(self, tau: Any) -> None:
+        refuse_as_torques(tau, "BatchStepper")
         given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
         self._many.given[:] = given
 
@@ -374,6 +375,10 @@ class BatchStepper(Portable):
         self.__dict__.update(state)
         self._begin()
         self.restore(snapshot)
+
+
+for _name in MEANT_BY["BatchStepper"]:
+    setattr(BatchStepper, _name, Elsewhere(_name))
 
 
 def _compiled(tau: Any, varied: bool) -> Any:

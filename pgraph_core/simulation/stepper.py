@@ -25,7 +25,7 @@ from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
+from ..portable import MEANT_BY, Elsewhere, Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
@@ -489,9 +489,7 @@ class Stepper(Portable):
 
     def _give(self, tau: Any) -> None:
         """Torques of the next steps. Raises InputError."""
-        if callable(tau):
-            text = "must be numbers; a function of (t, q, v) goes to pg.Stepper(..., tau=function)"
-            raise InputError(Problem("Stepper.step", "tau", text))
+        refuse_as_torques(tau, "Stepper")
         self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
         self._steps.control["fresh"] = 0
 
@@ -526,6 +524,21 @@ class Stepper(Portable):
         if self._record.user is not None:
             found += self._record.user.memory
         return found
+
+
+def refuse_as_torques(tau: Any, call: str) -> None:
+    """Raises InputError for what is given to `step` in place of torques: a function, a count."""
+    text = ""
+    if callable(tau):
+        text = f"must be numbers; a function of (t, q, v) goes to pg.{call}(..., tau=function)"
+    elif isinstance(tau, Integral):
+        text = f"are torques, an array; for {tau} steps write step(n={tau})"
+    if text:
+        raise InputError(Problem(f"{call}.step", "tau", text))
+
+
+for _name in MEANT_BY["Stepper"]:
+    setattr(Stepper, _name, Elsewhere(_name))
 
 
 def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:

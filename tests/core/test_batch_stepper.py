@@ -526,6 +526,21 @@ BAD = [
 ]
 
 
+@pytest.mark.parametrize("make", [pg.Stepper, lambda m: pg.BatchStepper(m, 2)])
+def test_what_people_type_first_is_answered_in_words(make):
+    """A count in place of torques, and names that other programs have."""
+    stepper = make(pendulum())
+    with pytest.raises(pg.InputError, match=r"for 100 steps write step\(n=100\)"):
+        stepper.step(100)
+    with pytest.raises(pg.InputError, match=r"tau=function"):
+        stepper.step(lambda t, q, v: -q)
+    for name, said in (("run", "n=1000"), ("time", r"\.t$"), ("set_state", r"reset\(q, v\)")):
+        with pytest.raises(AttributeError, match=said):
+            getattr(stepper, name)
+        assert not hasattr(stepper, name)
+    assert np.all(stepper.t == 0.0)
+
+
 @pytest.mark.parametrize(("call", "match"), BAD)
 def test_bad_input_is_refused_in_words(call, match: str):
     with pytest.raises(pg.InputError, match=match):
