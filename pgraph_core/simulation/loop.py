@@ -32,6 +32,7 @@ NO_EVENTS = np.zeros(0, dtype=np.int64)
 NO_LIMIT = 2**63 - 1  # of steps
 MANY = 2**62  # steps to the next frame where none is recorded
 PART = 0.25  # of a step that could not be solved: the first width that is tried
+TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
 TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps can follow
 
 
@@ -117,6 +118,15 @@ class Steps:
         else:  # saving a run costs as much as a few steps
             kept.times[:n], kept.substeps[: n - 1] = plan.times, plan.substeps
             kept.width[: n - 1] = plan.width
+
+    @property
+    def taken(self) -> int:
+        """Steps of this width since its origin."""
+        return self._words[0].item(TAKEN)
+
+    def anew(self) -> None:
+        """What acts has changed: v' of the state is to be evaluated again."""
+        self._words[0][FRESH] = 0
 
     def begin_again(self, q: Array, v: Array) -> None:
         """Start the same steps from another state: for runs in which nothing is remembered."""

@@ -260,23 +260,21 @@ class Stepper(Portable):
         """
         if type(n) is not int or n < 1:
             n = _whole(n)
-        if not self.status.ok:
+        if self.status is not Status.DONE and not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
-        if inputs is not None and not isinstance(inputs, Mapping):
-            text = f"must be a dictionary {{name: value}}; given {inputs!r:.60}"
-            raise InputError(Problem("Stepper.step", "inputs", text))
-        checked = [(name, self._checked(name, x)) for name, x in (inputs or {}).items()]
+        checked = () if inputs is None else self._all_checked(inputs)
         self._give(tau)
         for name, value in checked:
             self._put(name, value)
         if self._recording:
             self._open()
         self.__dict__["_looked"] = False
-        control, code = self._steps.control, at.RUNNING
-        end = int(control["taken"]) + n  # near stiff contacts a step is taken in parts
-        while code == at.RUNNING and (left := end - int(control["taken"])) > 0:
-            code = self._steps.advance(min(left, CHUNK))
+        steps, left, code = self._steps, n, at.RUNNING
+        end = steps.taken + n  # near stiff contacts a step is taken in parts
+        while code == at.RUNNING and left > 0:
+            code = steps.advance(min(left, CHUNK))
+            left = end - steps.taken
         if code != at.RUNNING:
             self._open()
             self._record.fail(code)
@@ -362,6 +360,13 @@ class Stepper(Portable):
         Raises InputError for a name that is not there and a value that is none of its inputs.
         """
         self._put(name, self._checked(name, value))
+
+    def _all_checked(self, inputs: Any) -> list[tuple[str, float]]:
+        """Inputs by name with their values. Raises InputError."""
+        if not isinstance(inputs, Mapping):
+            text = f"must be a dictionary {{name: value}}; given {inputs!r:.60}"
+            raise InputError(Problem("Stepper.step", "inputs", text))
+        return [(name, self._checked(name, x)) for name, x in inputs.items()]
 
     def _checked(self, name: str, value: Any) -> float:
         """A value of an input. Raises InputError."""
@@ -489,9 +494,12 @@ class Stepper(Portable):
 
     def _give(self, tau: Any) -> None:
         """Torques of the next steps. Raises InputError."""
-        refuse_as_torques(tau, "Stepper")
-        self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
-        self._steps.control["fresh"] = 0
+        given = self._own
+        if tau is not None:
+            refuse_as_torques(tau, "Stepper")
+            given = finite("tau", tau, self.mech.nv)
+        self._record.scene.given[:] = given
+        self._steps.anew()
 
     def _open(self) -> None:
         """From now on no frame is due."""
