@@ -156,6 +156,27 @@ def test_feet_in_lanes_hit_slide_and_tumble_with_the_bits_of_single_runs():
     assert hit == 4 * size
 
 
+def test_what_stands_deep_in_the_ground_comes_out_in_lanes_with_the_bits_of_single_runs():
+    """The start is inside the ground, by more and less than what is left as it is."""
+    size = LANE_WIDTH + 2
+    batch = pg.BatchStepper(tripod(), size, set={"bodies.trunk.mass": np.linspace(2, 4, size)})
+    assert isinstance(batch._many, FeetLanes)
+    batch.step(n=400)
+    deeper = np.array(batch.q)
+    deeper[:, 2] -= np.append(0.0, np.geomspace(1e-9, 3e-3, size - 1))
+    batch.reset(deeper)
+    batch.step(n=60)
+    assert batch.ok.all()
+    for i in range(size):
+        stepper = alone(tripod(), {"bodies.trunk.mass": np.linspace(2, 4, size)}, i)
+        stepper.reset(deeper[i])
+        stepper.step(n=60)
+        assert np.array_equal(batch.q[i], stepper.q)
+        assert np.array_equal(batch.v[i], stepper.v)
+        for touch, gap in stepper.contact_gap.items():
+            assert batch.contact_gap[touch][i] == gap
+
+
 @pytest.mark.parametrize("name", ["trot", "crawl", "gallop", "bound"])
 def test_gaits_in_lanes_have_the_bits_of_single_runs(name: str):
     """Pushed walks, in other phases and with other gaits; some fall. Damped joints are stiff."""

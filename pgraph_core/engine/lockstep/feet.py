@@ -6,7 +6,7 @@ from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import point_velocity
-from ..constraints.paths import GRAIN, taxicab
+from ..constraints.paths import GRAIN, spread, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
 from ..contact.sweeps import COUPLED, INNER, RIGID, SETTLED, SMALL, SOLID, TURNED, rim_step
@@ -24,7 +24,8 @@ from ..rows import (
     projected_of,
     rotation_of,
 )
-from ..stepping.moreau import DRIFT, WEIGHT
+from ..stepping.moreau import DRIFT, ENOUGH, PUSH_SWEEPS, RECOVER, WEIGHT
+from ..tree.moving import advance
 from ..vec import (
     add,
     add_cross,
@@ -58,6 +59,7 @@ from .block import (
     LIVES,
     MIDDLE,
     MISSED,
+    NEW_Q,
     NORMAL,
     ON_A,
     ON_B,
@@ -204,8 +206,7 @@ def activate(ways, b, n, h):
     points[n, SLACK] = chosen(drifts, gap / h, 0.0)
     active = both(points[n, FOUND], most(gap, near))
     points[n, ACTIVE] = active
-    deep = both(active, more(-gap, tolerated(b, i, h)))
-    lane[ALONE] = either(lane[ALONE], either(both(points[n, FOUND], hits), deep))
+    lane[ALONE] = either(lane[ALONE], both(points[n, FOUND], hits))
 
 
 @part
@@ -574,3 +575,48 @@ def effects(ways, near, b, touches):
         along, across = points[n, RATE + 1] + u[1], points[n, RATE + 2] + u[2]
         points[n, SLIP] = math.sqrt(along * along + across * across)
     x[DONE, 1] -= chosen(touches, b.lane[0, GAINED], 0.0)
+
+
+@sweep
+def push_out(rows, ways, near, b, h):
+    """As `moreau.push_out`: the state at the step's end out of deeper penetration."""
+    x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[DINV]
+    zero = 0.0 * b.lane[0, COUNT]
+    deepest, deep = zero, zero
+    for m in range(near[0]):
+        n = near[1 + m]
+        here, depth = points[n, ACTIVE], -points[n, GAP]
+        deepest = larger(deepest, chosen(here, depth, 0.0))
+        deep = either(deep, both(here, more(depth, tolerated(b, ways[n, W_SHAPE], h))))
+        points[n, TARGET] = zero  # here the impulse that pushes out
+    if not any_of(deep):
+        return
+    z = x[STEP]
+    for j in range(x.shape[1]):
+        z[j] = zero
+        x[FREED, j] = x[NEW_Q, j]
+    open_ = deep
+    for _ in range(PUSH_SWEEPS):
+        moved = zero
+        for m in range(near[0]):
+            n = near[1 + m]
+            y, lam = b.y[n], points[n, TARGET]
+            here = both(both(open_, points[n, ACTIVE]), more(own[n, 0], 0.0))
+            if not any_of(here):
+                continue
+            gap = RECOVER * (points[n, GAP] + 0.5 * tolerated(b, ways[n, W_SHAPE], h))
+            for s in range(ways[n, W_JOINTS]):
+                gap += y[3 * s] * z[joint(ways, n, s)]
+            new = chosen(here, larger(0.0, lam - gap / own[n, 0]), lam)
+            for s in range(ways[n, W_JOINTS]):
+                k = joint(ways, n, s)
+                z[k] += dinv[k] * y[3 * s] * (new - lam)
+            moved = larger(moved, abs(new - lam) * own[n, 0])
+            points[n, TARGET] = new
+        open_ = both(open_, more(moved, ENOUGH * RECOVER * deepest))
+        if not any_of(open_):
+            break
+    spread(rows, b.const, b.work, z)
+    advance(rows, x[NEW_Q], z, 1.0)
+    for j in range(x.shape[1]):
+        x[NEW_Q, j] = chosen(deep, x[NEW_Q, j], x[FREED, j])

@@ -117,6 +117,7 @@ from .feet import (
     gauss_seidel,
     only,
     own_block,
+    push_out,
     warm,
 )
 from .walk import ALL, call_walk
@@ -267,6 +268,8 @@ def finish(rows, drives, ways, near, b, h, passive):
     else:
         x[DONE, 0] += more_work
     advance(rows, x[NEW_Q], new, 0.5 * h)
+    if some:
+        push_out(rows, ways, near, b, h)
     sum_ = x[DONE, 0] + x[DONE, 1]
     for i in range(x.shape[1]):
         sum_ += x[NEW_Q, i] + new[i]
