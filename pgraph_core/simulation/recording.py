@@ -764,7 +764,7 @@ class Recording:
 
     def _oriented(self) -> int:
         """How many frames have orientations: what blows up may end in a state without any."""
-        if self.ended.ok:
+        if self.ended.ok and self.done > 1:  # a stepper has one that nobody may have recorded
             return self.done
         for n in range(self.done, 0, -1):
             with suppress(InputError):

@@ -288,3 +288,17 @@ def test_inputs_are_taken_together_or_not_at_all_and_keep_their_bounds():
             refuse()
     with pytest.raises(pg.ModelError, match="lag"):
         pg.Servo(name="slow", body="arm", kp=1.0, start=0.3)
+
+
+def test_notices_are_read_without_a_record_of_the_state():
+    """They tell of what penetrates, and ask where it does."""
+    box = pg.Body(
+        name="box", joint="free", mass=1.0, shape={"kind": "box", "size": (0.2, 0.2, 0.2)},
+        q=(0, 0, 0.07, 1, 0, 0, 0),
+    )  # fmt: skip
+    stepper = pg.Stepper(pg.Model(bodies=[box], contacts=[pg.Contact(name="sole", body="box")]))
+    stepper.step(n=3)
+    unseen = stepper.notices
+    assert any("penetrat" in text for text in unseen) or unseen == ()
+    stepper.record(5)
+    assert any("'sole' penetrated" in text for text in stepper.notices)
