@@ -17,8 +17,9 @@ from pgraph_app.model.update import OpenText, Undo
 from pgraph_app.run.update import StopLive
 from pgraph_app.scene.update import Show
 from pgraph_app.server import Server
+from pgraph_app.session.update import Select
 
-from .conftest import NOBODY, until
+from .conftest import NOBODY, caught_up, until
 
 RATE = 30  # pictures a second, in the best second: other work on the machine is let pass
 
@@ -28,7 +29,13 @@ def walker(page: Any, served: Server) -> Iterator[Any]:
     """The page with the Gait tab of the quadruped with spreading hips in front."""
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
     model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    opened = served.store.state.framed
     served.send(OpenText(NOBODY, "quadruped_hips", model.to_json()))
+    until(lambda: served.store.state.framed > opened, "the model on the server")
+    until(lambda: caught_up(page, served), "a page that shows it: what is typed before is dropped")
+    for client in served.store.state.clients:
+        served.send(Select(client, None))
+    page.wait_for_function("pgraph.latest.selection === null")
     page.get_by_role("tab", name="Gait").click()
     until(lambda: page.locator(".walk-on").is_visible(), "a gait to walk")
     yield page
