@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,8 +66,7 @@ def standing() -> pg.Model:
 
 def compiled(model: pg.Model, springs: bool) -> Any:
     """MuJoCo's model with elliptic cones, and the joints' springs where they are wanted."""
-    import mujoco
-
+    mujoco: Any = import_module("mujoco")
     found = in_mujoco.walker(model, STEP, SOLE)
     found.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     if springs:
@@ -81,9 +81,8 @@ def rollout(
     model: Any, first: np.ndarray, size: int, steps: int, torques: np.ndarray | None = None
 ) -> Callable[[], np.ndarray]:
     """Steps of many instances from one full state; (size, steps, state)."""
-    import mujoco
-    from mujoco import rollout as rollouts
-
+    mujoco: Any = import_module("mujoco")
+    rollouts: Any = import_module("mujoco.rollout")
     pool = rollouts.Rollout(nthread=THREADS)
     data = [mujoco.MjData(model) for _ in range(THREADS)]
     starts = np.repeat(first[None], size, axis=0)
@@ -102,8 +101,7 @@ def rollout(
 
 def stand(size: int, steps: int) -> Pair:
     """Both sides stand at rest before they are timed."""
-    import mujoco
-
+    mujoco: Any = import_module("mujoco")
     model = standing()
     batch = pg.BatchStepper(model, size, step=STEP, threads=THREADS)
     batch.step(n=SETTLE)
@@ -153,8 +151,7 @@ def walk(size: int, steps: int) -> Pair:
 
 def stance(size: int, steps: int) -> Pair:
     """The paper's stance: 12 rows of constraints, RK4 on both sides, torques that hold it."""
-    import mujoco
-
+    mujoco: Any = import_module("mujoco")
     state = dynamics.standing()
     batch = pg.BatchStepper(
         state.model, size, step=STEP, threads=THREADS, method="rk4", tau=state.tau
@@ -181,7 +178,7 @@ def stance(size: int, steps: int) -> Pair:
 
 def trees(size: int, steps: int) -> Pair:
     """The quadruped without contacts or constraints."""
-    place = dynamics.quadruped_tree()
+    place: Any = dynamics.quadruped_tree()
     slow = place._replace(state=place.state._replace(v=0.2 * place.state.v))
     batch = pg.BatchStepper(
         place.model, size, step=STEP, threads=THREADS, method="semi_implicit_euler"

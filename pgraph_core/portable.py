@@ -214,6 +214,10 @@ _BATCH_HAS = {
         ("energy", "energies", "pose", "positions"),
         "declare an Output in the model and read batch.outputs",
     ),
+    **dict.fromkeys(
+        ("gait", "change"),
+        "fields of the gait are given as set={'scenarios.trot.gait.speed': values}",
+    ),
 }
 _PANDAS = dict.fromkeys(("to_dataframe", "to_df", "df", "dataframe"), "to_pandas()")
 # class -> names that people try: what to write

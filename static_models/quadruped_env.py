@@ -156,8 +156,10 @@ class Walkers:
         except (TypeError, ValueError):
             given = np.array(np.nan)
         if given.shape != self.action.shape or not np.isfinite(given).all():
+            one = self.size == 1 and given.shape[:1] == (1,)  # of the environment of one robot
+            shape = given.shape[1:] if one else given.shape
             wanted = "12 finite numbers" + (f" for each of {self.size}" if self.size > 1 else "")
-            said = f"shape {given.shape}" if given.shape != self.action.shape else f"{action!r:.60}"
+            said = f"shape {shape}" if given.shape != self.action.shape else f"{action!r:.60}"
             raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}; given {said}"))
         return given
 
@@ -173,6 +175,12 @@ class Walkers:
         q, v = self.batch.q, self.batch.v
         parts = (q[:, 2:3] + HEIGHT, _up(q[:, 3:7]), v[:, 3:6], v[:, :3], q[:, 7:] - REST, v[:, 6:])
         return np.concatenate((*parts, self.action), axis=1).astype(np.float32)
+
+
+def _refuse_drawing(render_mode: Any) -> None:
+    if render_mode is not None:
+        text = f"must be None: the environment draws nothing; given {render_mode!r:.60}"
+        raise pg.InputError(pg.Problem("Quadruped", "render_mode", text))
 
 
 def _whole(variants: Any) -> int:
@@ -211,7 +219,8 @@ class QuadrupedEnv(gym.Env[Array, Array]):
     observation_space, action_space = OBSERVATION, ACTION
 
     def __init__(self, render_mode: None = None, **options: Any):
-        """`options` are those of `Walkers`."""
+        """`options` are those of `Walkers`. Raises InputError for a way of drawing."""
+        _refuse_drawing(render_mode)
         self.render_mode = render_mode
         self.walkers = Walkers(1, threads=1, **options)
 
@@ -237,8 +246,8 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
     }  # fmt: skip
 
     def __init__(self, num_envs: int = 1, max_episode_steps: int = 1000, **options: Any):
-        """`options` are those of `Walkers`."""
-        options.pop("render_mode", None)
+        """`options` are those of `Walkers`. Raises InputError for a way of drawing."""
+        _refuse_drawing(options.pop("render_mode", None))
         self.num_envs, self._most = num_envs, max_episode_steps
         self.single_observation_space, self.single_action_space = OBSERVATION, ACTION
         self.observation_space = batch_space(OBSERVATION, num_envs)

@@ -165,3 +165,13 @@ def test_a_refused_action_changes_nothing(action):
 def test_an_unknown_option_is_refused_in_words():
     with pytest.raises(pg.InputError, match="numbers"):
         many(nubmers={})
+
+
+def test_ways_of_drawing_and_actions_of_another_length_are_refused_in_words():
+    for make in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(pg.InputError, match=r"render_mode: must be None.*'human'"):
+            make("pgraph/Quadruped-v0", render_mode="human")
+    env = gymnasium.make("pgraph/Quadruped-v0").unwrapped
+    env.reset(seed=0)
+    with pytest.raises(pg.InputError, match=r"given shape \(3,\)"):
+        env.step(np.zeros(3))

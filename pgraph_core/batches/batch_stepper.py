@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..dynamics.arguments import positions
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
-from ..errors import InputError, PgraphError, Problem, choices, explained, guarded, shown
+from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
@@ -331,8 +331,7 @@ class BatchStepper(Portable):
         """Give a servo another target [rad, m], (size,) or one for all, constant until `reset`."""
         targets = self._many.targets
         if servo not in targets:
-            names = choices(tuple(targets))
-            text = f"no servo with a constant target is called {servo!r:.60}; choose one of {names}"
+            text = f"no servo with a constant target is called {servo!r:.60}; {one_of(targets)}"
             raise _refused("servo", text, "target")
         given = _table("value", value, self.size, None)
         for force in self.mech.model.forces:

@@ -560,6 +560,8 @@ def test_what_people_type_first_is_answered_in_words(make):
             getattr(stepper, name)
         assert not hasattr(stepper, name)
     assert np.all(stepper.t == 0.0)
+    with pytest.raises(pg.InputError, match=r"no servo .* 'knee'; there is none"):
+        stepper.target("knee", 0.3)
 
 
 @pytest.mark.parametrize(("call", "match"), BAD)
