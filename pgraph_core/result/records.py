@@ -79,13 +79,15 @@ class ContactRecord(EqualByFields):
         return found
 
     def __getattr__(self, name: str) -> Any:
-        if MAKE not in self.__dict__:
+        own = self.__dict__
+        if (make := own.get(MAKE)) is not None:
+            made = make()
+            made.keep_unchanged()
+            own.update(made.__dict__)
+            own.pop(MAKE, None)
+        if name not in own:  # another thread may have made it
             raise AttributeError(f"a record of contacts has no {name!r}")
-        made = self.__dict__[MAKE]()
-        made.keep_unchanged()
-        self.__dict__.update(made.__dict__)
-        self.__dict__.pop(MAKE, None)
-        return getattr(self, name)
+        return own[name]
 
     def __getstate__(self) -> dict[str, Any]:
         """Its arrays, not how they are made."""
