@@ -172,7 +172,12 @@ _PART_HAS = {
 _TABLE_HAS = dict.fromkeys(
     ("x", "y", "data", "results", "array", "metric", "metrics", "columns"),
     "columns are table['max knee'], all of them table.values",
-)
+) | {
+    **dict.fromkeys(
+        ("failures", "errors", "reasons"), "table.failed are their numbers, table.reason says why"
+    ),
+    **dict.fromkeys(("best", "argmin", "argmax"), "write table['max knee'].argmax()"),
+}
 _RUN_HAS = {
     "animate": "write run.show(), or run.to_html('run.html')",
     "animation": "write run.show(), or run.to_html('run.html')",
