@@ -85,6 +85,7 @@ MODEL = pg.Model.serial(2)
 SPRING = pg.Spring(name="s", body="1", stiffness=1.0)
 SCENARIO = pg.Scenario(name="s", q={"knee": 0.5})
 RUN = pg.simulate(MODEL, t_end=0.01, frames=3)
+SWEEP = pg.sweep(MODEL, {"bodies.2.mass": [1, 2]}, "max 2", t_end=0.01)
 
 
 def spoilt(**fields):
@@ -105,6 +106,8 @@ def spoilt(**fields):
         (lambda: MODEL.edit("2", "mass", 3.0), "the others are field=value"),
         (lambda: pg.sweep(MODEL, {"2.mass": [1, 2]}, "max 2"), "write bodies.2.mass"),
         (lambda: pg.sweep("pendulum", {"a": [1]}, "max 2"), "pg.Model.load('pendulum')"),
+        (lambda: SWEEP.failures, "table.failed are their numbers"),
+        (lambda: SWEEP.best, "table['max knee'].argmax()"),
         (lambda: pg.Spring(name="s", body="1", k=1.0), "did you mean stiffness?"),
         (lambda: SCENARIO.q.update(knee=1), "model.edit(name of the part, field={**old"),
         (lambda: SCENARIO.q.__setitem__("knee", "zz"), "'knee': is not changed in place"),
