@@ -1,4 +1,4 @@
-"""Sweep a mass and plot: how high the lower rod of a double pendulum swings.
+"""Sweep a mass and plot: the largest kinetic energy of a double pendulum over its lower mass.
 
 Run it with `python examples/16_sweep_a_mass.py`; it needs `pip install 'pgraph-dynamics[plot]'`.
 """
@@ -14,8 +14,8 @@ import pgraph_models
 
 model = pg.Model.load(pgraph_models.path("double_pendulum"))
 masses = np.linspace(0.5, 4.0, 8)
-runs = [pg.simulate(model.edit("lower", mass=mass), t_end=2.0) for mass in masses]
-highest = [run.kinetic_energy.max() for run in runs]
+sweep = pg.sweep(model, {"bodies.lower.mass": masses}, "max kinetic_energy", t_end=2.0)
+highest = sweep.values["max kinetic_energy"]
 for mass, energy in zip(masses, highest):
     print(f"{mass:.1f} kg: at most {energy:.3f} J")
 

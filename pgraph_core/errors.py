@@ -62,10 +62,12 @@ constraints: loops
 bodies: links
 """
 SYNONYMS = {  # choices by the words of other programs
-    "hinge": "revolute", "pin": "revolute", "continuous": "revolute", "ball": "spherical",
-    "fixed": "weld", "slide": "prismatic", "slider": "prismatic", "floating": "free",
-    "freejoint": "free", "rk45": "dopri5", "ode45": "dopri5", "euler": "semi_implicit_euler",
-    "radau": "radau5", "world": "ground", "base": "ground", "earth": "ground", "inertial": "ground",
+    "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
+    "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
+    "slider": ("prismatic",), "floating": ("free",), "freejoint": ("free",), "cube": ("box",),
+    "plate": ("box",), "rod": ("capsule", "distance"), "rk45": ("dopri5",), "ode45": ("dopri5",),
+    "euler": ("semi_implicit_euler",), "radau": ("radau5",), "world": ("ground",),
+    "base": ("ground",), "earth": ("ground",), "inertial": ("ground",),
 }  # fmt: skip
 MEANT: dict[str, list[str]] = {}
 for _line in _MEANT.split("\n")[1:-1]:
@@ -201,8 +203,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def synonym(name: Any, known: Iterable[str]) -> str:
     """'; did you mean revolute?' for a choice by a word of other programs, or in capitals."""
     word = name.lower() if isinstance(name, str) else ""
-    ours = SYNONYMS.get(word, word)
-    return f"; did you mean {ours}?" if ours and ours != name and ours in known else ""
+    listed = list(known)
+    ours = next((x for x in SYNONYMS.get(word, (word,)) if x in listed), "")
+    return f"; did you mean {ours}?" if ours and ours != name else ""
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:

@@ -353,6 +353,7 @@ def test_words_too_many(capsys):
     assert last.startswith(
         "pgraph: error: 'chekc' is neither a command nor a model; did you mean check?"
     )
+    assert "did you mean run?" in refused_as_usage(capsys, "simulate", "pendulum")
 
 
 @pytest.mark.parametrize("words", [("--help",), ("--version",), ("run", "--help")])

@@ -46,13 +46,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
 
 
+MEANT = {
+    "simulate": "run",
+    "sim": "run",
+    "benchmark": "bench",
+    "validate": "check",
+    "list": "models",
+}
+
+
 def _no_command(word: str, rest: Sequence[str]) -> str:
     """What a first word that names nothing may have meant; "" for a model or an option."""
     if word.startswith("-") or Path(word).suffix or os.sep in word or Path(word).exists():
         return ""
     if word in pgraph_models.names() and not (rest and not rest[0].startswith("-")):
         return ""
-    close = get_close_matches(word, [*COMMANDS, *pgraph_models.names()], n=1)
+    close = [MEANT[word]] if word in MEANT else []
+    close = close or get_close_matches(word, [*COMMANDS, *pgraph_models.names()], n=1)
     if not rest and word not in ("help", "map") and not (close and close[0] in COMMANDS):
         return ""  # a model that is not there
     hint = f"did you mean {close[0]}? " if close and close[0] != word else ""

@@ -13,6 +13,7 @@ from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene
 from ..engine import motion
 from ..errors import InputError, Problem, explained, one_of
+from ..model.doubts import unlinked
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
 from .rows import ANGLE, Rows, apart
@@ -114,7 +115,7 @@ def assembled(
     if far or not np.isfinite(new_v).all():
         ended = closed(rows)
         if not ended.closed and rounds < 0:
-            raise InputError(contradiction(ended))
+            raise InputError(contradiction(mech, ended))
         new_q = ended.rows.q if ended.closed else new_q
         new_v = _speeds(rows.at(new_q))
     elif len(active):
@@ -218,11 +219,11 @@ def stopped(rows: Rows) -> tuple[Array, float]:
     return v, float(np.max(np.abs(left), initial=0.0)) / scale
 
 
-def contradiction(ended: Closing) -> Problem:
+def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
     """Which constraints cannot be met, alone or together, and by how much.
 
     Of those that are missed one after the other is left out; what still cannot be met without is
-    not to blame.
+    not to blame. Joints that may be in a wrong place come after them.
     """
     rows = ended.rows
     for name in reversed(_missed(rows)):
@@ -230,7 +231,10 @@ def contradiction(ended: Closing) -> Problem:
         if not without.closed:
             rows = without.rows
     by, unit = _worst(rows)
-    return _sentence(_missed(rows), f"{by:.3g} {unit}", "position")
+    model = mech.model
+    loose = unlinked(model.bodies, {body.name: body for body in model.bodies})
+    doubts = [Problem(f"body '{name}'", "", f"its {text}") for name, text in loose]
+    return [_sentence(_missed(rows), f"{by:.3g} {unit}", "position"), *doubts]
 
 
 def speed_contradiction(rows: Rows) -> Problem:

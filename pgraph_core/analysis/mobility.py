@@ -101,7 +101,7 @@ def mobility(
     v = None if v is None else finite("v", v, mech.nv)
     ended = closed(Rows.of(mech, indices(mech, active), at))
     if not ended.closed:
-        raise InputError(contradiction(ended))
+        raise InputError(contradiction(mech, ended))
     here = ended.rows
     basis, found = judged(here)
     everywhere = all(group.holonomic for group in here.groups)

@@ -33,7 +33,6 @@ def doubts(model: Any) -> list[str]:
 
 def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[str]:
     """Inertias and links that were left at their defaults."""
-    hung = Counter(body.parent for body in bodies)
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
         arm = body.mass * sum(x * x for x in body.com)
@@ -44,12 +43,23 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
                 f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
                 f"about each axis; give its inertia, or {shape}derived=('inertia',)"
             )
+    for body, text in unlinked(bodies, by_name):
+        yield f"body '{body}': its {text}"
+
+
+def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tuple[str, str]]:
+    """(body, sentence) of joints that were left at the parent's origin though it has a tip."""
+    hung = Counter(body.parent for body in bodies)
+    for body in bodies:
         parent = by_name.get(body.parent)
         tip = None if parent is None or hung[parent.name] > 1 else parent.tip
         if body.sequence and not any(body.link) and tip is not None and any(tip):
             yield (
-                f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
-                f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
+                body.name,
+                (
+                    f"link is (0, 0, 0), so its joint is at the origin of "
+                    f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
+                ),
             )
 
 

@@ -326,6 +326,10 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
         return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
     if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 3:
         return "; write np.diag([...]) for three principal moments"
+    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
+        return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
+    if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
+        return f"; write {number[0].strip()}, without a unit"
     return synonym(given, re.findall(r"\w+", field.description or ""))
 
 
@@ -693,7 +697,7 @@ class OfKinds(Described):
             own, other = cls.__name__, cls.KINDS[kind].__name__
             return f"a {own} has kind '{cls.own_kind()}'; given '{kind}', which is a {other}"
         close = nearest_first(kind, cls.KINDS) if isinstance(kind, str) else cls.KINDS
-        return f"must be one of {', '.join(close)}; given {shown(kind)}"
+        return f"must be one of {', '.join(close)}; given {shown(kind)}{synonym(kind, close)}"
 
     @classmethod
     def _foreign(cls, field: str, value: Any) -> str:

@@ -123,7 +123,7 @@ class Shape(Frozen):
     @classmethod
     def _of_its_kind(cls, data: Any) -> Any:
         """A size that is of other kinds is told before what is wrong with its value."""
-        kind = data.get("kind", "box") if isinstance(data, Mapping) else None
+        kind = data.get("kind") if isinstance(data, Mapping) else None
         if isinstance(kind, str) and kind in DIMENSIONS:
             one, own = _one(kind), " and ".join(DIMENSIONS[kind])
             refuse([

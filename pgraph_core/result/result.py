@@ -145,6 +145,11 @@ class Result(EqualByFields, Hinting):
             text += f", {len(self.notices)} notice{'s'[: len(self.notices) > 1]}"
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
 
+    def __str__(self) -> str:
+        """As repr, with the notices, a line each."""
+        left = [text for text in self.notices if self.status.ok or text not in self.message]
+        return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
+
     @property
     def accuracy(self) -> str:
         """The error estimate in words: "3e-06 rad or m", "known until ...", "not estimated"."""

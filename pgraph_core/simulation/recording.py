@@ -23,6 +23,7 @@ from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
+from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
@@ -227,6 +228,8 @@ class Recording:
             if not (self.out.v.any() or self.out.vdot.any()):
                 self._note_rest()
             self._note_pulses()
+            if (np.abs(self.began[0]) >= MOST_ANGLE).any():
+                self._note_degrees()
 
     def again(self, plan: RunPlan, most: int | None = None) -> Recording:
         """The same motion by another plan, to its end or in `most` steps, to compare with.
@@ -263,10 +266,21 @@ class Recording:
             if joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
                 q[joint.q] += rng.uniform(0.5, 2.5, joint.q.stop - joint.q.start)
         if not mech.bias_force(q, still).any():
-            self.ended.notices.append(
-                "nothing moves: gravity turns or shifts no joint at any position, as with hinges "
-                "about the vertical; see the axes of the joints"
-            )
+            why = "gravity turns or shifts no joint at any position, as with hinges about the "
+            why += "vertical; see the axes of the joints"
+            if not any(b.mass for b in model.bodies):
+                why = "no body has a mass that gravity would pull at"
+            self.ended.notices.append(f"nothing moves: {why}")
+
+    def _note_degrees(self) -> None:
+        """Append notices of hinges whose start looks like degrees, where the model's does not."""
+        mech, q = self.mech, self.began[0]
+        home = mech.home()[0]
+        for name, joint in mech.joints.items():
+            k = joint.q.start
+            hinge = [m.kind for m in mech.model.body(name).sequence] == ["rotate"]
+            if hinge and in_degrees(float(q[k])) and q[k] != home[k]:
+                self.ended.notices.append(f"q of '{name}': {several_turns(float(q[k]))}")
 
     def _note_pulses(self) -> None:
         """Append a notice where torques of a function change at a frame, and the motion does not.

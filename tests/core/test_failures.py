@@ -96,8 +96,25 @@ def test_a_model_in_which_nothing_moves_says_so():
     """A hinge about the vertical, which is the default; not one that hangs at rest."""
     still = pg.simulate(hinge(axes=((0, 0, 1),)), t_end=0.5)
     assert any("nothing moves" in text for text in still.notices)
+    (told,) = pg.simulate(hinge(axes=((0, 1, 0),)).edit("b", mass=0), t_end=0.5).notices[-1:]
+    assert "no body has a mass" in told
     hanging = pg.Body(name="b", mass=1.0, com=(0, 0, -1), axes=((0, 1, 0),))
     turning = hinge(axes=((0, 0, 1),), v=(1.0,))
     for model in (pg.Model(bodies=(hanging,)), turning, hinge(axes=((0, 1, 0),))):
         run = pg.simulate(model, t_end=0.5)
         assert not any("nothing moves" in text for text in run.notices)
+
+
+def test_a_start_in_degrees_is_told():
+    """Of a hinge, as an array and by name; once where the model says it; not of what slides."""
+    model = hinge(axes=((0, 1, 0),))
+    for q in ([90.0], {"b": 90}):
+        run = pg.simulate(model, q=q, t_end=0.01)
+        assert [text for text in run.notices if "np.radians(90)" in text and "'b'" in text]
+        assert "np.radians(90)" in str(run)
+    once = pg.simulate(model.edit("b", q=90.0), t_end=0.01).notices
+    assert sum("np.radians(90)" in text for text in once) == 1
+    far = pg.Body(name="s", joint="prismatic", axes=(1, 0, 0))
+    for body, q in ((far, [90.0]), (model.bodies[0], [1.5]), (model.bodies[0], [31.4])):
+        quiet = pg.simulate(pg.Model(bodies=[body]), q=q, t_end=0.01).notices
+        assert not any("radians" in text for text in quiet)

@@ -262,3 +262,31 @@ def test_a_name_that_results_lack_is_a_key_error_with_a_sentence():
         done.constraint_force["loop"]
     with pytest.raises(pg.InputError, match="no body is called 'x'"):
         done.contact_force["a", "x"]
+
+
+@pytest.mark.parametrize(
+    ("made", "hint"),
+    [
+        (lambda: pg.Shape(kind="ball", radius=0.1), "did you mean sphere?"),  # pyright: ignore
+        (lambda: pg.Body(name="a", joint="ball"), "did you mean spherical?"),
+        (lambda: pg.Constraint(name="c", kind="hinge", body="a"), "did you mean revolute?"),
+        (lambda: pg.Body(name="a", mass="1.5 kg"), "write 1.5, without a unit"),  # pyright: ignore
+        (lambda: pg.Body(name="a", inertia=(1, 2, 3, 0, 0, 0)), "(xx, xy, xz)"),  # pyright: ignore
+    ],
+)
+def test_words_and_forms_of_other_programs_are_told_ours(made, hint):
+    with pytest.raises(pg.ModelError) as refused:
+        made()
+    (problem,) = refused.value.problems
+    assert hint in str(problem)
+
+
+def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():
+    turn = {"axes": (0, 0, 1), "tip": (1, 0, 0)}
+    bodies = [pg.Body(name="a", **turn), pg.Body(name="b", parent="a", **turn)]
+    far = pg.Point(name="far", body="b", point=(0.2, 0, 0), other_point=(1.1, 0, 0))
+    model = pg.Model(bodies=bodies, constraints=[far])
+    with pytest.raises(pg.InputError, match=r"body 'b': its link is .*not at its tip") as refused:
+        pg.Mechanism(model).mobility()
+    assert refused.value.problems[0].where == "constraint 'far'"
+    assert pg.simulate(model.edit("b", link=(1, 0, 0)), t_end=0.1).status.ok

@@ -98,6 +98,13 @@ def test_a_result_prints_as_a_line(run):
     assert all(part in text for part in ("1001 frames", "0 to 2 s", "dop853"))
 
 
+def test_a_printed_result_shows_its_notices():
+    heavy = pg.Body(name="b", mass=3.0, com=(0.1, 0, 0), axes=(0, 1, 0))
+    run = pg.simulate(pg.Model(bodies=[heavy]), t_end=0.1)
+    assert "1 notice" in repr(run)
+    assert str(run).splitlines() == [repr(run), f"  notice: {run.notices[0]}"]
+
+
 def test_a_result_that_failed_prints_why():
     failed = pg.simulate(double_pendulum(), t_end=5.0, method="dopri5", max_steps=20)
     assert failed.message in repr(failed)
