@@ -34,6 +34,12 @@ class Portable:
         kind = type(self)
         return _empty, (installed(), kind.__module__, kind.__qualname__), self.__getstate__()
 
+    def __dir__(self) -> Iterable[str]:
+        """Without names that only say what to write instead."""
+        kinds = type(self).__mro__
+        hints = {n for kind in kinds for n, x in vars(kind).items() if isinstance(x, Elsewhere)}
+        return sorted(set(super().__dir__()) - hints)
+
 
 # -- snapshots: bytes of one object, read by another of the same kind and options -----------------
 
