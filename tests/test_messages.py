@@ -161,7 +161,7 @@ BODIES: list[tuple[dict[str, Any], str]] = [
     (
         {"name": "a", "shape": {"kind": "ball"}},
         "body 'a', shape: kind must be one of box, sphere, ellipsoid, cylinder, capsule, mesh, "
-        "heightfield; given 'ball'",
+        "heightfield; given 'ball'; did you mean sphere?",
     ),
     ({"name": "a", "shape": {"kind": "sphere"}}, "body 'a', shape: a sphere needs radius"),
     (

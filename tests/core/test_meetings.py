@@ -213,3 +213,25 @@ def test_corners_that_land_one_after_the_other_are_hit_so(tilt, restitution, ste
     error = abs(2 * run["b"][-1, 5] - 2 * exact["b"][-1, 5])
     assert error < max(1e-9, 3 * run.error_estimate)
     assert run.error_estimate < 3e-4
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize("tilt", [1e-4, 1e-3, 1e-2])
+def test_a_cylinder_that_lands_nearly_flat_hits_with_both_sides_of_its_rim(tilt, restitution):
+    """One step, in which it tips from side to side, ends as 20 do."""
+    up = 0.1 + 0.5 * tilt + 0.001
+    drum = pg.Body(
+        name="b", joint="free", q=(0, 0, up, np.cos(tilt / 2), 0, np.sin(tilt / 2), 0), mass=1.0,
+        v=(0, 0, 0, 0, 0, -2.0), shape={"kind": "cylinder", "radius": 0.5, "length": 0.2},
+        derived=("inertia",),
+    )  # fmt: skip
+    floor = pg.Contact(name="c", body="b", friction=0.0, restitution=restitution)
+    model = pg.Model(bodies=[drum], contacts=[floor], gravity=(0, 0, 0))
+    t_end = 6e-4 + 0.5 * tilt
+    one, many = (
+        pg.simulate(model, t_end=t_end, step=t_end / n, method="moreau_jean", frames=2,
+                    estimate=False)
+        for n in (1, 20)
+    )  # fmt: skip
+    assert many["v.b"][-1, 5] > -1.0
+    np.testing.assert_allclose(one["v.b"][-1], many["v.b"][-1], atol=1e-3)

@@ -15,7 +15,7 @@ from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import point_velocity, total, type_of, velocities
-from ..records import POINTS, RIGID
+from ..records import CYLINDER, POINTS, RIGID
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import dot, sub, xyz
@@ -249,7 +249,8 @@ def next_ground(scene, meeting, h):
     """As `next_landing`, of one part of a shape over the ground.
 
     What arrives softly is left to the middle of the step: a foot that stands, and has drifted off.
-    The step carries it there, so what it would do without impulses later on means nothing.
+    The step carries it there, so what it would do without impulses later on means nothing. What
+    leaves goes on: the parts of a cylinder's rim change places as it tips over.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -263,7 +264,8 @@ def next_ground(scene, meeting, h):
         return time_to_close(gap - 0.5 * closed, closing, curving), False, False
     if hits(closing, h, smaller_size(contacts, i, -1), contacts.tally[0].pull):
         return math.inf, True, gap < -closed
-    meeting.shape_b = CARRIED
+    if closing >= 0.0:
+        meeting.shape_b = CARRIED
     return math.inf, False, False
 
 
@@ -390,6 +392,7 @@ def list_meetings(scene, h, left, q, v, vdot):
             or (crowd and not outruns(scene, i, -1, left))
         ):
             continue
+        before, closed = n, False
         for c in range(candidates(shapes, i)):
             gap, p = ground_point(contacts, i, c)
             if gap > closed_gap(contacts, i, -1, p):
@@ -397,6 +400,12 @@ def list_meetings(scene, h, left, q, v, vdot):
                     n = put_meeting(meetings, n, i, -1, c, pair)
             elif hits_now(scene, i, -1, p, normal_of(contacts.ground), h):
                 return -1
+            else:
+                closed = True
+        if closed and n > before and shapes[i].kind == CYLINDER:  # parts change places: all of them
+            n = before
+            for c in range(candidates(shapes, i)):
+                n = put_meeting(meetings, n, i, -1, c, pair)
     for k in range(may.pairs.shape[0]):
         if n >= 0:
             i, j, pair = may.pairs[k].shape_a, may.pairs[k].shape_b, may.pairs[k].pair
