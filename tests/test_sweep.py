@@ -433,6 +433,9 @@ def test_a_sweep_that_was_stopped_goes_on_without_computing_a_point_twice(tmp_pa
     assert sorted(computed) == pytest.approx(list(masses["bodies.2.mass"]))
     assert out.read_text() == whole.to_csv()
     assert not part.exists()
+    with pytest.raises(pg.InputError, match="finished"):  # whatever the design
+        pg.sweep(chain, {"bodies.2.mass": [1.0]}, metric, resume=True, **ask)
+    assert out.read_text() == whole.to_csv()
     assert whole.to_csv() == pg.sweep(chain, masses, metric, workers=1, t_end=0.2).to_csv()
 
 

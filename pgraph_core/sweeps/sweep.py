@@ -302,6 +302,10 @@ class Kept:
         _format(out)
         self._part = self.path.with_name(self.path.name + ".part")
         self.rows: list[Row] = []
+        if resume and self.path.exists() and not self._part.exists():
+            text = f"is of a sweep that was finished: there is no {self._part.name} to go on from; "
+            text += "leave out resume to write it again, or give another file"
+            raise InputError(Problem(str(self.path), "", text))
         header = json.dumps({"sweep": fingerprint}) + "\n"
         try:
             if resume and self._part.exists():
