@@ -85,7 +85,7 @@
       $(".lively .stop").hidden = over;
     }
     $(".hint").hidden = data.empty || data.job !== null || data.live !== null || data.summary !== null || Boolean(data.problem);
-    $(".hint").textContent = `Simulate computes ${data.request.t_end} s of motion and plays them. Live plays without an end, while you edit, pull and push.`;
+    $(".hint").textContent = `Simulate computes ${data.request.t_end} s of motion and plays it. Live plays without an end, while you edit, pull and push.`;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     outcome(host, data);

@@ -182,8 +182,8 @@ class ContactSpace(Unportable):
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
         self.pairs = pairs = table(PAIR, n + limits)
         pairs["phase"] = -1
-        gives = bool((contacts.laws["law"] != RIGID).any())
-        factored = np.zeros((len(packed.rows) if gives else 0, at.WORK))
+        compliant = bool((contacts.laws["law"] != RIGID).any())
+        factored = np.zeros((len(packed.rows) if compliant else 0, at.WORK))
         self._kept = Contacts(
             contacts.geometry,
             contacts.ground,

@@ -91,7 +91,7 @@ class ContactRecord(EqualByFields):
 
     def __getstate__(self) -> dict[str, Any]:
         """Its arrays, not how they are made."""
-        assert self.wrench is not None
+        _ = self.wrench  # makes it
         return self.__dict__
 
     def keep_unchanged(self) -> None:

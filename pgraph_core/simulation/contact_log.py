@@ -307,13 +307,13 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
 
     The weight is that of all that moves, which may rest on one contact.
     """
-    gives = [(row, pair, -x) for row, pair, x in zip(tables.laws, tables.touches, gap.tolist())
+    deep = [(row, pair, -x) for row, pair, x in zip(tables.laws, tables.touches, gap.tolist())
              if pair.contact.law != "complementarity" and x < 0.0]  # fmt: skip
-    if not gives:
+    if not deep:
         return []
     moves, found = mech.packed.system.bodies_i[:, at.ROW] > 0, []
     weight = float(mech.packed.system.bodies_f[moves, at.B_MASS].sum()) * pull_of(mech.model)
-    for row, pair, depth in gives:
+    for row, pair, depth in deep:
         power = 1.5 if pair.contact.law == "soft" else 1.0
         usual = float(weight / row["stiffness"]) ** (1.0 / power)
         if depth > PRESSED * usual > 0.0:
@@ -327,16 +327,16 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
 
 
 def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
-    """A notice where a contact that gives has about the restitution asked for, not exactly.
+    """A notice where a compliant contact has about the restitution asked for, not exactly.
 
     Each touch is taken by itself, and trees as if no constraint held them.
     """
-    gives = [
+    compliant = [
         pair for pair in tables.touches
         if pair.contact.law != "complementarity"
         and pair.contact.damping is None and pair.contact.restitution
     ]  # fmt: skip
-    if not gives:
+    if not compliant:
         return []
     parents = {b.name: b.parent for b in mech.model.bodies}
 
@@ -347,15 +347,17 @@ def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
 
     rows = [mech.model.constraints[i] for i in active.tolist()]
     held = {root(n) for c in rows for n in (c.body, getattr(c, "other", GROUND)) if n != GROUND}
-    touches = Counter(name for pair in gives for name in pair[1:3] if name not in (GROUND, EVERY))
+    touches = Counter(
+        name for pair in compliant for name in pair[1:3] if name not in (GROUND, EVERY)
+    )
     names = mech.names
     parts = Counter(names[n - 1] for n in tables.geometry.shapes["body"] if n > 0)
-    for pair in gives:
+    for pair in compliant:
         ours = [name for name in pair[1:3] if name in touches]
         tied = ours or ([*parents] if held else [])
         why = next((f"'{n}' is held by constraints" for n in tied if root(n) in held), "")
         count = next(((n, touches[n]) for n in ours if touches[n] > 1), None)
-        why = why or (f"'{count[0]}' has {count[1]} contacts that give" if count else "")
+        why = why or (f"'{count[0]}' has {count[1]} compliant contacts" if count else "")
         why = why or next((f"'{n}' has {parts[n]} shapes" for n in ours if parts[n] > 1), "")
         if why:
             return [

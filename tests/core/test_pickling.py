@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import multiprocessing
 import pickle
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
@@ -181,3 +183,22 @@ def test_a_scene_refuses_to_travel() -> None:
                 pickle.dumps(value)
             return
     pytest.fail("a used mechanism keeps a scene")
+
+
+UNREAD = """
+import pickle, pgraph_core as pg
+ball = pg.Shape(kind="sphere", radius=0.1)
+ball = pg.Body(name="b", joint="free", q=(0, 0, 0.2, 1, 0, 0, 0), shape=ball)
+run = pg.simulate(pg.Model(bodies=[ball], contacts=[pg.Contact(name="c", body="b")]), t_end=0.2)
+again = pickle.loads(pickle.dumps(run))
+print(again == run, again.contact_force["c"][-1, 5] == run.contact_force["c"][-1, 5])
+"""
+
+
+@pytest.mark.parametrize("options", [(), ("-O",)])
+def test_a_run_whose_contacts_nobody_has_read_pickles(options):
+    """Also without assertions: the record is made when it is first read."""
+    done = subprocess.run(
+        [sys.executable, *options, "-c", UNREAD], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["True", "True"]
