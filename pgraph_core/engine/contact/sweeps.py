@@ -14,15 +14,12 @@ from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, store, sub
+from .cone import contact
 from .contacts import contacts_at
 from .islands import NOWHERE
 from .newton import bounds_of, respond, rows_of, velocity
 
-INNER = 8  # rounds between normal and friction of one contact
-SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
-COUPLED = 1e-9  # friction that presses by less than this part does not make a contact slide on
 SETTLED = 1e-15  # relative: a change that is rounding
-TURNED = 1e-14  # rad: a change of the direction of slip that is
 RIGID = 1e-12  # of the mobility: keeps a direction in which nothing can move apart from none
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
@@ -205,7 +202,7 @@ def answer(kind, rows, bounds, i, own, u, old):
         return held(own, i, u, old)
     if rows == 1:
         return (pushed(own[i, 0], u[0], old[0]), 0.0, 0.0)
-    return contact(own, i, u, old, bounds[0])
+    return contact(own[i], u, old, bounds[0], 1.0)
 
 
 @part
@@ -236,89 +233,6 @@ def held(own, i, u, old):
 
 
 @part
-def contact(own, i, u, old, mu):
-    """λ of one contact: what holds it, or normal and friction in turn, each exactly."""
-    n = old[0]
-    t = (old[1], old[2])
-    free_n = u[0] - own[i, 0] * n - own[i, 1] * t[0] - own[i, 2] * t[1]
-    free_x = u[1] - own[i, 3] * n - own[i, 4] * t[0] - own[i, 5] * t[1]
-    free_y = u[2] - own[i, 6] * n - own[i, 7] * t[0] - own[i, 8] * t[1]
-    if not own[i, 0] > 0.0:
-        return (0.0, 0.0, 0.0)
-    hold = stuck(own, i, free_n, free_x, free_y)
-    holds = hold[0] > 0.0 and math.sqrt(hold[1] ** 2 + hold[2] ** 2) <= mu * hold[0]
-    if holds and mu * (abs(own[i, 1]) + abs(own[i, 2])) <= COUPLED * own[i, 0]:
-        return hold
-    slide = sliding(own, i, free_n, free_x, free_y, mu)
-    if holds:
-        return slide if 0.0 < slide[0] < hold[0] else hold
-    if slide[0] > 0.0:
-        return slide
-    for _ in range(INNER):
-        last = n
-        n = max(0.0, -(free_n + own[i, 1] * t[0] + own[i, 2] * t[1]) / own[i, 0])
-        held = t
-        t = in_disc(
-            own[i, 4], own[i, 5], own[i, 8], free_x + own[i, 3] * n, free_y + own[i, 6] * n, mu * n
-        )
-        moved = abs(n - last) + abs(t[0] - held[0]) + abs(t[1] - held[1])
-        if moved <= SETTLED * n:
-            break
-    return (n, t[0], t[1])
-
-
-@part
-def stuck(own, i, free_n, free_x, free_y):
-    """λ that leaves a contact at rest; none where a direction cannot move."""
-    w = 1.0 / own[i, 0]
-    p = w * own[i, 3]
-    q = w * own[i, 6]
-    a = own[i, 4] - p * own[i, 1]
-    b = own[i, 5] - p * own[i, 2]
-    c = own[i, 8] - q * own[i, 2]
-    det = a * c - b * b
-    if not det > SOLID * (own[i, 4] + own[i, 8]) ** 2:
-        return (0.0, 0.0, 0.0)
-    x = free_x - p * free_n
-    y = free_y - q * free_n
-    d = 1.0 / det
-    t = (d * (b * y - c * x), d * (b * x - a * y))
-    return (-w * (free_n + own[i, 1] * t[0] + own[i, 2] * t[1]), t[0], t[1])
-
-
-@part
-def sliding(own, i, free_n, free_x, free_y, mu):
-    """λ with which a contact slides on; none where it would stop.
-
-    Where a body leans into its slip and friction is large, finding the normal and the friction
-    impulse in turn goes round in a cycle, and the contact might also be stopped at once: the
-    smaller of two impulses is the regular one.
-    """
-    x, y = free_x, free_y
-    size = math.sqrt(x * x + y * y)
-    if not (size > 0.0 and free_n < 0.0):
-        return (0.0, 0.0, 0.0)
-    start_x, start_y = x / size, y / size
-    way_x, way_y = start_x, start_y
-    for _ in range(INNER):
-        pull = own[i, 0] - mu * (own[i, 1] * way_x + own[i, 2] * way_y)
-        if not pull > 0.0:
-            return (0.0, 0.0, 0.0)
-        n = -free_n / pull
-        drag = mu * n
-        x = free_x + own[i, 3] * n - drag * (own[i, 4] * way_x + own[i, 5] * way_y)
-        y = free_y + own[i, 6] * n - drag * (own[i, 7] * way_x + own[i, 8] * way_y)
-        size = math.sqrt(x * x + y * y)
-        if not x * start_x + y * start_y > 0.0:
-            return (0.0, 0.0, 0.0)
-        turned = abs(x / size - way_x) + abs(y / size - way_y)
-        way_x, way_y = x / size, y / size
-        if turned <= TURNED:
-            return (n, -drag * way_x, -drag * way_y)
-    return (0.0, 0.0, 0.0)
-
-
-@part
 def in_disc(a, b, c, x, y, radius):
     """Least ½ tᵀ[a b; b c]t + (x, y)·t in a disc: no slip inside, against the slip on its rim."""
     pull = math.sqrt(x * x + y * y)
@@ -344,7 +258,7 @@ def in_disc(a, b, c, x, y, radius):
 
 @part
 def rim_step(a, b, c, s, x, y, radius):
-    """t = -[a+s b; b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius; lanes or numbers."""
+    """t = -[a+s b; b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius."""
     p = a + s
     q = c + s
     det = p * q - b * b

@@ -8,8 +8,9 @@ from ..compiler.masks import any_of, both, chosen, either, larger, more, most, s
 from ..constraints.blocks import point_velocity
 from ..constraints.paths import GRAIN, spread, taxicab
 from ..contact.closing import DEPTH, HARD
+from ..contact.cone import contact
 from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
-from ..contact.sweeps import COUPLED, INNER, RIGID, SETTLED, SMALL, SOLID, TURNED, rim_step
+from ..contact.sweeps import SMALL
 from ..linear import forward_free
 from ..records import POINTS, SPHERE
 from ..rows import (
@@ -370,7 +371,8 @@ def gauss_seidel(ways, near, b):
             if not any_of(here):
                 continue
             old = load(points, n, LAM)
-            new = contact(b, n, velocity(ways, b, n), old, b.laws[ways[n, W_PAIR], 0], here)
+            u, mu = velocity(ways, b, n), b.laws[ways[n, W_PAIR], 0]
+            new = contact(b.own[n], u, old, mu, here)
             new = (
                 chosen(here, new[0], old[0]),
                 chosen(here, new[1], old[1]),
@@ -387,136 +389,6 @@ def gauss_seidel(ways, near, b):
     lane[SWEPT] = swept
     lane[OPEN] = left
     lane[ALONE] = either(lane[ALONE], both(touches, more(left, TOLERANCE)))
-
-
-@sweep
-def contact(b, n, u, old, mu, here):
-    """As `sweeps.contact`: what holds it, or normal and friction in turn."""
-    own = b.own[n]
-    t = (old[1], old[2])
-    free_n = u[0] - own[0] * old[0] - own[1] * t[0] - own[2] * t[1]
-    free_x = u[1] - own[3] * old[0] - own[4] * t[0] - own[5] * t[1]
-    free_y = u[2] - own[6] * old[0] - own[7] * t[0] - own[8] * t[1]
-    moves = both(here, more(own[0], 0.0))
-    hold = stuck(own, free_n, free_x, free_y)
-    holds = most(math.sqrt(hold[1] * hold[1] + hold[2] * hold[2]), mu * hold[0])
-    holds = both(moves, both(more(hold[0], 0.0), holds))
-    sure = both(holds, most(mu * (abs(own[1]) + abs(own[2])), COUPLED * own[0]))
-    new = only(holds, hold)
-    unsure = without(moves, sure)
-    if not any_of(unsure):
-        return new
-    slide = sliding(own, free_n, free_x, free_y, mu, unsure)
-    slides = both(unsure, more(slide[0], 0.0))
-    smallest = either(without(slides, holds), more(hold[0], slide[0]))
-    new = other(both(slides, smallest), slide, new)
-    rest = without(without(unsure, holds), slides)
-    if any_of(rest):
-        new = other(rest, in_turn(own, free_n, free_x, free_y, mu, old, rest), new)
-    return new
-
-
-@part
-def only(mask, x):
-    return chosen(mask, x[0], 0.0), chosen(mask, x[1], 0.0), chosen(mask, x[2], 0.0)
-
-
-@part
-def other(mask, x, y):
-    return chosen(mask, x[0], y[0]), chosen(mask, x[1], y[1]), chosen(mask, x[2], y[2])
-
-
-@part
-def stuck(own, free_n, free_x, free_y):
-    """As `sweeps.stuck`."""
-    w = 1.0 / own[0]
-    p = w * own[3]
-    q = w * own[6]
-    a = own[4] - p * own[1]
-    b = own[5] - p * own[2]
-    c = own[8] - q * own[2]
-    det = a * c - b * b
-    sum_ = own[4] + own[8]
-    fits = more(det, SOLID * (sum_ * sum_))
-    x = free_x - p * free_n
-    y = free_y - q * free_n
-    d = 1.0 / det
-    t = (d * (b * y - c * x), d * (b * x - a * y))
-    return only(fits, (-w * (free_n + own[1] * t[0] + own[2] * t[1]), t[0], t[1]))
-
-
-@sweep
-def sliding(own, free_n, free_x, free_y, mu, asked):
-    """As `sweeps.sliding`."""
-    x, y = free_x, free_y
-    size = math.sqrt(x * x + y * y)
-    open_ = both(asked, both(more(size, 0.0), more(0.0, free_n)))
-    start_x, start_y = x / size, y / size
-    way_x, way_y = start_x, start_y
-    zero = 0.0 * mu
-    found = (zero, zero, zero)
-    for _ in range(INNER):
-        if not any_of(open_):
-            break
-        pull = own[0] - mu * (own[1] * way_x + own[2] * way_y)
-        open_ = both(open_, more(pull, 0.0))
-        n = -free_n / pull
-        drag = mu * n
-        x = free_x + own[3] * n - drag * (own[4] * way_x + own[5] * way_y)
-        y = free_y + own[6] * n - drag * (own[7] * way_x + own[8] * way_y)
-        size = math.sqrt(x * x + y * y)
-        open_ = both(open_, more(x * start_x + y * start_y, 0.0))
-        turned = abs(x / size - way_x) + abs(y / size - way_y)
-        way_x, way_y = chosen(open_, x / size, way_x), chosen(open_, y / size, way_y)
-        done = both(open_, most(turned, TURNED))
-        found = other(done, (n, -drag * way_x, -drag * way_y), found)
-        open_ = without(open_, done)
-    return found
-
-
-@sweep
-def in_turn(own, free_n, free_x, free_y, mu, old, open_):
-    """Normal and friction in turn, the last part of `sweeps.contact`."""
-    n, x, y = old
-    for _ in range(INNER):
-        if not any_of(open_):
-            break
-        next_n = larger(-(free_n + own[1] * x + own[2] * y) / own[0], 0.0)
-        goes_x, goes_y = free_x + own[3] * next_n, free_y + own[6] * next_n
-        tx, ty = in_disc(own[4], own[5], own[8], goes_x, goes_y, mu * next_n, open_)
-        moved = abs(next_n - n) + abs(tx - x) + abs(ty - y)
-        n, x, y = other(open_, (next_n, tx, ty), (n, x, y))
-        open_ = without(open_, most(moved, SETTLED * n))
-    return n, x, y
-
-
-@part
-def in_disc(a, b, c, x, y, radius, asked):
-    """As `sweeps.in_disc`."""
-    pull = math.sqrt(x * x + y * y)
-    zero = 0.0 * x
-    some = both(asked, both(more(radius, 0.0), both(more(pull, 0.0), more(a + c, 0.0))))
-    slack = RIGID * (a + c)
-    a = a + slack
-    c = c + slack
-    det = a * c - b * b
-    t = ((b * y - c * x) / det, (b * x - a * y) / det)
-    inside = both(some, most(t[0] * t[0] + t[1] * t[1], radius * radius))
-    new = (chosen(inside, t[0], zero), chosen(inside, t[1], zero))
-    rim = without(some, inside)
-    if not any_of(rim):
-        return new
-    s = larger(pull / radius - larger(a, c) - abs(b), 0.0)
-    open_ = rim
-    for _ in range(30):
-        if not any_of(open_):
-            break
-        _, _, step = rim_step(a, b, c, s, x, y, radius)
-        s = chosen(open_, s + step, s)
-        open_ = without(open_, most(abs(step), SETTLED * (s + a + c)))
-    tx, ty, _ = rim_step(a, b, c, s, x, y, radius)
-    fit = radius / math.sqrt(tx * tx + ty * ty)
-    return chosen(rim, tx * fit, new[0]), chosen(rim, ty * fit, new[1])
 
 
 @sweep

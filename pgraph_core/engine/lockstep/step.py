@@ -15,6 +15,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
 from ..constraints.paths import pivots, spread, unspread
+from ..contact.cone import only
 from ..contact.contacts import STILL
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
@@ -115,7 +116,6 @@ from .feet import (
     find,
     gain_and_miss,
     gauss_seidel,
-    only,
     own_block,
     push_out,
     warm,
