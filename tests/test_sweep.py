@@ -428,12 +428,19 @@ def test_a_sweep_that_was_stopped_goes_on_without_computing_a_point_twice(tmp_pa
     assert "NOT_RUN" in first.status
     assert not out.exists()
     part = tmp_path / "table.csv.part"
-    part.write_bytes(part.read_bytes() + b'{"point": 9, "val')  # cut short by a kill
+    header, *lines = part.read_text().splitlines(keepends=True)
+    for given in ({}, {"resume": False, "scheduler": "tcp://127.0.0.1:1"}):  # resume was forgotten
+        with pytest.raises(pg.InputError, match=rf"{len(lines)} points.*resume=True"):
+            pg.sweep(chain, masses, metric, **ask, **given)
+    lost = json.loads(lines[1])["point"]
+    damaged = lines[1][:20] + lines[1][30:]
+    part.write_text("".join([header, lines[0], damaged, *lines[2:], '{"point": 9, "val']))
+    computed.remove(masses["bodies.2.mass"][lost])
     whole = pg.sweep(chain, masses, metric, resume=True, **ask)
     assert sorted(computed) == pytest.approx(list(masses["bodies.2.mass"]))
     assert out.read_text() == whole.to_csv()
     assert not part.exists()
-    with pytest.raises(pg.InputError, match="finished"):  # whatever the design
+    with pytest.raises(pg.InputError, match=r"no table\.csv\.part"):  # whatever the design
         pg.sweep(chain, {"bodies.2.mass": [1.0]}, metric, resume=True, **ask)
     assert out.read_text() == whole.to_csv()
     assert whole.to_csv() == pg.sweep(chain, masses, metric, workers=1, t_end=0.2).to_csv()
@@ -446,9 +453,20 @@ def test_the_points_of_another_sweep_are_refused(tmp_path):
     for other in ([1.0, 3.0], [1.0]):
         with pytest.raises(pg.InputError, match="another sweep"):
             pg.sweep(pg.Model.serial(3), {"bodies.2.mass": other}, resume=True, **ask)
-    (tmp_path / "table.csv.part").write_text("my thesis")
-    with pytest.raises(pg.InputError, match="another sweep"):
-        pg.sweep(pg.Model.serial(3), {"bodies.2.mass": [1.0, 2.0]}, resume=True, **ask)
+    for resume in (False, True):
+        (tmp_path / "table.csv.part").write_text("my thesis")
+        with pytest.raises(pg.InputError, match="another sweep"):
+            pg.sweep(pg.Model.serial(3), {"bodies.2.mass": [1.0, 2.0]}, resume=resume, **ask)
+
+
+def test_a_sweep_without_a_point_leaves_no_file(pendulum, tmp_path):
+    given = {"scheduler": "tcp://127.0.0.1:1", "out": tmp_path / "table.csv", **SHORT}
+    with pytest.raises(pg.InputError, match="does not answer"):
+        pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **given)
+    assert not [*tmp_path.iterdir()]
+    (tmp_path / "table.csv.part").write_text('{"sweep": "of another"}\n')  # killed before its first
+    pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **{**given, "scheduler": None})
+    assert [x.name for x in tmp_path.iterdir()] == ["table.csv"]
 
 
 @pytest.mark.parametrize("name", ["table.txt", "none/table.csv"])

@@ -8,10 +8,9 @@ import io
 import itertools
 import json
 import math
-import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from inspect import signature
 from pathlib import Path as FilePath
 from typing import Any
@@ -174,9 +173,9 @@ def sweep(
     a script without `if __name__ == "__main__":` it runs in this process alone, with a warning; a
     metric that cannot be pickled, as a lambda, is computed there too.
     `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
-    points so far, and `resume=True` goes on from there. A point that fails keeps its reason. If
-    `progress(fraction)` returns False, the sweep stops with the points so far; True shows a bar,
-    in a terminal or a notebook (tqdm).
+    points so far, and `resume=True` goes on from there; without it they are not written over. A
+    point that fails keeps its reason. If `progress(fraction)` returns False, the sweep stops with
+    the points so far; True shows a bar, in a terminal or a notebook (tqdm).
 
     Raises InputError, FileError.
     """
@@ -208,17 +207,22 @@ def sweep(
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
     from ..show.bars import shown_progress  # a run loads nothing that shows
 
-    with shown_progress(progress, "sweep") as told:
-        for found in rows_of(task, todo, workers, scheduler):
-            rows.update({row.point: row for row in found})
-            if kept:
-                kept.append(found)
-            if told is not None and told(len(rows) / len(points)) is False:
-                break
-    table = _table(names, points, tuple(metrics), rows)
-    if kept and len(rows) == len(points):
-        table.save(kept.path)
-        kept.remove()
+    finished = False
+    try:
+        with shown_progress(progress, "sweep") as told:
+            for found in rows_of(task, todo, workers, scheduler):
+                rows.update({row.point: row for row in found})
+                if kept:
+                    kept.append(found)
+                if told is not None and told(len(rows) / len(points)) is False:
+                    break
+        table = _table(names, points, tuple(metrics), rows)
+        if kept and len(rows) == len(points):
+            table.save(kept.path)
+            finished = True
+    finally:
+        if kept:
+            kept.close(finished=finished)
     return table
 
 
@@ -294,7 +298,8 @@ def _table(
 class Kept:
     """The points so far, in a file: a header that names the sweep, then a line for each point.
 
-    A line that was cut short is left out. Raises InputError for the file of another sweep.
+    A line that was cut short or damaged is left out: its point is computed again. Raises InputError
+    for the file of another sweep, and for points that would be lost.
     """
 
     def __init__(self, out: str | FilePath, resume: bool, fingerprint: str):
@@ -302,50 +307,54 @@ class Kept:
         _format(out)
         self._part = self.path.with_name(self.path.name + ".part")
         self.rows: list[Row] = []
-        if resume and self.path.exists() and not self._part.exists():
-            text = f"is of a sweep that was finished: there is no {self._part.name} to go on from; "
-            text += "leave out resume to write it again, or give another file"
-            raise InputError(Problem(str(self.path), "", text))
-        header = json.dumps({"sweep": fingerprint}) + "\n"
         try:
-            if resume and self._part.exists():
-                self.rows, whole = self._read(fingerprint)
-                os.truncate(self._part, whole)
-            else:
-                self._part.write_text(header, "utf-8")
+            if self._part.exists():
+                self.rows = self._read(fingerprint)
+            elif resume and self.path.exists():
+                text = f"is there, but no {self._part.name} to go on from: it is a finished table, "
+                text += "or none; without resume it is written over, or give another file"
+                raise InputError(Problem(str(self.path), "", text))
+            if self.rows and not resume:
+                text = f"has {len(self.rows)} points of this sweep, which was interrupted: "
+                text += "resume=True (--resume) goes on from there; remove it to begin again"
+                raise InputError(Problem(str(self._part), "", text))
+            lines = [{"sweep": fingerprint}, *map(asdict, self.rows)]
+            write_atomic(self._part, "".join(json.dumps(line) + "\n" for line in lines))
         except OSError as error:
             reason = error.strerror or error
-            text = f"cannot be written: {reason}; give a file in a folder of yours"
+            text = f"cannot be read: {reason}; give a file in a folder of yours"
             raise FileError(Problem(str(self._part), "", text)) from None
 
-    def _read(self, fingerprint: str) -> tuple[list[Row], int]:
-        """Rows, and how many bytes hold whole lines."""
-        lines = self._part.read_bytes().splitlines(keepends=True)
-        try:
-            header = json.loads(lines[0])["sweep"]
-        except (IndexError, ValueError, KeyError, TypeError):
-            header = None
-        if header != fingerprint:
+    def _read(self, fingerprint: str) -> list[Row]:
+        """The rows of whole lines; none of a sweep that has not come to its first point."""
+        header, *lines = map(_line, self._part.read_bytes().splitlines() or [b""])
+        if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
             text = f"is of another sweep ({what}); remove it, or give another file"
             raise InputError(Problem(str(self._part), "", text))
-        rows, whole = [], len(lines[0])
-        for line in lines[1:]:
-            if not line.endswith(b"\n"):
-                break
-            fields = json.loads(line)
-            rows.append(Row(**{**fields, "values": tuple(fields["values"])}))
-            whole += len(line)
-        return rows, whole
+        names = [field.name for field in fields(Row)]
+        whole = (line for line in lines if [*line] == names)
+        return [Row(**{**line, "values": tuple(line["values"])}) for line in whole]
 
     def append(self, rows: list[Row]) -> None:
         """Write finished points, all in one go."""
         with self._part.open("ab") as file:
             file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
+        self.rows += rows
 
-    def remove(self) -> None:
-        """The table is written: the points so far are no longer needed."""
-        self._part.unlink(missing_ok=True)
+    def close(self, *, finished: bool) -> None:
+        """Leave the points so far, if there are any and the table is not written."""
+        if finished or not self.rows:
+            self._part.unlink(missing_ok=True)
+
+
+def _line(text: bytes) -> dict[str, Any]:
+    """What a line holds; nothing where it was cut short or damaged."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _fingerprint(task: Task, points: Array) -> str:
