@@ -367,14 +367,17 @@ def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
     return []
 
 
-def sunk_through(mech: Mechanism, idle: Sequence[Contact], q: Array) -> list[str]:
-    """A notice of bodies that went below the ground, whose contacts with it are not active."""
+def sunk_through(mech: Mechanism, idle: Sequence[Contact], start: Array, end: Array) -> list[str]:
+    """A notice of bodies that went below the ground, whose contacts with it are not active.
+
+    `start` and `end` (nq,) are the first position and the last.
+    """
     normal = np.array(mech.model.ground_normal)
     names = [b.name for b in mech.model.bodies if b.touching]
     below: dict[str, str] = {}  # the contact of each body
     for c in idle:
         for body in names if c.body == EVERY else [c.body]:
-            last, first = (float(mech.pose(q[i], body)[0] @ normal) for i in (-1, 0))
+            last, first = (float(mech.pose(q, body)[0] @ normal) for q in (end, start))
             if last < 0.0 < first:
                 below.setdefault(body, c.name)
     if not below:

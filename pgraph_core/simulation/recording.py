@@ -772,7 +772,8 @@ class Recording:
         if self.plan.idle and self.done:
             from .contact_log import sunk_through
 
-            contacts += sunk_through(self.mech, self.plan.idle, self.out.q[: self.done])
+            ends = self.began[0], self.out.q[self.done - 1]
+            contacts += sunk_through(self.mech, self.plan.idle, *ends)
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
 

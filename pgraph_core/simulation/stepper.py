@@ -223,7 +223,8 @@ class Stepper(Portable):
     @property
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the steps went."""
-        return self._record.notices()
+        record = self._record if self._recording else self._seen()
+        return record.notices()
 
     def __repr__(self) -> str:
         name, width = self.mech.model.name, self._width
@@ -276,9 +277,9 @@ class Stepper(Portable):
             code = steps.advance(min(left, CHUNK))
             left = end - steps.taken
         if code != at.RUNNING:
-            self._open()
-            self._record.fail(code)
+            self._record.fail(code)  # its frame is the state of which the message tells
             self._ended(self._record.ended)
+            self._open()
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
