@@ -12,7 +12,7 @@ import pgraph_core as pg
 from pgraph_core.rotation import Array, skew
 
 from . import FOLDER
-from .looks import Vector, animal, block, rounded, segment
+from .looks import COAT, Vector, animal, block, limb, rounded, segment
 
 TRUNK = {  # its segments, and how far each turns in the push [rad]
     "pelvis": 0.06, "lumbar": -0.1, "thorax": -0.08, "shoulder_neck_head": 0.1,
@@ -22,6 +22,10 @@ KNOTS = 126  # of its tables, at ends of steps: every 2 ms
 HIPS = ("left_humerus", "right_humerus", "left_femur", "right_femur")
 LEGS = (*HIPS, "left_radius", "right_radius", "left_tibia", "right_tibia")
 HULL = (*TRUNK, *LEGS)  # what lies on the ground after a fall
+NECK_AND_HEAD = (  # within what is drawn of them
+    limb((0.11, 0.02, 0), 0.064, (0.335, 0.215, 0), 0.064, COAT),
+    limb((0.335, 0.205, 0), 0.045, (0.45, 0.18, 0), 0.045, COAT),
+)
 FRICTION = 0.7  # of the paws' soles on the ground, and of the rest
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
@@ -113,14 +117,16 @@ def _vector(row: dict[str, str], name: str) -> Vector:
 
 
 def _with_shapes(body: pg.Body, bodies: list[pg.Body], drawn: tuple[pg.Shape, ...]) -> pg.Body:
-    """One simple solid that touches, and the parts of an animal that are drawn."""
+    """Simple solids that touch, and the parts of an animal that are drawn."""
     if body.name in TRUNK:
         solid = block(body)
     else:
         end = next((b.link for b in bodies if b.parent == body.name), body.tip_point)
         solid = segment(body, end)
-    solid = solid.model_copy(update={"role": "collision"})
-    return body.model_copy(update={"shapes": (solid, *drawn)})
+    solids = (solid, *NECK_AND_HEAD) if body.name == "shoulder_neck_head" else (solid,)
+    plain = {"role": "collision", "end_radius": None, "colour": None}
+    touching = [one.model_copy(update=plain) for one in solids]
+    return body.model_copy(update={"shapes": (*touching, *drawn)})
 
 
 def _foot(body: pg.Body) -> pg.Constraint:
