@@ -15,7 +15,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.model.fields import About, about
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
-from pgraph_core.rotation import matrix, unit
+from pgraph_core.rotation import matrix, multiply, unit
 
 from ..core.cells import Display, Quantity, Refusal, content, quantity_in, replaced
 
@@ -31,6 +31,10 @@ MOTIONS = ("rotate", "translate", "ball")
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # of a new shape's length [m]
+EDGED = ("box", "ellipsoid")
+NO_TURN = (1.0, 0.0, 0.0, 0.0)
+HALF = math.sqrt(0.5)
+Z_TO = ((HALF, 0.0, HALF, 0.0), (HALF, -HALF, 0.0, 0.0), NO_TURN)  # turns of z to x, to y, to z
 
 
 def of_shape(field: str) -> tuple[int, str]:
@@ -328,18 +332,28 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
         raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
     if kind == "heightfield":
         raise Refusal("a heightfield comes with a model file, or from Python")
-    old = body.shape
     length, radius, position, rotation = extent(body)
-    where = {"position": position, "rotation": rotation}
-    if old is not None:
-        where = {"position": old.position, "rotation": old.rotation}
     sizes = {"size": (2 * radius, 2 * radius, length), "radius": radius, "length": length}
-    sizes["radii"] = (radius, radius, length / 2)
     if kind == "capsule":
         sizes["length"] = max(length - 2 * radius, radius)
+    if edges := _edges(body.shape) if kind in EDGED else None:  # as they were
+        assert body.shape is not None
+        sizes["size"], rotation = edges, body.shape.rotation
+    elif kind in EDGED and np.isclose(turn := np.abs(matrix(rotation)), turn.round()).all():
+        # turned by right angles: what is typed for its edges is along the axes of the body
+        sizes["size"], rotation = tuple((turn.round() @ sizes["size"]).tolist()), NO_TURN
+    sizes["radii"] = tuple(x / 2 for x in sizes["size"])
     if not set(DIMENSIONS[kind]) <= sizes.keys():
         raise Refusal(f"a {kind} comes from a file: use 'Mesh file ...'")
+    where = {"position": position, "rotation": rotation}
     return {"kind": kind, **{name: sizes[name] for name in DIMENSIONS[kind]}, **where}
+
+
+def _edges(shape: pg.Shape | None) -> tuple[float, ...] | None:
+    """(3,) how large a box or an ellipsoid is along its axes; None of other shapes."""
+    if shape is None or shape.radii is None:
+        return None if shape is None else shape.size
+    return tuple(2 * x for x in shape.radii)
 
 
 def extent(
@@ -347,12 +361,13 @@ def extent(
 ) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
     """(length along z, radius, middle, quaternion) of a rod that stands for a body."""
     shape = body.shape
-    if shape is not None and shape.radii is not None:
-        return 2 * shape.radii[2], min(shape.radii[:2]), shape.position, shape.rotation
+    if shape is not None and (edges := _edges(shape)) is not None:
+        k = max((2, 0, 1), key=lambda i: edges[i])
+        rest = [x for i, x in enumerate(edges) if i != k]
+        return edges[k], min(rest) / 2, shape.position, multiply(shape.rotation, Z_TO[k])
     if shape is not None:
-        radius = shape.radius or (min(shape.size) / 2 if shape.size else LEAST * SLENDER)
-        caps = 2 * radius if shape.kind == "capsule" else 0.0
-        length = shape.size[2] if shape.size else (shape.length or 2 * radius) + caps
+        radius = shape.radius or LEAST * SLENDER
+        length = (shape.length or 2 * radius) + (2 * radius if shape.kind == "capsule" else 0.0)
         return length, radius, shape.position, shape.rotation
     end = body.tip if body.tip is not None else tuple(2 * x for x in body.com)
     length = math.hypot(*end)

@@ -259,7 +259,7 @@ class _Form:
             found[0]["note"] = name
             found.append(self.vector(prefix + "scale"))
         found += [
-            self.vector(prefix + f)
+            self.vector(prefix + f, XYZ if f in ("size", "radii") else ())
             for f in ("size", "radius", "radii", "length") if getattr(shape, f) is not None
         ]  # fmt: skip
         if kind in ("capsule", "cylinder") and shape.role == "visual":

@@ -560,3 +560,34 @@ def test_a_length_of_what_follows_from_the_shapes_follows_and_nonsense_is_refuse
         refused = update(derived, EditBodies(ME, 1, ("2",), "body_length", (((), text),)))
         assert refused.model is derived.model
         assert refused.clients[ME].reply.text
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z", "-x"])
+def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
+    """Also where the rod that it stands for lies along another axis, or was drawn as a capsule."""
+    tip = {"x": (0.6, 0, 0), "y": (0, 0.6, 0), "z": (0, 0, 0.6), "-x": (-0.6, 0, 0)}[axis]
+    model = state.model.edit("2", tip=tip, com=tuple(x / 2 for x in tip))
+    for first in ("none", "capsule", "cylinder"):
+        new = edit(replace(state, model=model), "shape_kind", ((), first))
+        new = edit(new, "shape_kind", ((), "box"))
+        box = new.model.body("2").shape
+        assert box.rotation == (1.0, 0.0, 0.0, 0.0)
+        longest = max(range(3), key=lambda i: box.size[i])
+        assert (longest, box.size[longest]) == (int(np.argmax(np.abs(tip))), pytest.approx(0.6))
+        for kind, field in (("ellipsoid", "radii"), ("box", "size")):
+            new = edit(new, "shape_kind", ((), kind))
+            rows = [f for g in properties(new, ("2",))["groups"] for f in g["fields"]]
+            (edges,) = [f for f in rows if f["field"].endswith(f"_{field}")]
+            assert [c["name"] for c in edges["cells"]] == ["x", "y", "z"]
+        assert new.model.body("2").shape == box
+        rod = edit(new, "shape_kind", ((), "capsule")).model.body("2").shape
+        along = matrix(rod.rotation)[:, 2]
+        assert abs(along @ np.array(tip)) == pytest.approx(0.6)
+        assert rod.length + 2 * rod.radius == pytest.approx(0.6)
+
+
+def test_an_oblique_box_keeps_its_turn(state):
+    model = state.model.edit("2", tip=(0.3, 0, 0.4), com=(0.15, 0, 0.2))
+    box = edit(replace(state, model=model), "shape_kind", ((), "box")).model.body("2").shape
+    np.testing.assert_allclose(matrix(box.rotation)[:, 2], (0.6, 0, 0.8), atol=1e-12)
+    assert box.size[2] == pytest.approx(0.5)
