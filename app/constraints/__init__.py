@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import pgraph_core as pg
 from pgraph_core.model import fields
 from pgraph_core.model.fields import About
+from pgraph_core.model.force import OnJoint
 from pgraph_core.model.output import OF_JOINT, READINGS
 
 Part = Literal["constraints", "contacts", "forces", "sites", "outputs"]
@@ -133,6 +134,15 @@ def own_fields(item: Any) -> tuple[str, ...]:
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
     sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
     return tuple(n for n in names if n != "body" or not sums)
+
+
+def rare(item: Any, name: str) -> bool:
+    """Whether a field of a drive is as it mostly is: a form has it below the others."""
+    if not isinstance(item, OnJoint) or name not in OnJoint.model_fields:
+        return False
+    if name in ("kind", "body", "coordinate", item.INPUT):
+        return False
+    return getattr(item, name) == OnJoint.model_fields[name].default
 
 
 def takes_other(part: str, kind: str) -> bool:

@@ -8,17 +8,19 @@ from typing import Any
 import viser
 
 import pgraph_core as pg
+from pgraph_core.model.force import OnJoint
 
 from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity, button, by_number, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
-from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, typed_as
+from ..pose.solving import degrees
+from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, rare, typed_as
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs")
-NAMED = ("body", "other")
+OVER_TIME = "over time: 0 0; 1 0.5; 2 0 is 0 at 0 s, 0.5 at 1 s, 0 at 2 s"
 Q_OF_T = {
     "sine": ("mean", "amplitude", "frequency", "phase"),
     "polynomial": ("c0", "c1", "c2", "c3"),
@@ -164,10 +166,12 @@ def form(
     """All fields that matter to a part; to one of a scenario, those of the scenario are `among`."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
-    found = [field("name", "Name", [cell((), item.name)], kind="text")]
+    found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
     for name in own_fields(item):
-        found += _field(state.model, part, item, name, cells, display, at)
-    return by_number([group("", found)], state.rows, state.model, part, item.name, among)
+        here = more if rare(item, name) else found
+        here += _field(state.model, part, item, name, cells, display, at)
+    groups = [group("", found), *([group("More", more, False)] if more else [])]
+    return by_number(groups, state.rows, state.model, part, item.name, among)
 
 
 def _field(
@@ -190,7 +194,12 @@ def _field(
         case "torque" | "target" | "speed" | "input" if kind != "wrench":
             shows = about(item, name)
             return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
-                          unit=shows.unit, help=shows.help, kind="text")]  # fmt: skip
+                          unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
+                          note="" if name == "input" else OVER_TIME)]  # fmt: skip
+        case "coordinate" if isinstance(item, OnJoint):
+            shows, joint = about(item, name), degrees(model.body(item.body))
+            options = [(str(k), label) for k, (label, _) in enumerate(joint)]
+            return [choice(name, "Motion", str(item.coordinate), options, help=shows.help)]
         case "torque" | "force":
             return _over_time(item, name, cells)
     form, options = typed_as(item, name)
@@ -227,7 +236,8 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     value, implied = cells.get(name), False
     if value is None:
         value, implied = parts.implied(model, item, name, at), True
-    unit = display.unit(of) if shows.unit in ("length", "angle") else shows.unit
+    unit = _unit(model, item, shows.unit)
+    unit = display.unit(of) if unit in ("length", "angle") else unit
     if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
@@ -235,6 +245,15 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
         return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
     return field(name, shows.label, [one], unit=unit, help=shows.help)
+
+
+def _unit(model: pg.Model, item: Any, given: str) -> str:
+    """The unit of a drive's field, which goes by what it drives: "N m/rad, N/m" or one of them."""
+    if not isinstance(item, OnJoint) or item.coefficients or ", " not in given:
+        return given
+    joint = degrees(model.body(item.body))
+    slides = joint[item.coordinate][1] == "m" if item.coordinate < len(joint) else False
+    return given.split(", ")[slides]
 
 
 def _curve(item: pg.Motion) -> list[Payload]:

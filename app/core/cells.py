@@ -276,8 +276,8 @@ def _together(one: Payload, others: list[Payload]) -> Payload:
     for i, c in enumerate(one["cells"]):
         same = all(other["cells"][i]["value"] == c["value"] for other in others)
         cells.append(c if same else {**c, "value": "", "varied": True})
-    units = {one["unit"], *(other["unit"] for other in others)}
-    unit = ", ".join(sorted(filter(None, units)))
+    units = [u for f in (one, *others) for u in f["unit"].split(", ") if u]
+    unit = ", ".join(dict.fromkeys(units))
     return {**one, "cells": cells, "unit": unit, "note": "", "pick": ""}
 
 

@@ -75,6 +75,11 @@ def coordinates(state: State, names: Container[str] | None = None) -> list[Coord
     return found
 
 
+def degrees(body: pg.Body) -> list[tuple[str, str]]:
+    """Each degree of freedom of a joint, and its unit: ("about z", "rad")."""
+    return [(found[0], found[-1]) for found in _of_joint(body, np.asarray(body.q, float), 1.0)]
+
+
 def _of_joint(
     body: pg.Body, q: np.ndarray, reach: float
 ) -> Iterator[tuple[str, float, float, float, str]]:

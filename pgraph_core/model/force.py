@@ -276,7 +276,7 @@ class Servo(OnJoint):
     )  # fmt: skip
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
-        default=0.0, ge=0, label="kd", unit="N m s/rad", help="torque per velocity",
+        default=0.0, ge=0, label="kd", unit="N m s/rad, N s/m", help="torque per velocity",
     )  # fmt: skip
     target: Number | Table = field(
         "a number or a table over time [rad, m]",
@@ -298,7 +298,8 @@ class SpeedServo(OnJoint):
     kind: Literal["speed_servo"] = field(KIND, default="speed_servo")
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",
-        default=0.0, ge=0, label="kd", unit="N m s/rad", help="torque per velocity off the speed",
+        default=0.0, ge=0, label="kd", unit="N m s/rad, N s/m",
+        help="torque per velocity off the speed",
     )  # fmt: skip
     speed: Number | Table = field(
         "a number or a table over time [rad/s, m/s]",
@@ -332,7 +333,7 @@ class Actuator(OnJoint):
     )  # fmt: skip
     kd: Number = field(
         "a finite number [N m s/rad, N s/m]",
-        default=0.0, label="kd", unit="N m s/rad", help="torque against velocity",
+        default=0.0, label="kd", unit="N m s/rad, N s/m", help="torque against velocity",
     )  # fmt: skip
 
     @property

@@ -11,7 +11,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app import features
-from pgraph_app.constraints import KINDS
+from pgraph_app.constraints import KINDS, parts
 from pgraph_app.constraints.mobility import mobility_report, report, wanted
 from pgraph_app.constraints.parts import added, knots, table_of
 from pgraph_app.constraints.update import (
@@ -26,7 +26,8 @@ from pgraph_app.constraints.update import (
     SwitchPart,
     Unpick,
 )
-from pgraph_app.constraints.view import constraints
+from pgraph_app.constraints.view import constraints, form
+from pgraph_app.core.cells import Display
 from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph
@@ -464,3 +465,75 @@ def test_servos_as_they_are_added_hold_an_arm_and_its_gripper(turned, scale):
         bound = 0.01 if body.name == "finger" else 0.1
         assert np.abs(moved).max() < bound
         assert np.abs(moved[-10:] - moved[-1]).max() < 0.05 * bound  # at rest
+
+
+@pytest.mark.parametrize("order", [("left", "right"), ("right",)])
+@pytest.mark.parametrize("legs", ["free beam", "beam on one leg"])
+def test_servos_of_a_closed_mechanism_hold_what_its_loops_carry(legs, order):
+    """A beam of 33 kg on two sliding rods of 1 kg, joined by points; a guide keeps it upright.
+
+    Where one rod alone has a servo, the other hangs on the beam.
+    """
+    rod = {"joint": "prismatic", "axes": (0, 0, 1), "mass": 1.0, "inertia": np.eye(3) * 0.01}
+    apart = (("left", -1.0), ("right", 1.0))
+    rods = [pg.Body(name=name, link=(x, 0, 0), tip=(0, 0, 1), **rod) for name, x in apart]
+    on_leg = legs == "beam on one leg"
+    how = ({"parent": "left", "joint": "spherical", "link": (0, 0, 1), "com": (1, 0, 0)}
+           if on_leg else {"joint": "free", "link": (0, 0, 1)})  # fmt: skip
+    beam = pg.Body(name="beam", mass=33.0, inertia=np.eye(3) * 10.0, **how)
+    ends = apart[on_leg:]
+    points = [
+        pg.Constraint(name=name, kind="point", body=name, other="beam", point=(0, 0, 1))
+        for name, _ in ends
+    ]
+    upright = pg.Constraint(name="guide", kind="orientation", body="beam")
+    model = pg.Model(bodies=(*rods, beam), constraints=(*points, upright))
+    for name in order:
+        model, _ = added(model, "forces", "servo", name, "ground")
+    run = pg.simulate(model, t_end=2.0)
+    assert run.status.ok, run.message
+    down = np.asarray(run.body_pose)[:, list(run.mechanism.names).index("beam"), 2]
+    assert 1e-4 < down[0] - down[-1] < 5.01e-3
+    assert np.ptp(down[-10:]) < 1e-4  # at rest
+
+
+def test_a_servo_of_a_standing_leg_holds_the_trunk():
+    """A trunk of 30 kg on a leg whose foot is held on the ground, by a point or by a contact."""
+    trunk = pg.Body(name="trunk", joint="free", link=(0, 0, 1), com=(0.3, 0, 0), mass=30.0)
+    leg = pg.Body(name="leg", parent="trunk", mass=2.0, com=(0, 0, -0.5), tip=(0, 0, -1))
+    held = pg.Constraint(name="foot", kind="point", body="leg")
+    touches = pg.Contact(name="foot", body="leg", points=((0, 0, -1),))
+    model = pg.Model(bodies=(trunk, leg))
+    alone = parts.gains(model, "leg")["kp"]
+    for standing in (model.add(held), model.add(touches)):
+        kp = 9.81 * 30.0 * 0.3 / parts.SAG["rotate"]
+        assert parts.gains(standing, "leg")["kp"] == pytest.approx(kp, rel=0.05)
+    assert alone == pytest.approx(9.81 * 2.0 * 0.5 / parts.SAG["rotate"], rel=0.05)
+
+
+def test_a_drive_has_the_unit_and_the_motion_of_its_joint_and_few_fields_first():
+    model = pg.Model(bodies=[
+        pg.Body(name="wheel", joint="compound",
+                motions=(("translate", (0, 0, 1)), ("rotate", (0, 1, 0)))),
+        pg.Body(name="slide", joint="prismatic"), pg.Body(name="hinge"),
+    ])  # fmt: skip
+    units = {"slide": ("N/m", "N s/m", "m"), "hinge": ("N m/rad", "N m s/rad", "rad")}
+    units["wheel"] = units["slide"]
+    for name, expected in units.items():
+        with_one, servo = added(model, "forces", "servo", name, "ground")
+        state = update(initial(with_one), Connected(ME))
+        first, more = form(state, Display(), "forces", parts.item_of(with_one, "forces", servo))
+        shown = {f["field"]: f for f in first["fields"]}
+        assert tuple(shown[f]["unit"] for f in ("kp", "kd", "target")) == expected
+        assert shown["target"]["cells"][0]["value"] == "0"
+        assert "over time" in shown["target"]["note"]
+        assert set(shown) == {"name", "kind", "body", "coordinate", "kp", "kd", "target"}
+        assert (more["title"], more["open"]) == ("More", False)
+        assert "torque_limit" in {f["field"] for f in more["fields"]}
+    drive, name = added(model, "forces", "speed_servo", "wheel", "ground")
+    turned = parts.changed(drive, "forces", name, "coordinate", (((), "1"),), Display(), {})
+    state = update(initial(turned), Connected(ME))
+    (first, _) = form(state, Display(), "forces", turned.forces[0])
+    shown = {f["field"]: f for f in first["fields"]}
+    assert shown["coordinate"]["options"] == [("0", "along z"), ("1", "about y")]
+    assert (shown["kd"]["unit"], shown["speed"]["unit"]) == ("N m s/rad", "rad/s")
