@@ -40,3 +40,8 @@ class Report:
     model: pg.Model
     result: Any  # pgraph_core's Study or StabilityMap
     asked: float = 0.0  # duration of the run [s]
+
+
+def advised(report: Report | None) -> Any:
+    """The row that a report against run time recommends; None where there is none."""
+    return report.result.advised() if report is not None and report.kind == "precision" else None

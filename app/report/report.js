@@ -7,7 +7,7 @@
     const target = cells.input(edit("target"), { label: "error wanted", numeric: true });
     const t_end = cells.input(edit("t_end"), { label: "duration of the report", numeric: true });
     const axis = cells.choice(() => pgraph.latest.reports.axes, edit("axis"), { label: "axis" });
-    t_end.placeholder = "as simulated";
+    t_end.placeholder = "the run's";
     host.pgraphCells = { target, t_end, axis };
     const field = (label, unit, cell, help) => make("div", { className: "field", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), make("span", { className: "unit", textContent: unit })), cell);
@@ -27,7 +27,7 @@
       make("div", { className: "problem sentence", role: "alert", hidden: true }),
       make("div", { className: "outcome", hidden: true },
         make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
-          button("page", "Page", "The whole report as one HTML file", () => send("DownloadReport"))),
+          button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport"))),
         make("div", { className: "stale sentence", hidden: true }),
         make("div", { className: "advice" }), make("div", { className: "bar use" }),
         make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
@@ -67,13 +67,12 @@
     outcome($, data.result ?? NOTHING);
   }
 
-  const NOTHING = { title: "", advice: "", use: [], stale: "", head: [], rows: [], notes: [] };
+  const NOTHING = { title: "", advice: "", use: "", stale: "", head: [], rows: [], notes: [] };
   function outcome($, result) {
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;
     $(".advice").textContent = result.advice;
-    $(".use").replaceChildren(...result.use.map((method) => button("method", `Use ${method}`, `Simulate with ${method} from now on`,
-      () => send("SetRun", { serial: pgraph.nextSerial(), field: "method", text: method }))));
+    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Simulate so from now on: method, and step or tolerance", () => send("UseAdvised"))] : []));
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
     $(".rows thead").replaceChildren(row("th")(result.head));

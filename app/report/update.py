@@ -11,7 +11,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State, with_client
-from . import Analysis, Report, ReportRequest
+from . import Analysis, Report, ReportRequest, advised
 
 LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
 
@@ -103,6 +103,20 @@ def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis
             return replace(state, analysis=None, report=done)
         case NotMeasured(_, text):
             return replace(state, analysis=None, analysis_problem=text)
+
+
+@dataclass(frozen=True)
+class UseAdvised(FromPage):
+    """Simulate from now on by the method, and at the step or tolerance, that the report advises."""
+
+
+@on(UseAdvised)
+def use_advised(state: State, event: UseAdvised) -> State:
+    row = advised(state.report)
+    if row is None:
+        return state
+    asked = replace(state.request, method=row.method, step=row.step, rtol=row.rtol)
+    return replace(state, request=asked)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from typing import Any
 
 import viser
 
-from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
@@ -94,7 +93,7 @@ def precision(study: Any) -> Payload:
     return {
         "title": f"Error against run time, {study.t_end:.4g} s",
         "advice": study.answer,
-        "use": [name for name in METHOD_NAMES if re.search(rf"\b{name}\b", study.answer)],
+        "use": "" if (row := study.advised()) is None else f"{row.method} at {row.setting}",
         "head": ["method", "setting", "error", "time"],
         "rows": rows,
         "notes": [source, *study.notes],
@@ -111,7 +110,7 @@ def stability(found: Any) -> Payload:
     return {
         "title": f"Stability over {found.axis.replace('_', ' ')}, {found.t_end:g} s",
         "advice": found.advice,
-        "use": [],
+        "use": "",
         "head": ["method", found.axis.replace("_", " "), "step", "verdict", ""],
         "rows": rows[:200],
         "notes": list(dict.fromkeys(found.references)),

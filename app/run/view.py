@@ -57,6 +57,7 @@ def run(state: State) -> Payload:
             "t_end": request.t_end,
             "step": request.step,
             "method": request.method,
+            "rtol": request.rtol,
         },
         "empty": not state.model.bodies,
         "kernels": kernels(state),

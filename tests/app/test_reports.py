@@ -14,9 +14,10 @@ import pgraph_core as pg
 from pgraph_app.core.state import Kernels, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit
-from pgraph_app.report.update import Analyse, CancelAnalysis, Measuring, SetReport
+from pgraph_app.report.update import Analyse, CancelAnalysis, Measuring, SetReport, UseAdvised
 from pgraph_app.report.view import page, reports
 from pgraph_app.report.worker import Analyst
+from pgraph_app.run.view import run
 from pgraph_app.session.update import Connected
 from pgraph_core.study.axes import AXES
 
@@ -59,6 +60,10 @@ def test_error_against_run_time(state):
     assert state.report.result.figure().startswith("<svg")
     assert "<html" in page(state.report)[:400].lower()
     assert json.dumps(reports(state), allow_nan=False)
+    row, used = state.report.result.advised(), update(state, UseAdvised(ME)).request
+    assert (used.method, used.step, used.rtol) == (row.method, row.step, row.rtol)
+    assert sent["use"] == f"{row.method} at {row.setting}"
+    assert run(update(state, UseAdvised(ME)))["request"]["rtol"] == row.rtol
     stale = update(state, Edit(ME, 2, "1", "mass", (), "3"))
     assert reports(stale)["result"]["stale"] == "Measured before the model was changed."
 
