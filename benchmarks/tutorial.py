@@ -87,9 +87,6 @@ def bend(person: Person) -> None:
     person.click('.pgraph[data-view="joints"] .joint:nth-child(1) .cell')
     for angle in ("-1", "0.7"):
         person.write(angle, then="Tab")
-        person.page.keyboard.press("Tab")  # over the next name
-        person.page.keyboard.press("Tab")  # and its slider
-        person.seconds += 2 * KEY
     person.write("1.3")
     person.page.wait_for_function("() => Math.abs(pgraph.latest.joints.rows[2].value - 1.3) < 1e-9")
     person.click('.pgraph[data-view="joints"] button.use')

@@ -370,12 +370,15 @@ window.pgraph = (() => {
     if (!canvas) { setTimeout(watchView, 100); return; }
     watched?.disconnect();
     let settling = null;
-    const tell = () => {
-      if (!canvas.isConnected) { watchView(); return; } // viser made another one for a smaller window
+    pgraph.tellView = () => {
       const aspect = canvas.clientWidth / canvas.clientHeight;
       if (!(aspect > 0)) return; // nothing of it is seen
-      nudge();
       pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
+    };
+    const tell = () => {
+      if (!canvas.isConnected) { watchView(); return; } // viser made another one for a smaller window
+      if (canvas.clientWidth && canvas.clientHeight) nudge();
+      pgraph.tellView();
     };
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);

@@ -39,6 +39,13 @@
     const slider = make("input", { type: "range", step: "any" });
     const cell = cells.input(pose, { label: "", numeric: true });
     cell.dataset.digits = 4;
+    cell.addEventListener("keydown", (event) => {
+      const by = { Tab: event.shiftKey ? -1 : 1, Enter: 1, ArrowDown: 1, ArrowUp: -1 }[event.key];
+      const all = [...document.querySelectorAll(".pgraph .joint .cell")], next = all[all.indexOf(cell) + by];
+      if (!next) return; // from the last one Tab leaves
+      event.preventDefault();
+      next.focus(); // which takes what is typed
+    });
     slider.addEventListener("input", () => later(() => pose(0, slider.value)));
     slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });

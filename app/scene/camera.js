@@ -57,10 +57,14 @@ pgraph.camera = (() => {
     const controls = window.__viserMutable?.cameraControl;
     if (controls && controls.camera !== watched) { // made again after a lost connection
       watched = controls.camera;
-      controls.addEventListener("control", () => { turned = true; });
+      controls.addEventListener("control", () => { if (!turned) turn(true); });
     }
     setTimeout(watch, controls ? 2000 : 100);
   })();
-  pgraph.on("framed", () => { turned = false; });
+  function turn(by) {
+    turned = by;
+    pgraph.tellView();
+  }
+  pgraph.on("framed", () => { if (turned) turn(false); });
   return { look, measure, turned: () => turned };
 })();

@@ -19,6 +19,7 @@ COVERED = 0.25  # of the view at most, by the playback at its bottom
 IN_PLACE = (
     8.0  # of a model's size (a half of its length): a run that goes farther is not seen whole
 )
+FAR = 2.0  # times the distance from which the model fills the picture
 MOMENTS, FEW = 16, 100  # of a run, and bodies at most, of which a view is made that holds them all
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 
@@ -35,18 +36,21 @@ class CameraView:
 
     def render(self, old: State, new: State) -> None:
         another = new.framed != self._framed or new.model.up != self._up
+        edited = new.derived is not old.derived
         grown = len(new.derived.names) > len(old.derived.names) or (
-            new.derived is not old.derived and new.derived.size > 1.05 * old.derived.size
+            edited and new.derived.size > 1.05 * old.derived.size
         )
+        reshaped = not new.playback.moves and (grown or (edited and len(new.derived.names) <= FEW))
         over = old.playback.moves and not new.playback.moves
         ran = passed(new) if new.last_run is not old.last_run else np.zeros((0, 3))
-        rests = over or (new.derived is not old.derived and not new.playback.moves)
+        rests = over or (edited and not new.playback.moves)
         handles = self._server.get_clients()
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
             self._start(new)
         for client, page in new.clients.items():
             handle, before = handles.get(client), old.clients.get(client, Client())
+            which, chosen = self._views.get(client, ("start", ()))
             if handle is None or page.aspect is None:
                 continue
             if another or before.aspect is None:
@@ -56,7 +60,10 @@ class CameraView:
             elif (_view(page) != _view(before) and not page.turned) or self._leaves(
                 handle, new, page, ran
             ):
-                self._look(handle, new, page, *self._views.get(client, ("start", ())))
+                self._look(handle, new, page, which, chosen)
+            elif reshaped and not (page.turned or chosen or which == "centre"):
+                if not fits(handle, new, page):
+                    self._look(handle, new, page, which)
             else:
                 turned = page.follow and not before.follow
                 left_it = (grown or turned) and not seen(handle, new, page, tips=True).all()
@@ -137,6 +144,18 @@ def look(
     far = np.linalg.norm(seen.position - seen.target) + 1e-3 * np.linalg.norm(seen.position)
     at.position = seen.position + 0.1 * far * way
     at.position, at.look_at = seen
+
+
+def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
+    """Whether a page has the whole model in its picture, and not from far away."""
+    corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
+    if page.aspect is None or not holds(handle, state, page, corners, page.covered).all():
+        return False
+    way = np.asarray(at.position) - np.asarray(at.look_at)
+    nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect, page.covered)
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    near, far = (np.linalg.norm(x - middle) for x in (nearest.position, np.asarray(at.position)))
+    return bool(far < FAR * near)
 
 
 def went(handle: viser.ClientHandle, state: State, page: Client) -> bool:

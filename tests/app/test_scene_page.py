@@ -15,6 +15,7 @@ from pgraph_app.digraph.update import StepThrough
 from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
+from pgraph_app.properties.update import EditBodies
 from pgraph_app.run.update import SetRun, Simulate
 from pgraph_app.scene.camera import extent
 from pgraph_app.scene.update import Show
@@ -409,6 +410,44 @@ def test_the_model_is_whole_at_any_size_of_the_window_until_a_person_moves_the_c
     np.testing.assert_allclose(at_rest(page), chosen, rtol=1e-3, atol=1e-3)
     page.set_viewport_size(before)
     page.get_by_role("button", name="Fit view").click()
+
+
+def test_a_model_that_grows_by_an_edit_is_seen_whole(page, served):
+    """A box that takes in the camera, and one that shrinks; until a person turns the view."""
+    served.send(OpenText(NOBODY, "two", pg.Model.serial(2).to_json()))
+    until(lambda: within(page, served), "two bodies")
+    served.send(EditBodies(NOBODY, 0, ("1",), "shape_kind", (((), "box"),)))
+    far = np.linalg.norm(at_rest(page)[:3])
+    served.send(EditBodies(NOBODY, 0, ("1",), "shape_size", (((0,), "8"), ((1,), "4"))))
+    until(lambda: np.linalg.norm(offset(page)[:3]) > 2 * far, "farther away")
+    until(lambda: within(page, served), "the large box")
+    served.send(EditBodies(NOBODY, 0, ("1",), "shape_size", (((0,), "0.1"), ((1,), "0.1"))))
+    until(lambda: np.linalg.norm(offset(page)[:3]) < 2 * far, "nearer again")
+    box = page.locator("canvas:not(.pgraph *)").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 3)
+    page.mouse.wheel(0, 200)
+    client = max(served.viser.get_clients())
+    until(lambda: served.store.state.clients[client].turned, "told that a person turned it")
+    chosen = at_rest(page)
+    served.send(EditBodies(NOBODY, 0, ("1",), "shape_size", (((0,), "0.12"),)))
+    np.testing.assert_allclose(at_rest(page), chosen, rtol=1e-3, atol=1e-3)
+    page.get_by_role("button", name="Fit view").click()
+    until(lambda: not served.store.state.clients[client].turned, "told that it is framed again")
+
+
+def test_tab_enter_and_arrows_go_from_number_to_number_of_a_pose(page, served):
+    served.send(OpenText(NOBODY, "three", pg.Model.serial(3).to_json()))
+    page.evaluate("() => pgraph.front('Pose')")
+    cells = page.locator(".joint .cell")
+    until(lambda: cells.count() == 3, "three numbers")
+    cells.first.click()
+    for text, key in (("-1", "Tab"), (".65", "Enter"), ("2", "ArrowUp")):
+        page.keyboard.type(text)
+        page.keyboard.press(key)
+    typed = ["-1", "0.65", "2"]
+    until(lambda: [cells.nth(i).input_value() for i in range(3)] == typed, "three numbers")
+    served.send(HomePose(NOBODY))
+    page.evaluate("() => pgraph.front('Properties')")
 
 
 def at_rest(page: Any) -> list[float]:
