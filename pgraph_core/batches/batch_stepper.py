@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import positions
+from ..dynamics.arguments import numbers_in, positions
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
@@ -36,7 +36,7 @@ from .instances import (
     words_of,
 )
 from .loops import LoopLanes, on_constraints
-from .paths import Path, counting, distinct, numbers_in, with_numbers
+from .paths import Path, counting, distinct, with_numbers
 
 MOST = 10_000_000  # instances
 
@@ -65,8 +65,8 @@ class BatchStepper(Portable):
     An instance takes the steps that it would take alone in a `Stepper`, bit for bit, whatever its
     neighbours and the number of `threads` (all cores by default). Free trees that differ in their
     bodies, and in the targets of servos without a limit, are stepped in SIMD lanes, equal to
-    rounding. An instance that fails stays at its last good state, in lanes that before the call, is
-    named in `failures`, and takes no further steps until it is reset.
+    rounding. An instance that fails stays at its last good state, is named in `failures`, and takes
+    no further steps until it is reset.
 
     Raises InputError for arguments that do not fit.
     """
@@ -132,7 +132,10 @@ class BatchStepper(Portable):
     def _noted(self, kinds: Array) -> Iterator[Stepper]:
         """The same steppers; what outputs need of each is kept, before steps share its arrays."""
         self._sensed: list[tuple[Sensors, System]] = []
-        for stepper in self._steppers(kinds):
+        self._told: dict[str, list[int]] = {}
+        for kind, stepper in enumerate(self._steppers(kinds)):
+            for text in stepper.recording.told:
+                self._told.setdefault(text, []).append(kind)
             if self.mech.model.outputs or not self._sensed:
                 packed = stepper.mech.packed
                 system: Any = System._make(a.copy() for a in packed.system)
@@ -185,6 +188,13 @@ class BatchStepper(Portable):
         """{instance: why it stands still}."""
         failed, control = np.flatnonzero(~self.ok), self._many.control
         return {i: self._reason(int(self._many.codes[i]), control[i]) for i in failed.tolist()}
+
+    @property
+    def notices(self) -> dict[str, Ints]:
+        """{sentence on a model or on how it starts: (n,) instances}, as of a Stepper of each."""
+        kind = self._many.kind
+        found = {text: np.flatnonzero(np.isin(kind, own)) for text, own in self._told.items()}
+        return {text: which for text, which in found.items() if len(which)}
 
     def _reason(self, code: int, control: Any) -> str:
         body = self.mech.packed.body_of(int(control["fastest"]))
@@ -268,8 +278,10 @@ class BatchStepper(Portable):
 
         `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
         are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
-        lists of `set`: the entries that these instances take from now on. What soft and penalty
-        contacts leave out stays as it fits the initial states; targets are the model's again.
+        lists of `set`: the entries that these instances take from now on. Targets are the model's
+        again. A soft or penalty contact without a stiffness keeps the one that fits the speed of
+        the model's initial state: only with a stiffness of its own are the steps from another (q,
+        v) those of a Stepper from there.
         Raises InputError where a state does not fit, or cannot meet the constraints.
         """
         chosen, many = _chosen(which, self.size), self._many
@@ -286,19 +298,21 @@ class BatchStepper(Portable):
             many.q[chosen] = qs
         if vs is not None:
             many.v[chosen] = vs
-        if (qs is None and vs is None) or not len(self._first.recording.plan.active):
+        record = self._first.recording
+        begun = len(record.plan.active) or record.steps.control["approach"]
+        if (qs is None and vs is None) or not begun:
             return
         try:
             for i in chosen.tolist():
-                self._assemble(i)
+                self._start(i)
         except InputError:
             many.states[chosen], many.codes[chosen], many.kind[chosen] = before
             raise
 
-    def _assemble(self, i: int) -> None:
-        """Move instance i onto its constraints. Raises InputError."""
+    def _start(self, i: int) -> None:
+        """Move instance i onto its constraints, and see what it is near to. Raises InputError."""
         worker = self._many.into_worker(i)
-        if why := worker.meet():
+        if why := worker.begin():
             raise _refused("q", f"instance {i}: {why}", "reset")
         self._many.states[i] = worker.state()
 
@@ -459,10 +473,8 @@ def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
 def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
     """(rows, columns) finite numbers, of one row where one is given. Raises InputError."""
     shape = (rows,) if columns is None else (rows, columns)
-    try:
-        found = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        found = np.full((0, 0, 0), np.nan)
+    given = numbers_in(value)
+    found = np.full((0, 0, 0), np.nan) if given is None else given
     if found.shape not in (shape, shape[1:]) or not np.isfinite(found).all():
         text = f"must be finite numbers of shape {shape} or {shape[1:]}; given {shown(value)}"
         if found.size and found.shape not in (shape, shape[1:]):

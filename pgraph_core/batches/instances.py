@@ -16,9 +16,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..engine import layout as at
 from ..engine.compiler.address import address_of, address_of_function, unnamed
+from ..engine.compiler.elementary import FAR
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
@@ -86,8 +88,8 @@ class Worker:
         self.numbers = _spans(numbers, varying)
         self.run = stepper.recording.steps.address
 
-    def meet(self) -> str:
-        """Move the state in the run onto its constraints; why that cannot be done, or ""."""
+    def begin(self) -> str:
+        """Begin at the state in the run, on its constraints; why that cannot be done, or ""."""
         record = self.stepper.recording
         record.ended = Outcome()
         return "" if record.begin() else record.ended.message
@@ -265,15 +267,30 @@ class TreeLanes(Instances):
         self._columns, self._words = np.flatnonzero(inside), varying[inside] - first
         self._const: tuple[Ints, Array] | None = None
         self._shared = const.copy()
+        rows = stepper.mech.packed.rows[1:]
+        self._angles = rows[rows[:, at.KIND] == at.ROTATE, at.QI]
         plan = stepper.recording.plan
         self._timed = len(plan.drives.table) > plan.drives.passive or len(plan.loads.knots) > 0
 
     def step(self, n: int) -> None:
         """n steps of all instances that run; `given` acts."""
-        for which in self._at_one_time(np.flatnonzero(self.codes == at.RUNNING)):
-            self._advance(which, n)
+        running = np.flatnonzero(self.codes == at.RUNNING)
+        left = [self._advance(which, n) for which in self._at_one_time(running)]
+        for i in np.concatenate(left).tolist() if left else ():
+            self.control["fresh"][i] = 0
+            self._part(n, 0, i, i + 1)
 
-    def _advance(self, which: Ints, n: int) -> None:
+    def _fit(self, q: Array, v: Array) -> NDArray[np.bool_]:
+        """Which states lanes take: finite, and no angle so large that their sines lose digits."""
+        width = float(self.control["widest"][0])
+        if abs(q).max(initial=0.0) < FAR and abs(v).max(initial=0.0) * width < FAR:
+            return np.ones(len(q), dtype=bool)
+        far = np.any(~(abs(q[:, self._angles]) < FAR), axis=1)  # also of nan
+        far |= np.any(~(abs(v * width) < FAR), axis=1)
+        return ~(far | np.any(~np.isfinite(q), axis=1))
+
+    def _advance(self, which: Ints, n: int) -> Ints:
+        """n steps in lanes; the instances that have to take them alone."""
         plan, control = self.workers[0].stepper.recording.plan, self.control
         # of the dissipation nobody asks
         works = self._timed or self.given[which].any()
@@ -289,21 +306,23 @@ class TreeLanes(Instances):
 
         self._in_blocks(work, len(given))
         new = [from_lanes(x, len(which)) for x in state]
-        good = np.isfinite(np.concatenate(new, axis=1)).all(axis=1)
-        taken, lost = which[good], which[~good]
+        good = self._fit(*new[:2]) & np.isfinite(new[2]).all(axis=1)
+        good &= self._fit(self.q[which], self.v[which])
+        taken = which[good]
         for own, found in zip(parts, new):
             own[taken] = found[good]
         control["taken"][taken] += n
         now = control["origin"] + control["taken"] * control["widest"]
         control["time"][taken] = now[taken]
-        control["failed"][lost], control["fastest"][lost] = control["time"][lost], 1
-        self.codes[lost] = at.NOT_FINITE
+        return which[~good]
 
     def accelerations(self) -> Array:
         """v' (m, nv) at the states, with all forces."""
-        found = np.empty(self.v.shape)
-        for which in self._at_one_time(np.arange(len(self.kind))):
+        found, fit = np.empty(self.v.shape), self._fit(self.q, self.v)
+        for which in self._at_one_time(np.flatnonzero(fit)):
             found[which] = self._accelerations(which)
+        for i in np.flatnonzero(~fit).tolist():
+            found[i] = self.into_worker(i).vdot()
         return found
 
     def _accelerations(self, which: Ints) -> Array:
@@ -331,7 +350,11 @@ class TreeLanes(Instances):
             kernels.inverse_dynamics(*acts, q, v, rates, space, passive, none, out, begin, end)
 
         self._in_blocks(work, len(q))
-        return from_lanes(out, len(self.kind))
+        found = from_lanes(out, len(self.kind))
+        for i in np.flatnonzero(~self._fit(self.q, self.v)).tolist():
+            mech = self.into_worker(i).stepper.mech
+            found[i] = mech.inverse_dynamics(self.q[i], self.v[i], vdot[i])
+        return found
 
     def _pushed(self, which: Ints) -> Array:
         """(m, nv) given torques, and what servos add that have other targets than the tables."""

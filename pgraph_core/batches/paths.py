@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from ..dynamics.arguments import names_in
@@ -24,15 +22,6 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "outputs": "output",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
-
-
-def numbers_in(given: Any) -> NDArray[np.float64] | None:
-    """Numbers, whole or not, as an array; None for text, truth values and other objects."""
-    try:
-        found = np.asarray(given)
-    except (TypeError, ValueError):
-        return None
-    return found.astype(float) if found.dtype.kind in "iuf" else None
 
 
 def distinct(paths: Sequence[Path], call: str) -> None:

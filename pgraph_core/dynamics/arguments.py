@@ -23,6 +23,23 @@ def names_in(value: Any) -> Mapping[str, Any] | None:
     return {x: value[x] for x in named} if any(isinstance(x, str) for x in named) else None
 
 
+def numbers_in(given: Any) -> Array | None:
+    """Numbers, whole or not, as an array of its own, nan where they are masked.
+
+    None for text, truth values, complex numbers and other objects.
+    """
+    try:
+        found = np.asarray(given)
+    except (TypeError, ValueError):
+        return None
+    if found.dtype.kind not in "iuf" and found.size:
+        return None
+    found = np.array(found, dtype=np.float64, order="C")
+    if isinstance(given, np.ma.MaskedArray):
+        found[np.ma.getmaskarray(given)] = np.nan
+    return found
+
+
 def numbers(name: str, value: Any, *shape: int) -> Array:
     """An array of this shape; entries may be nan or inf. Raises InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
@@ -32,13 +49,9 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
     if names_in(value) is not None:
         text = "must be numbers in a list, in the order of the coordinates (mech.names), not by "
         raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiu" and array.size:
-            raise TypeError
-        array = np.array(array, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
+    array = numbers_in(value)
+    if array is None:
+        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}"))
     if array.shape != shape:
         raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}"))
     return array

@@ -757,6 +757,11 @@ class Recording:
         """PHASE_CHANGE records of contacts, in the order of time, as the kernels logged them."""
         return np.concatenate(self._changes)
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Sentences on the model, on how it starts and on how it ended."""
+        return (*self.plan.notices, *self.ended.notices)
+
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the run went so far."""
         user = self.user.notices() if self.user is not None else []
@@ -775,7 +780,7 @@ class Recording:
             ends = self.began[0], self.out.q[self.done - 1]
             contacts += sunk_through(self.mech, self.plan.idle, *ends)
         steps = self.steps.notices()
-        return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
+        return (*self.told, *steps, *contacts, *user)
 
     def _oriented(self) -> int:
         """How many frames have orientations: what blows up may end in a state without any."""

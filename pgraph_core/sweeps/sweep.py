@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ..batches.paths import Path, counting, distinct, numbers_in, with_numbers
-from ..dynamics.arguments import wrong_type
+from ..batches.paths import Path, counting, distinct, with_numbers
+from ..dynamics.arguments import numbers_in, wrong_type
 from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model

@@ -420,6 +420,78 @@ def test_a_reset_of_some_starts_them_alone():
     assert np.array_equal(batch.q[1], stepper.q)
 
 
+@pytest.mark.parametrize("law", ["penalty", "soft"])
+def test_a_contact_with_a_stiffness_of_its_own_makes_a_reset_the_start_of_a_stepper(law: str):
+    """Without one it fits the speed at the start, which a batch knows of its models alone."""
+    contact = pg.Contact(name="sole", body="box", law=law, stiffness=2e4)
+    model = box().replace(contacts=[contact])
+    stepper = pg.Stepper(model)
+    rng, start = np.random.default_rng(4), stepper.q
+    q, v = start + np.zeros((6, 1)), rng.normal(size=(6, len(stepper.v)))
+    q[:, 3:7] = rng.normal(size=(6, 4))
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1)[:, None]
+    batch = pg.BatchStepper(model, 6)
+    batch.reset(q, v)
+    batch.step(n=300)
+    for i in range(6):
+        alone = pg.Stepper(model, q=q[i], v=v[i])
+        alone.step(n=300)
+        assert np.array_equal(batch.q[i], alone.q)
+        assert np.array_equal(batch.v[i], alone.v)
+
+
+def test_what_a_run_tells_of_its_start_is_told_of_the_instances_of_which_it_is_true():
+    model = pendulum().edit("rod", limits=((-0.5, 0.8),))
+    batch = pg.BatchStepper(model, 3, set={"bodies.rod.q.0": [0.0, 0.9, 0.7, 0.9]})
+    (text,) = (x for x in pg.Stepper(model.edit("rod", q=0.9)).notices if "starts" in x)
+    assert "0.1 beyond its limits" in text
+    assert {said: x.tolist() for said, x in batch.notices.items() if "rod" in said} == {text: [1]}
+    batch.reset(which=[1, 2], numbers=[0, 3])
+    assert batch.notices[text].tolist() == [2]
+    batch.reset(numbers=0)
+    assert text not in batch.notices
+
+
+def test_angles_that_lanes_cannot_take_are_taken_alone():
+    """m g c cos q from the angle's exact sine, by a Stepper of each; also where a step ends far."""
+    model, given = pendulum(), {"bodies.rod.mass": spread(1.0)}
+    far = np.array([1.0, -1.5e10, 2e16, 3e20, 0.5])[:, None]
+    batch = pg.BatchStepper(model, SIZE, set=given)
+    batch.reset(far, [3.0])
+    tau = batch.inverse_dynamics(np.ones((SIZE, 1)))
+    vdot = batch.acceleration()
+    for i in range(SIZE):
+        mech = alone(model, given, i).mech
+        one = pg.Stepper(mech, q=far[i], v=[3.0])
+        np.testing.assert_allclose(tau[i], mech.inverse_dynamics(far[i], [3.0], [1.0]), rtol=1e-13)
+        np.testing.assert_allclose(vdot[i], one.vdot, rtol=1e-13)
+    fast = np.array([1.0, 2e8, 1e19, 4e7, -1e12])[:, None]  # rad/s: turned far by the first step
+    free = model.edit("rod", stiffness=0.0, damping=0.0)
+    batch = pg.BatchStepper(free, SIZE, set=given)
+    batch.reset([0.3], fast)
+    assert batch.step(n=5).all()
+    for i in range(SIZE):
+        one = pg.Stepper(alone(free, given, i).mech, q=[0.3], v=fast[i])
+        one.step(n=5)
+        np.testing.assert_allclose(batch.q[i], one.q, rtol=1e-13)
+        np.testing.assert_allclose(batch.v[i], one.v, rtol=1e-13)
+        assert batch.t[i] == one.t
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.full((3, 1), 5j), np.ma.masked_all((3, 1)), [["1"]] * 3, [[True]] * 3]
+)
+def test_what_are_no_numbers_is_refused_wherever_it_is_given(wrong):
+    batch, stepper = pg.BatchStepper(pendulum(), 3), pg.Stepper(pendulum())
+    for call in (
+        batch.step, batch.reset, batch.acceleration, batch.inverse_dynamics,
+        lambda x: stepper.step(x[0]), lambda x: stepper.reset(x[0]),
+    ):  # fmt: skip
+        with pytest.raises(pg.InputError, match=r"must be (finite|numbers)"):
+            call(wrong)
+    assert batch.q.tolist() == pg.BatchStepper(pendulum(), 3).q.tolist()
+
+
 def test_a_reset_meets_the_constraints():
     model = built_in("four_bar")
     batch = pg.BatchStepper(model, 2, set={"gravity.1": [-9.81, -1.6]})
