@@ -39,6 +39,10 @@ from .loops import LoopLanes, on_constraints
 from .paths import Path, counting, distinct, with_numbers
 
 MOST = 10_000_000  # instances
+SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
+    "step": "instances take steps of one width: give the batch a step=",
+    "t_end": "nothing would read it: a batch takes the steps that it is asked for",
+}
 
 
 @guarded(
@@ -82,7 +86,7 @@ class BatchStepper(Portable):
         mechanism: Mechanism | Model,
         size: int,
         *,
-        step: float = 1e-3,
+        step: float | None = None,
         method: str = AUTO,
         scenario: str | None = None,
         tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
@@ -413,9 +417,10 @@ def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> 
         raise _refused("set", text)
     paths = [Path(model, path, "BatchStepper") for path in given]
     distinct(paths, "BatchStepper")
-    fixed = {"step": options["step"], "tau": options["tau"]}
-    fixed["method"] = None if options["method"] == AUTO else options["method"]
-    counting(paths, model, "BatchStepper", options["scenario"], fixed)
+    for path in paths:
+        if path.group == "scenarios" and path.inside[0] in SHARED:
+            raise _refused(path.text, SHARED[path.inside[0]])
+    counting(paths, model, "BatchStepper", options["scenario"], {"tau": options["tau"]})
     found = {}
     for name, (path, values) in zip((path.text for path in paths), given.items()):
         numbers = numbers_in(values)

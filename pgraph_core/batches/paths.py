@@ -138,7 +138,8 @@ class Path:
         """A field of a part, or an entry of a list."""
         if isinstance(value, Mapping):
             if str(word) not in value:
-                raise self._refused(f"has no {str(word)!r}; {nearest(str(word), [*value])}")
+                do = nearest(str(word), [*value]) if value else "give it one in the model first"
+                raise self._refused(f"has no {str(word)!r}; {do}")
             return value[str(word)]
         if isinstance(value, BaseModel):
             fields = [x for x in type(value).model_fields if x != "name"]

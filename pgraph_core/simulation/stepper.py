@@ -56,11 +56,13 @@ class Stepper(Portable):
             st.step(tau=-5 * st.q - 0.1 * st.v)
 
     `q` and `v` are views that follow the steps: keep `st.q.copy()`. The states are those of
-    `simulate` with the same method and step, bit for bit. `method` is one
-    of the fixed-step methods; "auto" is moreau_jean where contacts or joint limits are declared,
-    else rk4. `tau` is an array (nv,) or a function f(t, q, v), as of `simulate`, and acts in every
-    step. `scenario`, `forces` and `stabilise` are those of `simulate`. Constraints are switched by
-    `switch`: for a scenario that switches some later on, say so by `switches=()`.
+    `simulate` with the same method and step, bit for bit. `step` [s] is that of the scenario by
+    default, else 1e-3. `method` is one of the fixed-step methods; "auto" is that of the scenario if
+    it is such a one, which rigid contacts and limits allow of moreau_jean alone; else moreau_jean
+    where contacts or joint limits are declared, else rk4. `tau` is an array (nv,) or a function
+    f(t, q, v), as of `simulate`, and acts in every step. `scenario`, `forces` and `stabilise` are
+    those of `simulate`. Constraints are switched by `switch`: for a scenario that switches some
+    later on, say so by `switches=()`.
 
     Raises InputError for arguments that do not fit, and for an initial state in which the
     constraints cannot be met.
@@ -75,7 +77,7 @@ class Stepper(Portable):
         self,
         mechanism: Mechanism | Model,
         *,
-        step: float = 1e-3,
+        step: float | None = None,
         method: str = AUTO,
         scenario: str | None = None,
         tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
@@ -90,9 +92,15 @@ class Stepper(Portable):
         """At (q, v), by default at the initial state of the scenario, or of the model."""
         mech = mechanism_of(mechanism, "Stepper")
         given = mech.model.scenario(scenario) if scenario is not None else None
-        touching = bool(touching_contacts(mech, given)) or mech.model.limited
+        contacts = touching_contacts(mech, given)
+        limited = mech.model.limited
         if method == AUTO:
-            method = "moreau_jean" if touching else "rk4"
+            method = "moreau_jean" if contacts or limited else "rk4"
+            rigid = limited or any(c.law == "complementarity" for c in contacts)
+            if given is not None and given.method in GIVEN_STEPS and not rigid:
+                method = given.method
+        if step is None:
+            step = given.step if given is not None else 1e-3
         if method not in GIVEN_STEPS:
             text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
             raise InputError(Problem("Stepper", "method", text))

@@ -223,6 +223,32 @@ def test_notices_tell_what_fell_through_the_ground():
     assert any("'ball' went through the ground" in text for text in stepper.notices)
 
 
+def test_a_scenario_gives_step_and_method_where_the_call_does_not():
+    part = {"name": "bob", "mass": 1.0, "com": (0, 0, -1), "inertia": 0.1 * np.eye(3), "q": 1.0}
+    bob = pg.Body(axes=(0, 1, 0), **part)
+    own = {"step": 0.01, "t_end": 0.5}
+    scenarios = [
+        pg.Scenario(name="euler", method="semi_implicit_euler", **own),
+        pg.Scenario(name="chosen", method="dopri5", **own),
+    ]
+    model = pg.Model(bodies=[bob], scenarios=scenarios)
+    run = pg.simulate(model, scenario="euler", estimate=False)
+    for stepper in (
+        pg.Stepper(model, scenario="euler"),
+        pg.BatchStepper(model, 1, scenario="euler"),
+    ):
+        stepper.step(n=50)
+        assert stepper.method == "semi_implicit_euler"
+        np.testing.assert_allclose(np.ravel(stepper.q), run.q[-1], rtol=1e-12)
+    assert pg.Stepper(model, scenario="euler", step=0.02, method="rk4").method == "rk4"
+    assert pg.Stepper(model, scenario="chosen").method == "rk4"
+    hit = model.edit("bob", limits=((-1.0, 1.0),))
+    assert pg.Stepper(hit, scenario="euler").method == "moreau_jean"
+    for path, words in (("step", "step="), ("t_end", "nothing would read it")):
+        with pytest.raises(pg.InputError, match=words):
+            pg.BatchStepper(model, 2, scenario="euler", set={f"scenarios.euler.{path}": [1, 2]})
+
+
 WRONG: tuple[Any, Any] = ("model", 2.5)  # of other types than a call takes
 
 
