@@ -215,8 +215,12 @@ class BatchStepper(Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{contact pair: (size,) smallest gap} [m] in the last step, negative: penetration."""
-        return self._touches(lambda pair: pair["gap"].copy())
+        """{contact pair: (size,) smallest gap} [m] at the states, negative: penetration."""
+        found = {name: np.empty(self.size) for name in self._touches(len)}
+        for i in range(self.size) if found else ():
+            for name, gap in self._many.into_worker(i).stepper._gaps().items():
+                found[name][i] = gap
+        return found
 
     @property
     def outputs(self) -> Mapping[str, Array]:
@@ -327,9 +331,10 @@ class BatchStepper(Portable):
         return table
 
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
-        """v' (size, nv) at the states, with all forces, constraints and contacts.
+        """v' (size, nv) at the states, with all forces, constraints and compliant contacts.
 
-        `tau` as of `step`.
+        `tau` as of `step`. What rigid contacts and limits exert follows from a step: their forces
+        are those of the last one, none after `reset`.
         """
         self._give(tau)
         return self._many.accelerations()

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,9 @@ from .options import SAME, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
+
+if TYPE_CHECKING:
+    from .contact_log import Clearance
 
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
@@ -145,7 +148,7 @@ class Stepper(Portable):
 
     @property
     def vdot(self) -> Array:
-        """(nv,) acceleration at the state."""
+        """(nv,) acceleration at the state; rigid contacts and limits push as in the last step."""
         return self._seen().out.vdot[0].copy()
 
     @property
@@ -171,9 +174,23 @@ class Stepper(Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, float]:
-        """{contact pair: smallest gap} [m], negative where they penetrate."""
-        found = self._touches(lambda pair: float(pair["gap"]))
-        return ByTouch(found, "contact_gap", self.mech.model, min)
+        """{contact pair: smallest gap} [m] at the state, negative where they penetrate."""
+        return ByTouch(self._gaps(), "contact_gap", self.mech.model, min)
+
+    def _gaps(self) -> dict[str, float]:
+        """Of contact pairs, at the state in the run."""
+        contacts = self._record.plan.contacts
+        if contacts is None:
+            return {}
+        found = self._clearance.gaps(self._record.scene, self._q[None], len(contacts.touches))
+        return {touch.name: gap for touch, gap in zip(contacts.touches, found[0].tolist())}
+
+    @cached_property
+    def _clearance(self) -> Clearance:
+        from .contact_log import Clearance
+
+        assert self._record.plan.contacts is not None
+        return Clearance(self.mech, self._record.plan.contacts)
 
     @property
     def constraint_force(self) -> Mapping[str, Array]:
@@ -231,6 +248,8 @@ class Stepper(Portable):
     @property
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the steps went."""
+        if not self.status.ok:
+            return self._record.told  # contacts tell of the step that was not taken
         record = self._record if self._recording else self._seen()
         return record.notices()
 
@@ -467,6 +486,7 @@ class Stepper(Portable):
         self._active = set(plan.active.tolist())
         if not self._record.begin():
             raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
+        vars(self).pop("_clearance", None)  # of the tables before
         self._own = self._record.scene.given.copy()
         self._q, self._v = self._steps.q.view(), self._steps.v.view()
         self._q.flags.writeable = self._v.flags.writeable = False

@@ -682,3 +682,24 @@ def _stepped(snapshot: bytes) -> np.ndarray:
     batch.restore(snapshot)
     batch.step(n=10)
     return batch.q.copy()
+
+
+@pytest.mark.parametrize("law", ["complementarity", "penalty"])
+def test_gaps_are_those_of_the_states_also_before_the_first_step_and_in_flight(law: str):
+    """A ball of radius 0.1 m: its gap is its height less that, whatever it touched before."""
+    ball = pg.Body(name="ball", joint="free", mass=1.0, q=(0, 0, 0.3, 1, 0, 0, 0),
+                   shape={"kind": "sphere", "radius": 0.1})  # fmt: skip
+    own: dict[str, float] = {"stiffness": 1e5} if law == "penalty" else {}
+    floor = pg.Contact(name="floor", body="ball", law=law, restitution=0.8, **own)
+    model = pg.Model(bodies=[ball], contacts=[floor])
+    radii = np.array([0.1, 0.05, 0.1])
+    batch = pg.BatchStepper(model, 3, set={"bodies.ball.shape.radius": radii})
+    stepper = pg.Stepper(model)
+    for _ in range(6):
+        gaps = batch.contact_gap["floor"]
+        np.testing.assert_allclose(gaps, batch.q[:, 2] - radii, atol=1e-12)
+        assert stepper.contact_gap["floor"] == gaps[0]
+        batch.step(n=80)
+        stepper.step(n=80)
+    batch.reset(batch.q * [1, 1, 2, 1, 1, 1, 1])
+    np.testing.assert_allclose(batch.contact_gap["floor"], batch.q[:, 2] - radii, atol=1e-12)
