@@ -118,31 +118,38 @@ def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
 
 
 def _solid(part: Piece, *, many: bool = False) -> Any:
-    trimesh = needed("trimesh", "page")
-    x, y, z = part.size
     match part.kind:
-        case "box":
-            solid = trimesh.creation.box(extents=part.size)
-        case "sphere":
-            solid = trimesh.creation.icosphere(subdivisions=2 if many else 3, radius=0.5)
-            solid.apply_scale(part.size)
-        case "cylinder" | "capsule" if part.taper != 1.0:
-            solid = _tapered(x / 2, x / 2 * part.taper, z, part.kind == "capsule")
-        case "cylinder":
-            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=24 if many else 48)
-        case "capsule":
-            count = (10, 16) if many else (16, 24)
-            solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=count)
-            solid.apply_translation(-solid.bounds.mean(axis=0))
         case "heightfield":
             vertices, faces = part.file.surface()
-            solid = trimesh.Trimesh(vertices, faces, process=False)
+            solid = needed("trimesh", "page").Trimesh(vertices, faces, process=False)
         case "mesh":
             solid = _file(part.file)
             solid.apply_scale(part.size)
+        case _:
+            solid = _primitive(part.kind, part.size, part.taper, many).copy()
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = part.rotation, part.position
     solid.apply_transform(placed)
+    return solid
+
+
+@lru_cache(maxsize=256)
+def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: bool) -> Any:
+    """A trimesh with its middle in the origin; copies of a body have the same one."""
+    creation, (x, _, z) = needed("trimesh", "page").creation, size
+    if kind == "box":
+        return creation.box(extents=size)
+    if kind == "sphere":
+        solid = creation.icosphere(subdivisions=2 if many else 3, radius=0.5)
+        solid.apply_scale(size)
+        return solid
+    if taper != 1.0:
+        return _tapered(x / 2, x / 2 * taper, z, kind == "capsule")
+    if kind == "cylinder":
+        return creation.cylinder(radius=x / 2, height=z, sections=24 if many else 48)
+    count = (10, 16) if many else (16, 24)
+    solid = creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=count)
+    solid.apply_translation(-solid.bounds.mean(axis=0))
     return solid
 
 
