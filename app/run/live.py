@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -71,6 +73,10 @@ class LiveRunner:
         self._send(found)
 
     def _run(self, id: int) -> None:
+        with only_young_garbage():
+            self._computed(id)
+
+    def _computed(self, id: int) -> None:
         motion, clock, ends = Motion(), Clock(), deque[float]()
         while (wanted := self._wanted(id)) is not None:
             state, live = wanted
@@ -99,8 +105,26 @@ class LiveRunner:
                 ends.append(float(part.t[-1]))
                 self._send(Advanced(id, part, clock.pace))
             if (over := motion.over(part)) is not None:
-                self._send(Stuck(id, over))
+                self._send(Stuck(id, over, motion.fell))
                 return
+
+
+USUAL = gc.get_threshold()
+NEVER = 10**9
+
+
+@contextmanager
+def only_young_garbage() -> Iterator[None]:
+    """No collection of all garbage meanwhile.
+
+    It goes through every object of the process and holds Python's lock all the time: 0.1 s of
+    processor time, in which nobody is answered, and seconds where others keep the processor busy.
+    """
+    gc.set_threshold(*USUAL[:2], NEVER)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*USUAL)
 
 
 def _begin(work: Callable[[Any], None], of: Any) -> None:
@@ -182,10 +206,15 @@ class Motion:
         """Why there is nothing to go on with; None where there is."""
         if not part.status.ok:
             return f"The live run stopped: {part.message}."
-        fell = self._walker.fell if self._walker is not None else None
+        fell = self.fell
         if fell is None or self.time - fell < LYING:
             return None
         return f"It fell at t = {fell:.3g} s; the run is kept."
+
+    @property
+    def fell(self) -> float | None:
+        """When it fell [s]."""
+        return self._walker.fell if self._walker is not None else None
 
     def _simulated(self, live: Live, step: float, span: float, pull: Pull | None) -> pg.Result:
         request, tau = live.request, self._torque(pull)
