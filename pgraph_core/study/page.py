@@ -126,7 +126,7 @@ MARKS = (  # within a circle of radius 1
 HIGHEST = 1e3  # errors above are drawn there
 CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
 MAP_LEFT, MAP_TOP = 84, 64
-LETTER_WIDE = 6.8  # of a group's name
+LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # of a group's name, and of a column's head along the row
 
 
 class Point(NamedTuple):
@@ -334,7 +334,9 @@ def heat_map(
     Groups that do not fit into `wide` pixels go below the others.
     """
     high = MAP_TOP + len(rows) * CELL_HIGH
-    places = _places([max(len(columns) * CELL, LETTER_WIDE * len(x)) + GAP for x in groups], wide)
+    beyond = HEAD_WIDE * max(map(len, columns), default=0) - CELL / 2  # the last head, turned
+    group = len(columns) * CELL + max(beyond, GAP)
+    places = _places([max(group, LETTER_WIDE * len(x) + GAP) for x in groups], wide)
     bands = range(max((band for _, band in places), default=0) + 1)
     bottom = high * len(bands)
     parts = [f'<text x="4" y="12" {_style(11)}>{escape(axis)}</text>']
@@ -348,7 +350,7 @@ def heat_map(
         x, band = places[each.group]
         y = band * high + MAP_TOP + each.row * CELL_HIGH
         parts.append(_square(each, x + each.column * CELL, y))
-    width = max((x for x, _ in places), default=0.0) + len(columns) * CELL + GAP
+    width = max((x for x, _ in places), default=0.0) + group
     width = max(width, min(wide, 640.0))
     x, y = 4.0, bottom + 14
     for text, colour in legend:

@@ -369,6 +369,23 @@ def test_a_narrow_map_is_as_wide_as_a_column(small):
     assert width(many.figure()) >= 640
 
 
+def test_the_heads_of_a_map_end_before_the_next_method_and_the_edge(small):
+    """They are turned by 40 degrees, of letters some 5.3 px wide."""
+    steps = (0.1, 0.01, 0.001, 0.0001)
+    found = replace(small, methods=(*small.methods, "ros2"), steps=steps)
+    for narrow in (False, True):
+        svg = found.figure(narrow=narrow)
+        heads = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*rotate\(-40[^>]*>([^<]+)<', svg)
+        places = [(float(x), float(y), 5.3 * 0.77 * len(text)) for x, y, text in heads]
+        edge = float(re.findall(r'width="([\d.]+)"', svg)[0])
+        assert len(places) == len(steps) * len(found.methods)
+        assert all(x + wide <= edge for x, _, wide in places)
+        groups = [places[i : i + len(steps)] for i in range(0, len(places), len(steps))]
+        for one, after in itertools.pairwise(groups):
+            if one[0][1] == after[0][1]:  # side by side
+                assert one[-1][0] + one[-1][2] <= after[0][0] + 1.0
+
+
 def test_a_map_of_speeds_ends():
     """A run that fails at once, again and again, made the number of steps overflow."""
     model = pg.Model.load(pgraph_models.path("heavy_top"))
