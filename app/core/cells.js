@@ -71,6 +71,7 @@ pgraph.cells = (() => {
     cell.title = text;
     sentence(cell, text);
     cell.onrefuse?.(offer, noteOf(cell));
+    noteOf(cell)?.scrollIntoView({ block: "nearest" });
   }
   // What there is to say of a cell while it is typed in: one question at a time, the last text wins.
   function doubtful(cell, send) {

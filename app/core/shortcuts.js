@@ -39,6 +39,7 @@ pgraph.shortcuts = (() => {
     sheet.addEventListener("keydown", (event) => event.stopPropagation());
     document.body.append(sheet);
     sheet.showModal();
+    sheet.scrollTop = 0; // the focus is on its last button
   }
 
   window.addEventListener("keydown", (event) => {

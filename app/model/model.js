@@ -66,7 +66,7 @@
 
   function newQuestion(close) {
     return [...typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies })),
-      make("div", { className: "muted", textContent: "or start from one of these" }), gallery(close, [])];
+      make("div", { className: "muted", textContent: "rows of a spreadsheet are pasted into its table (Ctrl+V); or start from one of these" }), gallery(close, [])];
   }
 
   function saveQuestion(close) {
@@ -76,7 +76,7 @@
     const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
     const others = [[".urdf", "URDF"], [".xml", "MJCF"]].map(([suffix, name]) =>
       button(`download${suffix.replace(".", "-")}`, name, `Download as ${name}; with mesh files a zip of that and them`, () => { send("Download", { suffix }); close(); }));
-    return [make("div", { className: "ask" }, download, ...others), ...typed("or on this computer as", path, "Save", close, save, anyway)];
+    return [make("div", { className: "ask" }, download, ...others), ...typed("or in the folder in which Pgraph was started, as", path, "Save", close, save, anyway)];
   }
 
   // A question with one typed answer, given by Enter or the button; a refused one stays, with what
@@ -90,7 +90,7 @@
     cell.onrefuse = (offer, note) => {
       if (offer && note) note.append(" ", button("small offer", offer, "", () => cells.await(cell, offered(cell.value))));
     };
-    const go = button("primary go", verb, "", () => cells.commit(cell, act));
+    const go = button(verb === "Save" ? "go" : "primary go", verb, "", () => cells.commit(cell, act));
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];
   }
 

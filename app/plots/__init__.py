@@ -199,6 +199,11 @@ def of_scene(run: pg.Result) -> list[Signal]:
     return [*found, *(Signal("output", output.name) for output in run.mechanism.model.outputs)]
 
 
+def idle(run: pg.Result) -> set[str]:
+    """Contacts that never touch in a run."""
+    return {name for name, force in run.contact_force.items() if not np.any(force)}
+
+
 def title(signal: Signal) -> str:
     """'joint torque of knee'."""
     label = KINDS[signal.quantity].label

@@ -3,6 +3,7 @@
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
   const DASHES = [[], [6, 3], [2, 2]]; // of the first eight curves, the next and the ones after
+  const NOISE = 1e-12; // of the largest value of a plot: what rounding leaves of a zero
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
   const heightOf = (canvas) => canvas.clientHeight || 142;
   let zoom = null, charts = [], cursor = 0;
@@ -26,7 +27,9 @@
     host.querySelector(".of-body").replaceChildren(...(data.body
       ? [heading(`${data.body}:`), ...data.of_body.map(chip)]
       : [heading("Select a body to plot its motion and forces.")]));
-    host.querySelector(".of-scene").replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip)] : []));
+    const scene = host.querySelector(".of-scene"), open = scene.querySelector("details")?.open ?? false;
+    const idle = data.idle.length ? [make("details", { open }, make("summary", { textContent: data.idle_title }), ...data.idle.map(chip))] : [];
+    scene.replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip), ...idle] : []));
     host.querySelector(".hint").textContent = data.hint;
     host.querySelector(".hint").hidden = !data.hint;
   }
@@ -195,7 +198,8 @@
   function legend(chart, entries) {
     chart.legend.replaceChildren(...entries.map(([name, color, value], i) => {
       const style = ["solid", "dashed", "dotted"][Math.floor(i / SERIES) % DASHES.length];
-      const said = value === null ? "" : Number(value.toPrecision(4)).toString();
+      const noise = NOISE * Math.max(...chart.data.curves.flatMap(({ y }) => [Math.max(...y), -Math.min(...y)]));
+      const said = value === null ? "" : Math.abs(value) < noise ? "0" : Number(value.toPrecision(4)).toString();
       return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);
     }));
   }

@@ -7,6 +7,8 @@ import time
 import numpy as np
 import viser
 
+from pgraph_core.errors import counted
+
 from ..core.bridge import Bridge
 from ..core.state import Client, Run, State
 from ..core.views import Payload, Place
@@ -18,6 +20,7 @@ from . import (
     Signal,
     components,
     curves,
+    idle,
     of_body,
     of_scene,
     of_several,
@@ -74,10 +77,14 @@ def signals(state: State, client: Client) -> Payload:
     if len(several) > 1:
         name, of = f"{len(several)} bodies", of_several(state.model, several)
     scene = of_scene(state.plotted.result) if state.plotted is not None else []
+    apart = idle(state.plotted.result) if state.plotted is not None else set()
+    rest = [s for s in scene if s.kind.startswith("contact_") and s.of in apart]
     return {
         "body": name,
         "of_body": [[s.kind, s.of, KINDS[s.quantity].label] for s in of],
-        "of_scene": [[s.kind, s.of, title(s)] for s in scene],
+        "of_scene": [[s.kind, s.of, title(s)] for s in scene if s not in rest],
+        "idle": [[s.kind, s.of, title(s)] for s in rest],
+        "idle_title": f"{counted(len(apart), 'contact')} that never touched",
         "hint": "" if state.plotted else "Nothing to plot yet: press Simulate, or Live.",
     }
 

@@ -213,13 +213,18 @@ def following(body: pg.Body, what: str) -> dict[str, Any]:
         raise Refusal(f"must be one of {', '.join(DERIVED)}")
     wanted = DERIVED if what == ALL else (what,)
     change: dict[str, Any] = {"derived": tuple(dict.fromkeys((*body.derived, *wanted)))}
-    shapes = body.shapes or (pg.Shape(**(_shape(body, "capsule") or {})),)
+    shapes = body.shapes or (rod_of(body),)
     if not body.shapes:
         change["shape"] = shapes[0]
     if "mass" in wanted:
         full = mass_properties_of(shapes, 1.0).mass
         change["density"] = body.density or (body.mass / full if body.mass > 0 else 1000.0)
     return change
+
+
+def rod_of(body: pg.Body) -> pg.Shape:
+    """The rod along a body that has no shape."""
+    return pg.Shape(**(_shape(body, "capsule") or {}))
 
 
 def _numbers(value: Sequence[Any], what: str) -> list[float]:

@@ -25,7 +25,7 @@ from ..model import Found
 from ..model.archive import mesh_folder
 from ..model.update import sent, sent_file
 from . import world as world  # its events
-from .body_cells import edit_of, mended
+from .body_cells import edit_of, mended, rod_of
 from .length import stretched
 
 LENGTH = "body_length"
@@ -189,9 +189,6 @@ def filled(state: State, event: FillFromShape) -> State:
         if density <= 0:
             raise Refusal(f"must be > 0 [kg/m³]; given {density:g}")
         bodies = [state.model.body(name) for name in event.bodies]
-        bare = next((b.name for b in bodies if b.shape is None), None)
-        if bare is not None:
-            raise Refusal(f"needs a shape, which '{bare}' does not have; choose one first")
     except (Refusal, pg.PgraphError) as problem:
         sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
         return replied(state, event.client, event.serial, sentence)
@@ -271,13 +268,15 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes) -> Found:
 def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
     """What makes mass, centre of mass and inertia of bodies follow from shapes that they fill.
 
+    A body without a shape fills the rod as which it is drawn, its shape from now on.
     Raises PgraphError, Refusal.
     """
     found = {}
     for body in bodies:
-        mass = mass_properties_of(body.shapes, density).mass
+        rod = {} if body.shapes else {"shape": rod_of(body)}
+        mass = mass_properties_of(body.shapes or tuple(rod.values()), density).mass
         if not (math.isfinite(mass) and mass >= 0):
             raise Refusal(f"gives '{body.name}' a mass of {mass}")
         derived = tuple(dict.fromkeys((*body.derived, "mass", "com", "inertia")))
-        found[body.name] = {"density": density, "derived": derived}
+        found[body.name] = {**rod, "density": density, "derived": derived}
     return found

@@ -49,6 +49,7 @@ class Run:
     request: Request
     result: Any  # pgraph_core's result
     walked: tuple[Change, ...] | None = None  # what its feet did, where that is known
+    ended: str = ""  # of a live one, how
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:
@@ -82,6 +83,7 @@ class Live:
     pace: float = 1.0  # its speed over the one asked for
     falls: tuple[Change, ...] = ()  # what its feet did
     over: bool = False  # stopped: its parts are shown until they are joined
+    ended: str = ""  # how
 
     def part_at(self, time: float) -> Any:
         """The part that holds `time`, else the last."""

@@ -120,7 +120,7 @@
   function folded(text) {
     const items = text.split("; ");
     if (items.length < 4) return text;
-    return make("details", {}, make("summary", { textContent: `${items.length} things` }), ...items.map((item) => make("div", { textContent: item })));
+    return make("details", {}, make("summary", { textContent: `${items.length} in all` }), ...items.map((item) => make("div", { textContent: item })));
   }
 
   function progress(bar, fraction) {

@@ -295,11 +295,13 @@ class Stuck(Event):
 
     id: int  # of the live run
     text: str
+    fell: float | None = None  # [s]
 
 
 @on_news("live", Stuck)
 def stuck(state: State, event: Stuck, live: Live) -> State:
-    return state if live.over else replace(stopped(state), run_problem=event.text)
+    how = f"it fell at t = {event.fell:.3g} s" if event.fell is not None else "it could not go on"
+    return state if live.over else replace(stopped(state, how), run_problem=event.text)
 
 
 @dataclass(frozen=True)
@@ -312,12 +314,13 @@ def stop_live(state: State, event: StopLive) -> State:
     return stopped(state)
 
 
-def stopped(state: State) -> State:
+def stopped(state: State, how: str = "stopped by hand") -> State:
     """The live run is over at once: `joined` tells of it as one, which takes a moment."""
     live = state.going
     if live is None:
         return state
-    return replace(state, live=replace(live, running=False, over=True) if live.parts else None)
+    over = replace(live, running=False, over=True, ended=how)
+    return replace(state, live=over if live.parts else None)
 
 
 @dataclass(frozen=True)
@@ -335,7 +338,7 @@ def joined(state: State) -> Joined:
     live = state.live
     assert live is not None
     walked = tuple(since(live.falls, state.t_start))  # seconds of work after a long run
-    run = Run(state.model, live.request, pg.joined(live.parts), walked)
+    run = Run(state.model, live.request, pg.joined(live.parts), walked, live.ended)
     return Joined(live.id, run, state.framed)
 
 

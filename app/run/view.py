@@ -29,6 +29,7 @@ from . import FREE_RUN
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
 OPEN = 8  # masses that the reader of a living figure may change
+WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
 
 
@@ -122,9 +123,13 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     drift, estimate = float(result.energy_drift), float(result.error_estimate)
     estimated = not math.isnan(estimate)
     lines = [
-        ("Status", result.message or result.status.value, result.status.ok),
+        ("Status", run.ended or result.message or result.status.value, result.status.ok),
         ("Method", str(result.header.get("why", "")), True),
-        ("Error estimate", result.accuracy if estimated else "", estimate < POOR),
+        (
+            "Error estimate",
+            f"{result.accuracy}{why(estimate)}" if estimated else "",
+            estimate < POOR,
+        ),
         ("Energy drift", f"{drift:.2g} of its range{why(drift)}", drift < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):
@@ -149,7 +154,9 @@ def measures(run: Run) -> dict[str, str]:
     """Speed, steps, work and forces of a run, in words."""
     result, model = run.result, run.model
     span = float(result.t[-1] - result.t[0])
-    found = {"duration": f"{span:.4g} s"}
+    found = {"scenario": run.request.scenario or "free run", "duration": f"{span:.4g} s"}
+    if run.ended:
+        found["ended"] = run.ended
     free = [k for k, name in enumerate(result.mechanism.names) if model.body(name).joint == "free"]
     if free and span > 0:
         way = np.diff(np.asarray(result.body_pose)[:, free[0], :3], axis=0)
@@ -166,15 +173,15 @@ def measures(run: Run) -> dict[str, str]:
     return found
 
 
-def why(drift: float) -> str:
-    """What to do about an energy that drifts; nothing where it does not."""
-    return ": a smaller step keeps it better" if drift >= POOR else ""
+def why(error: float) -> str:
+    """What to do about an error or a drift that is large; nothing where it is not."""
+    return f": above {POOR:g}; a smaller step makes it smaller" if error >= POOR else ""
 
 
 def cost(result: Any) -> str:
     """'250 steps, 1000 evaluations, 12.3 ms'."""
     counters = dict(result.counters).items()
-    counts = [f"{int(n)} {name.replace('_', ' ')}" for name, n in counters if n]
+    counts = [f"{int(n)} {WORDS.get(name, name.replace('_', ' '))}" for name, n in counters if n]
     seconds = sum(float(s) for s in dict(result.timing).values())
     return ", ".join([*counts, f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"])
 

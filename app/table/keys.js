@@ -112,6 +112,13 @@ pgraph.keys = (() => {
     tr.focus({ preventScroll: true });
     send("SelectBodies", { body: tr.dataset.name, bodies: names });
   }
+  window.addEventListener("keydown", (event) => { // where nothing is typed in, the browser would select the page's text
+    if (!(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey || event.key.toLowerCase() !== "a") return;
+    if (event.defaultPrevented || event.target.closest?.("input, textarea, select, dialog")) return;
+    event.preventDefault();
+    const first = table().tr(table().shown()[0]);
+    if (first) everything(first);
+  });
 
   // Alt: up and down among the rows, right below the row above, left to the parent's parent.
   function moved(tr, key) {

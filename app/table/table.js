@@ -4,7 +4,7 @@ pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["#", "number in the Pgraph: depth-first, upper row first; drag it to move the row, or onto another row to attach it there"],
+    ["#", "number in the Pgraph: depth-first, upper row first, so numbers jump where rows are in another order; drag it to move the row, or onto another row to attach it there"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
     ["DoF", "degrees of freedom of its joint, 0 to 6"],
@@ -92,6 +92,7 @@ pgraph.table = (() => {
     byName = new Map(rows.map((row) => [row.name, row]));
     trs = pgraph.keyed(host.querySelector("tbody"), rows, newRow, fill, (tr) => near.unobserve(tr));
     pgraph.rows.count(host, data);
+    host.querySelector("table").style.setProperty("--digits", String(rows.length).length);
     search(host, filter);
     mark(host);
     others(host, pgraph.latest.others);
@@ -207,7 +208,7 @@ pgraph.table = (() => {
     }
     const empty = host.querySelector(".empty");
     empty.hidden = found > 0;
-    empty.textContent = rows.length ? `No body has “${text}” in its row.` : "No bodies: add one.";
+    empty.textContent = rows.length ? `No body has “${text}” in its row.` : "No bodies: add one, or paste rows of a spreadsheet (Ctrl+V).";
   }
 
   pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });

@@ -453,7 +453,8 @@ class Model(World):
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
         point = tuple((other.rotation.T @ (place - other.position)).round(12).tolist())
-        text = f"at {shown(point)} of '{cut.other}', where its point is in the initial state"
+        near = shown(tuple(float(f"{x:.4g}") for x in point))
+        text = f"at {near} of '{cut.other}', where its point is in the initial state"
         if cut.other == GROUND:
             return f"{text}; to close it elsewhere give other_point"
         tip = self.body(cut.other).tip_point

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from pgraph_app.gait.update import Push
 from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Play, Scrub, StepFrames
 from pgraph_app.pose.update import Pull, UsePose
-from pgraph_app.run.live import Clock, LiveRunner, Motion
+from pgraph_app.run.live import NEVER, USUAL, Clock, LiveRunner, Motion, only_young_garbage
 from pgraph_app.run.update import (
     Advanced,
     Compare,
@@ -33,7 +34,7 @@ from pgraph_app.run.update import (
     Stuck,
     joined,
 )
-from pgraph_app.run.view import run
+from pgraph_app.run.view import measures, run
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import AddBody
 
@@ -137,6 +138,22 @@ def test_what_stops_it_is_said_and_what_was_computed_is_kept(live):
     state = after(state, Stuck(state.live.id, "The live run stopped: no."))
     assert state.run_problem == "The live run stopped: no."
     assert update(state, joined(state)).last_run is not None
+
+
+def test_a_live_run_says_how_it_ended_and_not_that_it_reached_its_end(live):
+    state = grown(live, parts(live, 2))
+    fallen = Stuck(state.live.id, "It fell at t = 27 s; the run is kept.", 27.0)
+    for event, how in ((StopLive(ME), "stopped by hand"), (fallen, "it fell at t = 27 s")):
+        over = after(state, event)
+        over = update(over, joined(over))
+        assert dict(line[:2] for line in run(over)["summary"])["Status"] == how
+        assert measures(over.last_run)["ended"] == how
+
+
+def test_a_live_run_collects_young_garbage_alone():
+    with only_young_garbage():
+        assert gc.get_threshold() == (*USUAL[:2], NEVER)
+    assert gc.get_threshold() == USUAL
 
 
 def test_stop_acts_before_the_parts_are_joined(live):

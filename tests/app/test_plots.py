@@ -183,3 +183,19 @@ def test_the_force_of_what_is_off_is_said_and_no_curve():
     assert on["none"] == ""
     assert off["curves"] == []
     assert "0 throughout" in off["none"]
+
+
+def test_contacts_that_never_touched_stand_apart_from_what_did():
+    """A ball that falls on the ground, and one that hangs above it."""
+    ball = pg.Shape(kind="sphere", radius=0.1)
+    low = pg.Body(name="low", joint="free", link=(0, 0, 0.2), shape=ball)
+    high = pg.Body(name="high", joint="weld", link=(0, 0, 3), shape=ball)
+    contacts = [pg.Contact(name=f"of {n}", body=n) for n in ("low", "high")]
+    model = pg.Model(bodies=(low, high), contacts=contacts)
+    state = update(update(initial(model), Connected(ME)), Simulate(ME))
+    state = update(state, Simulated(state.job.id, pg.simulate(model, t_end=0.4)))
+    found = signals(state, state.clients[ME])
+    kinds = {"contact_force", "contact_gap", "contact_slip"}
+    assert {kind for kind, of, _ in found["of_scene"] if of == "of low"} == kinds
+    assert {(kind, of) for kind, of, _ in found["idle"]} == {(kind, "of high") for kind in kinds}
+    assert found["idle_title"] == "1 contact that never touched"

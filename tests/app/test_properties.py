@@ -35,6 +35,7 @@ from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend,
 from pgraph_app.properties.view import physical, properties
 from pgraph_app.properties.world import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_app.session.update import Connected, SetDisplay
+from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix
 
 pytestmark = pytest.mark.fast
@@ -263,11 +264,24 @@ def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
     assert len(after.undo) == 2
 
 
-@pytest.mark.parametrize(("density", "part"), [("-1", "> 0"), ("x", "number"), ("1", "shape")])
-def test_no_mass_without_density_and_shape(state, density, part):
+@pytest.mark.parametrize(("density", "part"), [("-1", "> 0"), ("x", "number")])
+def test_no_mass_without_density(state, density, part):
     after = update(state, FillFromShape(ME, 1, ("2",), density))
     assert part in told(after)
     assert after.model is state.model
+
+
+def test_a_material_makes_the_rod_as_which_a_body_is_drawn_its_shape(state):
+    """Also of several bodies, of which one has a shape that it keeps."""
+    box = edit(state, "shape_kind", ((), "box"), bodies=("3",))
+    after = update(box, FillFromShape(ME, 1, ("2", "3"), "7850"))
+    rod, kept = after.model.body("2"), after.model.body("3")
+    assert rod.shape.kind == "capsule"
+    assert rod.mass == pytest.approx(mass_properties_of(rod.shapes, 7850).mass)
+    assert kept.shape == box.model.body("3").shape
+    rows = [f for g in properties(state, ("2",))["groups"] for f in g["fields"]]
+    (kinds,) = [dict(f["options"]) for f in rows if f["field"].endswith("shape_kind")]
+    assert kinds["none"] == "none (drawn as a rod)"
 
 
 CUBE = "solid a\n" + "\n".join(
