@@ -37,6 +37,7 @@ PASS = (  # what the page sends; the rest is dropped
     "TransformControlsUpdateMessage",
     "TransformControlsDragStartMessage",
     "TransformControlsDragEndMessage",
+    "CommandTriggerMessage",
 )
 MESSAGES = (300.0, 600.0)  # a second for one page, and at once
 BYTES = (32e6, 64e6)  # the same in bytes

@@ -55,7 +55,7 @@
     cells.set(target, data.target);
     cells.set(t_end, data.t_end ?? "");
     cells.choose(axis, data.axis);
-    for (const ask of host.querySelectorAll(".asks button")) ask.disabled = data.job !== null;
+    for (const ask of host.querySelectorAll(".asks button")) ask.disabled = data.job !== null || data.empty;
     $(".job").hidden = data.job === null;
     if (data.job) {
       $(".job progress").value = data.job.fraction;

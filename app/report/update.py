@@ -57,6 +57,8 @@ class Analyse(FromPage):
 def analyse(state: State, event: Analyse) -> State:
     if state.analysis is not None:
         return state
+    if not state.model.bodies:
+        return replace(state, analysis_problem="There is no body yet: add one to the table.")
     id = state.jobs + 1
     analysis = Analysis(id, event.kind, state.model, state.request, state.reporting)
     return replace(state, analysis=analysis, jobs=id, analysis_problem="")

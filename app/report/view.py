@@ -66,6 +66,7 @@ def reports(state: State) -> Payload:
         "t_end": asked.t_end,
         "axis": asked.axis or first_axis(state.model),
         "axes": [[name, name.replace("_", " ")] for name in AXES],
+        "empty": not state.model.bodies,
         "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
         "problem": state.analysis_problem,
         "result": None if report is None else result(report, report.model is state.model),

@@ -19,6 +19,7 @@ COVERED = 0.25  # of the view at most, by the playback at its bottom
 IN_PLACE = (
     8.0  # of a model's size (a half of its length): a run that goes farther is not seen whole
 )
+CLEAR = 0.02  # of a model's size: how far a camera keeps above the ground
 FAR = 2.0  # times the distance from which the model fills the picture
 MOMENTS, FEW = 16, 100  # of a run, and bodies at most, of which a view is made that holds them all
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
@@ -137,6 +138,7 @@ def look(
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         far = float(np.linalg.norm(np.asarray(at.position) - np.asarray(at.look_at)))
         seen = Viewpoint(middle + far * way, middle)
+    seen = above_ground(state, seen, up)
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
     # viser sends nothing where the camera that it last heard of is the one asked for. The page may
@@ -144,6 +146,16 @@ def look(
     far = np.linalg.norm(seen.position - seen.target) + 1e-3 * np.linalg.norm(seen.position)
     at.position = seen.position + 0.1 * far * way
     at.position, at.look_at = seen
+
+
+def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
+    """The same direction from above the ground that is drawn: it would hide a model that lies."""
+    normal = np.asarray(state.model.ground_normal)
+    missing = CLEAR * state.derived.size - state.derived.low - seen.position @ normal
+    if missing <= 0 or (seen.position - seen.target) @ normal < -1e-9:
+        return seen
+    lift = missing / (normal @ up) * up
+    return Viewpoint(seen.position + lift, seen.target + lift)
 
 
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:

@@ -204,6 +204,7 @@ def test_what_no_page_of_ours_sends_is_dropped(what):
 
 def test_what_the_page_sends_passes():
     assert door.faults(message("ViewerCameraMessage", **CAMERA)) is None
+    assert door.faults(message("CommandTriggerMessage", uuid="a")) is None
     typed = "x" * 1_000_000  # a pasted table
     assert door.faults(message("GuiUpdateMessage", uuid="a", updates={"value": typed})) is None
 

@@ -68,6 +68,15 @@ def test_error_against_run_time(state):
     assert reports(stale)["result"]["stale"] == "Measured before the model was changed."
 
 
+def test_there_is_no_report_of_a_model_without_bodies():
+    empty = update(initial(pg.Model()), Connected(ME))
+    assert reports(empty)["empty"]
+    for kind in ("precision", "stability"):
+        asked = update(empty, Analyse(ME, kind))
+        assert asked.analysis is None
+        assert "no body" in reports(asked)["problem"]
+
+
 def test_stability(state):
     state = update(state, SetReport(ME, 1, "axis", "step"))
     state = update(state, SetReport(ME, 2, "t_end", "0.1"))

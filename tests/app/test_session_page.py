@@ -232,6 +232,25 @@ def test_the_question_mark_lists_the_keys(page):
     until(lambda: sheet.count() == 0, "the sheet closed")
 
 
+def test_every_command_of_the_palette_does_something(page, served):
+    """Those that open a tab, a question or a model, by the words that a person types."""
+    for words, sign in (
+        ("Show plots", '[role="tab"][title="Plots"][aria-selected="true"]'),
+        ("Stability map", '[role="tab"][title="Report"][aria-selected="true"]'),
+        ("New model", '.asked[data-asked="newQuestion"]'),
+        ("Show the pose", '[role="tab"][title="Pose"][aria-selected="true"]'),
+    ):
+        page.keyboard.press("Control+k")
+        box = page.get_by_placeholder("Search commands...")
+        box.wait_for()
+        page.keyboard.type(words)
+        page.keyboard.press("Enter")
+        page.locator(sign).first.wait_for()
+        box.wait_for(state="hidden")
+    page.locator("button.new").click()  # which closes its question
+    page.evaluate("() => { pgraph.front('Digraph'); pgraph.front('Properties'); }")
+
+
 def test_1_1_a_question_answered_by_nothing_is_refused_too(page, served):
     page.locator("button.new").click()
     cell = page.get_by_label("How many bodies?")
