@@ -197,6 +197,10 @@ def sweep_arguments(parser: ArgumentParser) -> None:
 
 def sweep(args: Namespace) -> Answer:
     model = open_model(args.model)
+    given = [path for path, _ in args.set]
+    if twice := next((path for path in given if given.count(path) > 1), None):
+        text = "is given twice: write all its values in one --set, as PATH=1,2,3"
+        raise pg.InputError(pg.Problem("sweep", twice, text))
     bar = progress_bar()
     compile_kernels(bar)
     table = pg.sweep(

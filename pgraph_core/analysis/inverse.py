@@ -199,8 +199,9 @@ def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
         off = rows.J @ (vdot - allowed)
         text = (
             f"cannot be reached: constraint '{_blamed(rows, off)}' forbids it, by "
-            f"{np.abs(off).max():.3g} m/s^2; take v' from `constrained_dynamics`, or a motion "
-            "that meets the constraints"
+            f"{np.abs(off).max():.3g} m/s^2. For v' from differences or a fit, the nearest that "
+            "they allow is mech.constrained_dynamics(q, v, mech.inverse_dynamics(q, v, vdot))[0]; "
+            "where a joint follows a given motion, a pg.Motion constraint finds all of it"
         )
         raise InputError(Problem(WHERE, "vdot", text))
 

@@ -336,8 +336,11 @@ class BatchStepper(Portable):
         `tau` as of `step`. What rigid contacts and limits exert follows from a step: their forces
         are those of the last one, none after `reset`.
         """
+        acted = self._many.given.copy()
         self._give(tau)
-        return self._many.accelerations()
+        found = self._many.accelerations()
+        self._many.given[:] = acted  # `outputs` tell of the last step
+        return found
 
     def inverse_dynamics(self, vdot: Any) -> Array:
         """τ (size, nv) that gives v' (size, nv) at the states, in addition to passive forces.

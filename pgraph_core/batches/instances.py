@@ -38,7 +38,7 @@ def state_arrays(stepper: Stepper) -> list[Any]:
     record = stepper.recording
     scene, steps = record.scene, record.steps
     found: list[Any] = [steps.stages[at.Y], steps.control_table, steps.counters_table]
-    found += [scene.given, scene.active, scene.blocks.blocks_f]
+    found += [*steps.memory, scene.given, scene.active, scene.blocks.blocks_f]
     found += [record.plan.drives.knots[k] for k in stepper.servos.values()]
     if len(scene.packed.blocks.blocks_i):  # factors are kept from step to step
         found += [*scene.space]

@@ -145,6 +145,11 @@ class Steps:
         kept.times[:2], kept.substeps[0], kept.width[0] = (control["time"], np.inf), MANY, width
 
     @property
+    def memory(self) -> list[Array]:
+        """What implicit methods keep from step to step: accelerations, Jacobian and its factors."""
+        return [self.stages[at.STAGE :], self._kept.real] if self.plan.method.implicit else []
+
+    @property
     def given(self) -> tuple[Array, Ints, Array]:
         """Times of frames and the given steps between them, as the kernel takes them."""
         return self._kept.times, self._kept.substeps, self._kept.width

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
 CHUNK = 100_000  # steps between two looks at whether the user wants to stop
+KNOTS = ("first_target", "targets", "first_torque", "torques")  # where inputs stand
 FOLLOWS = ("lag", "integrates", "least", "most")  # how what acts follows an input
 
 
@@ -554,7 +555,8 @@ class Stepper(Portable):
     def _memory(self) -> list[Array]:
         """The arrays that steps read before they write them."""
         scene, steps = self._record.scene, self._steps
-        found = [steps.control_table, steps.counters_table, steps.stages, scene.given]
+        found = [steps.control_table, steps.counters_table, steps.stages, *steps.memory]
+        found += [scene.given]
         found += [scene.active, scene.blocks.blocks_f, self._record.plan.drives.knots, *scene.space]
         if scene.touching is not None:
             found += scene.touching.memory
@@ -581,11 +583,11 @@ for _name in MEANT_BY["Stepper"]:
 def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
     """{name: knot of its constant target} of the servos."""
     driving = [f for f in forces if isinstance(f, OnJoint)]
-    rows = drives.table[drives.passive :]
+    rows = drives.table[["first_target", "targets"]][drives.passive :].tolist()
     return {
-        f.name: int(row["first_target"])
-        for f, row in zip(driving, rows)
-        if isinstance(f, Servo) and row["targets"] == 1 and not f.has_state
+        f.name: first
+        for f, (first, targets) in zip(driving, rows)
+        if isinstance(f, Servo) and targets == 1 and not f.has_state
     }
 
 
@@ -597,16 +599,15 @@ def _inputs(
     An input u stands in that knot as start + slope u.
     """
     found: dict[str, tuple[OnJoint, int, float, float, Follows]] = {}
-    rows = drives.table[drives.passive :]
+    rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
     for f, row in zip((f for f in forces if isinstance(f, OnJoint)), rows):
         gain, torque, kp, _ = f.law
-        lag, integrates, least, most = (row[x].item() for x in FOLLOWS)
-        follows = lag, integrates, least, most
-        if kp and row["targets"] == 1:
-            found[f.name] = f, int(row["first_target"]), 0.0, gain / kp, follows
-        elif not kp and row["torques"] == 1 and not isinstance(torque, Table):
+        first_target, targets, first_torque, torques, *follows = row
+        if kp and targets == 1:
+            found[f.name] = f, first_target, 0.0, gain / kp, tuple(follows)
+        elif not kp and torques == 1 and not isinstance(torque, Table):
             start = 0.0 if f.integrates else torque
-            found[f.name] = f, int(row["first_torque"]), start, gain, follows
+            found[f.name] = f, first_torque, start, gain, tuple(follows)
     return found
 
 

@@ -9,14 +9,16 @@ import threading
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from ..batches.paths import Path, with_numbers
+from ..engine.compiler.lane import LANE_WIDTH
 from ..errors import InputError, PgraphError, Problem
 from ..mechanism import Mechanism
 from ..model import Model
@@ -55,10 +57,10 @@ class Task:
     version: str
     together: Together | None = None  # how points are stepped together
 
-
-@lru_cache(maxsize=4)
-def _located(model: Model, paths: tuple[Any, ...]) -> tuple[Path, ...]:
-    return tuple(Path(model, path) for path in paths)
+    @cached_property
+    def located(self) -> tuple[Path, ...]:
+        """The paths in the model."""
+        return tuple(Path(self.model, path) for path in self.paths)
 
 
 def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> list[Row]:
@@ -66,7 +68,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
     if task.version != installed():
         text = f"runs version {installed()}; the sweep is of {task.version}: install the same"
         raise InputError(Problem("sweep", "worker", text))
-    paths = _located(task.model, task.paths)
+    paths = task.located
     if task.together is not None and len(points) > 1:
         try:
             return _rows_together(task, task.together, paths, points)
@@ -141,7 +143,7 @@ def rows_of(
         done = min(done + size, len(points))
         spent = time.perf_counter() - began
         if task.together is not None and done > 1:
-            size = max(1, int(STRETCH * done / spent))
+            size = _whole_lanes(STRETCH * done / spent)
         left = spent / done * (len(points) - done)
         if workers != 1 and done >= 2 and spent > 0.1 and left > PATIENCE:
             if workers is None and not _guarded():
@@ -164,8 +166,13 @@ def _guarded() -> bool:
         return True  # not a script
 
 
+def _whole_lanes(count: float) -> int:
+    """At most as many points, none of which a step in lanes leaves alone."""
+    return max(1, int(count) // LANE_WIDTH * LANE_WIDTH, min(int(count), LANE_WIDTH))
+
+
 def _chunks(points: Sequence[Any], each: float) -> list[Sequence[Any]]:
-    size = max(1, int(CHUNK / max(each, 1e-6)))
+    size = _whole_lanes(CHUNK / max(each, 1e-6))
     return [points[i : i + size] for i in range(0, len(points), size)]
 
 
@@ -238,6 +245,9 @@ def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list
         text = "needs the package distributed: pip install pgraph-dynamics[cluster]"
         raise InputError(Problem("sweep", "scheduler", text)) from None
     client = scheduler if isinstance(scheduler, Client) else _connected(scheduler)
+    if not client.scheduler_info()["workers"]:
+        text = "has no workers: start some with `dask worker ADDRESS`"
+        raise InputError(Problem("sweep", "scheduler", text))
     try:
         shared = client.scatter(task, broadcast=True)
         parts = _chunks(points, CHUNK / 50)
@@ -246,6 +256,10 @@ def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list
         )
         for future in as_completed(futures):
             yield future.result()
+    except (CancelledError, OSError, TimeoutError) as lost:
+        text = f"its workers or itself are gone: {lost or type(lost).__name__}; with out= the "
+        text += "points so far are kept, and resume=True goes on from them"
+        raise InputError(Problem("sweep", "scheduler", text)) from None
     finally:
         if client is not scheduler:
             client.close()

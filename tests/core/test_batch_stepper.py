@@ -703,3 +703,43 @@ def test_gaps_are_those_of_the_states_also_before_the_first_step_and_in_flight(l
         stepper.step(n=80)
     batch.reset(batch.q * [1, 1, 2, 1, 1, 1, 1])
     np.testing.assert_allclose(batch.contact_gap["floor"], batch.q[:, 2] - radii, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["generalised_alpha", "gauss6"])
+def test_what_implicit_methods_remember_is_each_instances_own(method: str):
+    """The one at rest stays so, whatever its neighbours; and after a snapshot, copy or reset."""
+    model = pendulum().replace(gravity=(0, 0, 0))
+    start = np.array([[1.0], [0.5], [0.0], [-1.0]])
+    batches = [pg.BatchStepper(model, 4, method=method, threads=n) for n in (1, 2, 4)]
+    for batch in batches:
+        batch.reset(start[::-1])
+        batch.step(n=7)
+        batch.reset(start)
+        for _ in range(40):
+            batch.step()
+    again = copy.deepcopy(batches[0])
+    batches[0].step(n=20)
+    again.step(n=20)
+    for i in range(4):
+        stepper = pg.Stepper(model, method=method, q=start[i])
+        for _ in range(40):
+            stepper.step()
+        assert all(np.array_equal(b.q[i], stepper.q) for b in batches[1:])
+        twin = pickle.loads(pickle.dumps(stepper))
+        stepper.step(n=20)
+        twin.step(n=20)
+        for other in (batches[0].q[i], again.q[i], twin.q):
+            assert np.array_equal(other, stepper.q)
+    assert batches[0].q[2] == 0.0
+
+
+def test_asking_for_an_acceleration_changes_nothing_that_outputs_read():
+    sensor = pg.Output(name="felt", kind="accelerometer", at="rod")
+    model = pendulum().replace(outputs=[sensor])
+    batch = pg.BatchStepper(model, 2)
+    batch.step([2.0], n=3)
+    before, kept = batch.outputs["felt"], batch.save()
+    pushed = batch.acceleration([50.0])
+    assert (abs(pushed - batch.acceleration([2.0])) > 1.0).all()
+    assert np.array_equal(batch.outputs["felt"], before)
+    assert batch.save() == kept

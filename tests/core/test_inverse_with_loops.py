@@ -36,6 +36,28 @@ def test_torques_come_back_without_the_part_that_the_constraints_take(name):
     np.testing.assert_allclose(again, vdot, atol=1e-12 * np.abs(vdot).max())
 
 
+@pytest.mark.parametrize("name", ["four_bar", "quadruped", "rolling_disc"])
+@pytest.mark.filterwarnings("ignore:.*inverse_dynamics")
+def test_accelerations_by_differences_are_refused_and_the_advice_makes_them_fit(name):
+    """What is advised is the nearest v' in the mass metric: away from it only J moves (Gauss)."""
+    mech, q, v = moving(name)
+    rng = np.random.default_rng(2)
+    right, _ = mech.constrained_dynamics(q, v, rng.normal(size=mech.nv))
+    vdot = right + 1e-6 * abs(right).max() * rng.normal(size=mech.nv)
+    advice = "mech.constrained_dynamics(q, v, mech.inverse_dynamics(q, v, vdot))[0]"
+    with pytest.raises(pg.InputError) as refused:
+        mech.constrained_inverse_dynamics(q, v, vdot)
+    assert advice in str(refused.value)
+    allowed = eval(advice)  # as a reader would
+    rows = Rows.of(mech, mech.packed.active, q)
+    pushed = mech.mass_matrix(q) @ (allowed - vdot)
+    taken = np.linalg.lstsq(rows.J.T, pushed, rcond=1e-9)[0]
+    np.testing.assert_allclose(rows.J.T @ taken, pushed, atol=1e-8 * abs(pushed).max())
+    tau = mech.constrained_inverse_dynamics(q, v, allowed)
+    wanted = mech.constrained_inverse_dynamics(q, v, right)
+    np.testing.assert_allclose(tau, wanted, atol=1e-3 * max(abs(wanted).max(), 1.0))
+
+
 @pytest.mark.parametrize("name", [*WITH_LOOPS, *NONHOLONOMIC])
 def test_the_kernel_and_the_null_space_give_the_same_torques(name, monkeypatch):
     """Proximal steps in the joints' torques, and least squares in the mass metric."""

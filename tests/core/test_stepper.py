@@ -44,6 +44,7 @@ def pushed(mech: pg.Mechanism) -> tuple[np.ndarray, np.ndarray]:
 CASES = [
     ("revolute", "rk4"), ("spherical", "rk4"), ("free", "semi_implicit_euler"),
     ("four_bar", "rk4"), ("bricard", "rk4"), ("rolling_disc", "rk4"),
+    ("four_bar", "generalised_alpha"), ("four_bar", "gauss6"),
     ("falling_rod", "moreau_jean"), ("quadruped_hips", "moreau_jean"),
 ]  # fmt: skip
 
