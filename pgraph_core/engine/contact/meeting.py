@@ -157,7 +157,6 @@ def limit_meets(blocks, i, h, left, q, v, vdot):
 def state_at(scene, tau, q, v, start, vdot, speed):
     """q and the scene's shapes a time τ on from the state `start`."""
     data = opened(scene)
-    contacts = contacts_at(data.links.contacts)
     for i in range(q.shape[0]):
         q[i] = start[i]
     for j in range(v.shape[0]):
@@ -165,10 +164,25 @@ def state_at(scene, tau, q, v, start, vdot, speed):
     advance(data.rows, q, speed, tau)
     for j in range(v.shape[0]):
         speed[j] = start[q.shape[0] + j] + tau * vdot[j]
-    frames(data.rows, data.const, data.work, q, speed)
+    place_shapes(scene, q, speed)
+
+
+@sweep
+def place_shapes(scene, q, v):
+    """Frames of bodies, their velocities and the scene's shapes at (q, v)."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    frames(data.rows, data.const, data.work, q, v)
     positions(data.rows, data.work)
-    velocities(data.rows, data.const, data.work, speed, data.space.linear)
+    velocities(data.rows, data.const, data.work, v, data.space.linear)
     place(contacts.geometry.shapes, data.work, contacts.poses)
+
+
+@sweep
+def hits_at_once(scene, h, q, v, vdot):
+    """Whether something hits at (q, v), as where a part of a step has ended by it."""
+    place_shapes(scene, q, v)
+    return list_meetings(scene, h, 0.0, q, v, vdot) < 0
 
 
 @sweep
@@ -176,11 +190,10 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
     """Time until something lands that is apart [s]; 0 where something hits now; else `left`.
 
     Less than `left`, too, where so much turns that the path is not known farther. From the state
-    `start`, where q is again after it.
+    `start`, where the scene's shapes are, and where q is again after it.
     """
     data = opened(scene)
     meetings = contacts_at(data.links.contacts).meetings
-    state_at(scene, 0.0, q, v, start, vdot, speed)
     count = list_meetings(scene, h, left, q, v, vdot)
     found = left
     if count < 0:
@@ -202,7 +215,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
                 if meetings[n].shape_a < 0:
                     ahead, landed, inside = next_limit(data, meetings[n], q, v, vdot, left - tau)
                 elif meetings[n].shape_b < 0:
-                    ahead, landed, inside = next_ground(scene, meetings[n], h)
+                    ahead, landed, inside = next_ground(scene, meetings[n], h, left - tau)
                 else:
                     ahead, landed, inside = next_landing(scene, meetings[n], h, tau, left)
                 step = min(step, ahead)
@@ -245,12 +258,13 @@ def next_limit(data, meeting, q, v, vdot, left):
 
 
 @part
-def next_ground(scene, meeting, h):
+def next_ground(scene, meeting, h, left):
     """As `next_landing`, of one part of a shape over the ground.
 
     What arrives softly is left to the middle of the step: a foot that stands, and has drifted off.
     The step carries it there, so what it would do without impulses later on means nothing. What
-    leaves goes on: the parts of a cylinder's rim change places as it tips over.
+    leaves goes on: the parts of a cylinder's rim change places as it tips over. Any other point
+    that cannot become fast in the time left is followed no more.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -259,10 +273,15 @@ def next_ground(scene, meeting, h):
     u = point_velocity(data.work, data.space.linear, contacts.geometry.shapes[i].row, p)
     closing = -dot(u, normal)
     closed = closed_gap(contacts, i, -1, p)
+    size, pull = smaller_size(contacts, i, -1), contacts.tally[0].pull
     if gap > closed:
         curving = curving_bound(scene, i, -1)
+        fastest = SURE * max(closing, 0.0) + curving * left
+        if contacts.geometry.shapes[i].kind != CYLINDER and not hits(fastest, h, size, pull):
+            meeting.shape_b = CARRIED
+            return math.inf, False, False
         return time_to_close(gap - 0.5 * closed, closing, curving), False, False
-    if hits(closing, h, smaller_size(contacts, i, -1), contacts.tally[0].pull):
+    if hits(closing, h, size, pull):
         return math.inf, True, gap < -closed
     if closing >= 0.0:
         meeting.shape_b = CARRIED

@@ -9,6 +9,7 @@ from ..constraints.blocks import point_velocity
 from ..constraints.paths import GRAIN, spread, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.cone import contact
+from ..contact.contacts import NEARBY
 from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
 from ..contact.sweeps import SMALL
 from ..linear import forward_free
@@ -156,32 +157,16 @@ def find(ways, near, b, h):
     kept = zero
     for n in range(ways.shape[0]):
         kept = kept + points[n, KEPT]
-    last, before = zero - 1.0, zero
+    lane[ALONE] = either(lane[ALONE], more(kept, NEARBY))
+    last = zero - 1.0
     for m in range(near[0]):
         n = near[1 + m]
         k = ways[n, W_ROW]
         activate(ways, b, n, h)
-        lost = both(points[n, KEPT], more(before - kept, count_kept(points, n)))
-        stale = without(more(before, kept), points[n, KEPT])
-        may = both(
-            points[n, FOUND], most(points[n, GAP], DRIFT * tolerated(b, ways[n, W_SHAPE], h))
-        )
-        unsure = both(both(may, either(lost, stale)), more(kept, 0.0))
-        lane[ALONE] = either(lane[ALONE], unsure)  # `kept_place` may look past the kept
-        before = before + points[n, FOUND]
         here = points[n, ACTIVE]
         same = both(most(last, k + zero), most(k + zero, last))
         lane[ALONE] = either(lane[ALONE], both(here, same))  # several of a body: Newton's method
         last = chosen(here, k + zero, last)
-
-
-@part
-def count_kept(points, n):
-    """How many points before point n pushed in the last step."""
-    count = 0.0 * points[n, KEPT]
-    for i in range(n):
-        count = count + points[i, KEPT]
-    return count
 
 
 @part

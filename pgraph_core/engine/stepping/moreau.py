@@ -76,6 +76,7 @@ from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
     closed_limit,
     first_meeting,
+    hits_at_once,
     limit_meets,
     look_ahead,
     point_meets,
@@ -153,15 +154,21 @@ def moreau_jean(run, h):
     t = this.control[0].time
     done = 0.0
     parts = 0
+    w = 0.0
     while True:
         left = h - done
-        if not part_of_step(run, done, h, left, parts < MOST_PARTS):
+        again = parts < MOST_PARTS
+        if w > 0.0 and again and hits_at_once(scene, h, q, v, vdot):
+            w = 0.0
+        elif part_of_step(run, done, h, left, again):
+            start = stages[at.TRIAL]
+            state_at(scene, 0.0, q, v, start, vdot, space.vectors[STEP, :nv])
+            if parts == 0:
+                keep_poses(scene)
+            w = first_meeting(scene, h, left, q, v, start, vdot, space.vectors[STEP, :nv])
+        else:
             break
-        if parts == 0:
-            state_at(scene, 0.0, q, v, stages[at.Y], vdot, space.vectors[STEP, :nv])
-            keep_poses(scene)
         parts += 1
-        w = first_meeting(scene, h, left, q, v, stages[at.TRIAL], vdot, space.vectors[STEP, :nv])
         part_of_step(run, done, h, w, False)
         if w == left:
             break
