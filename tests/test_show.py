@@ -15,7 +15,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
 from pgraph_core.show import animation, bodies, notebook, shapes, stage
-from pgraph_core.show.stage import GRID
+from pgraph_core.show.stage import GRID, Viewpoint, in_picture
 
 pytestmark = pytest.mark.fast
 
@@ -144,6 +144,31 @@ def test_an_animation_is_one_page_that_asks_for_nothing_else(run: pg.Result):
     page = show.animation_html(run)
     assert page.lstrip().lower().startswith("<!doctype html")
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
+    assert page.count(f"<title>{run.mechanism.model.name}</title>") == 1
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_the_camera_of_an_animation_sees_the_whole_motion(leaves: bool):
+    """Of a pendulum that swings to the other side, and of a box that is thrown far away."""
+    viser = pytest.importorskip("viser")
+    box = pg.Shape(kind="box", size=(0.2, 0.2, 0.2))
+    thrown = pg.Body(name="a", joint="free", v=(0, 3, 0, 4, 0, 2), link=(0, 0, 1), shape=box)
+    swings = pg.Body(
+        name="a", axes=(0, 1, 0), q=(1.5,), link=(0, 0, 2), com=(0, 0, -0.5), tip=(0, 0, -1)
+    )
+    run = pg.simulate(pg.Model(bodies=(thrown if leaves else swings,)), t_end=1.3)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        animation.draw(server, run, lambda _: None)
+        camera = server.initial_camera
+        at = Viewpoint(np.array(camera.position), np.array(camera.look_at))
+    finally:
+        server.stop()
+    up = np.array((0.0, 0.0, 1.0))
+    found = bodies.looks(run.mechanism.model.bodies, ((1,), ()), [(1, 2, 3)])
+    corners = animation.whole(found, run.body_pose, up, leaves)
+    assert in_picture(corners, up, at, animation.ASPECT).all()
+    assert (np.ptp(corners[:, 0]) > 1.5) != leaves
 
 
 def test_an_animation_places_bodies_where_the_run_has_them(run: pg.Result):

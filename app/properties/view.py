@@ -35,7 +35,7 @@ from .world import world
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
-NOTHING_DRAWN = "none (drawn as a rod)"
+STAND_IN = "drawn as a plain rod or box until it has one"
 MOST_SHAPES = 12  # that have a form
 DENSITIES = (
     ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
@@ -250,11 +250,11 @@ class _Form:
         shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
-        kinds = [(k, NOTHING_DRAWN if k == NO_SHAPE and not at else k)
-                 for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]  # fmt: skip
+        kinds = [k for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
         found = [choice(prefix + "kind", "Shape", kind, kinds, **({} if at else upload))]
         if shape is None:
+            found[0]["note"] = "" if at else STAND_IN
             return found
         if kind == "mesh":
             name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]

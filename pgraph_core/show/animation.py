@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import sys
 import tempfile
 import webbrowser
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import needed
-from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, extent, looks
+from .bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, extent, looks
 from .shapes import branch_colors, children_of, reach, to_matrix
 from .stage import FIELD_OF_VIEW, GRID, depth, fitted, floor, grid, light, steps, towards
 
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 
 PICTURES = 30  # a second
 MOST_PICTURES = 3000
-ASPECT = 1.6  # of the window for which the camera is placed
+ASPECT = 1.2  # of the narrowest usual window, in which all of it is seen
+QUIET = "<style>.mantine-Notification-root { display: none; }</style>"  # viser's on software GL
+MOMENTS = 16  # of a run, of all of which the camera has a view
 
 # Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
 Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
@@ -38,7 +41,9 @@ def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None 
     try:
         serializer = server.get_scene_serializer()
         draw(server, run, serializer.insert_sleep, extra(server) if extra else None)
-        return serializer.as_html()
+        page = serializer.as_html()
+        head = f"<title>{escape(run.mechanism.model.name)}</title>{QUIET}"
+        return re.sub("<title>.*?</title>", lambda _: head, page, count=1)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
@@ -64,11 +69,9 @@ def draw(
     under = [node for node in (*planes, steps(scene, model)) if node is not None]
     ground = [(node, node.position) for node in under]
     found = looks(bodies, children, branch_colors(parent))
+    leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
     camera.position, camera.look_at = fitted(
-        extent(found, pose[0, :, :3], to_matrix(pose[0, :, 3:])),
-        up,
-        towards(model.up, "start"),
-        ASPECT,
+        whole(found, pose, up, leaves), up, towards(model.up, "start"), ASPECT
     )
     camera.up, camera.fov = up, FIELD_OF_VIEW
     light(scene, False, model.up)
@@ -77,7 +80,6 @@ def draw(
     drawn.show(found)
     count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
     times = np.linspace(t[0], t[-1], count)
-    leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
     for time in times:
         positions, wxyz = between(t, pose, float(time))
         gone = level(positions[0] - pose[0, 0, :3], up) if leaves else np.zeros(3)
@@ -87,6 +89,16 @@ def draw(
         for node, at in ground:
             node.position = at - gone
         wait(float(times[1] - times[0]))
+
+
+def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool) -> np.ndarray:
+    """(n, 3) corners of the bodies at moments of the run; of one that `leaves`, kept in place."""
+    corners = []
+    for frame in pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]:
+        gone = level(frame[0, :3] - pose[0, 0, :3], up) if leaves else np.zeros(3)
+        corners.append(extent(found, frame[:, :3] - gone, to_matrix(frame[:, 3:])))
+    every = np.concatenate(corners)
+    return every if np.isfinite(every).all() else corners[0]
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
