@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from pgraph_core.result.records import PHASES
+from pgraph_core.result.records import PHASES, SWING
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
@@ -30,6 +30,7 @@ from . import (
 )
 
 PARTS = ("derived", "walking", "run_problem", "job")
+TOUCHING = ("apart", "hits", "slips", "touches")  # PHASES, of contacts that are no feet
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
@@ -195,10 +196,13 @@ def phases(falls: tuple[Change, ...], state: State, window: Window | None = None
     start = max(state.t_start, state.t_end - WINDOW)
     shown = falls if window is None else window.of(falls, start)
     feet = list(dict.fromkeys(change.foot for change in shown))
+    if window is None:  # what never touches comes last
+        touched = {change.foot for change in shown if PHASES[change.phase] != SWING}
+        feet.sort(key=lambda foot: foot not in touched)
     number = {foot: k for k, foot in enumerate(feet)}
     return {
         "feet": feet,
-        "phases": list(PHASES),
+        "phases": list(PHASES if has_feet(state.model) else TOUCHING),
         "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }
 

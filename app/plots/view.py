@@ -33,6 +33,8 @@ from . import (
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] of a live run that are plotted at least
 CARRIED = ("constraint_force", "constraint_torque", "contact_force")
+NOTHING = "Nothing to plot yet: press Simulate, or Live."
+EMPTY = "There is no body yet: add one to the table."
 IDLE = "0 throughout this run: it is off, or carries nothing"
 
 
@@ -85,7 +87,7 @@ def signals(state: State, client: Client) -> Payload:
         "of_scene": [[s.kind, s.of, title(s)] for s in scene if s not in rest],
         "idle": [[s.kind, s.of, title(s)] for s in rest],
         "idle_title": f"{counted(len(apart), 'contact')} that never touched",
-        "hint": "" if state.plotted else "Nothing to plot yet: press Simulate, or Live.",
+        "hint": "" if state.plotted else NOTHING if state.model.bodies else EMPTY,
     }
 
 

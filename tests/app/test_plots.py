@@ -10,6 +10,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import initial
 from pgraph_app.features import update
+from pgraph_app.gait.view import phases
 from pgraph_app.plots import (
     KINDS,
     MANY,
@@ -190,7 +191,7 @@ def test_contacts_that_never_touched_stand_apart_from_what_did():
     ball = pg.Shape(kind="sphere", radius=0.1)
     low = pg.Body(name="low", joint="free", link=(0, 0, 0.2), shape=ball)
     high = pg.Body(name="high", joint="weld", link=(0, 0, 3), shape=ball)
-    contacts = [pg.Contact(name=f"of {n}", body=n) for n in ("low", "high")]
+    contacts = [pg.Contact(name=f"of {n}", body=n) for n in ("high", "low")]
     model = pg.Model(bodies=(low, high), contacts=contacts)
     state = update(update(initial(model), Connected(ME)), Simulate(ME))
     state = update(state, Simulated(state.job.id, pg.simulate(model, t_end=0.4)))
@@ -199,3 +200,6 @@ def test_contacts_that_never_touched_stand_apart_from_what_did():
     assert {kind for kind, of, _ in found["of_scene"] if of == "of low"} == kinds
     assert {(kind, of) for kind, of, _ in found["idle"]} == {(kind, "of high") for kind in kinds}
     assert found["idle_title"] == "1 contact that never touched"
+    shown = phases(state.falls, state)
+    assert shown["feet"] == ["of low", "of high"]  # what touches first
+    assert shown["phases"] == ["apart", "hits", "slips", "touches"]  # it has no feet
