@@ -237,8 +237,8 @@ def test_every_command_of_the_palette_does_something(page, served):
     for words, sign in (
         ("Show plots", '[role="tab"][title="Plots"][aria-selected="true"]'),
         ("Stability map", '[role="tab"][title="Report"][aria-selected="true"]'),
-        ("New model", '.asked[data-asked="newQuestion"]'),
         ("Show the pose", '[role="tab"][title="Pose"][aria-selected="true"]'),
+        ("New model", '.asked[data-asked="newQuestion"]'),
     ):
         page.keyboard.press("Control+k")
         box = page.get_by_placeholder("Search commands...")
