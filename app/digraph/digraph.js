@@ -22,7 +22,7 @@ pgraph.digraph = (() => {
     const card = make("div", { className: "card", hidden: true });
     host.pgraphSteps = make("div", { className: "steps", hidden: true });
     host.replaceChildren(make("div", { className: "vectors" }), host.pgraphSteps,
-      make("div", { className: "picture" }, canvas, tools(canvas), card, make("div", { className: "drag-hint", hidden: true })), foot());
+      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), tools(canvas), card, make("div", { className: "drag-hint", hidden: true })), foot());
     pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k), label });
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);

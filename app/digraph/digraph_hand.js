@@ -2,14 +2,17 @@
 pgraph.digraphHand = (host, canvas, graph) => {
   const PULLED = 5; // [px] from where a press is a drag
   const LEGIBLE = 0.82, SMALLEST = 0.45; // scales at which its letters have 8 px, and of all of a tree
-  const view = { x: 0, y: 0, scale: 1, moved: false };
+  const NAME = 90; // [px] right of a node: its name
+  const view = { x: 0, y: 0, scale: 1, moved: false, all: false };
   let press = null; // {x, y, k, dragging, offered}
 
   // -- the part that is seen ------------------------------------------------------------------
-  // At first as much as is legible; where all is asked for, all.
+  // At first legible, and wider than the panel if need be, which scrolls; where all is asked for, all.
   canvas.fit = (all = false) => {
     const data = host.graph?.data;
     if (!data) return;
+    view.all = all;
+    canvas.style.width = data.kind === "tree" && !all ? `max(100%, ${Math.ceil(LEGIBLE * data.width)}px)` : "";
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
     const whole = Math.min(w / data.width, h / data.height, 1.15);
     view.scale = data.kind === "lanes" ? Math.max(Math.min(w / data.width, 1), 0.8) : Math.max(whole, all ? SMALLEST : LEGIBLE);
@@ -18,13 +21,19 @@ pgraph.digraphHand = (host, canvas, graph) => {
     view.y = Math.min(0, (data.height - h / view.scale) / 2);
     view.moved = false;
     apply();
+    scrollTo(data.x[0]);
   };
+  function scrollTo(x) {
+    const sheet = canvas.parentElement, at = (x - view.x) * view.scale;
+    if (at < sheet.scrollLeft + 15 || at > sheet.scrollLeft + sheet.clientWidth - NAME) sheet.scrollLeft = at - sheet.clientWidth / 2;
+  }
   canvas.reveal = (x, y) => {
     const w = canvas.clientWidth / view.scale, h = canvas.clientHeight / view.scale;
     if (!w || !h) return;
     if (y < view.y + 20 || y > view.y + h - 20) view.y = y - h / 2;
     if (x < view.x + 15 || x > view.x + w - 15) view.x = x - w / 2;
     apply();
+    scrollTo(x);
   };
   function apply() {
     canvas.setAttribute("viewBox", `${view.x} ${view.y} ${canvas.clientWidth / view.scale} ${canvas.clientHeight / view.scale}`);
@@ -44,7 +53,7 @@ pgraph.digraphHand = (host, canvas, graph) => {
     apply();
   }, { passive: false });
   canvas.addEventListener("dblclick", () => canvas.fit(true));
-  new ResizeObserver(() => { if (view.moved) apply(); else canvas.fit(); }).observe(canvas);
+  new ResizeObserver(() => { if (view.moved) apply(); else canvas.fit(view.all); }).observe(canvas);
 
   // -- press, move, release ---------------------------------------------------------------------
   const at = (event) => document.elementFromPoint(event.clientX, event.clientY)?.closest?.("svg.digraph g[data-number]");

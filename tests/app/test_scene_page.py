@@ -435,6 +435,27 @@ def test_a_model_that_grows_by_an_edit_is_seen_whole(page, served):
     until(lambda: not served.store.state.clients[client].turned, "told that it is framed again")
 
 
+INSIDE = """() => {
+  const picture = document.querySelector("svg.digraph"), sheet = picture.parentElement;
+  const of = (el) => el.getBoundingClientRect(), box = of(picture), seen = of(sheet);
+  const boxes = [...picture.querySelectorAll("g.node")].map(of);
+  const chosen = of(picture.querySelector("g.node.selected circle"));
+  return [boxes.every((one) => one.left >= box.left - 1 && one.right <= box.right + 1),
+    chosen.left >= seen.left && chosen.right <= seen.right, getComputedStyle(sheet).overflowX];
+}"""
+
+
+def test_the_digraph_of_a_narrow_window_is_scrolled_to_and_not_cut_off(page, served):
+    page.evaluate("() => pgraph.front('Digraph')")
+    before = page.viewport_size
+    page.set_viewport_size({"width": 900, "height": 800})
+    for name in ("right_hind_paw", "left_front_paw"):
+        page.evaluate("(body) => pgraph.send('Select', { body })", name)
+        page.locator("svg.digraph g.node.selected").wait_for()
+        until(lambda: page.evaluate(INSIDE) == [True, True, "auto"], f"{name} in sight")
+    page.set_viewport_size(before)
+
+
 def test_tab_enter_and_arrows_go_from_number_to_number_of_a_pose(page, served):
     served.send(OpenText(NOBODY, "three", pg.Model.serial(3).to_json()))
     page.evaluate("() => pgraph.front('Pose')")
