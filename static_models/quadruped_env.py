@@ -89,8 +89,10 @@ class Walkers:
     An action of 12 numbers within -1 and 1 moves the targets of the motors, for 20 steps of 1 ms.
     Observed (46,): height over the ground of the plane [m], which way is up (3,), velocity and spin
     of the trunk (6,) in world axes, angles of the motors less those at rest and their speeds (24,),
-    the last action (12,). The reward is near 1 an action at the wanted speed along x, less what
-    the motors do and how much actions change. It ends where the trunk is low or tilted.
+    the last action (12,). The reward of an action a after a' is exp(-4 (x' - 0.6)²) - y'²/2
+    - 0.02 |a - a'|² - 2e-4 |w|², of the trunk's velocity (x', y') [m/s] and the joints' speeds w
+    [rad/s] at its end. It ends where the trunk is lower than 0.55 of its height at rest, or its
+    upright axis less than 0.5 along the world's.
 
     `numbers` {path: (low, high)} are drawn for each of `variants` robots, the same in all
     environments of these numbers; each start takes one of them.
@@ -130,14 +132,16 @@ class Walkers:
         self.batch.reset(q, np.zeros((k, self._force.shape[1])), which=which, numbers=numbers)
         self.action[which], self.count[which], self._force[which] = 0.0, 0, 0.0
 
-    def step(self, action: Array, rngs: Sequence[np.random.Generator]) -> tuple[Array, Array]:
-        """(rewards (size,), whether each fell (size,))."""
+    def step(
+        self, action: Array, rngs: Sequence[np.random.Generator], over: Array | bool = False
+    ) -> tuple[Array, Array]:
+        """(rewards (size,), whether each fell (size,)); none of those `over` draws a push."""
         before, self.action = self.action, np.clip(self._numbers(action), -1.0, 1.0)
         targets = REST + REACH * self.action
         for name, column in zip(MOTORS, targets.T):
             self.batch.target(name, column)
         if self.push:
-            self._pushes(rngs)
+            self._pushes(rngs, over)
         ok = self.batch.step(self._force, SUBSTEPS)
         self.count += 1
         q, v = self.batch.q, self.batch.v
@@ -163,11 +167,11 @@ class Walkers:
             raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}; given {said}"))
         return given
 
-    def _pushes(self, rngs: Sequence[np.random.Generator]) -> None:
+    def _pushes(self, rngs: Sequence[np.random.Generator], over: Array | bool) -> None:
         """Now and then a force to the side and along on the trunk, for some actions."""
         begins, ends = self.count % OFTEN == OFTEN // 2, self.count % OFTEN == OFTEN // 2 + PUSHED
         self._force[ends, 3:5] = 0.0
-        for i in np.flatnonzero(begins).tolist():
+        for i in np.flatnonzero(begins & ~np.asarray(over)).tolist():
             self._force[i, 3:5] = rngs[i].uniform(-PUSH, PUSH, 2)
 
     def observed(self) -> Array:
@@ -227,7 +231,10 @@ class QuadrupedEnv(gym.Env[Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """At rest, joints within 0.1 rad of their home."""
+        """At rest, joints within 0.1 rad of their home, feet within 2 cm of the ground's height.
+
+        The first steps lift those below it.
+        """
         super().reset(seed=seed)
         self.walkers.start(np.arange(1), [self.np_random])
         return self.walkers.observed()[0], {}
@@ -281,10 +288,10 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Twenty steps of 1 ms of all robots."""
         begun = np.flatnonzero(self._over)
-        reward, fell = self.walkers.step(actions, self._rngs)
+        reward, fell = self.walkers.step(actions, self._rngs, self._over)
         if len(begun):
             self.walkers.start(begun, self._rngs)
             reward[begun], fell[begun] = 0.0, False
         late = self.walkers.count >= self._most
         self._over = fell | late
-        return self.walkers.observed(), reward, fell, late & ~fell, {}
+        return self.walkers.observed(), reward, fell, late, {}

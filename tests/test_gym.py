@@ -129,6 +129,26 @@ def test_each_robot_of_many_is_the_single_one_of_its_seed():
     assert not np.array_equal(following[0], following[1])
 
 
+def test_robots_that_start_again_stay_the_single_ones_of_their_seeds():
+    """Also where an episode ends as a push begins: the generator of each draws for it alone."""
+    limit, count = 50, 110
+    action = np.random.default_rng(3).uniform(-1, 1, (count, 2, 12)).astype(np.float32)
+    options = {"variants": 4, "max_episode_steps": limit}
+    many = gymnasium.make_vec("pgraph/QuadrupedPush-v0", num_envs=2, **options)
+    found = [many.reset(seed=5)[0], *(many.step(a) for a in action)]
+    for i in range(2):
+        one = gymnasium.make("pgraph/QuadrupedPush-v0", **options)
+        one.reset(seed=5 + i)
+        over = False
+        for k, a in enumerate(action):
+            seen, _, fell, late, _ = (
+                (one.reset()[0], 0.0, False, False, {}) if over else one.step(a[i])
+            )
+            over = fell or late
+            assert np.array_equal(found[k + 1][0][i], seen)
+            assert (found[k + 1][2][i], found[k + 1][3][i]) == (fell, late)
+
+
 @pytest.mark.parametrize(
     ("options", "field"),
     [

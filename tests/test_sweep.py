@@ -283,6 +283,16 @@ def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
         with pytest.raises(pg.PgraphError, match="another sweep"):
             go(other, resume=True)
     assert go(metric(1.0), resume=True).status == ("DONE",) * 3
+    code = "def part(x): return K * x\ndef metric(run): return part(run['my.bob'][-1])"
+    written = {}
+    for name, text in {"a": f"K = 1\n{code}", "b": f"K = 2\n{code}",
+                       "c": f"K = 1\n{code}".replace("* x", "+ x")}.items():  # fmt: skip
+        exec(text, written.setdefault(name, {"__name__": "theirs"}))
+    go(written["a"]["metric"], progress=lambda fraction: fraction < 0.5)
+    for other in "bc":
+        with pytest.raises(pg.PgraphError, match="another sweep"):
+            go(written[other]["metric"], resume=True)
+    assert go(written["a"]["metric"], resume=True).status == ("DONE",) * 3
 
 
 def test_a_metric_that_fails_leaves_the_others(pendulum):
@@ -464,8 +474,9 @@ def test_a_sweep_without_a_point_leaves_no_file(pendulum, tmp_path):
     with pytest.raises(pg.InputError, match="does not answer"):
         pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **given)
     assert not [*tmp_path.iterdir()]
-    (tmp_path / "table.csv.part").write_text('{"sweep": "of another"}\n')  # killed before its first
-    pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **{**given, "scheduler": None})
+    for begun in ('{"sweep": "of another"}\n', ""):  # killed before its first point
+        (tmp_path / "table.csv.part").write_text(begun)
+        pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **{**given, "scheduler": None})
     assert [x.name for x in tmp_path.iterdir()] == ["table.csv"]
 
 
@@ -527,6 +538,19 @@ def test_values_that_cannot_be_read(capsys, given):
     with pytest.raises(SystemExit):
         main(["sweep", "pendulum", "--set", given, "--metric", "t_end"])
     assert given in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "fact"),
+    [
+        (["bodies.rod.mass=1,2", "bodies.rod.mass=3,4"], "given twice"),
+        (["bodies.rod.mass=1:2"], "first:last:points"),
+    ],
+)
+def test_values_of_a_path_are_all_taken_or_refused(capsys, given, fact):
+    words = [word for x in given for word in ("--set", x)]
+    assert main(["sweep", "pendulum", *words, "--metric", "t_end", "--t-end", "0.1"]) != 0
+    assert fact in capsys.readouterr().err
 
 
 def test_points_that_fail_are_an_exit_code(capsys):

@@ -154,8 +154,8 @@ def _steps(data: dict[str, Any]) -> str:
 # -- sweep -----------------------------------------------------------------------------------------
 
 
-def varied(text: str) -> tuple[str, np.ndarray]:
-    """PATH=a:b:n, PATH=a:b or PATH=a,b,c."""
+def varied(text: str) -> tuple[str, np.ndarray | tuple[float, ...]]:
+    """PATH=a:b:n, PATH=a,b,c, or PATH=a:b, which is a pair and no array."""
     path, _, given = text.rpartition("=")
     try:
         numbers = [float(x) for x in given.replace(":", ",").split(",")]
@@ -169,7 +169,7 @@ def varied(text: str) -> tuple[str, np.ndarray]:
     if not path or not numbers or (":" in given and len(numbers) != 2):
         form = "must be PATH=first:last:points, PATH=low:high or PATH=1,2,3"
         raise ArgumentTypeError(f"{form}; given {text!r}")
-    return path, np.array(numbers)
+    return path, tuple(numbers) if ":" in given else np.array(numbers)
 
 
 def sweep_arguments(parser: ArgumentParser) -> None:
@@ -201,6 +201,10 @@ def sweep(args: Namespace) -> Answer:
     if twice := next((path for path in given if given.count(path) > 1), None):
         text = "is given twice: write all its values in one --set, as PATH=1,2,3"
         raise pg.InputError(pg.Problem("sweep", twice, text))
+    for path, values in args.set if args.samples == "grid" else ():
+        if isinstance(values, tuple):
+            text = "is a range, of which a grid takes no points: give PATH=first:last:points, "
+            raise pg.InputError(pg.Problem("sweep", path, f"{text}or --samples"))
     bar = progress_bar()
     compile_kernels(bar)
     table = pg.sweep(

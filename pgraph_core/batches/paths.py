@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -81,11 +83,15 @@ class Path:
         self.group, self.name, self.inside = self._split(model, given)
         if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
             self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
+        word, holder = "", None
         value = self.owner(model)
         for word in self.inside:
-            value = self._entry(value, word)
+            holder, value = value, self._entry(value, word)
+        if value is None and _takes_number(holder, word):
+            value = math.nan  # left out, so that the model works it out: a number replaces it
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            kind = "has no value" if value is None else f"is {shown(value)}, not one number"
+            kind = f"is {shown(value)}, not one number"
+            kind = "has no value: give it one in the model first" if value is None else kind
             hint = f"; name one of its numbers, as in {self.text}.0" if _listed(value) else ""
             raise self._refused(f"{kind}{hint}")
         self.present = float(value)
@@ -151,7 +157,9 @@ class Path:
             text = f"after the field comes the number of an entry; given {word!r}"
             raise self._refused(text)
         if not _listed(value) or not 0 <= word < len(value):
-            raise self._refused(f"has no number {word}; the value there is {shown(value)}")
+            do = f"; the value there is {shown(value)}"
+            do = ": give it a value in the model first" if value in (None, ()) else do
+            raise self._refused(f"has no number {word}{do}")
         return value[word]
 
     def _split(self, model: Model, given: Any) -> tuple[str, str, tuple[str | int, ...]]:
@@ -187,6 +195,17 @@ class Path:
 
     def _refused(self, text: str) -> InputError:
         return InputError(Problem(self._call, self.text, text))
+
+
+def _takes_number(part: Any, field: str | int) -> bool:
+    """Whether a field of a part may be one number."""
+    known = type(part).model_fields if isinstance(part, BaseModel) else {}
+    return str(field) in known and _is_number(known[str(field)].annotation)
+
+
+def _is_number(kind: Any) -> bool:
+    inside = get_args(kind) if get_origin(kind) in (Annotated, Union, UnionType) else ()
+    return kind is float or any(map(_is_number, inside))
 
 
 def _listed(value: Any) -> bool:

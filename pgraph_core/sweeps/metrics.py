@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import CodeType
+from itertools import chain
+from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -68,9 +69,28 @@ def said_of(metric: Any) -> str:
     code = getattr(metric, "__code__", None)
     if code is None:
         return f"{type(metric).__module__}.{type(metric).__qualname__} {_name(metric)}"
-    held = [_constant(cell.cell_contents) for cell in metric.__closure__ or ()]
-    values = (metric.__defaults__, metric.__kwdefaults__, held)
-    return repr((_said_of_code(code), *map(_plain, values)))
+    return repr(_said_of_function(metric, ()))
+
+
+def _said_of_function(function: Any, above: tuple[Any, ...]) -> tuple[Any, ...]:
+    """With the functions of its module that it calls and the constants that it reads."""
+    held = [_constant(cell.cell_contents) for cell in function.__closure__ or ()]
+    values = (function.__defaults__, function.__kwdefaults__, held)
+    read = []
+    for name in _names(function.__code__):
+        x = function.__globals__.get(name)
+        ours = isinstance(x, FunctionType) and x.__module__ == function.__module__
+        if ours and x not in above:
+            read.append((name, _said_of_function(x, (*above, function))))
+        elif name in function.__globals__ and not isinstance(x, FunctionType):
+            read.append((name, _plain(_constant(x))))
+    return _said_of_code(function.__code__), *map(_plain, values), read
+
+
+def _names(code: CodeType) -> list[str]:
+    """Names that a function and those inside it look up."""
+    inside = [_names(x) for x in code.co_consts if isinstance(x, CodeType)]
+    return sorted({*code.co_names, *chain.from_iterable(inside)})
 
 
 def _said_of_code(code: CodeType) -> tuple[Any, ...]:

@@ -327,7 +327,7 @@ class Kept:
 
     def _read(self, fingerprint: str) -> list[Row]:
         """The rows of whole lines; none of a sweep that has not come to its first point."""
-        header, *lines = map(_line, self._part.read_bytes().splitlines() or [b""])
+        header, *lines = map(_line, self._part.read_bytes().splitlines() or [b'{"sweep": ""}'])
         if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
             text = f"is of another sweep ({what}); remove it, or give another file"

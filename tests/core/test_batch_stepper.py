@@ -743,3 +743,36 @@ def test_asking_for_an_acceleration_changes_nothing_that_outputs_read():
     assert (abs(pushed - batch.acceleration([2.0])) > 1.0).all()
     assert np.array_equal(batch.outputs["felt"], before)
     assert batch.save() == kept
+
+
+@pytest.mark.parametrize("field", ["friction", "restitution", "static_friction"])
+def test_a_number_that_a_contact_leaves_out_can_be_varied(field: str):
+    least = 1.0 if field == "static_friction" else 0.3
+    values = [least, least + 0.2, least + 0.6]
+    given = {f"contacts.sole.{field}": values, "bodies.box.v.3": [1.0] * 3}
+    batch = pg.BatchStepper(box(), 3, set=given)
+    batch.step(n=250)
+    for i in range(3):
+        model = box().edit("sole", kind="contact", **{field: given[f"contacts.sole.{field}"][i]})
+        stepper = pg.Stepper(model.edit("box", v=(0, 0, 0, 1, 0, 0)))
+        stepper.step(n=250)
+        assert np.array_equal(batch.q[i], stepper.q)
+    if field != "static_friction":
+        assert len(np.unique(batch.q, axis=0)) == 3
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("bodies.box.shape.position.0", ""),
+        ("bodies.lid.limits.0", "give it a value in the model first"),
+        ("scenarios.none.q.box.0", "none"),
+        ("forces.hinge.body", "not one number"),
+    ],
+)
+def test_what_has_no_number_says_what_to_do(path: str, words: str):
+    if not words:
+        assert Path(box(), path).present == 0.0
+        return
+    with pytest.raises(pg.InputError, match=words):
+        Path(box(), path)
