@@ -274,11 +274,26 @@ class TreeLanes(Instances):
 
     def step(self, n: int) -> None:
         """n steps of all instances that run; `given` acts."""
-        running = np.flatnonzero(self.codes == at.RUNNING)
-        left = [self._advance(which, n) for which in self._at_one_time(running)]
-        for i in np.concatenate(left).tolist() if left else ():
+        for i in self._in_lanes(n, None).tolist():
             self.control["fresh"][i] = 0
             self._part(n, 0, i, i + 1)
+
+    def trace(self, n: int) -> Array:
+        """As of `Instances`, in one call."""
+        states = np.empty((n, len(self.codes), self.q.shape[1] + self.v.shape[1]))
+        states[:] = np.concatenate((self.q, self.v), axis=1)
+        for i in self._in_lanes(n, states).tolist():
+            for state in states:
+                self.control["fresh"][i] = 0
+                self._part(1, 0, i, i + 1)
+                state[i] = np.concatenate((self.q[i], self.v[i]))
+        return states
+
+    def _in_lanes(self, n: int, states: Array | None) -> Ints:
+        """n steps of all that run and fit lanes, each into `states`; those that do not fit."""
+        running = np.flatnonzero(self.codes == at.RUNNING)
+        left = [self._advance(which, n, states) for which in self._at_one_time(running)]
+        return np.concatenate((running[:0], *left))
 
     def _fit(self, q: Array, v: Array) -> NDArray[np.bool_]:
         """Which states lanes take: finite, and no angle so large that their sines lose digits."""
@@ -289,22 +304,31 @@ class TreeLanes(Instances):
         far |= np.any(~(abs(v * width) < FAR), axis=1)
         return ~(far | np.any(~np.isfinite(q), axis=1))
 
-    def _advance(self, which: Ints, n: int) -> Ints:
-        """n steps in lanes; the instances that have to take them alone."""
+    def _advance(self, which: Ints, n: int, states: Array | None) -> Ints:
+        """n steps in lanes, each into `states`; the instances that have to take them alone."""
         plan, control = self.workers[0].stepper.recording.plan, self.control
         # of the dissipation nobody asks
         works = self._timed or self.given[which].any()
         parts = self.q, self.v, self.ledger if works else self.ledger[:, :0]
         method, size = plan.method, sum(x.shape[1] for x in parts)
         *state, given = map(to_lanes, (*(x[which] for x in parts), self._pushed(which)))
-        clock = float(control["time"][which[0]]), float(control["widest"][0]), n
-        acts = (*self._acts(which, plan.drives, plan.loads), method.tableau[:3], *clock)
+        first, width = which[0], float(control["widest"][0])
+        times = [float(control["time"][first])]
+        if states is not None:  # those of one step after the other
+            taken = control["taken"][first] + np.arange(n)
+            times += (control["origin"][first] + taken * width).tolist()[1:]
+        acts = (*self._acts(which, plan.drives, plan.loads), method.tableau[:3])
+        stages = at.STAGE + method.evaluations, size, LANE_WIDTH
 
-        def work(begin: int, end: int, space: Array) -> None:
-            stages = np.zeros((at.STAGE + method.evaluations, size, LANE_WIDTH))
-            kernels.run(*acts, *state, given, space, stages, begin, end)
+        def work(t: float, begin: int, end: int, space: Array) -> None:
+            room, count = np.zeros(stages), n // len(times)
+            kernels.run(*acts, t, width, count, *state, given, space, room, begin, end)
 
-        self._in_blocks(work, len(given))
+        for k, t in enumerate(times):
+            self._in_blocks(partial(work, t), len(given))
+            if states is not None:
+                parted = [from_lanes(x, len(which)) for x in state[:2]]
+                states[k, which] = np.concatenate(parted, axis=1)
         new = [from_lanes(x, len(which)) for x in state]
         good = self._fit(*new[:2]) & np.isfinite(new[2]).all(axis=1)
         good &= self._fit(self.q[which], self.v[which])

@@ -776,3 +776,23 @@ def test_what_has_no_number_says_what_to_do(path: str, words: str):
         return
     with pytest.raises(pg.InputError, match=words):
         Path(box(), path)
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_a_trace_of_trees_has_the_states_of_single_steps(method: str):
+    """In one call; also of one whose angle is far, one that fails and one that has failed."""
+    drive = pg.Servo(name="drive", body="rod", kp=3.0, target=pg.Table(t=(0, 0.02), value=(0, 1)))
+    model = pendulum().replace(forces=[drive])
+    given = {"bodies.rod.stiffness.0": [1.0, 2.0, 1e9, 1e12, 3.0]}
+    batches = [pg.BatchStepper(model, SIZE, method=method, set=given) for _ in range(2)]
+    for batch in batches:
+        batch.reset([1e12], [0.0], which=[1])
+        batch.step(n=15)
+    traced = batches[0].trace(n=40)
+    for state in traced:
+        batches[1].step()
+        now = np.concatenate((batches[1].q, batches[1].v), axis=1)
+        assert np.array_equal(state, now)
+    assert batches[0].t.tolist() == batches[1].t.tolist()
+    assert batches[0].failures == batches[1].failures
+    assert 3 in batches[0].failures
