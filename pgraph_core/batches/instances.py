@@ -423,12 +423,13 @@ def to_lanes(array: Array) -> Array:
     """(m, ...) as (blocks, ..., W), the last instance repeated."""
     blocks = -(-len(array) // LANE_WIDTH)
     missing = blocks * LANE_WIDTH - len(array)
-    padded = np.concatenate((array, np.repeat(array[-1:], missing, axis=0)))
-    shaped = padded.reshape(blocks, LANE_WIDTH, *array.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(shaped, 1, -1))
+    if missing:
+        array = np.concatenate((array, *[array[-1:]] * missing))
+    shaped = array.reshape(blocks, LANE_WIDTH, *array.shape[1:])
+    return shaped.transpose(0, *range(2, shaped.ndim), 1).copy()
 
 
 def from_lanes(blocks: Array, size: int) -> Array:
     """(blocks, ..., W) as (size, ...)."""
-    moved = np.moveaxis(blocks, -1, 1)
+    moved = blocks.transpose(0, blocks.ndim - 1, *range(1, blocks.ndim - 1))  # moveaxis is slow
     return moved.reshape(len(blocks) * LANE_WIDTH, *moved.shape[2:])[:size].copy()
