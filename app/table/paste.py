@@ -116,7 +116,8 @@ def _written(value: Any) -> str:
 def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], list[list[str]]]:
     """Fields and units by column, from the headings if there are any, and the lines of cells."""
     try:
-        found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter="\t", strict=False))
+        mark = _separator(text.strip("\r\n"))
+        found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter=mark, strict=False))
     except csv.Error as error:
         raise Refusal(f"it is no table: {error}") from None
     lines = [[cell.strip() for cell in line] for line in found]
@@ -134,6 +135,20 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], li
         if len(line) > len(columns) and any(line[len(columns) :]):
             raise Refusal(f"line {k} has {len(line)} cells; {len(columns)} fit: {_listed(columns)}")
     return columns, units, [line for line in lines if any(line)]
+
+
+def _separator(text: str) -> str:
+    """What stands between cells: a tab, as spreadsheets copy them, or the mark of a .csv file.
+
+    That is known by headings: a name may have a comma.
+    """
+    first = text.partition("\n")[0]
+    for mark in ";,":
+        cells = first.split(mark)
+        known = [_field(UNIT.sub("", cell.strip().strip('"'))) is not None for cell in cells]
+        if "\t" not in text and len(cells) > 1 and any(known):
+            return mark
+    return "\t"
 
 
 def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:

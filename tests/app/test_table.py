@@ -171,6 +171,23 @@ def test_a_pasted_shape_has_its_own_tip_and_is_refused_by_its_own_name(state):
     assert "body 'hub', shape: a sphere has no size: give radius" in refused.clients[ME].reply.text
 
 
+@pytest.mark.parametrize("mark", [";", ",", "\t", " ; "])
+def test_the_text_of_a_csv_file_is_pasted_as_a_table(state, mark):
+    lines = (("name", "parent", "mass [g]", "link"), ("a", "ground", "1500", "0 0 0.3"),
+             ("b", "a", "2", ""))  # fmt: skip
+    new = after(state, paste("\n".join(mark.join(line) for line in lines))).model.bodies[7:]
+    assert [(b.name, b.parent, b.mass) for b in new] == [("a", "ground", 1.5), ("b", "a", 0.002)]
+    assert new[0].link == (0.0, 0.0, 0.3)
+
+
+def test_a_table_with_commas_that_no_field_is_called_says_so_and_a_name_may_have_one(state):
+    refused = after(state, paste("name;parent;weight\na;ground;1"))
+    assert refused.model is state.model
+    assert "weight" in refused.clients[ME].reply.text
+    named = after(state, paste("arm, left\narm, right")).model.bodies[7:]
+    assert [b.name for b in named] == ["arm, left", "arm, right"]
+
+
 def test_what_was_copied_is_pasted_as_a_second_branch(state):
     copied = "3\t2\t1 revolute\tholonomic\n5\t3\t1 revolute\tholonomic"
     new = after(state, paste(copied))
