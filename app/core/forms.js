@@ -11,7 +11,9 @@ pgraph.forms = (() => {
     for (const details of box.querySelectorAll(":scope > details")) folded.set(details.dataset.title, details.open);
     if (box.dataset.key !== key) {
       cells.leave(box);
-      cells.quietly(() => box.replaceChildren());
+      // of something else, with nothing typed in it: its cells are filled anew, which is sooner done
+      const typed = [...box.querySelectorAll(".cell")].some((cell) => cell.matches(".refused, .waiting") || (cell.dataset.shown !== undefined && isDirty(cell)));
+      if (typed) cells.quietly(() => box.replaceChildren());
       box.dataset.key = key;
     }
     box.pgraphAsk = ask;
