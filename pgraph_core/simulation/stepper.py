@@ -112,7 +112,7 @@ class Stepper(Portable):
             if s.t is None or s.t > t_start:
                 then = f"when {s.when}" if s.t is None else f"at t = {s.t:g} s"
                 text = f"scenario '{scenario}' switches '{s.constraint}' {then}, which no step "
-                text += "does by itself; give switches=() and call `switch` there"
+                text += "does by itself; give switches=(), and call `switch` of a Stepper there"
                 raise InputError(Problem("Stepper", "scenario", text))
         vars(self).update(mech=mech, method=method)
         self._width = positive("step", step, call="Stepper")
