@@ -255,11 +255,11 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
     def __init__(self, num_envs: int = 1, max_episode_steps: int = 1000, **options: Any):
         """`options` are those of `Walkers`. Raises InputError for a way of drawing."""
         _refuse_drawing(options.pop("render_mode", None))
+        self.walkers = Walkers(num_envs, **options)  # which refuses a number that is none
         self.num_envs, self._most = num_envs, max_episode_steps
         self.single_observation_space, self.single_action_space = OBSERVATION, ACTION
         self.observation_space = batch_space(OBSERVATION, num_envs)
         self.action_space = batch_space(ACTION, num_envs)
-        self.walkers = Walkers(num_envs, **options)
         self._over = np.zeros(num_envs, dtype=bool)
         self._rngs: list[np.random.Generator] = []
 

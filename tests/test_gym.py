@@ -163,6 +163,12 @@ def test_bounds_that_are_none_are_refused_in_words(options: dict, field: str):
         gymnasium.make_vec("pgraph/Quadruped-v0", num_envs=2, **options)
 
 
+@pytest.mark.parametrize("count", [-1, 0])
+def test_fewer_than_one_environment_is_refused_in_words(count: int):
+    with pytest.raises(pg.InputError, match="whole number >= 1"):
+        gymnasium.make_vec("pgraph/Quadruped-v0", num_envs=count)
+
+
 def test_what_is_unknown_is_refused_in_words():
     with pytest.raises(pg.InputError, match="flat"):
         many(terrain="moon")
