@@ -42,6 +42,15 @@ pgraph.shortcuts = (() => {
     sheet.scrollTop = 0; // the focus is on its last button
   }
 
+  // The palette's own listener passes over fields.
+  window.addEventListener("keydown", (event) => {
+    const field = event.target.closest?.("input, select, textarea");
+    if (!field || field.closest("[role=dialog]") || event.key.toLowerCase() !== "k" || !(event.ctrlKey || event.metaKey)) return;
+    event.preventDefault();
+    field.blur();
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "k", code: "KeyK", ctrlKey: event.ctrlKey, metaKey: event.metaKey, bubbles: true }));
+  }, true);
+
   window.addEventListener("keydown", (event) => {
     if (event.key !== "?" || event.target.closest?.("input, select, textarea, dialog")) return;
     event.preventDefault();

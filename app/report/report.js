@@ -83,7 +83,9 @@
   function picture(host, { svg }) {
     const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
     for (const script of parsed.querySelectorAll("script")) script.remove();
-    host.querySelector(".figure").replaceChildren(document.importNode(parsed.documentElement, true));
+    const figure = host.querySelector(".figure");
+    figure.replaceChildren(document.importNode(parsed.documentElement, true));
+    figure.scrollLeft = 0;
   }
 
   pgraph.view("reports", { build, reports: draw, figure: picture });

@@ -240,6 +240,7 @@ def test_every_command_of_the_palette_does_something(page, served):
         ("Show the pose", '[role="tab"][title="Pose"][aria-selected="true"]'),
         ("New model", '.asked[data-asked="newQuestion"]'),
     ):
+        page.locator("input.search").click()  # from a field, too
         page.keyboard.press("Control+k")
         box = page.get_by_placeholder("Search commands...")
         box.wait_for()
