@@ -488,10 +488,17 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
-    """What gaps of a limit are small against: its range, at most a radian [rad, m]."""
+    """What gaps of a limit are small against: its range, at most a radian [rad, m].
+
+    Of a slider with one limit the radius of gyration, or where all mass is in origins the largest
+    of the mechanism's lengths, the limit, and how far it is away at first.
+    """
     low, high = pair
     turns = mech.system.rows[row, at.KIND] == at.ROTATE
-    usual = 1.0 if turns else radius_of_gyration(mech.system)
+    bounds = [x for x in pair if x is not None]
+    start = mech.system.q[mech.system.rows[row, at.QI]]
+    ways = [mech.length, *(abs(x) for x in bounds), *(abs(start - x) for x in bounds)]
+    usual = 1.0 if turns else radius_of_gyration(mech.system, float(max(ways)) or 1.0)
     if low is None or high is None or low == high:
         return usual
     return min(high - low, usual) if turns else high - low

@@ -383,8 +383,8 @@ def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tu
     return a, b
 
 
-def radius_of_gyration(packed: System) -> float:
-    """How far a body's mass is from its origin, over all that move [m]; 1 where none has mass.
+def radius_of_gyration(packed: System, otherwise: float = 1.0) -> float:
+    """How far a body's mass is from its origin, over all that move [m], `otherwise` if nowhere.
 
     A turn times this length compares with a displacement: what Ω then has on its diagonal is of
     one size.
@@ -393,4 +393,4 @@ def radius_of_gyration(packed: System) -> float:
     mass, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
     trace = bodies[:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
     moment = float(np.sum(trace / 2 + mass * (com**2).sum(axis=1)))
-    return float(np.sqrt(moment / mass.sum())) if moment > 0 and mass.sum() > 0 else 1.0
+    return float(np.sqrt(moment / mass.sum())) if moment > 0 and mass.sum() > 0 else otherwise
