@@ -336,7 +336,7 @@ def test_open_a_file_and_a_bad_one(page, tmp_path: Path, quadruped):
 
 def test_save_to_a_path_and_download(page, tmp_path: Path, quadruped):
     page.locator("button.save").click()
-    path = page.get_by_label("or on this computer as")
+    path = page.get_by_label("or in the folder in which Pgraph was started, as")
     path.fill(str(tmp_path / "no such folder" / "mine.json"))
     path.press("Enter")
     assert "no such folder" in sentence(page)

@@ -245,7 +245,7 @@ def test_every_command_of_the_palette_does_something(page, served):
         box = page.get_by_placeholder("Search commands...")
         box.wait_for()
         box.fill(words)
-        page.get_by_text(words, exact=True).first.wait_for()
+        page.get_by_text(words, exact=True).locator("visible=true").first.wait_for()
         page.keyboard.press("Enter")
         page.locator(sign).first.wait_for()
         box.wait_for(state="hidden")
