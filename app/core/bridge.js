@@ -259,6 +259,10 @@ window.pgraph = (() => {
     return picture;
   };
 
+  // To draw on a canvas that the graphics process has no part in: where it draws the 3D view without
+  // a card, each picture of another canvas waits for it, for seconds, and so do clicks.
+  pgraph.pen = (canvas) => canvas.getContext("2d", { willReadFrequently: true });
+
   // `act(true)` when a host comes into view, `act(false)` when it leaves it, as tabs change.
   const inView = new Map(); // host -> act, told again after a reconnection
   pgraph.whileVisible = (host, act) => {

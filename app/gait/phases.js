@@ -68,7 +68,7 @@
       canvas.width = Math.round(wide * scale);
       canvas.height = Math.round(tall * scale);
     }
-    const pen = canvas.getContext("2d"), style = getComputedStyle(host);
+    const pen = pgraph.pen(canvas), style = getComputedStyle(host);
     const colors = COLORS.map((name) => style.getPropertyValue(name));
     pen.setTransform(scale, 0, 0, scale, 0, 0);
     pen.clearRect(0, 0, wide, tall);

@@ -44,7 +44,7 @@
     canvas.style.height = `${h}px`;
     canvas.width = Math.max(1, Math.round(w * ratio));
     canvas.height = Math.max(1, Math.round(h * ratio));
-    const pen = canvas.getContext("2d"), most = Math.max(...data.cells.map(([, , x]) => Math.abs(x)), 1e-300);
+    const pen = pgraph.pen(canvas), most = Math.max(...data.cells.map(([, , x]) => Math.abs(x)), 1e-300);
     pen.scale(ratio, ratio);
     pen.fillStyle = style.getPropertyValue("--hover");
     pen.fillRect(0, 0, w, h);

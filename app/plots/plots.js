@@ -91,7 +91,7 @@
   }
 
   function save({ canvas, data }) {
-    const picture = make("canvas", { width: canvas.width, height: canvas.height }), g = picture.getContext("2d");
+    const picture = make("canvas", { width: canvas.width, height: canvas.height }), g = pgraph.pen(picture);
     g.fillStyle = getComputedStyle(canvas).getPropertyValue("--paper");
     g.fillRect(0, 0, picture.width, picture.height);
     g.drawImage(canvas, 0, 0);
@@ -142,7 +142,7 @@
     if (!width) return;
     canvas.width = width * ratio;
     canvas.height = HEIGHT * ratio;
-    const g = canvas.getContext("2d"), style = getComputedStyle(canvas);
+    const g = pgraph.pen(canvas), style = getComputedStyle(canvas);
     const color = (i) => style.getPropertyValue(`--s${i % SERIES}`);
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     g.scale(ratio, ratio);
