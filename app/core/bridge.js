@@ -90,6 +90,7 @@ window.pgraph = (() => {
   // showed is drawn ever more rarely.
   const RARELY = 16e3; // [ms]
   let asked = true, watchedScene = null;
+  const ownMaterials = []; // acts before each frame, on materials that viser may have made again
   function drawChanges(scene) {
     if (!scene || scene === watchedScene) return;
     watchedScene = scene;
@@ -100,6 +101,7 @@ window.pgraph = (() => {
       let last = null, drawn = 0, pause = 500;
       gl.render = (what, camera) => {
         if (what !== scene || gl.getRenderTarget()) { draw.call(gl, what, camera); return; }
+        for (const act of ownMaterials) safely(act);
         const now = performance.now(), changed = asked || looks(scene, camera, gl.domElement) !== last;
         if (!changed && now - drawn < pause) return;
         pause = changed ? 500 : Math.min(2 * pause, RARELY);
@@ -223,6 +225,12 @@ window.pgraph = (() => {
   // What the page does with viser's camera. Our axes differ from three.js's by the root's rotation.
   pgraph.viser = {
     controls: () => window.__viserMutable?.cameraControl,
+    // The materials of a node of the scene, and of its children, before each frame.
+    materials(name, change) {
+      ownMaterials.push(() => window.__viserMutable?.nodeRefFromName[name]?.traverse(({ material }) => {
+        for (const one of [material ?? []].flat()) change(one);
+      }));
+    },
     turned([x, y, z]) {
       const [w, a, b, c] = window.__viserSceneTree?.getState()[""]?.wxyz ?? [1, 0, 0, 0];
       const [u, v, t] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];

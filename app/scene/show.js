@@ -26,4 +26,14 @@
   }
 
   pgraph.view("show", { build, show: draw });
+
+  // An arrow is seen through the body that it acts on: drawn last, over all.
+  for (const arrows of ["/forces", "/loads", "/pull"]) {
+    pgraph.viser.materials(arrows, (material) => { if (material.depthTest) Object.assign(material, { depthTest: false, transparent: true, needsUpdate: true }); });
+  }
+  // From below the floor is not drawn; its triangles are turned so that its back is above.
+  const BACK = 1; // of three.js
+  for (const floor of ["/floor", "/ground"]) {
+    pgraph.viser.materials(floor, (material) => { if (material.side !== BACK) Object.assign(material, { side: BACK, needsUpdate: true }); });
+  }
 })();

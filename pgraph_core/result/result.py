@@ -400,10 +400,12 @@ class Result(EqualByFields, Hinting):
         worst = float(np.max(np.abs(balance)))
         return worst / scale if scale > 0 else worst
 
-    @property
+    @cached_property
     def body_pose(self) -> Array:
         """(n, nb, 7) x y z [m], w x y z of every body frame, by number."""
-        return self.body_motion.pose
+        if (known := vars(self).get("body_motion")) is not None:
+            return known.pose
+        return body_poses(self)
 
     @property
     def body_velocity(self) -> Array:
@@ -423,7 +425,8 @@ class Result(EqualByFields, Hinting):
     @cached_property
     def body_motion(self) -> BodyMotion:
         """Poses, velocities, accelerations and joint forces, computed when first asked for."""
-        return body_motion(self)
+        found = body_motion(self)
+        return found._replace(pose=vars(self).get("body_pose", found.pose))
 
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
@@ -580,10 +583,17 @@ ARRAYS = (
 SCALARS = ("message", "counters", "timing", "error_estimate", "header", "notices")
 
 
+def body_poses(run: Result) -> Array:
+    """(n, nb, 7) poses of the bodies of all frames, which no force has a part in."""
+    system = run.mechanism.packed.system
+    none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
+    return bodies_over(system, *_states(run), none).pose
+
+
 def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and the forces on bodies."""
     mech = run.mechanism
-    states = run.q.copy(), run.v.copy(), run.vdot.copy()  # kernels take what may be written
+    states = _states(run)
     external = _loads(run)
     if run.contacts.wrench.size:
         external += run.contacts.wrench
@@ -592,6 +602,11 @@ def body_motion(run: Result) -> BodyMotion:
         add_constraint_wrenches(mech, run.constraint_force, motion, external)
         motion = bodies_over(mech.packed.system, *states, external)
     return motion
+
+
+def _states(run: Result) -> tuple[Array, Array, Array]:
+    """q, v and v' of all frames, as kernels take them: such as may be written."""
+    return run.q.copy(), run.v.copy(), run.vdot.copy()
 
 
 def _loads(run: Result) -> Array:

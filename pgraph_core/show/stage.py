@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
     from .shapes import Color
 
+# by what is up: the plane whose upper side viser draws, and the direction
 GRID: dict[str, tuple] = {
-    "x": ("yz", (1.0, 0.0, 0.0)), "y": ("xz", (0.0, 1.0, 0.0)), "z": ("xy", (0.0, 0.0, 1.0)),
+    "x": ("zy", (1.0, 0.0, 0.0)), "y": ("xz", (0.0, 1.0, 0.0)), "z": ("xy", (0.0, 0.0, 1.0)),
 }  # fmt: skip
 STEP = (150, 158, 168)
 BOX = ((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7),

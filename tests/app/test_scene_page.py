@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_app.digraph.update import StepThrough
 from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Pause, Scrub
@@ -238,8 +239,41 @@ def test_the_ground_and_the_camera_follow_the_up_axis(page, served, up):
     camera = served.viser.get_clients()[client].camera
     axis = "xyz".index(up)
     until(lambda: abs(camera.up_direction[axis]) > 0.9, f"{up} up")
-    scene, across = served.viser.scene, {"x": "yz", "z": "xy"}[up]
+    scene, across = served.viser.scene, {"x": "zy", "z": "xy"}[up]
     until(lambda: scene.get_handle_by_name("/ground").plane == across, "the ground across it")
+
+
+SEEN_FROM = """([name, up]) => { let sides = [];
+  const node = window.__viserMutable.nodeRefFromName[name], above = pgraph.viser.turned(up);
+  node?.traverse((one) => { if (!one.material) return;
+    const e = one.matrixWorld.elements, y = [e[4], e[5], e[6]];  // its back is towards its y
+    const way = y[0] * above[0] + y[1] * above[1] + y[2] * above[2];
+    sides.push([one.material.side, way > 0.9]); });
+  return sides; }"""
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_the_floor_is_drawn_from_above_alone(page, served, up):
+    served.send(OpenText(NOBODY, "turned", pg.Model.serial(2).replace(up=up).to_json()))
+    axis = [float(k == up) for k in "xyz"]
+    for name in ("/floor", "/ground"):
+        seen = lambda name=name: page.evaluate(SEEN_FROM, [name, axis])  # noqa: E731
+        until(lambda seen=seen: seen() == [[1, True]], f"{name}: its back, which is above")
+
+
+def test_arrows_are_drawn_over_the_bodies_that_they_act_on(page, served):
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    scenario = model.scenarios[0].model_copy(update={"t_end": 0.01})
+    served.send(OpenText(NOBODY, "stance", model.replace(scenarios=(scenario,)).to_json()))
+    until(lambda: served.store.state.model.name == model.name, "the quadruped")
+    page.get_by_role("tab", name="Show").click()
+    page.locator('[data-what="forces"]').check()
+    page.get_by_role("button", name="Simulate", exact=True).click()
+    over = """() => { const found = [];
+      window.__viserMutable.nodeRefFromName["/forces"]?.traverse(({ material }) => {
+        if (material) found.push([material.depthTest, material.transparent]); });
+      return found.length > 1 && found.every(([tests, last]) => !tests && last); }"""
+    until(lambda: page.evaluate(over), "arrows that no body hides", seconds=90)
 
 
 # -- the Operators tab -------------------------------------------------------------------------

@@ -171,6 +171,23 @@ def test_times_outside_of_the_run_are_refused(run, t):
 # -- joints by name --------------------------------------------------------------------------------
 
 
+def test_poses_are_those_of_the_whole_motion_and_ask_for_no_force(monkeypatch):
+    def no_force(*_):
+        raise AssertionError("a force was asked for")
+
+    push = pg.Wrench(name="push", body="ball", force=(0.0, 1.0, 2.0))
+    whole, alone = (
+        pg.simulate(tumbling(), t_end=0.1, step=1e-2, method="rk4", forces=[push]) for _ in range(2)
+    )
+    motion = whole.body_motion
+    assert whole.body_pose is motion.pose
+    with monkeypatch.context() as patched:
+        patched.setattr("pgraph_core.result.result.load_wrenches", no_force)
+        assert alone.body_pose.tobytes() == motion.pose.tobytes()
+    assert alone.body_motion == motion
+    assert alone.body_motion.pose is alone.body_pose
+
+
 def test_a_joint_is_asked_for_by_name(run):
     name = run.mechanism.names[1]
     np.testing.assert_array_equal(run[name], run.q[:, 1])
