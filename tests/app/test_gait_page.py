@@ -116,9 +116,9 @@ def test_the_trot_plays_while_its_speed_is_moved_then_pauses_scrubs_and_is_kept(
     until(lambda: page.evaluate("pgraph.latest.time[2]") == end, "all of it on the page")
     assert sent > before + 100
     assert page.evaluate("window.times.size") > 5  # the newest ones: as many as it can draw
-    assert page.evaluate("pgraph.pen(document.querySelector('canvas.bars')).getContextAttributes()")[
-        "willReadFrequently"
-    ]  # else each picture of it waits for the 3D view
+    assert page.evaluate(
+        "pgraph.pen(document.querySelector('canvas.bars')).getContextAttributes()"
+    )["willReadFrequently"]  # else each picture of it waits for the 3D view
     box = page.locator("canvas.bars").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 3, box["y"] + 5)
     until(lambda: served.store.state.playback.time < end - 0.5, "an earlier time")
