@@ -11,7 +11,18 @@ import pgraph_core as pg
 from pgraph_core.model.force import OnJoint
 
 from ..core.bridge import Bridge
-from ..core.cells import Display, Quantity, button, by_number, cell, choice, field, group, shown
+from ..core.cells import (
+    Display,
+    Quantity,
+    button,
+    by_number,
+    cell,
+    choice,
+    components,
+    field,
+    group,
+    shown,
+)
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
 from ..pose.solving import degrees
@@ -242,7 +253,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
         pick = "" if len(row) == 4 else "axis" if name.endswith("axis") else "point"
-        return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
+        return field(name, shows.label, components(row), unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
     return field(name, shows.label, [one], unit=unit, help=shows.help)
 

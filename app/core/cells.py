@@ -204,8 +204,18 @@ WXYZ = ("w", *XYZ)
 
 
 def cell(index: Sequence[int], value: Any, name: str = "", **more: Any) -> Payload:
-    """One cell: where its value is in the field, and what it holds; None is an empty cell."""
+    """One cell: where its value is in the field, and what it holds; None is an empty cell.
+
+    `name` is read and shown; a `mark` is only shown. Of six columns it takes `span`, or its share.
+    """
     return {"index": list(index), "value": "" if value is None else value, "name": name, **more}
+
+
+def components(cells: Iterable[Payload]) -> list[Payload]:
+    """The cells of a vector or a quaternion, marked x, y, z or w, x, y, z; not those with names."""
+    cells = list(cells)
+    marks = {3: XYZ, 4: WXYZ}.get(len(cells), ())
+    return [{"mark": mark, **c} if not c["name"] else c for c, mark in zip(cells, marks)] or cells
 
 
 def shown(value: Any, quantity: Quantity, display: Display) -> Any:
@@ -224,7 +234,9 @@ def field(
     `direction`, as an axis is one, can be typed as a letter.
     """
     cells, pick = list(cells), more.pop("pick", "")
-    columns = more.pop("columns", 4 if len(cells) == 4 else min(max(len(cells), 1), 3))
+    if pick or more.get("direction"):
+        cells = components(cells)
+    columns = more.pop("columns", 2 if len(cells) == 4 else min(max(len(cells), 1), 3))
     return {
         "field": name, "label": label, "unit": unit, "help": help, "cells": cells,
         "columns": columns,

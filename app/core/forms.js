@@ -17,8 +17,21 @@ pgraph.forms = (() => {
       box.dataset.key = key;
     }
     box.pgraphAsk = ask;
+    box.style.setProperty("--label", `${widest(box, groups)}px`);
     const items = groups.map((data) => ({ id: data.id, name: data.title, data }));
     pgraph.keyed(box, items, ({ data }) => group(data, folded), (el, { data }) => fillGroup(box, el, data));
+  }
+
+  // The column of labels: as wide as the widest with its unit; where that is too wide, the unit goes below.
+  const MOST = 106, ruler = document.createElement("canvas").getContext("2d");
+  function widest(box, groups) {
+    const family = getComputedStyle(box).fontFamily;
+    const width = (text, size) => { ruler.font = `${size}px ${family}`; return text ? ruler.measureText(text).width : 0; };
+    const needed = ({ label, unit }) => {
+      const one = width(label, 12), other = width(unit, 11), both = one + other + 4;
+      return both > MOST ? Math.max(one, other) : both;
+    };
+    return Math.ceil(Math.min(MOST, Math.max(60, ...groups.flatMap((one) => one.fields.map(needed)))));
   }
 
   function group(data, folded) {
@@ -53,7 +66,10 @@ pgraph.forms = (() => {
     if (field.kind === "density") fillDensity(el, String(field.cells[0].value));
     else {
       grid.className = `grid columns-${field.columns}`;
-      field.cells.forEach((cell, i) => fillCell(inputs[i], field, cell));
+      field.cells.forEach((cell, i) => {
+        inputs[i].closest(".grid > *").style.gridColumn = `span ${cell.span ?? 6 / field.columns}`;
+        fillCell(inputs[i], field, cell);
+      });
     }
   }
 
@@ -66,7 +82,7 @@ pgraph.forms = (() => {
   function cellsOf(box, el, grid, field) {
     const old = new Map([...grid.children].filter((one) => one.pgraphKey).map((one) => [one.pgraphKey, one]));
     const now = field.cells.map((cell) => {
-      const key = JSON.stringify([cell.index, cell.name]), made = old.get(key) ?? input(box, el, grid, cell);
+      const key = JSON.stringify([cell.index, cell.name, cell.mark]), made = old.get(key) ?? input(box, el, grid, cell);
       old.delete(key);
       made.pgraphKey = key;
       return made;
@@ -132,7 +148,10 @@ pgraph.forms = (() => {
     if (live) made.addEventListener("input", () => cells.doubtful(made, check));
     made.pgraphIndex = cell.index;
     made.pgraphOptions = of().options ?? [];
-    return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), made) : made;
+    const mark = cell.mark ?? cell.name;
+    if (!mark) return made;
+    made.style.setProperty("--letters", mark.length);
+    return make("label", { className: `axis ${["", "", "two"][mark.length] ?? "above"}` }, make("span", { textContent: mark }), made);
   }
   // Several numbers typed into one cell, as 0 0 1 or [0, 0, 1], are of it and of those after it; z or -z is a direction.
   function spread(cell, row, direction) {
@@ -229,7 +248,7 @@ pgraph.forms = (() => {
   function fillCell(input, field, cell) {
     const { name, at, index } = cell;
     input.setAttribute("aria-label", [field.label, name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
-    if (field.columns >= 3) input.dataset.digits = 5;
+    if ((cell.span ?? 6 / field.columns) < 3) input.dataset.digits = 5;
     else delete input.dataset.digits;
     input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];
     if (field.kind === "choice" || field.kind === "names") cells.choose(input, cell.value);

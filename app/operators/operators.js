@@ -8,13 +8,15 @@
     const canvas = make("canvas", { className: "cells", role: "img", "aria-label": "pattern of the operator" });
     const files = ["npz", "csv", "mtx"].map((suffix) => make("button", { className: "action", textContent: suffix, title: `Download as .${suffix}`, onclick: () => send("ExportOperator", { what, suffix }) }));
     host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), ...files),
-      make("div", { className: "muted facts" }), make("div", { className: "value", role: "status" }), make("div", { className: "sentence problem" }), canvas);
+      make("div", { className: "value", role: "status" }), make("div", { className: "sentence problem" }), canvas, make("div", { className: "muted facts" }));
     canvas.addEventListener("pointermove", (event) => told(host, event));
     canvas.addEventListener("pointerleave", () => describe(host));
     canvas.addEventListener("click", (event) => closer(host, event));
-    new ResizeObserver(() => paint(host)).observe(host);
+    const seen = new ResizeObserver(() => paint(host));
+    for (const box of [host, pane(host)]) seen.observe(box);
     pgraph.whileVisible(host, (on) => { if (on) look(); else send("Inspect", { what: "", rows: null, columns: null }); });
   }
+  const pane = (host) => host.closest(".mantine-ScrollArea-viewport") ?? host;
   const look = () => send("Inspect", { what, rows: null, columns: null });
 
   function draw(host, data) {
@@ -37,17 +39,21 @@
   function paint(host) {
     const data = host.operator, canvas = host.querySelector("canvas");
     if (!data || data.problem) return;
-    const [n, m] = sides(data), style = getComputedStyle(host), wide = Math.max(host.clientWidth - 24, 100);
-    host.size = Math.max(2, Math.min(wide / Math.max(m, 1), 26));
-    const ratio = window.devicePixelRatio || 1, w = host.size * m, h = host.size * n;
+    const [n, m] = sides(data), style = getComputedStyle(host), edge = host.edge = 17;
+    const high = pane(host).clientHeight - (canvas.getBoundingClientRect().top - host.getBoundingClientRect().top) - host.querySelector(".facts").offsetHeight - 14;
+    const wide = Math.max(host.clientWidth - 24, 100) - edge; // all of it in the pane, where that is large enough
+    host.size = Math.max(2, Math.min(wide / Math.max(m, 1), Math.max(high - edge, 150) / Math.max(n, 1), 26));
+    const ratio = window.devicePixelRatio || 1, w = host.size * m + edge, h = host.size * n + edge;
     canvas.style.width = `${w}px`;
     canvas.style.height = `${h}px`;
     canvas.width = Math.max(1, Math.round(w * ratio));
     canvas.height = Math.max(1, Math.round(h * ratio));
     const pen = pgraph.pen(canvas), most = Math.max(...data.cells.map(([, , x]) => Math.abs(x)), 1e-300);
     pen.scale(ratio, ratio);
+    names(pen, style, host.size, edge, data);
+    pen.translate(edge, edge);
     pen.fillStyle = style.getPropertyValue("--hover");
-    pen.fillRect(0, 0, w, h);
+    pen.fillRect(0, 0, w - edge, h - edge);
     const gap = host.size > 6 ? 0.5 : 0;
     for (const [i, j, x] of data.cells) { // six decades from the largest down to faint
       pen.globalAlpha = Math.max(0.15, 1 + Math.log10(Math.abs(x) / most) / 6);
@@ -57,9 +63,27 @@
     pen.globalAlpha = 1;
   }
 
+  // The numbers of the bodies at the left and at the top; those that would run into the one before are left out.
+  function names(pen, style, size, edge, data) {
+    Object.assign(pen, { font: `10px ${style.fontFamily}`, fillStyle: style.getPropertyValue("--soft"), textAlign: "center", textBaseline: "middle" });
+    [[data.column_numbers, data.step[1], 8], [data.row_numbers, data.step[0], 1]].forEach(([numbers, step, room], side) => {
+      let free = 0;
+      for (let k = 0; k < numbers.length;) {
+        let last = k;
+        while (numbers[last + 1] === numbers[k]) last += 1;
+        const middle = edge + size * (k + last + 1) / 2 / step, half = side ? 5 : (pen.measureText(numbers[k]).width + room) / 2 - 2;
+        if (middle - half >= free) {
+          pen.fillText(numbers[k], side ? edge / 2 - 1 : middle, side ? middle : edge / 2);
+          free = middle + half;
+        }
+        k = last + 1;
+      }
+    });
+  }
+
   function at(host, event) {
     const box = event.target.getBoundingClientRect();
-    return [Math.floor((event.clientY - box.top) / host.size), Math.floor((event.clientX - box.left) / host.size)];
+    return [Math.floor((event.clientY - box.top - host.edge) / host.size), Math.floor((event.clientX - box.left - host.edge) / host.size)];
   }
   function told(host, event) {
     const data = host.operator, [i, j] = at(host, event), [r, c] = data.step, x = host.found.get(`${i} ${j}`) ?? 0;
@@ -72,7 +96,7 @@
     const data = host.operator;
     if (!data || data.problem) { host.querySelector(".value").textContent = ""; return; }
     const blocks = data.step[0] * data.step[1] > 1 ? `; a cell is ${data.step[0]} × ${data.step[1]} entries, click to see them` : "";
-    host.querySelector(".value").textContent = `${data.equation}, ${data.shape[0]} × ${data.shape[1]}; blue +, orange −${blocks}`;
+    host.querySelector(".value").textContent = `${data.what}: ${data.words}; rows and columns by the bodies' numbers, ${data.shape[0]} × ${data.shape[1]}; blue +, orange −${blocks}`;
   }
   // The entries around a block that was clicked.
   function closer(host, event) {

@@ -59,12 +59,14 @@ def operator(state: State, part: Inspected) -> Payload:
         except pg.PgraphError as error:
             problem = str(error)
         else:
-            equation = EQUATIONS[part.what]
+            of_rows, of_columns = numbers(state, part.what)
             named = {
                 "row_names": rows[slice(*shown.rows)],
                 "column_names": columns[slice(*shown.columns)],
+                "row_numbers": of_rows[slice(*shown.rows)],
+                "column_numbers": of_columns[slice(*shown.columns)],
             }
-            return payload | shown._asdict() | named | {"equation": equation, "problem": ""}
+            return payload | shown._asdict() | named | {"words": WORDS[part.what], "problem": ""}
     return payload | {"problem": problem}
 
 
@@ -82,9 +84,13 @@ TITLES = {
     "M": "mass matrix M", "J": "Jacobian J of the tips", "eps_phi": "ε_φ", "Phi": "Φ",
     "S": "adjacency S",
 }  # fmt: skip
-EQUATIONS = {
-    "M": "eq. (25)", "J": "eq. (20)", "eps_phi": "eq. (13)", "Phi": "eq. (16)", "S": "eq. (1)",
-}  # fmt: skip
+WORDS = {  # what an entry says; the equation of the paper
+    "M": "the inertia that one motion feels when another speeds up, eq. (25)",
+    "J": "how fast a tip moves for each motion at unit speed, eq. (20)",
+    "eps_phi": "carries a velocity from a body to the next one on it, eq. (13)",
+    "Phi": "carries a velocity from a body to all that hang on it, eq. (16)",
+    "S": "which body hangs on which, eq. (1)",
+}
 MOST = 96  # cells a side; of larger operators a cell is a block
 LARGE = 200  # bodies above which Φ, whose entries grow with the square, is not made
 SPATIAL = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
@@ -166,6 +172,16 @@ def labels(state: State, what: str) -> tuple[list[str], list[str]]:
     return {"M": (motions, motions), "J": (tips, motions), "S": (names, names)}.get(
         what, (spatial, spatial)
     )
+
+
+def numbers(state: State, what: str) -> tuple[list[int], list[int]]:
+    """The number, in Pgraph, of the body that each row and each column belongs to."""
+    d = state.derived
+    bodies = [d.number[name] for name in d.names]
+    motions = [d.number[name] for name in d.names for _ in range(state.model.body(name).dof)]
+    spatial, tips = ([k for k in of for _ in SPATIAL] for of in (bodies, sorted(d.tips)))
+    found = {"M": (motions, motions), "J": (tips, motions), "S": (bodies, bodies)}
+    return found.get(what, (spatial, spatial))
 
 
 def as_file(state: State, what: str, suffix: str) -> bytes:

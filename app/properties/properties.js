@@ -20,7 +20,13 @@
     forms.showUnits(units, data.display);
     for (const select of units.querySelectorAll("select")) select.hidden = !some;
     const key = data.ids.join(); // a renamed body keeps its cells and their focus
+    if (box.dataset.key !== undefined && box.dataset.key !== key) atItsHead(host);
     forms.draw(box, data.groups, some ? ofBodies(data.bodies) : ofModel, key);
+  }
+
+  // Another body is read from its name on; in a sheet that holds other views too, nothing moves.
+  function atItsHead(host) {
+    for (let el = host; el && !el.matches("[data-dock-group]"); el = el.parentElement) el.scrollTop = 0;
   }
 
   const ofBodies = (bodies) => ({

@@ -19,6 +19,7 @@ from ..core.cells import (
     by_number,
     cell,
     choice,
+    components,
     field,
     group,
     merged,
@@ -150,10 +151,12 @@ class _Form:
         if not isinstance(value, (tuple, list)):
             return [cell((), self.shown(value, name, ()))]
         names = names or ("",) * len(value)
-        return [
+        found = [
             cell((i,), self.shown(x, name, (i,)), names[i] if i < len(names) else "")
             for i, x in enumerate(value)
         ]
+        # a free body's orientation, below its place, in two rows of two
+        return [{**c, "span": 3} if len(found) == 7 and i > 2 else c for i, c in enumerate(found)]
 
     def shown(self, value: Any, name: str, index: tuple[int, ...]) -> Any:
         return shown(value, quantity_of(self.body, name, index), self.display)
@@ -178,6 +181,8 @@ class _Form:
     def vector(self, name: str, names: tuple[str, ...] = ()) -> Payload:
         about, cells = shows(name), self.cells(name, names)
         pick = "point" if name in ("link", "com", "tip") or name.endswith("_position") else ""
+        if name.endswith("_scale"):
+            cells = components(cells)
         return field(name, about.label, cells, unit=self.unit(name), help=about.help, pick=pick)
 
     def motions(self) -> list[Payload]:
@@ -202,14 +207,18 @@ class _Form:
         return found
 
     def _axis(self, i: int, at: int, label: str) -> Payload:
-        cells = [cell((i, j), x) for j, x in enumerate(self.body.axes[at])]
+        cells = components(cell((i, j), x) for j, x in enumerate(self.body.axes[at]))
         last = i == len(self.body.axes) - 1  # the others are in the axes of the parent
         return field("axes", label, cells, help=shows("axes").help, columns=3,
                      pick="axis" if last else "")  # fmt: skip
 
     def inertia(self) -> Payload:
         rows = without_noise(self.value("inertia"))
-        cells = [cell((i, j), x) for i, row in enumerate(rows) for j, x in enumerate(row)]
+        cells = [
+            cell((i, j), x, mark=XYZ[i] + XYZ[j])
+            for i, row in enumerate(rows)
+            for j, x in enumerate(row)
+        ]
         about = {"com": "about the centre of mass", "origin": "about the frame's origin"}
         help = f"{about[self.display.about]}, {shows('inertia').help}"
         return field("inertia", "Inertia", cells, unit="kg m²", help=help, columns=3,

@@ -19,6 +19,7 @@ from ..core.cells import (
     by_number,
     cell,
     choice,
+    components,
     field,
     group,
     quantity_in,
@@ -50,7 +51,7 @@ def world(state: State, display: Display) -> Payload:
 
 def _general(state: State) -> Payload:
     model = state.model
-    gravity = [cell((i,), x) for i, x in enumerate(model.gravity)]
+    gravity = components(cell((i,), x) for i, x in enumerate(model.gravity))
     up = choice("up", "Up", model.up, ("x", "y", "z"), help="which axis points up")
     return group("", [
         field("name", "Name", [cell((), model.name)], kind="text"),

@@ -29,7 +29,6 @@
     const method = cells.choice(() => pgraph.latest.run.methods, edit("method"), { label: "method" });
     const number = (field, label) => cells.input(edit(field), { label, numeric: true });
     const t_end = number("t_end", "duration"), step = number("step", "step"), rtol = number("rtol", "tolerance");
-    step.placeholder = rtol.placeholder = "auto";
     host.pgraphRun = { scenario, method, t_end, step, rtol };
     const field = (label, unit, cell, help) => make("div", { className: cell.tagName === "INPUT" ? "field" : "field wide", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
@@ -38,23 +37,34 @@
       field("Method", "", method, "Integration method; automatic gives the reason for its choice"),
       make("div", { className: "numbers wide" },
         field("Duration", "s", t_end, "Length of the run"),
-        field("Step", "s", step, "Step size; empty: the method chooses"),
-        field("Tolerance", "", rtol, "Largest relative error of a step; empty: follows from the step")));
+        field("Step", "s", step, ""), field("Tolerance", "", rtol, "")),
+      make("p", { className: "muted kept wide", hidden: true }));
   }
 
   // What can be done with a finished run.
   function after() {
-    const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
-      ["html", "HTML", "The animation as one file that any browser plays"],
-      ["live", "Living figure", "One file in which the reader runs the mechanism, pulls on it and changes its masses"],
-      ["png", "Picture", "The mechanism at the time shown, from the standard view, as PNG"], ["svg", "SVG", "The same for print, which scales without loss"],
-      ["mp4", "Film", "The run as MP4, which any player shows"], ["gif", "GIF", "The run as GIF, for slides and mails"]];
+    // which to send: a line each says what it is for
+    const files = [["html", "HTML", "A page that plays the run in 3D in any browser: to send"],
+      ["live", "Living figure", "A page in which the reader runs the model, pulls on it and changes its masses"],
+      ["png", "Picture", "PNG of the pose shown, from the standard view"], ["svg", "SVG", "The same for print: sharp at every size"],
+      ["mp4", "Film", "MP4 of the run, which any player shows"], ["gif", "GIF", "The run as a small film for slides and mails"],
+      ["csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["npz", "NPZ", "The run with its model, to open in Python"]];
+    const list = make("div", { className: "chooser files", hidden: true });
+    const open = button("offers", "Export …", "The run as a page, a picture, a film or a table", () => show(list.hidden));
+    const show = (on) => {
+      list.hidden = !on;
+      open.setAttribute("aria-expanded", on);
+      if (on) { list.scrollIntoView({ block: "nearest" }); list.querySelector("button").focus({ preventScroll: true }); }
+    };
+    show(false);
+    list.append(...files.map(([what, label, about]) => make("button", {
+      className: `export ${what === "live" ? "living" : what}`, "aria-label": label, title: about, onclick: () => { show(false); send("Export", { what }); },
+    }, make("strong", { textContent: label }), make("span", { textContent: about }))));
+    list.onkeydown = (event) => { if (event.key === "Escape") { show(false); open.focus(); event.stopPropagation(); } };
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
-      button("ghost", "Compare", COMPARE, () => now("Compare")),
-      make("span", { className: "keep" }, text("span", "muted", "Keep as"), ...keep.map(([what, label, title]) =>
-        button(`export ${what === "live" ? "living" : what}`, label, title, () => send("Export", { what })))));
+      button("ghost", "Compare", COMPARE, () => now("Compare")), open, list);
   }
 
   function draw(host, data) {
@@ -65,6 +75,14 @@
     cells.set(t_end, data.request.t_end);
     cells.set(step, data.request.step ?? "");
     cells.set(rtol, data.request.rtol ?? "");
+    for (const [name, cell] of Object.entries({ step, rtol })) {
+      const [hint, about, acts] = data.hints[name];
+      cell.placeholder = hint;
+      cell.closest(".field").title = about;
+      cell.disabled = !acts;
+    }
+    $(".kept").hidden = !data.kept;
+    $(".kept").textContent = data.kept;
     $(".kernels").hidden = data.kernels === null;
     if (data.kernels) {
       $(".kernels .said").textContent = data.kernels.text;

@@ -8,8 +8,9 @@ from typing import Any, Literal
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show.stage import GRID
+from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells
 from ..core.cells import Refusal
@@ -59,6 +60,10 @@ class SetRun(FromPage):
 @on_typed(SetRun)
 def request_edited(state: State, event: SetRun) -> State:
     changed = {event.field: _value(event.field, event.text)}
+    if event.field == "method":  # what the other kind of method was given is not meant of this one
+        was, now = (method in ADAPTIVE for method in (state.request.method, event.text))
+        changed |= {} if was == now else {"step": None}
+        changed |= {} if now or event.text == AUTO else {"rtol": None}
     return replace(state, request=replace(state.request, **changed))
 
 

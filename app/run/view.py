@@ -14,9 +14,10 @@ import numpy as np
 import viser
 
 from pgraph_core import InputError, show
-from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show.animation import Extra
 from pgraph_core.show.stage import GRID
+from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core.bridge import Bridge
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
@@ -25,7 +26,7 @@ from ..gait import prints
 from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped
 from ..scene.overlays import Overlays
-from . import FREE_RUN
+from . import FREE_RUN, Request
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
 OPEN = 8  # masses that the reader of a living figure may change
@@ -60,6 +61,8 @@ def run(state: State) -> Payload:
             "method": request.method,
             "rtol": request.rtol,
         },
+        "hints": hints(request),
+        "kept": kept(state),
         "empty": not state.model.bodies,
         "kernels": kernels(state),
         "job": job(state),
@@ -70,6 +73,40 @@ def run(state: State) -> Payload:
         "ghost": state.ghost is not None,
         "compared": compared(state.ghost, state.plotted),
     }
+
+
+def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
+    """Of the step and the tolerance: what stands where nothing is typed, what it is, if it acts."""
+    called = METHOD_NAMES[request.method]
+    if request.method == AUTO:
+        step = "Step size; empty: the method chooses"
+        rtol = "Largest relative error of a step; empty: follows from the step"
+        return {"step": ("auto", step, True), "rtol": ("auto", rtol, True)}
+    if request.method not in ADAPTIVE:
+        step = f"{called} takes steps of this size; empty: the usual one"
+        rtol = f"{called} takes a step, no tolerance"
+        return {"step": ("auto", step, True), "rtol": ("none", rtol, request.rtol is not None)}
+    step = f"{called} chooses its steps by the tolerance; a number here is the largest one"
+    rtol = "Largest relative error of a step; empty: 1e-8"
+    if request.step is not None and request.rtol is None:
+        step = f"All steps of {called} are this long; empty: it chooses them by the tolerance"
+        rtol = "Not used while a step is given; with both, the step is the largest one"
+    fixed = request.step is not None and request.rtol is None
+    hint = "not used" if fixed else "1e-8"
+    return {"step": ("by error", step, True), "rtol": (hint, rtol, True)}
+
+
+def kept(state: State) -> str:
+    """What the scenario itself says, where the run is asked for otherwise."""
+    request = state.request
+    for s in state.model.scenarios:
+        own = Request(s.name, s.t_end, s.step, s.method)
+        if s.name == request.scenario and replace(request, rtol=None) != own:
+            return (
+                f"For this run only; '{s.name}' keeps {s.t_end:g} s, a step of {s.step:g} s, "
+                f"{METHOD_NAMES[s.method]}."
+            )
+    return ""
 
 
 def kernels(state: State) -> Payload | None:

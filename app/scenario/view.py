@@ -91,7 +91,8 @@ def _settings(s: pg.Scenario) -> Payload:
         field("description", "About", [cell((), s.description)], kind="text"),
         field("t_end", "Duration", [cell((), s.t_end)], unit="s"),
         field("step", "Step", [cell((), s.step)], unit="s"),
-        choice("method", "Method", s.method, METHOD_NAMES.items()),
+        choice("method", "Method", s.method, METHOD_NAMES.items(),
+               note="kept with the model; what is typed above Simulate is for one run"),
     ])  # fmt: skip
 
 

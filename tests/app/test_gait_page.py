@@ -126,14 +126,19 @@ def test_the_trot_plays_while_its_speed_is_moved_then_pauses_scrubs_and_is_kept(
 
     page.locator(".walk-on").click()
     until(lambda: served.store.state.live is None, "the walk over")
-    until(lambda: page.locator("button.export.csv").is_visible(), "the run to keep")
+    until(
+        lambda: page.get_by_role("button", name="Export …", exact=True).is_visible(),
+        "the run to keep",
+    )
     with page.expect_download() as download:
+        page.get_by_role("button", name="Export …", exact=True).click()
         page.locator("button.export.csv").click()
     with download.value.path().open(newline="") as file:
         head, *rows = csv.reader(file)
     assert float(rows[-1][0]) == pytest.approx(end)
     agree(page.evaluate("pgraph.latest.phases"), head, rows)
     with page.expect_download(timeout=60_000) as download:
+        page.get_by_role("button", name="Export …", exact=True).click()
         page.locator("button.export.html").click()
     assert download.value.path().read_text("utf-8").lstrip().lower().startswith("<!doctype html")
     page.locator("button.ghost").click()

@@ -40,6 +40,16 @@ def test_d11_each_operator_is_shown_whole_with_its_names_as_json(state, what):
     assert shown == pytest.approx(matrices.matrix(state, what).toarray(), rel=1e-5, abs=1e-12)
 
 
+@pytest.mark.parametrize("what", ALL)
+def test_rows_and_columns_have_the_numbers_of_their_bodies(state, what):
+    found = operator(state, Inspected(what))
+    for side in ("row", "column"):
+        for number, name in zip(found[f"{side}_numbers"], found[f"{side}_names"], strict=True):
+            body = state.derived.names[number - 1]
+            assert name.split(" ")[0] == body, (number, name)
+    assert "eq. (" in found["words"]
+
+
 def test_it_counts_bodies_dof_separation_and_tip_bodies(state):
     said = operator(state, Inspected("M"))["facts"]
     assert said == "16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies"

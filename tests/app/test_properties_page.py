@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pgraph_app.model.update import NewModel
+from pgraph_app.model.update import NewModel, OpenBuiltIn
 from pgraph_app.properties.world import EditWorld
 from pgraph_app.session.update import SetDisplay
 
@@ -226,3 +226,55 @@ def test_d14_d17_a_contact_is_picked_edited_switched_and_deleted(bench, served):
     until(lambda: not model(served).contacts[0].active, "switched off")
     bench.locator(".delete-tie").click()
     until(lambda: not model(served).contacts, "deleted")
+
+
+EDGES = """() => {
+  const seen = (el) => el.offsetParent && el.getBoundingClientRect().width > 0;
+  const rows = [...document.querySelectorAll('[data-view=properties] .field')].filter(seen);
+  return rows.map((row) => ({
+    field: row.dataset.field,
+    label: row.querySelector('.what span').getClientRects().length,
+    lines: row.querySelector('.what').getBoundingClientRect().height / 14.4,
+    cells: [...row.querySelectorAll('.grid:not(.density) .cell')].filter(seen).map((cell) => {
+      const { left, right } = cell.getBoundingClientRect();
+      return { left, right, value: cell.value, cut: cell.scrollWidth > cell.clientWidth };
+    }),
+  }));
+}"""
+
+
+def test_a_form_is_one_grid_labels_take_one_line_and_no_number_is_cut(bench, served):
+    served.send(OpenBuiltIn(NOBODY, "quadruped"))
+    bench.wait_for_function("() => pgraph.latest.table.rows.length === 16")
+    for name in ("left_radius", "pelvis"):
+        choose_body(bench, name)
+        rows = bench.evaluate(EDGES)
+        assert len(rows) > 8
+        lefts = {
+            k: {row["cells"][k]["left"] for row in rows if len(row["cells"]) == 3} for k in range(3)
+        }
+        assert all(len(found) == 1 for found in lefts.values()), lefts
+        assert len({row["cells"][0]["left"] for row in rows if row["cells"]}) == 1
+        for row in rows:
+            if row["field"] != "damping":  # N m s/rad stands below it
+                assert row["lines"] < 1.5, row
+            assert row["label"] == 1, row
+            widths = [cell["right"] - cell["left"] for cell in row["cells"]]
+            if row["field"] not in ("q", "v"):  # three and two in a row
+                assert not widths or max(widths) - min(widths) < 1, row
+            assert not any(cell["cut"] for cell in row["cells"]), row
+
+
+def test_another_body_is_read_from_its_name_on(bench, served):
+    choose_body(bench, "2")
+    last = bench.locator("[data-view=properties] .field:visible").last
+    last.scroll_into_view_if_needed()
+    heading = bench.locator("[data-view=properties] .heading")
+    tab = bench.get_by_role("tab", name="Properties", exact=True)
+
+    def seen() -> bool:
+        return heading.bounding_box()["y"] > tab.bounding_box()["y"]
+
+    assert not seen()
+    choose_body(bench, "3")
+    until(seen, "the form at its head")

@@ -89,6 +89,7 @@ def test_a_run_is_downloaded_as_a_table(two_rods, served):
     page.locator("button.simulate").click()
     page.locator(".after").wait_for()
     with page.expect_download() as download:
+        page.get_by_role("button", name="Export …", exact=True).click()
         page.locator("button.export.csv").click()
     text = download.value.path().read_text()
     assert text.splitlines()[0].startswith("t [s],")

@@ -46,6 +46,7 @@ from pgraph_app.run.update import (
     Simulate,
     Simulated,
 )
+from pgraph_app.run.view import hints, kept
 from pgraph_app.scene.update import Show, Viewport
 from pgraph_app.session.update import Connected, Disconnected, Save, Saved, Select, Theme
 from pgraph_app.table.update import AddBody, DeleteBodies
@@ -405,6 +406,42 @@ def test_settings_and_scenarios(state):
     assert state.request == Request(FREE_RUN, 0.5, 1e-3, "rk4")
     assert after(state, SetScenario(ME, 1, "no such")).request == state.request
     assert after(state, SetScenario(ME, 1, FREE_RUN)).request == Request()
+
+
+@pytest.mark.parametrize(
+    ("settings", "step", "rtol", "acts"),
+    [
+        ({"method": "rk4"}, 1e-3, None, (True, False)),  # a step, and no tolerance
+        ({"rtol": "1e-7", "method": "rk4"}, 1e-3, None, (True, False)),
+        ({"method": "radau5"}, None, None, (True, True)),  # chosen by the error
+        ({"method": "radau5", "rtol": "1e-7"}, None, 1e-7, (True, True)),
+        ({"method": "radau5", "rtol": "1e-7", "step": "0.1"}, 0.1, 1e-7, (True, True)),
+        ({"method": "dopri5", "step": "0.1"}, 0.1, None, (True, True)),
+        ({"method": "dopri5", "rtol": "1e-7", "step": ""}, None, 1e-7, (True, True)),
+        ({"rtol": "1e-7"}, 1e-3, 1e-7, (True, True)),  # automatic takes either
+    ],
+)
+def test_a_method_is_asked_for_what_it_takes(state, settings, step, rtol, acts):
+    events = [SetRun(ME, k, field, text) for k, (field, text) in enumerate(settings.items())]
+    state = after(state, *events)
+    assert (state.request.step, state.request.rtol) == (step, rtol)
+    told = hints(state.request)
+    assert (told["step"][2], told["rtol"][2]) == acts
+    assert ("not used" in told["rtol"][0]) == (settings == {"method": "dopri5", "step": "0.1"})
+    model = pg.Model.serial(1)
+    done = pg.simulate(model, t_end=0.01, step=step, rtol=rtol, method=state.request.method)
+    assert done.status.ok
+
+
+def test_what_a_run_asks_for_otherwise_than_its_scenario_is_told():
+    scenario = pg.Scenario(name="short", t_end=0.25, step=1e-3, method="rk4")
+    model = pg.Model.serial(2).replace(scenarios=(scenario,))
+    state = after(initial(model), Connected(ME), SetScenario(ME, 1, "short"))
+    assert kept(state) == ""
+    changed = after(state, SetRun(ME, 2, "t_end", "3"))
+    assert "'short' keeps 0.25 s" in kept(changed)
+    assert changed.model.scenarios == (scenario,)
+    assert kept(after(changed, SetRun(ME, 3, "t_end", "0.25"))) == ""
 
 
 def test_a_model_s_scenario_brings_its_settings():
