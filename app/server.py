@@ -179,6 +179,6 @@ class Docks:
 
 def widths(window: float) -> tuple[float, float]:
     """Of the left and the right dock in a window as wide as this [px]."""
-    left = min(max(LEFT, 0.28 * window), max(0.4 * window, 200))
-    right = min(max(RIGHT, 0.2 * window), max(0.28 * window, 180))
+    left = min(max(LEFT, 0.33 * window), max(0.38 * window, 200), 860)
+    right = min(max(RIGHT, 0.22 * window), max(0.3 * window, 180), 560)
     return round(left), round(right)

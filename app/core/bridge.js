@@ -47,7 +47,7 @@ window.pgraph = (() => {
     loading.classList.add("over");
     setTimeout(() => loading.remove(), 300);
     shorten();
-    watchView(); // what stands now covers more of the 3D view
+    pgraph.layout.watch(); // what stands now covers more of the 3D view
   }
 
   // viser's notice on software GL lies over the 3D view until it is closed: ours is short, goes by
@@ -177,6 +177,7 @@ window.pgraph = (() => {
           if (resuming === null) redraw(view);
         }
       }
+      pgraph.layout?.arrange(); // panels have come, or have moved
     },
     receive(topic, data) {
       if (topic === "uplink") { connected(data); return; }
@@ -294,23 +295,6 @@ window.pgraph = (() => {
     setTimeout(() => note.remove(), 8000);
   };
 
-  // A button that lays a view over the 3D view, at a size to read, and back again.
-  pgraph.enlargeable = (host, what) => {
-    const toggle = pgraph.make("button", { className: "action enlarge", textContent: "⤢", onclick: () => {
-      const large = host.classList.toggle("large");
-      toggle.textContent = large ? "×" : "⤢";
-      told(large);
-    } });
-    const told = (large) => {
-      toggle.title = large ? `${what} back into its tab (Esc)` : `Enlarge ${what}`;
-      toggle.setAttribute("aria-label", large ? `close large ${what}` : `enlarge ${what}`);
-      toggle.setAttribute("aria-pressed", large);
-    };
-    told(false);
-    host.addEventListener("keydown", (event) => { if (event.key === "Escape" && host.classList.contains("large")) { event.stopPropagation(); toggle.click(); } });
-    host.prepend(toggle);
-  };
-
   // What a person chose for this page is there again after a reload; what the system prefers holds at first.
   const CHOICES = "pgraph choices";
   pgraph.choices = {
@@ -371,57 +355,7 @@ window.pgraph = (() => {
     for (const view of Object.keys(views)) if (pgraph.hosts(view).length) redraw(view);
     pgraph.cells.again();
     for (const act of inView.values()) act(true);
-    watchView();
-  }
-
-  // The shape of the 3D view, once its size has settled: the camera is set for it. To observe is
-  // to be told at once, so a reconnected page says it again, of the canvas that it has by then.
-  let watched = null;
-  function watchView() {
-    const canvas = document.querySelector("canvas:not(.pgraph *)");
-    if (!canvas) { setTimeout(watchView, 100); return; }
-    watched?.disconnect();
-    let settling = null;
-    pgraph.tellView = () => {
-      const aspect = canvas.clientWidth / canvas.clientHeight;
-      if (!(aspect > 0)) return; // nothing of it is seen
-      pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
-    };
-    const tell = () => {
-      if (!canvas.isConnected) { watchView(); return; } // viser made another one for a smaller window
-      if (canvas.clientWidth && canvas.clientHeight) nudge();
-      pgraph.tellView();
-    };
-    watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
-    watched.observe(canvas);
-    const sheet = document.querySelector(".mantine-Paper-root:has(.pgraph)");
-    if (sheet) watched.observe(sheet);
-  }
-  watchView();
-
-  // viser puts the playback to its corner of the 3D view when one of the two changes its size, and
-  // may lose that where both do: another pixel of height makes it look again.
-  function nudge() {
-    const style = document.documentElement.style;
-    style.setProperty("--nudge", style.getPropertyValue("--nudge") === "1px" ? "0px" : "1px");
-  }
-
-  // The share of the 3D view's height that panels take from its bottom: the middle one of three places.
-  function covered(canvas) {
-    const { left, width, bottom, height } = canvas.getBoundingClientRect();
-    const share = (x) => {
-      let y = bottom - 2;
-      while (y > bottom - height && !document.elementFromPoint(x, y)?.matches("canvas, :has(canvas)")) y -= 4;
-      return Math.round(50 * (bottom - 2 - y) / height) / 50;
-    };
-    return [0.2, 0.5, 0.8].map((at) => share(left + at * width)).sort((a, b) => a - b)[1];
-  }
-
-  // For what floats over the 3D view: where it is.
-  function place(canvas) {
-    const { left, width } = canvas.getBoundingClientRect();
-    document.documentElement.style.setProperty("--view-left", `${left}px`);
-    document.documentElement.style.setProperty("--view-width", `${width}px`);
+    pgraph.layout.watch();
   }
 
   function shortcut(event) {
@@ -434,7 +368,7 @@ window.pgraph = (() => {
       event.stopPropagation();
       pgraph.send(event.shiftKey || key === "y" ? "Redo" : "Undo");
     } else if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    else if (event.key === "Escape") pgraph.send("Select", { body: null });
+    else if (event.key === "Escape") { if (!pgraph.layout.smaller()) pgraph.send("Select", { body: null }); }
     else if (event.key === " " && !event.target.closest?.("button")) {
       event.preventDefault();
       pgraph.play();

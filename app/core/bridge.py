@@ -24,8 +24,9 @@ from viser._messages import GuiSetPanelWidthMessage, RunJavascriptMessage
 from .door import guarded
 
 APP = Path(__file__).parent.parent
-CORE_SCRIPTS = ("bridge", "lists", "cells", "forms", "shortcuts")  # of this folder, in order
-CORE_STYLES = ("page", "cells", "forms", "shortcuts")
+# of this folder, in order
+CORE_SCRIPTS = ("bridge", "layout", "lists", "cells", "forms", "shortcuts")
+CORE_STYLES = ("page", "layout", "cells", "forms", "shortcuts")
 
 Receive = Callable[[int, str], None]
 PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one

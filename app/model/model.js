@@ -4,7 +4,7 @@
 
   function build(host) {
     host.replaceChildren(
-      make("div", { className: "bar" },
+      make("div", { className: "bar file" },
         button("new", "New", "A new model: how many bodies?", () => ask(host, newQuestion)),
         button("open", "Open", "A built-in model or a file", () => ask(host, openQuestion)),
         button("save", "Save", "Download, or write to a file", () => ask(host, saveQuestion)),

@@ -21,9 +21,9 @@
       button("less", "less", "one frame back", () => send("StepFrames", { frames: -1 })),
       button("primary play", "play", "play (space)", pgraph.play),
       button("more", "more", "one frame on", () => send("StepFrames", { frames: 1 })),
-      slider, make("output", { className: "time" }), speed,
-      button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
-    make("div", { className: "muted none" }));
+      slider, make("output", { className: "time" }, make("span"), make("span", { className: "total" })), speed,
+      button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop })),
+      make("div", { className: "muted none" })));
   }
 
   function draw(host, data) {
@@ -32,7 +32,7 @@
     for (const control of host.querySelectorAll("button, input, select")) control.disabled = none;
     $(".play").disabled = none && data.blocked; // it simulates where there is nothing yet
     $(".none").hidden = !none;
-    $(".none").textContent = data.hint;
+    $(".none").textContent = $(".none").title = data.hint;
     $(".transport").classList.toggle("off", none);
     $(".play").replaceChildren(pgraph.icon(data.playing ? "pause" : "play"));
     $(".play").title = data.playing ? "pause (space)" : "play (space)";
@@ -59,7 +59,9 @@
   }
   function told(host, time) {
     const end = host.pgraphEnd ?? 0;
-    host.querySelector(".time").textContent = `${time.toFixed(3)} / ${end.toFixed(3)} s`;
+    const [now, total] = host.querySelector(".time").children;
+    now.textContent = time.toFixed(3);
+    total.textContent = ` / ${end.toFixed(3)} s`;
   }
 
   pgraph.view("playback", { build, playback: draw, time: move });

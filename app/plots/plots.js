@@ -12,7 +12,6 @@
     host.replaceChildren(
       make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }),
       make("div", { className: "muted hint" }), make("div", { className: "charts" }));
-    pgraph.enlargeable(host, "plots");
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
   }
 

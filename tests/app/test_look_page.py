@@ -186,3 +186,100 @@ def test_the_outcome_is_read_without_scrolling_and_a_panel_of_one_tab_has_no_tab
     assert not any(one.is_visible() for one in alone.all())
     said = page.locator(".phase-legend .all")
     until(lambda: said.inner_text() == "", "four feet, and nothing to scroll to", seconds=LONG)
+
+
+UPPER = """(edge) => { const region = document.querySelector(`[data-dock-region=${edge}]`);
+  const [upper, divider, lower] = region.querySelector('[data-dock-scroll]').children;
+  const content = upper.querySelector('.mantine-ScrollArea-content');
+  return { height: upper.offsetHeight, lower: lower.offsetHeight, content: content.offsetHeight,
+    y: divider.getBoundingClientRect().y + 2, said: Number(divider.ariaValueNow) }; }"""
+
+
+def test_the_upper_panel_of_a_dock_is_as_high_as_its_content_until_a_person_says(page, served):
+    def upper(edge: str = "left") -> dict[str, float]:
+        return page.evaluate(UPPER, edge)
+
+    def halved() -> bool:
+        return abs(upper()["height"] - upper()["lower"]) < 30
+
+    until(halved, "sixteen rows ask for more than a half", seconds=LONG)
+    served.send(OpenText(NOBODY, "one", pg.Model.serial(1).to_json()))
+    until(lambda: upper()["height"] < 0.3 * 720, "a short panel of a short table", seconds=LONG)
+    short = upper()
+    assert short["height"] >= short["content"]
+    splitter = page.get_by_role("separator", name="height of the table")
+    middle = splitter.bounding_box()["x"] + 100
+    page.mouse.move(middle, short["y"])
+    page.mouse.down()
+    page.mouse.move(middle, short["y"] + 90, steps=3)
+    page.mouse.up()
+    until(lambda: abs(short["height"] + 90 - upper()["height"]) < 3, "as dragged", seconds=LONG)
+    held = upper()
+    assert held["said"] == pytest.approx(held["height"], abs=1)
+    served.send(OpenText(NOBODY, "ten", pg.Model.serial(10).to_json()))
+    until(lambda: page.locator("tr[data-name]").count() == 10, "ten rows")
+    assert upper()["height"] == held["height"]  # a person's height stays
+    splitter.press("ArrowUp")
+    until(lambda: abs(held["height"] - 16 - upper()["height"]) < 2, "a step of a key", seconds=LONG)
+    splitter.dblclick()
+    until(lambda: upper()["height"] > 300, "as high as ten rows ask for", seconds=LONG)
+
+
+def test_a_tab_is_enlarged_to_the_right_dock_and_back(page):
+    """Twice as wide as in its dock, with the playback over it; the same by its cross and by Esc."""
+    playback = page.locator(".transport .play")
+    for tab in ("Digraph", "Plots", "Report"):
+        page.evaluate("(tab) => pgraph.front(tab)", tab)
+        view = {"Digraph": "digraph", "Plots": "plots", "Report": "reports"}[tab]
+        host = page.locator(f'.pgraph[data-view="{view}"]')
+        docked = host.bounding_box()["width"]
+        page.get_by_role("button", name=f"enlarge {tab.lower()}").click()
+        large = host.bounding_box()
+        right = page.locator("[data-dock-region=right]").bounding_box()["x"]
+        assert large["width"] > 1.5 * docked
+        assert large["x"] < 10
+        assert large["x"] + large["width"] <= right + 1
+        playback.click(trial=True)  # not covered
+        if tab == "Plots":
+            page.keyboard.press("Escape")
+        else:
+            page.get_by_role("button", name=f"close large {tab.lower()}").click()
+        assert host.bounding_box()["width"] == pytest.approx(docked, abs=1)
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (853, 533), (640, 400)])
+def test_in_a_small_window_what_is_needed_first_is_in_sight(seen, size):
+    """Simulate without scrolling; one line of buttons above it; the playback one line, centred."""
+    page = seen(size, False)
+    fits = """() => { const box = (e) => e.getBoundingClientRect();
+      const one = (s) => document.querySelector(s), button = one('button.simulate');
+      const view = box(one('canvas:not(.pgraph *)')), bar = box(one('[data-floating-window]'));
+      const frame = box(button.closest('.mantine-ScrollArea-viewport'));
+      const tops = [...document.querySelectorAll('.file.bar button')].map((e) => box(e).y);
+      const low = innerHeight < 640, parts = [...document.querySelectorAll('.transport > *')]
+        .filter((e) => e.offsetWidth).map((e) => box(e).y + box(e).height / 2);
+      return { simulate: box(button).bottom <= frame.bottom && box(button).top >= frame.top,
+        line: Math.max(...tops) - Math.min(...tops) < 4,
+        centred: Math.abs(bar.x + bar.width / 2 - view.x - view.width / 2) < 2,
+        playback: !low || (Math.max(...parts) - Math.min(...parts) < 6 && bar.height < 50) }; }"""
+    page.evaluate(FRAMES)
+    until(lambda: all(page.evaluate(fits).values()), "all in sight", seconds=LONG)
+
+
+def test_a_collapsed_dock_has_a_button_back(page):
+    page.locator("[data-dock-region-collapse=left]").press("Enter")
+    back = page.get_by_role("button", name="Expand panels")
+    until(lambda: back.count() == 1, "the way back")
+    until(
+        lambda: (
+            page.evaluate(
+                "document.querySelector('canvas:not(.pgraph *)').getBoundingClientRect().left"
+            )
+            < 60
+        ),
+        "a wide view",
+        seconds=LONG,
+    )
+    back.press("Enter")
+    page.get_by_role("separator", name="height of the table").wait_for()
+    assert page.evaluate(UPPER, "left")["height"] > 250
