@@ -126,7 +126,7 @@
     if (data.picking && !same) {
       const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
       document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status" },
-        make("span", { textContent: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
+        make("span", { textContent: data.picking.text, title: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
       if (!picking) { document.activeElement?.blur(); pgraph.front("Digraph"); }
     } else if (picking && !data.picking) pgraph.front("Constraints");
     picking = Boolean(data.picking);

@@ -46,19 +46,7 @@ window.pgraph = (() => {
     if (!there) { setTimeout(unveil, 50); return; }
     loading.classList.add("over");
     setTimeout(() => loading.remove(), 300);
-    shorten();
     pgraph.layout.watch(); // what stands now covers more of the 3D view
-  }
-
-  // viser's notice on software GL lies over the 3D view until it is closed: ours is short, goes by
-  // itself, and is shown once in a browser.
-  function shorten(patience = 40) {
-    const notice = [...document.querySelectorAll(".mantine-Notification-root")].find((el) => el.textContent.startsWith("Software WebGL"));
-    if (!notice) { if (patience) setTimeout(shorten, 250, patience - 1); return; }
-    notice.querySelector("button")?.click();
-    if (pgraph.choices.get().slow) return;
-    pgraph.choices.set({ slow: true });
-    pgraph.toast("This browser draws without the graphics card: the 3D view is slow. Its settings have a switch for hardware acceleration.", true);
   }
 
   // A picture has been seen, or nobody looks: the next may come.
@@ -288,13 +276,6 @@ window.pgraph = (() => {
   // The server knows whether this page has a view in sight: what others show costs an edit nothing.
   pgraph.inSight = (host, view, act = () => {}) => pgraph.whileVisible(host, (on) => { act(on); pgraph.send("Sees", { view, on }); });
 
-  // A sentence in passing, for what has no cell any more.
-  pgraph.toast = (text, good = false) => {
-    const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });
-    toasts().append(note);
-    setTimeout(() => note.remove(), 8000);
-  };
-
   // What a person chose for this page is there again after a reload; what the system prefers holds at first.
   const CHOICES = "pgraph choices";
   pgraph.choices = {
@@ -305,23 +286,6 @@ window.pgraph = (() => {
     const kept = pgraph.choices.get();
     const dark = kept.dark ?? matchMedia("(prefers-color-scheme: dark)").matches;
     return { dark, display: kept.display ?? ["rad", "m", "quaternion", "com"], body: kept.body ?? null, plots: kept.plots ?? [] };
-  }
-
-  // What the server tells this page in passing: a title, and three lines of text until it is clicked.
-  pgraph.on("notice", ({ title, text, bad }) => {
-    const make = pgraph.make, said = make("div", { className: "said", textContent: text.length > 400 ? `${text.slice(0, 400)} …` : text });
-    const note = make("div", { className: `pgraph pgraph-notice${bad ? "" : " good"}`, role: bad ? "alert" : "status", title: text },
-      make("button", { className: "close", textContent: "×", "aria-label": "close", onclick: () => note.remove() }),
-      make("strong", { textContent: title }), ...(text ? [said] : []));
-    said.onclick = () => note.classList.toggle("whole");
-    toasts().append(note);
-    while (toasts().childElementCount > 3) toasts().firstElementChild.remove();
-    setTimeout(() => { if (!note.classList.contains("whole")) note.remove(); }, bad ? 12000 : 5000);
-  });
-  function toasts() {
-    let notes = document.querySelector(".pgraph-toasts");
-    if (!notes) document.body.append(notes = pgraph.make("div", { className: "pgraph-toasts" }));
-    return notes;
   }
 
   function remember(topic, data) {

@@ -25,8 +25,8 @@ from .door import guarded
 
 APP = Path(__file__).parent.parent
 # of this folder, in order
-CORE_SCRIPTS = ("bridge", "layout", "lists", "cells", "forms", "shortcuts")
-CORE_STYLES = ("page", "layout", "cells", "forms", "shortcuts")
+CORE_SCRIPTS = ("bridge", "layout", "notes", "lists", "cells", "forms", "shortcuts")
+CORE_STYLES = ("page", "layout", "notes", "cells", "forms", "shortcuts")
 
 Receive = Callable[[int, str], None]
 PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one

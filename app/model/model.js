@@ -51,15 +51,26 @@
     pgraph.commands[which]();
   }, true);
 
-  // -- one question at a time, below the buttons -----------------------------------------------
+  // -- one question at a time: below the buttons, or with a heading over the 3D view ---------------
+  const OVER = { newQuestion: "New model", openQuestion: "Open a model" };
   function ask(host, question) {
     const box = host.querySelector(".asked"), again = box.dataset.asked === question.name;
-    box.replaceChildren();
-    box.dataset.asked = "";
+    const close = () => {
+      box.replaceChildren();
+      box.dataset.asked = "";
+      for (const name of ["role", "aria-label"]) box.removeAttribute(name);
+    };
+    close();
     if (again) return;
     box.dataset.asked = question.name;
-    const close = () => { box.replaceChildren(); box.dataset.asked = ""; };
+    const title = OVER[question.name];
+    if (title) {
+      box.setAttribute("role", "dialog");
+      box.setAttribute("aria-label", title);
+      box.append(make("h3", { textContent: title }));
+    }
     box.append(...question(close));
+    if (title) box.append(make("button", { className: "close", textContent: "×", title: "Close (Esc)", "aria-label": "close", onclick: close }));
     box.querySelector("input[type=text], button")?.focus(); // where Escape is heard
     box.onkeydown = (event) => { if (event.key === "Escape") close(); };
   }

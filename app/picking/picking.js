@@ -77,7 +77,7 @@ pgraph.picking = (() => {
     if (!aim) return;
     const values = aim.measured.map(([what, text]) => make("span", { className: "value" }, make("span", { className: "muted", textContent: `${what} ` }), text));
     document.body.append(make("div", { className: "pgraph pgraph-banner pgraph-aim", role: "status" },
-      ...(values.length ? values : [make("span", { textContent: aim.asks })]),
+      ...(values.length ? values : [make("span", { textContent: aim.asks, title: aim.asks })]),
       button("small", values.length ? "Close" : "Cancel", "Escape", () => send("EndAim"))));
   }
   // Marks keep to their points while the camera moves.

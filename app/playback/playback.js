@@ -22,8 +22,8 @@
       button("primary play", "play", "play (space)", pgraph.play),
       button("more", "more", "one frame on", () => send("StepFrames", { frames: 1 })),
       slider, make("output", { className: "time" }, make("span"), make("span", { className: "total" })), speed,
-      button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop })),
-      make("div", { className: "muted none" })));
+      button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
+    make("div", { className: "muted none" }));
   }
 
   function draw(host, data) {

@@ -243,20 +243,21 @@ class ExportView:
             return
         if asked.client in self._busy:
             text = "The file asked for before is still being made; ask again when it has come."
-            handle.add_notification("Not exported", text, color=(200, 60, 50))
+            self._refuse(asked.client, text)
             return
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
         self._busy.add(asked.client)
         try:
             suffix, content = made(asked)
         except Exception as error:  # shown on the page: the session goes on
-            handle.add_notification(
-                "Not exported", f"{type(error).__name__}: {error}", color=(200, 60, 50)
-            )
+            self._refuse(asked.client, f"{type(error).__name__}: {error}")
             return
         finally:
             self._busy.discard(asked.client)
         handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
+
+    def _refuse(self, client: int, text: str) -> None:
+        self._bridge.send(client, "notice", {"title": "Not exported", "text": text, "bad": True})
 
 
 def made(asked: Exporting) -> tuple[str, bytes]:

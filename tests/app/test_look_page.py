@@ -283,3 +283,49 @@ def test_a_collapsed_dock_has_a_button_back(page):
     back.press("Enter")
     page.get_by_role("separator", name="height of the table").wait_for()
     assert page.evaluate(UPPER, "left")["height"] > 250
+
+
+def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
+    page.evaluate("document.querySelector('.pgraph-toasts')?.replaceChildren()")
+    notes = page.locator(".pgraph-toast")
+    long = "the loop through the ground is cut at a revolute constraint. " * 12
+    tell = "([title, text]) => pgraph.receive('notice', { title, text, bad: false })"
+    for _ in range(2):
+        page.evaluate("pgraph.toast('a refusal')")
+        page.evaluate(tell, ["Also changed", long])
+    assert notes.count() == 2  # the same one not twice
+    said = notes.nth(1).locator(".said")
+    cut = said.bounding_box()["height"]
+    notes.nth(1).get_by_role("button", name="more").click()
+    assert said.bounding_box()["height"] > 2 * cut
+    page.evaluate("pgraph.send('Download')")
+    page.get_by_text("Downloaded quadruped.json").wait_for()
+    assert not page.locator(".mantine-Notification-root").first.is_visible()
+    playback = page.locator("[data-floating-window]").bounding_box()["y"]
+    for note in notes.all():
+        assert note.bounding_box()["y"] + note.bounding_box()["height"] < playback
+    page.evaluate("pgraph.toast('a fourth')")
+    assert notes.count() == 3
+    for _ in range(3):
+        notes.first.get_by_role("button", name="close").click()
+    assert notes.count() == 0
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (640, 400), (390, 844)])
+def test_a_new_model_is_asked_for_at_one_place(page, size):
+    before = page.viewport_size
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    try:
+        page.locator("button.new").click()
+        dialog = page.get_by_role("dialog", name="New model")
+        dialog.get_by_role("heading", name="New model").wait_for()
+        dialog.locator('.gallery [data-model="quadruped"]').wait_for()
+        inside = dialog.bounding_box()
+        assert inside["x"] >= 0
+        assert inside["x"] + inside["width"] <= size[0]
+        assert inside["y"] + inside["height"] <= size[1]
+        page.keyboard.press("Escape")
+        until(lambda: dialog.count() == 0, "no question")
+    finally:
+        page.set_viewport_size(before)
+        page.locator("table.bodies tr[data-name]").first.wait_for()

@@ -1,0 +1,58 @@
+// Notices: one kind, at one place above the playback. What viser says in its own is told in ours.
+(() => {
+  const { make, choices } = pgraph;
+  const MOST = 3; // at once
+  const LASTS = { good: 6000, bad: 14000 }; // [ms]
+
+  function place() {
+    let notes = document.querySelector(".pgraph-toasts");
+    if (!notes) document.body.append(notes = make("div", { className: "pgraph-toasts" }));
+    return notes;
+  }
+
+  // A title and a text, either may be empty; a long text is three lines until "more" is pressed.
+  function tell(title, text, good) {
+    const notes = place(), same = [...notes.children].find((one) => one.dataset.says === `${title}\n${text}`);
+    if (same) { last(same, good); return; }
+    const close = make("button", { className: "close", "aria-label": "close", onclick: () => note.remove() });
+    const said = make("div", { className: "said", textContent: text });
+    const more = make("button", { className: "more", textContent: "more", hidden: true, onclick: () => { note.classList.add("whole"); more.hidden = true; } });
+    const note = make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", "data-says": `${title}\n${text}` },
+      ...(title ? [make("strong", { textContent: title })] : []), ...(text ? [said] : []), more, close);
+    notes.append(note);
+    while (notes.childElementCount > MOST) notes.firstElementChild.remove();
+    more.hidden = said.scrollHeight <= said.clientHeight + 1;
+    if (more.hidden) more.remove(); // its word is no part of what is said
+    last(note, good);
+  }
+  // It goes by itself, but not from under who reads it.
+  function last(note, good) {
+    clearTimeout(note.pgraphLasts);
+    note.pgraphLasts = setTimeout(() => {
+      if (note.matches(":hover, :focus-within, .whole")) last(note, good); else note.remove();
+    }, good ? LASTS.good : LASTS.bad);
+  }
+  pgraph.toast = (text, good = false) => tell("", text, good);
+  pgraph.on("notice", ({ title, text, bad }) => tell(title, text, !bad));
+
+  // -- what viser says: of downloads, of software GL, which is told once in a browser -------------
+  const SLOW = "This browser draws without the graphics card: the 3D view is slow. Its settings have a switch for hardware acceleration.";
+  function mirror(theirs) {
+    const part = (which) => theirs.querySelector(`.mantine-Notification-${which}`)?.textContent.trim() ?? "";
+    const title = part("title"), text = part("description");
+    if (theirs.dataset.told || !(title || text) || title.startsWith("Receiving ")) return; // it says more when it has come
+    theirs.dataset.told = "1";
+    const received = /^Received (.*) \([\d.]+ ?\w+\)$/.exec(title);
+    if (received) tell("", `Downloaded ${received[1]}`, true);
+    else if (!theirs.textContent.startsWith("Software WebGL")) tell(title, text, true);
+    else if (!choices.get().slow) { choices.set({ slow: true }); tell("", SLOW, true); }
+    theirs.querySelector("button")?.click();
+  }
+  (function find() {
+    const portal = document.querySelector(".mantine-Notifications-root")?.parentElement;
+    if (!portal) { setTimeout(find, 200); return; }
+    const look = () => portal.querySelectorAll(".mantine-Notification-root").forEach(mirror);
+    new MutationObserver(look).observe(portal, { childList: true, subtree: true, characterData: true });
+    look();
+  })();
+})();
