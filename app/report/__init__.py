@@ -34,14 +34,25 @@ class Analysis:
 
 @dataclass(frozen=True)
 class Report:
-    """A report, and the model it is of."""
+    """A report, the model it is of, and the last one of the other kind."""
 
     kind: str
     model: pg.Model
     result: Any  # pgraph_core's Study or StabilityMap
     asked: float = 0.0  # duration of the run [s]
+    other: Report | None = None
 
 
-def advised(report: Report | None) -> Any:
-    """The row that a report against run time recommends; None where there is none."""
-    return report.result.advised() if report is not None and report.kind == "precision" else None
+def latest(report: Report | None, kind: str) -> Report | None:
+    """The last report of a kind."""
+    if report is None or report.kind == kind:
+        return report
+    return report.other
+
+
+def advised(report: Report | None) -> Request | None:
+    """The method, and its step or tolerance, that a report recommends; None where it has none."""
+    row = None if report is None else report.result.advised()
+    if row is None:
+        return None
+    return Request(method=row.method, step=row.step, rtol=getattr(row, "rtol", None))

@@ -25,17 +25,22 @@
       make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), make("span", { className: "said" }),
         button("cancel-report", "Cancel", "Stop, and keep what there is", () => send("CancelAnalysis"))),
       make("div", { className: "problem sentence", role: "alert", hidden: true }),
-      make("div", { className: "outcome", hidden: true },
-        make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
-          button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport"))),
-        make("div", { className: "stale sentence", hidden: true }),
-        make("div", { className: "advice" }), make("div", { className: "bar use" }),
-        make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
-          onclick: (event) => enlarge(event.currentTarget),
-          onkeydown: (event) => { if (event.key === "Enter") enlarge(event.currentTarget); } }),
-        make("div", { className: "scroll" }, make("table", { className: "rows" }, make("thead"), make("tbody"))),
-        make("ul", { className: "notes muted" })));
+      make("div", { className: "outcomes" }));
     pgraph.inSight(host, "reports");
+  }
+
+  // One report: its answer, figure, rows and notes.
+  function outcome({ kind }) {
+    return make("div", { className: `outcome ${kind}` },
+      make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
+        button("page", "Download", "The whole report as one HTML file", () => send("DownloadReport", { kind }))),
+      make("div", { className: "stale sentence" }),
+      make("div", { className: "advice" }), make("div", { className: "bar use" }),
+      make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
+        onclick: (event) => enlarge(event.currentTarget),
+        onkeydown: (event) => { if (event.key === "Enter") enlarge(event.currentTarget); } }),
+      make("details", { open: kind === "stability" }, make("summary"), make("table", { className: "rows" }, make("thead"), make("tbody"))),
+      make("ul", { className: "notes muted" }));
   }
 
   // Over all panels, until a click or Escape.
@@ -63,29 +68,35 @@
     }
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
-    $(".outcome").hidden = data.result === null;
-    outcome($, data.result ?? NOTHING);
+    pgraph.keyed($(".outcomes"), data.results.map((one) => ({ ...one, name: one.kind })), outcome, fill);
+    picture(host, pgraph.latest.figure ?? {});
   }
 
-  const NOTHING = { title: "", advice: "", use: "", stale: "", head: [], rows: [], notes: [] };
-  function outcome($, result) {
+  function fill(el, result) {
+    const $ = (selector) => el.querySelector(selector);
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;
     $(".advice").textContent = result.advice;
-    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Simulate so from now on: method, and step or tolerance", () => send("UseAdvised"))] : []));
+    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Simulate so from now on: method, and step or tolerance", () => send("UseAdvised", { kind: result.kind }))] : []));
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
+    $("details").hidden = !result.rows.length;
+    $("summary").textContent = result.table;
     $(".rows thead").replaceChildren(row("th")(result.head));
     $(".rows tbody").replaceChildren(...result.rows.map(row("td")));
     $(".notes").replaceChildren(...result.notes.map((textContent) => make("li", { textContent })));
   }
 
-  function picture(host, { svg }) {
-    const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
-    for (const script of parsed.querySelectorAll("script")) script.remove();
-    const figure = host.querySelector(".figure");
-    figure.replaceChildren(document.importNode(parsed.documentElement, true));
-    figure.scrollLeft = 0;
+  function picture(host, figures) {
+    for (const [kind, svg] of Object.entries(figures)) {
+      const figure = host.querySelector(`.outcome.${kind} .figure`);
+      if (!figure || figure.pgraphDrawn === svg) continue;
+      figure.pgraphDrawn = svg;
+      const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
+      for (const script of parsed.querySelectorAll("script")) script.remove();
+      figure.replaceChildren(document.importNode(parsed.documentElement, true));
+      figure.scrollLeft = 0;
+    }
   }
 
   pgraph.view("reports", { build, reports: draw, figure: picture });

@@ -11,7 +11,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State, with_client
-from . import Analysis, Report, ReportRequest, advised
+from . import Analysis, Report, ReportRequest, advised, latest
 
 LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
 
@@ -101,7 +101,9 @@ def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis
             return replace(state, analysis=replace(now, fraction=fraction))
         case Measured(_, report):
             asked = now.reporting.t_end or now.request.t_end
-            done = Report(now.kind, now.model, report, asked)
+            other = latest(state.report, "stability" if now.kind == "precision" else "precision")
+            kept = None if other is None else replace(other, other=None)
+            done = Report(now.kind, now.model, report, asked, kept)
             return replace(state, analysis=None, report=done)
         case NotMeasured(_, text):
             return replace(state, analysis=None, analysis_problem=text)
@@ -109,26 +111,30 @@ def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis
 
 @dataclass(frozen=True)
 class UseAdvised(FromPage):
-    """Simulate from now on by the method, and at the step or tolerance, that the report advises."""
+    """Simulate from now on by the method, and at the step or tolerance, that a report advises."""
+
+    kind: Literal["precision", "stability"] = "precision"
 
 
 @on(UseAdvised)
 def use_advised(state: State, event: UseAdvised) -> State:
-    row = advised(state.report)
-    if row is None:
+    found = advised(latest(state.report, event.kind))
+    if found is None:
         return state
-    asked = replace(state.request, method=row.method, step=row.step, rtol=row.rtol)
+    asked = replace(state.request, method=found.method, step=found.step, rtol=found.rtol)
     return replace(state, request=asked)
 
 
 @dataclass(frozen=True)
 class DownloadReport(FromPage):
-    """The report as a page of its own."""
+    """A report as a page of its own."""
+
+    kind: Literal["precision", "stability"] = "precision"
 
 
 @on(DownloadReport)
 def download(state: State, event: DownloadReport) -> State:
     page = state.clients.get(event.client)
-    if state.report is None or page is None:
+    if latest(state.report, event.kind) is None or page is None:
         return state
-    return with_client(state, event.client, reports=page.reports + 1)
+    return with_client(state, event.client, reports=(page.reports[0] + 1, event.kind))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import viser
@@ -12,7 +13,10 @@ from pgraph_core.study.axes import AXES, first_axis
 from ..core.bridge import Bridge
 from ..core.state import Report, State
 from ..core.views import Payload, Place, audience, watching
+from . import latest
 
+KINDS = ("precision", "stability")
+KNOWN = ": known to "
 PARTS = ("analysis", "report", "reporting", "analysis_problem")
 
 
@@ -27,7 +31,7 @@ class ReportsView:
         clients = {*audience(old, new, changed), *watching(old, new, "reports", edited)}
         payload = reports(new) if clients else {}
         figures = set(audience(old, new, new.report is not old.report))
-        figure = {"svg": drawn(new)} if figures else {}
+        figure = drawn(new) if figures else {}
         for client in clients:
             self._bridge.send(client, "reports", payload)
         for client in figures:
@@ -35,7 +39,7 @@ class ReportsView:
         for client, now in new.clients.items():
             before = old.clients.get(client)
             if before is not None and now.reports != before.reports:
-                self._download(client, new.report)
+                self._download(client, latest(new.report, now.reports[1]))
 
     def _download(self, client: int, report: Report | None) -> None:
         handle = self._bridge.server.get_clients().get(client)
@@ -50,17 +54,16 @@ def page(report: Report) -> str:
     return report.result.html()
 
 
-def drawn(state: State) -> str:
-    """The figure of the last report, for the width of the tab."""
-    report = state.report
-    if report is None:
-        return ""
-    return report.result.figure(narrow=True)
+def drawn(state: State) -> dict[str, str]:
+    """The figures of the last reports of each kind, for the width of the tab."""
+    found = {kind: latest(state.report, kind) for kind in KINDS}
+    return {k: "" if one is None else one.result.figure(narrow=True) for k, one in found.items()}
 
 
 def reports(state: State) -> Payload:
     """Everything but the figure."""
-    asked, now, report = state.reporting, state.analysis, state.report
+    asked, now, newest = state.reporting, state.analysis, state.report
+    both = (newest, newest and newest.other)
     return {
         "target": asked.target,
         "t_end": asked.t_end,
@@ -69,7 +72,7 @@ def reports(state: State) -> Payload:
         "empty": not state.model.bodies,
         "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
         "problem": state.analysis_problem,
-        "result": None if report is None else result(report, report.model is state.model),
+        "results": [result(one, one.model is state.model) for one in both if one is not None],
     }
 
 
@@ -95,6 +98,7 @@ def precision(study: Any) -> Payload:
         "title": f"Error against run time, {study.t_end:.4g} s",
         "advice": study.answer,
         "use": "" if (row := study.advised()) is None else f"{row.method} at {row.setting}",
+        "table": f"All {len(rows)} runs that reached the end",
         "head": ["method", "setting", "error", "time"],
         "rows": rows,
         "notes": [source, *study.notes],
@@ -102,20 +106,41 @@ def precision(study: Any) -> Payload:
 
 
 def stability(found: Any) -> Payload:
-    """What needs attention, a line each."""
-    rows = [
-        [cell.method, f"{cell.value:.3g}", f"{cell.step:g} s", str(cell.status), cell.text]
-        for cell in found.cells
-        if cell.status != "OK"
-    ]
+    """What needs attention, a line for each method and verdict."""
+    axis, rows = found.axis.replace("_", " "), []
+    for (method, verdict), cells in found.troubles().items():
+        first = cells[0]
+        example = f"{axis} {first.value:.3g}, step {first.step:g} s: {first.text}"
+        rows.append([method, f"{len(cells)} {verdict.lower()}", example])
+    row = found.advised()
     return {
-        "title": f"Stability over {found.axis.replace('_', ' ')}, {found.t_end:g} s",
+        "title": f"Stability over {axis}, {found.t_end:g} s",
         "advice": found.advice,
-        "use": "",
-        "head": ["method", found.axis.replace("_", " "), "step", "verdict", ""],
-        "rows": rows[:200],
-        "notes": list(dict.fromkeys(found.references)),
+        "use": "" if row is None else f"{row.method} at step {row.step:g} s",
+        "table": "What does not hold, and an example of each" if rows else "",
+        "head": ["method", "cells", "for example"],
+        "rows": rows,
+        "notes": compared_with(found.references),
     }
+
+
+def compared_with(references: Sequence[str]) -> list[str]:
+    """What the runs of a map were compared with: a line a source, with how well it is known."""
+    groups: dict[str, list[str]] = {}
+    for text in references:
+        source, _, known = text.rpartition(KNOWN)
+        groups.setdefault(source or text, []).extend([known] if source else [])
+    lines = []
+    for source, found in groups.items():
+        low, high = min(found, key=_number, default=""), max(found, key=_number, default="")
+        known = low if low == high else f"{low} to {high}"
+        lines.append(f"Compared with {source}" + (f"{KNOWN}{known}" if found else ""))
+    return lines
+
+
+def _number(text: str) -> float:
+    digits = re.match(r"[\d.e+-]+", text)
+    return float(digits[0].rstrip(".")) if digits else 0.0
 
 
 VIEWS = (

@@ -92,7 +92,9 @@ pgraph.table = (() => {
     byName = new Map(rows.map((row) => [row.name, row]));
     trs = pgraph.keyed(host.querySelector("tbody"), rows, newRow, fill, (tr) => near.unobserve(tr));
     pgraph.rows.count(host, data);
-    host.querySelector("table").style.setProperty("--digits", String(rows.length).length);
+    const table = host.querySelector("table");
+    table.style.setProperty("--digits", String(rows.length).length);
+    table.classList.toggle("tied", rows.some((row) => row.constraints.length > 0));
     search(host, filter);
     mark(host);
     others(host, pgraph.latest.others);
@@ -134,7 +136,7 @@ pgraph.table = (() => {
     const constraint = row.constraints.join(", ") || "holonomic";
     [row.name, row.parent, "", constraint].forEach((value, i) => { tr.children[i + 1].title = value; });
     if (!tr.dataset.furnished) {
-      [row.name, row.parent, `${row.dof} ${row.joint}`, constraint].forEach((value, i) => { tr.children[i + 1].textContent = value; });
+      [row.name, row.parent, `${row.dof} ${row.joint}`, row.constraints.join(", ") || "–"].forEach((value, i) => { tr.children[i + 1].textContent = value; });
       return;
     }
     const [name, parent, dof] = tr.querySelectorAll(".cell"), button = tr.lastElementChild.firstElementChild;
@@ -142,7 +144,8 @@ pgraph.table = (() => {
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;
-    button.textContent = constraint;
+    button.textContent = row.constraints.length ? constraint : "–"; // what is ordinary needs no word
+    button.setAttribute("aria-label", constraint);
     button.title = row.constraints.length ? `${constraint}: click to see them` : `holonomic: its ${row.joint} joint alone; click to add a constraint`;
     button.classList.toggle("muted", row.constraints.length === 0);
   }

@@ -20,7 +20,7 @@ from ..packing import Array, row_of_velocity
 from ..portable import Hinting
 from ..result import Result, Status
 from .measures import joint_errors
-from .page import Section, Square, escape, heat_map, page, table
+from .page import Key, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
 from .report import plain
 
@@ -231,7 +231,7 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
 
 
 OWN = "◂"  # marks the model's own value
-COLUMN = 470.0  # width of a narrow figure [px]
+COLUMN = 420.0  # width of a narrow figure [px]
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.OK: (".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
     Verdict.INACCURATE: ("i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"),
@@ -280,9 +280,8 @@ class StabilityMap(Hinting):
     def _label(self, value: float) -> str:
         return f"{value:g} {OWN}" if value == self.own else f"{value:g}"
 
-    @property
-    def advice(self) -> str:
-        """The method and step to take, in a sentence.
+    def _taken(self) -> tuple[tuple[str, float], list[Cell]] | None:
+        """(method, step) to take, and the cells that are right with it.
 
         Right for the model as it is, then at most values, then the cheapest.
         """
@@ -291,27 +290,41 @@ class StabilityMap(Hinting):
             if cell.status is Verdict.OK:
                 width = self.steps[self._column(cell)] if self.steps else cell.step
                 right.setdefault((cell.method, width), []).append(cell)
-        if not right:
+        chosen = {k: v for k, v in right.items() if any(c.value == self.own for c in v)} or right
+        count = max((len(cells) for cells in chosen.values()), default=0)
+        return min(
+            (item for item in chosen.items() if len(item[1]) == count),
+            key=lambda item: sum(cell.evaluations for cell in item[1]), default=None,
+        )  # fmt: skip
+
+    def advised(self) -> Cell | None:
+        """A run with the method and step to take, of the model as it is where it is in the map.
+
+        None where no run is as accurate as asked for, or none of the model as it is.
+        """
+        taken = self._taken()
+        cells = [] if taken is None else taken[1]
+        return next((c for c in cells if not self.steps or self.own in (None, c.value)), None)
+
+    @property
+    def advice(self) -> str:
+        """The method and step to take, in a sentence."""
+        taken = self._taken()
+        if taken is None:
             failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
             if failed and len(failed) == len(self.cells):
                 return f"No method reaches the end: {failed[0].text}."
             return "No method is as accurate as asked for at any of these steps: give smaller ones."
-        for_own = {k: v for k, v in right.items() if any(c.value == self.own for c in v)}
-        chosen = for_own or right
-        count = max(len(cells) for cells in chosen.values())
-        (method, step), cells = min(
-            (item for item in chosen.items() if len(item[1]) == count),
-            key=lambda item: sum(cell.evaluations for cell in item[1]),
-        )
+        (method, step), cells = taken
         if not self.steps:
             return f"Take {method} at a step of {step:g} s."
         axis, values = self.axis.replace("_", " "), [cell.value for cell in cells]
         where = f"all values of {axis}"
-        if count < len(self.values):
-            where = f"{count} of {len(self.values)} values of {axis}, "
+        if len(cells) < len(self.values):
+            where = f"{len(cells)} of {len(self.values)} values of {axis}, "
             where += f"{min(values):g} to {max(values):g}"
         text = f"Take {method} at a step of {step:g} s: as accurate as asked for at {where}"
-        if for_own and self.own is not None:
+        if self.own is not None and self.own in values:
             return f"{text}, this model's own {self.own:g} among them."
         if self.own is not None:
             return f"{text}; at this model's own {self.own:g} give smaller steps."
@@ -336,14 +349,18 @@ class StabilityMap(Hinting):
             lines.append(f"{OWN}  the model as it is")
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
 
-    def findings(self) -> list[str]:
-        """For each method and verdict other than OK: the first cell in words, and their number."""
+    def troubles(self) -> dict[tuple[str, Verdict], list[Cell]]:
+        """The cells of each method and verdict other than OK."""
         groups: dict[tuple[str, Verdict], list[Cell]] = {}
         for cell in self.cells:
             if cell.status is not Verdict.OK:
                 groups.setdefault((cell.method, cell.status), []).append(cell)
+        return groups
+
+    def findings(self) -> list[str]:
+        """For each method and verdict other than OK: the first cell in words, and their number."""
         found = []
-        for (method, status), cells in groups.items():
+        for (method, status), cells in self.troubles().items():
             where = f"{self.axis} {cells[0].value:g}, step {cells[0].step:g} s"
             more = f" ({len(cells)} cells)" if len(cells) > 1 else ""
             found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
@@ -359,7 +376,11 @@ class StabilityMap(Hinting):
             place = self.values.index(c.value), self.methods.index(c.method), self._column(c)
             squares.append(Square(*place, colour, ink, letter, text))
         values, steps = [self._label(x) for x in self.values], [f"{x:g} s" for x in self.steps]
-        legend = [(str(v), LOOK[v][1]) for v in Verdict]
+        there = {c.status for c in self.cells}
+        legend = [
+            Key("" if v is Verdict.OK else letter, colour, ink, f"{v.lower()}: {meaning}")
+            for v, (letter, colour, ink, meaning) in LOOK.items() if v in there
+        ]  # fmt: skip
         axis = self.axis.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
         if self.own is not None:
             axis += f"; {OWN}: the model as it is"

@@ -319,6 +319,15 @@ class Square(NamedTuple):
     text: str  # shown when one points at it
 
 
+class Key(NamedTuple):
+    """What a colour and a letter of the heat map mean."""
+
+    letter: str
+    colour: str
+    ink: str
+    text: str
+
+
 def heat_map(
     title: str,
     axis: str,
@@ -326,10 +335,10 @@ def heat_map(
     groups: Sequence[str],
     columns: Sequence[str],
     squares: Sequence[Square],
-    legend: Sequence[tuple[str, str]],
+    legend: Sequence[Key],
     wide: float = math.inf,
 ) -> str:
-    """Coloured cells in rows, one group of columns a method; `legend` has (text, colour).
+    """Coloured cells in rows below their legend, one group of columns a method.
 
     Groups that do not fit into `wide` pixels go below the others.
     """
@@ -352,20 +361,26 @@ def heat_map(
         parts.append(_square(each, x + each.column * CELL, y))
     width = max((x for x, _ in places), default=0.0) + group
     width = max(width, min(wide, 640.0))
-    x, y = 4.0, bottom + 14
-    for text, colour in legend:
-        if x + 24 + 7.4 * len(text) > width:
+    x, y, keys = 4.0, 0.0, []
+    for key in legend:
+        long = 28 + 6.2 * len(key.text)
+        if x > 4.0 and x + long > width:
             x, y = 4.0, y + LEGEND
-        parts.append(
-            f'<rect x="{x}" y="{y}" width="12" height="12" rx="2" fill="{colour}"/>'
-            f'<text x="{x + 16}" y="{y + 10}" {_style(11)}>{escape(text)}</text>'
+        keys.append(
+            f'<rect x="{x}" y="{y}" width="14" height="14" rx="2" fill="{key.colour}"/>'
+            f'<text x="{x + 7}" y="{y + 11}" text-anchor="middle" {_style(10, key.ink)}>'
+            f"{key.letter}</text>"
+            f'<text x="{x + 19}" y="{y + 11}" {_style(11)}>{escape(key.text)}</text>'
         )
-        x += 24 + 7.4 * len(text)
-    size = f'viewBox="0 0 {width:.0f} {y + 30}" width="{width:.0f}" height="{y + 30}"'
+        x += long
+    top = y + LEGEND + 4
+    high = f"{top + bottom:.0f}"
+    size = f'viewBox="0 0 {width:.0f} {high}" width="{width:.0f}" height="{high}"'
+    body = f'{"".join(keys)}<g transform="translate(0 {top:.0f})">{"".join(parts)}</g>'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
         'font-family="system-ui, sans-serif" font-size="11">'
-        f"<title>{escape(title)}</title>{''.join(parts)}</svg>"
+        f"<title>{escape(title)}</title>{body}</svg>"
     )
 
 

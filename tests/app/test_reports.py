@@ -14,8 +14,15 @@ import pgraph_core as pg
 from pgraph_app.core.state import Kernels, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit
-from pgraph_app.report.update import Analyse, CancelAnalysis, Measuring, SetReport, UseAdvised
-from pgraph_app.report.view import page, reports
+from pgraph_app.report.update import (
+    Analyse,
+    CancelAnalysis,
+    DownloadReport,
+    Measuring,
+    SetReport,
+    UseAdvised,
+)
+from pgraph_app.report.view import compared_with, drawn, page, reports
 from pgraph_app.report.worker import Analyst
 from pgraph_app.run.view import run
 from pgraph_app.session.update import Connected
@@ -53,7 +60,7 @@ def test_error_against_run_time(state):
     state = update(state, SetReport(ME, 1, "t_end", "0.2"))
     state = measured(state, "precision")
     assert state.analysis is None
-    sent = reports(state)["result"]
+    sent = reports(state)["results"][0]
     assert "Take " in sent["advice"]
     assert sent["rows"]
     assert state.report is not None
@@ -65,7 +72,7 @@ def test_error_against_run_time(state):
     assert sent["use"] == f"{row.method} at {row.setting}"
     assert run(update(state, UseAdvised(ME)))["request"]["rtol"] == row.rtol
     stale = update(state, Edit(ME, 2, "1", "mass", (), "3"))
-    assert reports(stale)["result"]["stale"] == "Measured before the model was changed."
+    assert reports(stale)["results"][0]["stale"] == "Measured before the model was changed."
 
 
 def test_there_is_no_report_of_a_model_without_bodies():
@@ -80,9 +87,55 @@ def test_there_is_no_report_of_a_model_without_bodies():
 def test_stability(state):
     state = update(state, SetReport(ME, 1, "axis", "step"))
     state = update(state, SetReport(ME, 2, "t_end", "0.1"))
-    sent = reports(measured(state, "stability"))["result"]
+    sent = reports(measured(state, "stability"))["results"][0]
     assert sent["title"].startswith("Stability over step")
     assert all(fact in sent["advice"] for fact in ("Take ", " at a step of "))
+
+
+def test_both_reports_stay_and_each_has_its_button(state):
+    state = update(state, SetReport(ME, 1, "t_end", "0.1"))
+    first = measured(state, "precision")
+    both = measured(update(first, SetReport(ME, 2, "axis", "mass_ratio")), "stability")
+    assert [one["kind"] for one in reports(both)["results"]] == ["stability", "precision"]
+    assert all(svg.startswith("<svg") for svg in drawn(both).values())
+    found = both.report.result
+    row, used = found.advised(), update(both, UseAdvised(ME, "stability")).request
+    assert (used.method, used.step, used.rtol) == (row.method, row.step, None)
+    assert f"Take {row.method} at a step of {row.step:g} s" in found.advice
+    assert reports(both)["results"][0]["use"] == f"{row.method} at step {row.step:g} s"
+    assert (
+        update(both, UseAdvised(ME, "precision")).request == update(first, UseAdvised(ME)).request
+    )
+    again = measured(both, "precision")
+    assert [one["kind"] for one in reports(again)["results"]] == ["precision", "stability"]
+    assert again.report.other.result is found
+    assert update(both, DownloadReport(ME, "precision")).clients[ME].reports == (1, "precision")
+
+
+def test_what_does_not_hold_is_a_line_each_and_the_legend_is_above_the_map(state):
+    state = update(state, SetReport(ME, 1, "t_end", "0.3"))
+    state = measured(update(state, SetReport(ME, 2, "axis", "mass_ratio")), "stability")
+    sent, found = reports(state)["results"][0], state.report.result
+    bad = [cell for cell in found.cells if cell.status != "OK"]
+    assert sum(int(cells.split()[0]) for _, cells, _ in sent["rows"]) == len(bad)
+    assert len({(method, cells.split()[1]) for method, cells, _ in sent["rows"]}) == len(
+        sent["rows"]
+    )
+    assert len(sent["notes"]) == len({text.rpartition(": known")[0] for text in found.references})
+    svg = drawn(state)["stability"]
+    for verdict in {cell.status for cell in found.cells}:
+        assert svg.index(f">{verdict.lower()}: ") < svg.index(found.methods[0] + "</text>")
+
+
+def test_references_of_a_map_are_grouped():
+    one, two = "dop853 rtol 1e-12", "dopri5 rtol 1e-11"
+    told = compared_with(
+        [f"{one}: known to 3e-13", f"{one}: known to 2e-12", f"{two}: known to 1e-9"]
+    )
+    assert told == [
+        f"Compared with {one}: known to 3e-13 to 2e-12", f"Compared with {two}: known to 1e-9",
+    ]  # fmt: skip
+    assert compared_with(["a closed form"]) == ["Compared with a closed form"]
 
 
 def test_a_report_that_cannot_be_made_says_why(state):

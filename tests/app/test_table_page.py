@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pgraph_app.model.update import NewModel
+from pgraph_app.model.update import NewModel, OpenBuiltIn
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, until
@@ -261,3 +261,17 @@ def test_1_4_a_thousand_rows_are_shown_within_a_second_and_typed_into(page, serv
     page.keyboard.press("Enter")
     until(lambda: names(served)[499] == "middle", "the typed name")
     until(lambda: focused(page) == ["501", "name"], "the next row")
+
+
+def test_what_is_ordinary_has_no_word_and_its_column_is_narrow(page, served):
+    served.send(NewModel(NOBODY, 0, "3"))
+    page.wait_for_function("() => pgraph.latest.table.rows.length === 3")
+    button = page.locator('tr[data-name="2"] .constraint button')
+    assert button.inner_text() == "–"
+    assert page.get_by_role("button", name="holonomic", exact=True).count() == 3
+    narrow = button.bounding_box()["width"]
+    served.send(OpenBuiltIn(NOBODY, "four_bar"))
+    page.wait_for_function("() => pgraph.latest.table.rows.some((row) => row.constraints.length)")
+    tied = page.locator(".bodies.tied .constraint button").filter(has_not_text="–").first
+    assert tied.get_attribute("aria-label") == tied.inner_text()
+    assert tied.bounding_box()["width"] > narrow
