@@ -8,6 +8,7 @@ colours.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
@@ -30,6 +31,7 @@ UNDO_DEPTH = 200
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # that are remembered
 NAMED = ("constraints", "contacts", "forces", "sites", "outputs")  # named parts besides bodies
+STAND_IN = re.compile(r"serial \d+|model")  # names that nobody has given
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
 IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of a body as text
 

@@ -82,12 +82,22 @@
 
   function saveQuestion(close) {
     const download = button("primary download", "Download as a file", "JSON; with mesh files a zip of that and them", () => { send("Download"); close(); });
-    const path = `${pgraph.latest.toolbar.name.replace(/[^\w-]+/g, "_")}.json`;
+    const file = (name) => `${name.replace(/[^\w-]+/g, "_")}.json`, { name, unnamed } = pgraph.latest.toolbar, path = file(name);
     const save = (serial, typedPath, replace = false) => send("Save", { serial, path: typedPath, replace });
     const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
     const others = [[".urdf", "URDF"], [".xml", "MJCF"]].map(([suffix, name]) =>
       button(`download${suffix.replace(".", "-")}`, name, `Download as ${name}; with mesh files a zip of that and them`, () => { send("Download", { suffix }); close(); }));
-    return [make("div", { className: "ask" }, download, ...others), ...typed("or in the folder in which Pgraph was started, as", path, "Save", close, save, anyway)];
+    const where = typed("or in the folder in which Pgraph was started, as", path, "Save", close, save, anyway);
+    return [...unnamed ? [naming(name, (given) => { where[0].querySelector("input").value = file(given); })] : [],
+      make("div", { className: "ask" }, download, ...others), ...where];
+  }
+
+  // A model that nobody has named yet is given a name when it is saved, which its files then have.
+  function naming(name, taken) {
+    const cell = cells.input((serial, text) => send("EditWorld", { serial, field: "name", entries: [[[], text]] }), { label: "name of the model" });
+    cells.set(cell, name);
+    cell.onaccept = () => taken(cell.dataset.sent);
+    return make("div", { className: "ask" }, make("span", { textContent: "Name" }), cell);
   }
 
   // A question with one typed answer, given by Enter or the button; a refused one stays, with what

@@ -7,6 +7,7 @@ import pgraph_models
 from pgraph_core.show.notebook import picture
 
 from ..core.bridge import Bridge
+from ..core.edit import STAND_IN
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count
 from .update import redoable, undoable
@@ -35,6 +36,7 @@ def toolbar(state: State, client: int) -> Payload:
     undo, redo = undoable(state, client), redoable(state, client)
     return {
         "name": state.model.name,
+        "unnamed": STAND_IN.fullmatch(state.model.name) is not None,
         "count": count(state),
         "undo": undo.label if undo else None,
         "redo": redo.label if redo else None,

@@ -14,6 +14,7 @@ import numpy as np
 import viser
 
 from pgraph_core import InputError, show
+from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show.animation import Extra
 from pgraph_core.show.stage import GRID
@@ -29,6 +30,7 @@ from ..scene.overlays import Overlays
 from . import FREE_RUN, Request
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
+FIRST_ORDER = 0.2  # in place of it for methods of first order, as steps of contacts are
 OPEN = 8  # masses that the reader of a living figure may change
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
@@ -159,15 +161,17 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     result = run.result
     drift, estimate = float(result.energy_drift), float(result.error_estimate)
     estimated = not math.isnan(estimate)
+    method = METHODS.get(str(result.header.get("method")))
+    most = FIRST_ORDER if method is not None and method.order == 1 else POOR
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
         ("Method", str(result.header.get("why", "")), True),
         (
             "Error estimate",
-            f"{result.accuracy}{why(estimate)}" if estimated else "",
-            estimate < POOR,
+            f"{result.accuracy}{why(estimate, most)}" if estimated else "",
+            estimate < most,
         ),
-        ("Energy drift", f"{drift:.2g} of its range{why(drift)}", drift < POOR),
+        ("Energy drift", f"{drift:.2g} of its range{why(drift, most)}", drift < most),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -210,9 +214,12 @@ def measures(run: Run) -> dict[str, str]:
     return found
 
 
-def why(error: float) -> str:
+def why(error: float, most: float) -> str:
     """What to do about an error or a drift that is large; nothing where it is not."""
-    return f": above {POOR:g}; a smaller step makes it smaller" if error >= POOR else ""
+    if error < POOR:
+        return ""
+    usual = "usual for a method of first order" if error < most else f"above {most:g}"
+    return f": {usual}; a smaller step makes it smaller"
 
 
 def cost(result: Any) -> str:

@@ -12,7 +12,7 @@ import pgraph_core as pg
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.edit import MOST_BODIES, attempted, selected, with_model
+from ..core.edit import MOST_BODIES, STAND_IN, attempted, selected, with_model
 from ..core.events import Bodies, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told
 from . import paste as pasting
@@ -176,6 +176,8 @@ def paste(state: State, event: Paste) -> State:
             raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
     except (Refusal, pg.PgraphError) as problem:
         return replied(state, client, serial, f"Nothing was pasted: {problem}")
+    if names and not state.model.bodies and STAND_IN.fullmatch(model.name):
+        model = model.replace(name=names[0])
     state = replied(with_model(state, model, "paste", client), client, serial)
     if names:
         state = selected(state, client, names[0], names)

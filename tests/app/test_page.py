@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pgraph_app.core.state import poses
-from pgraph_app.model.update import OpenBuiltIn
+from pgraph_app.model.update import NewModel, OpenBuiltIn
 from pgraph_app.scene.view import viewpoint
 from pgraph_app.server import Server
 from pgraph_core.show import shapes
@@ -348,6 +348,22 @@ def test_save_to_a_path_and_download(page, tmp_path: Path, quadruped):
     with page.expect_download() as download:
         page.locator("button.download").click()
     assert json.loads(Path(download.value.path()).read_text()) == json.loads(quadruped.to_json())
+
+
+def test_a_model_that_nobody_named_is_asked_for_a_name_when_it_is_saved(page, served):
+    page.locator("button.save").click()
+    assert page.get_by_label("name of the model").count() == 0  # the quadruped has one
+    page.keyboard.press("Escape")
+    served.send(NewModel(NOBODY, 0, "3"))
+    page.wait_for_function("() => pgraph.latest.toolbar.unnamed")
+    page.locator("button.save").click()
+    name = page.get_by_label("name of the model")
+    assert name.input_value() == "serial 3"
+    name.fill("moon rover")
+    with page.expect_download() as download:
+        page.locator("button.download").first.click()
+    assert download.value.suggested_filename == "moon_rover.json"
+    assert served.store.state.model.name == "moon rover"
 
 
 # -- simulate and play -------------------------------------------------------------------------

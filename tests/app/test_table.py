@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 import pgraph_core as pg
@@ -9,6 +11,7 @@ from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit, NewModel, OpenText, Undo
+from pgraph_app.model.view import toolbar
 from pgraph_app.session.update import Connected, Select, SelectBodies, ToggleBody
 from pgraph_app.table.paste import copied
 from pgraph_app.table.update import (
@@ -161,6 +164,19 @@ def test_lines_become_new_rows_and_speak_of_each_other(state):
         ("hip", "7", "revolute"), ("knee", "hip", "weld"), ("foot", "knee", "revolute"),
     ]  # fmt: skip
     assert after(state, paste("toe", under="5")).model.body("toe").parent == "5"
+
+
+def test_a_model_that_nobody_named_has_the_name_of_what_is_pasted_into_it(state):
+    assert toolbar(state, ME)["unnamed"]
+    assert after(state, paste("hip\nknee")).model.name == state.model.name  # beside seven bodies
+    empty = after(state, DeleteBodies(ME, tuple(state.model.row), "delete"))
+    named = after(empty, paste("chassis\nwheel"))
+    assert named.model.name == "chassis"
+    assert not toolbar(named, ME)["unnamed"]
+    assert [b.name for b in named.model.bodies] == ["chassis", "wheel"]
+    assert after(named, Undo(ME)).model.name == state.model.name
+    own = replace(empty, model=empty.model.replace(name="rover"))
+    assert after(own, paste("chassis")).model.name == "rover"
 
 
 def test_a_pasted_shape_has_its_own_tip_and_is_refused_by_its_own_name(state):

@@ -33,7 +33,7 @@ from pgraph_app.model.update import (
 from pgraph_app.playback.update import Loop, Pause, Play, Scrub, Speed, StepFrames, Tick
 from pgraph_app.pose.update import MoveJoint, SetGizmo
 from pgraph_app.properties.view import without_noise
-from pgraph_app.run import FREE_RUN
+from pgraph_app.run import FREE_RUN, Run
 from pgraph_app.run.update import (
     Cancel,
     Compare,
@@ -46,7 +46,7 @@ from pgraph_app.run.update import (
     Simulate,
     Simulated,
 )
-from pgraph_app.run.view import hints, kept
+from pgraph_app.run.view import hints, kept, summary
 from pgraph_app.scene.update import Show, Viewport
 from pgraph_app.session.update import Connected, Disconnected, Save, Saved, Select, Theme
 from pgraph_app.table.update import AddBody, DeleteBodies
@@ -442,6 +442,30 @@ def test_what_a_run_asks_for_otherwise_than_its_scenario_is_told():
     assert "'short' keeps 0.25 s" in kept(changed)
     assert changed.model.scenarios == (scenario,)
     assert kept(after(changed, SetRun(ME, 3, "t_end", "0.25"))) == ""
+
+
+@pytest.mark.parametrize(
+    ("method", "drift", "good", "said"),
+    [
+        ("moreau_jean", 0.09, True, ": usual for a method of first order; a smaller step"),
+        ("moreau_jean", 0.3, False, ": above 0.2; a smaller step"),
+        ("moreau_jean", 0.001, True, "of its range"),
+        ("rk4", 0.09, False, ": above 0.01; a smaller step"),
+        ("radau5", 0.001, True, "of its range"),
+    ],
+)
+def test_a_drift_is_bad_where_it_is_for_its_method(method, drift, good, said):
+    result = SimpleNamespace(
+        energy_drift=drift, error_estimate=drift, accuracy=f"{drift} rad", message="done",
+        status=pg.Status.DONE, header={"method": method}, counters={}, timing={}, left_out=(),
+        notices=(), constraint_drift=(),
+    )  # fmt: skip
+    lines = {line[0]: line[1:] for line in summary(Run(pg.Model.serial(1), Request(), result))}
+    for what in ("Energy drift", "Error estimate"):
+        text, fine = lines[what]
+        assert fine == good
+        assert said in text or "rad" in text
+    assert said in lines["Energy drift"][0]
 
 
 def test_a_model_s_scenario_brings_its_settings():
