@@ -20,7 +20,7 @@
 
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector);
-    $(".model .name").textContent = data.name;
+    $(".model .name").textContent = $(".model .name").title = data.name;
     $(".model .count").textContent = data.count;
     for (const which of ["undo", "redo"]) {
       $(`.${which}`).disabled = data[which] === null;
