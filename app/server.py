@@ -60,7 +60,7 @@ class Server:
         work = [worker(self.send) for worker in workers]
         keeps = filter(None, [self._autosave])  # first: what a page is told to be done is on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
-        self.store.together = self.viser.atomic
+        self.store.together = bridge.together
         self.store.start(page.views, (*keeps, *work))
         self._compiler = Compiler(self.send)
 

@@ -125,6 +125,19 @@ class Bridge:
         self._heard[client_id] = time.monotonic()
         self.shown()
 
+    @contextlib.contextmanager
+    def together(self, each: bool) -> Iterator[None]:
+        """What is sent meanwhile to all pages goes out at the end; if `each`, to single ones too.
+
+        The loop is then woken once. Each time, the thread that sends gives Python's lock away,
+        and where many want it that costs more than what it sends.
+        """
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(self.server.atomic())
+            for client in self.server.get_clients().values() if each else ():
+                stack.enter_context(client.atomic())
+            yield
+
     def ready(self) -> bool:
         """Whether every page has shown the pictures it got, or got none for a while."""
         late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]

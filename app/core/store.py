@@ -118,8 +118,9 @@ class Store:
         self._workers: Sequence[View] = ()
         self._drawn = state  # what the views have
         self._missed: dict[int, State] = {}  # what those have that failed, by their ids
-        self.together: Callable[[], contextlib.AbstractContextManager[None]] = (
-            contextlib.nullcontext
+        # what views send meanwhile goes out as one; with `True` what is for single pages, too
+        self.together: Callable[[bool], contextlib.AbstractContextManager[None]] = lambda _: (
+            contextlib.nullcontext()
         )
         self.ready: Callable[[], bool] = lambda: True  # whether the pages can take a picture
 
@@ -203,7 +204,7 @@ class Store:
         if new is old or not (at_once or self.ready()):
             return {}
         self._drawn = new
-        with self.together():
+        with self.together(new.going is not None):
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import islice
 from typing import NamedTuple
 
@@ -54,10 +55,16 @@ def offers(model: pg.Model) -> dict[str, Offer]:
     first = next(iter(own.values()))
     presets = {
         name: Offer(gait, first.scenario, False)
-        for name, gait in pg.gaits([fall.foot for fall in first.gait.feet]).items()
+        for name, gait in _presets(tuple(fall.foot for fall in first.gait.feet)).items()
         if name not in own
     }
     return own | presets
+
+
+@lru_cache(maxsize=8)
+def _presets(feet: tuple[str, ...]) -> Mapping[str, pg.Gait]:
+    """Asked for with each part of a live run."""
+    return pg.gaits(feet)
 
 
 def offered(model: pg.Model, walking: Walking) -> Offer | None:

@@ -32,6 +32,7 @@ PICTURES = 60  # a second
 LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
 PATIENCE = 0.2  # [s] behind the clock before it is set back
 USUAL_STEP = 1e-3  # [s]
+CROWDED, CALM = 0.5, 1 / 15  # below this share of a processor, parts of this length [s]
 MOST_WAITING = 3  # parts that the store has not taken yet: then the run waits for it
 
 
@@ -77,7 +78,7 @@ class LiveRunner:
             self._computed(id)
 
     def _computed(self, id: int) -> None:
-        motion, clock, ends = Motion(), Clock(), deque[float]()
+        motion, clock, ends, share = Motion(), Clock(), deque[float](), Share()
         while (wanted := self._wanted(id)) is not None:
             state, live = wanted
             while ends and live.parts and ends[0] <= live.parts[-1].t[-1]:
@@ -90,13 +91,14 @@ class LiveRunner:
                 time.sleep(1 / PICTURES)
                 continue
             due = clock.due(motion.time, state.playback.speed)
-            if due < motion.least(live):
+            if due < max(motion.least(live), share.least):
                 time.sleep(0.25 / PICTURES)
                 continue
             try:
-                part = motion.advanced(
-                    state.model, live, min(due, LONGEST_PART), state.pull, state.walking
-                )
+                with share:
+                    part = motion.advanced(
+                        state.model, live, min(due, LONGEST_PART), state.pull, state.walking
+                    )
             except Exception as error:  # said on the page: the session goes on
                 said = str(error) if isinstance(error, pg.PgraphError) else repr(error)
                 self._send(Stuck(id, f"The live run stopped: {said}"))
@@ -129,6 +131,30 @@ def only_young_garbage() -> Iterator[None]:
 
 def _begin(work: Callable[[Any], None], of: Any) -> None:
     threading.Thread(target=work, args=(of,), name="pgraph-live", daemon=True).start()
+
+
+class Share:
+    """How much of a processor this thread gets while it works, as a mean of the last parts.
+
+    Where others want it too, many short parts would leave Python's lock to nobody else: whoever
+    has it when the processor is taken away keeps it.
+    """
+
+    def __init__(self) -> None:
+        self._mean = 1.0
+        self._began = (0.0, 0.0)
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter(), time.thread_time()
+
+    def __exit__(self, *_: object) -> None:
+        wall, used = time.perf_counter() - self._began[0], time.thread_time() - self._began[1]
+        self._mean += 0.1 * (min(used / max(wall, 1e-9), 1.0) - self._mean)
+
+    @property
+    def least(self) -> float:
+        """The shortest part [s]."""
+        return CALM if self._mean < CROWDED else 0.0
 
 
 class Clock:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -30,6 +31,29 @@ def test_run_javascript_message_runs_on_the_client_s_own_connection(page, served
     message = bridge.RunJavascriptMessage(source="window.ranByTest = 41 + 1")
     handle._websock_connection.queue_message(message)
     until(lambda: page.evaluate("window.ranByTest") == 42, "the script to run")
+
+
+def test_what_is_sent_together_to_a_page_wakes_its_loop_once(page, served, monkeypatch):
+    client = max(served.viser.get_clients())
+    loop = served.viser.get_clients()[client]._websock_connection.get_message_buffer().event_loop
+    woken, plain = [0], type(loop).call_soon_threadsafe
+
+    def counted(of: Any, *given: Any, **more: Any) -> Any:
+        woken[0] += threading.current_thread() is threading.main_thread() and of is loop
+        return plain(of, *given, **more)
+
+    monkeypatch.setattr(type(loop), "call_soon_threadsafe", counted)
+    over = bridge.Bridge(served.viser, lambda *_: None)
+    counts = []
+    for each in (False, True):
+        woken[0] = 0
+        with over.together(each):
+            for k in range(5):
+                over.send(client, f"byTest{each}", k)
+        counts.append(woken[0])
+        until(lambda each=each: page.evaluate(f"pgraph.latest.byTest{each}") == 4, "the last")
+    assert counts[0] == 6
+    assert counts[1] <= 1 + len(served.viser.get_clients())
 
 
 def test_the_static_script_is_replayed_to_pages_that_come_late(open_page):

@@ -21,7 +21,16 @@ from pgraph_app.gait.update import Push
 from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Play, Scrub, StepFrames
 from pgraph_app.pose.update import Pull, UsePose
-from pgraph_app.run.live import NEVER, USUAL, Clock, LiveRunner, Motion, only_young_garbage
+from pgraph_app.run.live import (
+    CALM,
+    NEVER,
+    USUAL,
+    Clock,
+    LiveRunner,
+    Motion,
+    Share,
+    only_young_garbage,
+)
 from pgraph_app.run.update import (
     Advanced,
     Compare,
@@ -235,6 +244,23 @@ def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
     wait(lambda: state.live is None)
     assert isinstance(state.run.result, pg.Result)
     wait(lambda: not any(thread.name == "pgraph-live" for thread in threading.enumerate()))
+
+
+def test_parts_are_longer_where_the_processor_is_taken_away(monkeypatch):
+    wall, used, share = [0.0], [0.0], Share()
+    monkeypatch.setattr(time, "perf_counter", lambda: wall[0])
+    monkeypatch.setattr(time, "thread_time", lambda: used[0])
+
+    def part(of: float) -> float:
+        with share:
+            wall[0] += 0.01
+            used[0] += 0.01 * of
+        return share.least
+
+    assert not any(part(1.0) for _ in range(10))
+    assert [part(0.1) for _ in range(20)][-1] == CALM
+    assert [part(1.0) for _ in range(20)][-1] == 0.0
+    assert part(0.1) == 0.0  # one alone says nothing
 
 
 def test_a_clock_that_is_far_behind_waits(monkeypatch):
