@@ -135,10 +135,12 @@ window.pgraph = (() => {
 
   const pgraph = {
     latest,
+    selecting: false, // another selection was asked for, and its form is not yet here
     view(name, topics) { views[name] = topics; },
     on(topic, act) { (listeners[topic] ??= []).push(act); },
     // An event for Python, by its class name; the blank makes equal events differ for viser.
     send(event, fields = {}) {
+      if (/^(Select|ToggleBody)/.test(event)) pgraph.selecting = true;
       waiting.push(JSON.stringify({ event, seen: latest.renamed ?? null, ...fields }) + " ".repeat(serial++ % 2));
       flush();
     },

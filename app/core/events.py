@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -33,6 +33,7 @@ from .state import Notice, State, replied, told, with_client
 Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Bodies = Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
+Chosen = Annotated[tuple[Text, ...], Field(max_length=10_000)]  # (): those selected on the page
 Index = Annotated[tuple[Annotated[int, Field(ge=0, le=10**9)], ...], Field(max_length=3)]
 Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_length=12)]
 
@@ -154,13 +155,26 @@ def update(state: State, event: Event) -> State:
     """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
     event = as_now(state.renames, event)
     try:
-        event = placed(state.rows, state.model, state.request.scenario, event)
+        event = placed(state.rows, state.model, state.request.scenario, of_selection(state, event))
     except (Refusal, PgraphError) as gone:
         client, serial = getattr(event, "client", 0), getattr(event, "serial", None)
         if serial is None:
             return told(state, client, Notice("Not done", str(gone), bad=True))
         return replied(state, client, serial, str(gone))
     return HANDLERS[type(event)](state, event)
+
+
+def of_selection(state: State, event: Any) -> Any:
+    """An event that names no bodies is about those that its page has selected by now.
+
+    So a page sends what is typed after a click and before the form of what was clicked is there.
+    """
+    if getattr(event, "bodies", None) != ():
+        return event
+    page = state.clients.get(event.client)
+    if page is None or not page.selected:
+        raise Refusal("no body is selected")
+    return replace(event, bodies=page.selected)
 
 
 @dataclass(frozen=True)

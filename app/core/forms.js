@@ -6,20 +6,24 @@ pgraph.forms = (() => {
 
   // `ask` = {edit(field, entries, serial), check(...), mend(...), press(button, field), density, upload, parameter}.
   // A row keeps its cells, with what is typed in them, wherever others move it, until `key` is another.
-  function draw(box, groups, ask, key) {
+  // If that was `awaited`, what is typed in the cell in focus was meant for it, and stays there.
+  function draw(box, groups, ask, key, awaited = false) {
     const folded = box.pgraphFolded ??= new Map();
     for (const details of box.querySelectorAll(":scope > details")) folded.set(details.dataset.title, details.open);
-    if (box.dataset.key !== key) {
-      cells.leave(box);
+    const focused = box.contains(document.activeElement) ? document.activeElement : null, another = box.dataset.key !== key;
+    if (another) {
+      if (!awaited) cells.leave(box);
       // of something else, with nothing typed in it: its cells are filled anew, which is sooner done
-      const typed = [...box.querySelectorAll(".cell")].some((cell) => cell.matches(".refused, .waiting") || (cell.dataset.shown !== undefined && isDirty(cell)));
-      if (typed) cells.quietly(() => box.replaceChildren());
+      const typed = [...box.querySelectorAll(".cell")].filter((cell) => cell.matches(".refused, .waiting") || (cell.dataset.shown !== undefined && isDirty(cell)));
+      if (awaited && focused) typed.filter((cell) => cell !== focused).forEach(cells.revert);
+      else if (typed.length) cells.quietly(() => box.replaceChildren());
       box.dataset.key = key;
     }
     box.pgraphAsk = ask;
     box.style.setProperty("--label", `${widest(box, groups)}px`);
     const items = groups.map((data) => ({ id: data.id, name: data.title, data }));
     pgraph.keyed(box, items, ({ data }) => group(data, folded), (el, { data }) => fillGroup(box, el, data));
+    if (another && focused?.matches("input.cell") && focused === document.activeElement && !isDirty(focused)) focused.select();
   }
 
   // The column of labels: as wide as the widest with its unit; where that is too wide, the unit goes below.

@@ -19,7 +19,7 @@ from pgraph_core.model.shape import mass_properties, mass_properties_of
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import edited
-from ..core.events import Bodies, Entries, FromPage, Text, on, on_edit
+from ..core.events import Chosen, Entries, FromPage, Text, on, on_edit
 from ..core.state import State, display_of, replied
 from ..model import Found
 from ..model.archive import mesh_folder
@@ -54,7 +54,7 @@ class Typed(FromPage):
     """Text typed into cells of one field, for one body or several."""
 
     serial: int
-    bodies: Bodies
+    bodies: Chosen
     field: BodyField | FurtherShape
     entries: Entries
 
@@ -177,7 +177,7 @@ class FillFromShape(FromPage):
     """Mass, centre of mass and inertia from the shapes and a typed density."""
 
     serial: int
-    bodies: Bodies
+    bodies: Chosen
     density: Text
 
 
@@ -210,7 +210,7 @@ def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
 class UploadMesh(FromPage):
     """A mesh file, read by the page, as the shape of these bodies."""
 
-    bodies: Bodies
+    bodies: Chosen
     name: Text
     content: Annotated[str, Field(max_length=15_000_000)]  # base64
 

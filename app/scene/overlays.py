@@ -227,7 +227,7 @@ def _arrows(
     if len(points) == 0:
         return []
     node = scene.add_arrows(
-        name, points, colors=color, shaft_radius=0.008 * size, head_radius=0.022 * size,
+        name, points, colors=color, shaft_radius=0.009 * size, head_radius=0.024 * size,
         head_length=0.05 * size,
     )  # fmt: skip
     return [node]

@@ -27,9 +27,13 @@
 
   pgraph.view("show", { build, show: draw });
 
-  // An arrow is seen through the body that it acts on: drawn last, over all.
+  // An arrow is seen through the body that it acts on: drawn last, over all, in a colour that the light leaves it.
   for (const arrows of ["/forces", "/loads", "/pull"]) {
-    pgraph.viser.materials(arrows, (material) => { if (material.depthTest) Object.assign(material, { depthTest: false, transparent: true, needsUpdate: true }); });
+    pgraph.viser.materials(arrows, (material) => {
+      if (!material.depthTest) return;
+      Object.assign(material, { depthTest: false, transparent: true, needsUpdate: true });
+      material.color.setScalar(0.3);
+    });
   }
   // From below the floor is not drawn; its triangles are turned so that its back is above.
   const BACK = 1; // of three.js

@@ -34,7 +34,7 @@ from pgraph_app.properties.body_cells import (
 from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend, UploadMesh, shaped
 from pgraph_app.properties.view import physical, properties
 from pgraph_app.properties.world import DeleteParameter, EditParameter, EditWorld, RenameParameter
-from pgraph_app.session.update import Connected, SetDisplay
+from pgraph_app.session.update import Connected, Select, SelectBodies, SetDisplay
 from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix
 
@@ -101,6 +101,16 @@ def test_what_was_typed_in_degrees_or_millimetres_is_shown_again(x):
     display = Display("deg", "mm")
     for quantity in ("angle", "length"):
         assert display.shown(display.si(float(x), quantity), quantity) == float(x)
+
+
+def test_what_names_no_body_is_of_those_that_its_page_has_selected(state):
+    typed = EditBodies(ME, 1, (), "mass", (((), "3.5"),))
+    refused = update(update(state, Select(ME, None)), typed)
+    assert refused.model is state.model
+    assert "no body is selected" in refused.clients[ME].reply.text
+    done = update(update(state, SelectBodies(ME, "2", ("1", "2"))), typed)
+    assert [body.mass for body in done.model.bodies][:2] == [3.5, 3.5]
+    assert done.model.bodies[2:] == state.model.bodies[2:]
 
 
 def test_display_units_never_reach_the_file(state):

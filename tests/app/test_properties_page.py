@@ -278,3 +278,43 @@ def test_another_body_is_read_from_its_name_on(bench, served):
     assert not seen()
     choose_body(bench, "3")
     until(seen, "the form at its head")
+
+
+LATE = """() => { const receive = pgraph.receive; window.held = [];
+  pgraph.receive = (topic, data) =>
+    topic === "properties" && window.held ? window.held.push(data) : receive(topic, data);
+  window.letCome = () => { const all = window.held; window.held = null;
+    all.forEach((data) => receive("properties", data)); pgraph.receive = receive; }; }"""
+
+
+@pytest.mark.parametrize("comes", ["before it is typed", "while it is typed", "after Enter"])
+@pytest.mark.parametrize("by", ["row", "node"])
+def test_what_is_typed_before_the_form_of_the_body_clicked_is_here_is_for_that_body(
+    bench, served, comes, by
+):
+    choose_body(bench, "1")
+    bench.evaluate(LATE)
+    if by == "row":
+        bench.locator('tr[data-name="2"] td.number').click()
+    else:
+        bench.locator('[data-view=digraph] [data-name="2"]').first.click()
+    cell(bench, "body_length").click()
+    if comes == "before it is typed":
+        until(lambda: bench.evaluate("window.held.length"), "the form")
+        bench.evaluate("letCome()")
+    bench.keyboard.type(".2")
+    if comes == "while it is typed":
+        until(lambda: bench.evaluate("window.held.length"), "the form")
+        bench.evaluate("letCome()")
+    bench.keyboard.type("75")
+    bench.keyboard.press("Enter")
+    until(lambda: _link(served, "3") == 0.275, "taken")
+    if comes == "after Enter":
+        bench.evaluate("letCome()")
+    assert [_link(served, name) for name in "123"] == [0.0, 0.2, 0.275]
+    until(lambda: cell(bench, "body_length").input_value() == "0.275", "and shown")
+    assert bench.locator(".properties .refused").count() == 0
+
+
+def _link(served: Any, name: str) -> float:
+    return max(map(abs, model(served).body(name).link))
