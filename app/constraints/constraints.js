@@ -20,12 +20,11 @@
     const box = host.querySelector(".chooser"), data = pgraph.latest.constraints;
     box.hidden = !box.hidden;
     if (box.hidden) return;
-    const body = data.listed ?? pgraph.latest.selection ?? null;
     box.replaceChildren(...data.kinds.flatMap(({ part, title, kinds }) => [
       make("h4", { textContent: title }),
       ...kinds.map(([kind, about]) => make("button", { "data-kind": `${part} ${kind}`, onclick: () => {
         box.hidden = true;
-        send("AddPart", { part, kind, body });
+        send("AddPart", { part, kind, body: pgraph.latest.constraints.listed ?? pgraph.latest.selection ?? null }); // by now
       } }, make("strong", { textContent: kind }), make("span", { textContent: about })))]));
     box.querySelector("button").focus();
     box.onkeydown = (event) => { if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); } };

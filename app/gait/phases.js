@@ -14,7 +14,7 @@
     canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); scrub(event); });
     canvas.addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
     host.replaceChildren(make("div", { className: "feet", hidden: true }, make("div", { className: "names" }), canvas), make("div", { className: "phase-legend muted", hidden: true }));
-    new ResizeObserver(() => paint(host)).observe(canvas);
+    new ResizeObserver(() => paint(host)).observe(host); // the slider has another width then, and the bars have its
     new ResizeObserver(() => scrolls(host)).observe(host.firstChild); // its height follows the window's
   }
 

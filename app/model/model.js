@@ -76,8 +76,14 @@
   }
 
   function newQuestion(close) {
-    return [...typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies })),
-      make("div", { className: "muted", textContent: "rows of a spreadsheet are pasted into its table (Ctrl+V); or start from one of these" }), gallery(close, [])];
+    const asked = typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies })), cell = asked[0].querySelector("input");
+    cell.addEventListener("paste", (event) => {
+      const text = event.clipboardData.getData("text/plain").trimEnd();
+      if (!/[\t\n\r]/.test(text)) return;
+      event.preventDefault();
+      cells.await(cell, (serial) => send("NewFromLines", { serial, text }));
+    });
+    return [...asked, make("div", { className: "muted", textContent: "or paste rows of a spreadsheet here (Ctrl+V), or start from one of these" }), gallery(close, [])];
   }
 
   function saveQuestion(close) {

@@ -1,6 +1,7 @@
 // Reports: error against run time and the stability map, with progress, figure and rows.
 (() => {
   const { make, button, cells, send } = pgraph;
+  const ROOM = 640; // [px] from which on the wide figure is shown
 
   function build(host) {
     const edit = (field) => (serial, value) => send("SetReport", { serial, field, text: value });
@@ -27,6 +28,7 @@
       make("div", { className: "problem sentence", role: "alert", hidden: true }),
       make("div", { className: "outcomes" }));
     pgraph.inSight(host, "reports");
+    new ResizeObserver(() => picture(host, pgraph.latest.figure ?? {})).observe(host);
   }
 
   // One report: its answer, figure, rows and notes.
@@ -64,12 +66,20 @@
     $(".job").hidden = data.job === null;
     if (data.job) {
       $(".job progress").value = data.job.fraction;
-      $(".job .said").textContent = `${Math.round(100 * data.job.fraction)} %`;
-    }
+      $(".job .said").textContent = `${Math.round(100 * data.job.fraction)} %${left(host, data.job)}`;
+    } else host.pgraphBegan = null;
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     pgraph.keyed($(".outcomes"), data.results.map((one) => ({ ...one, name: one.kind })), outcome, fill);
     picture(host, pgraph.latest.figure ?? {});
+  }
+
+  // How long it will go on at its pace so far, where that is worth a word.
+  function left(host, { fraction }) {
+    const now = performance.now(), [at, first] = host.pgraphBegan ??= [now, fraction], done = fraction - first;
+    const seconds = (1 - fraction) * (now - at) / 1e3 / done;
+    if (now - at < 5e3 || !(done > 0) || seconds < 10) return "";
+    return seconds < 90 ? `, about ${Math.round(seconds / 10) * 10} s left` : seconds < 5400 ? `, about ${Math.round(seconds / 60)} min left` : `, about ${Math.round(seconds / 3600)} h left`;
   }
 
   function fill(el, result) {
@@ -88,8 +98,8 @@
   }
 
   function picture(host, figures) {
-    for (const [kind, svg] of Object.entries(figures)) {
-      const figure = host.querySelector(`.outcome.${kind} .figure`);
+    for (const [kind, [narrow, wide]] of Object.entries(figures)) {
+      const figure = host.querySelector(`.outcome.${kind} .figure`), svg = (host.clientWidth > ROOM ? wide : narrow) ?? "";
       if (!figure || figure.pgraphDrawn === svg) continue;
       figure.pgraphDrawn = svg;
       const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");

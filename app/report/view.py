@@ -54,10 +54,13 @@ def page(report: Report) -> str:
     return report.result.html()
 
 
-def drawn(state: State) -> dict[str, str]:
-    """The figures of the last reports of each kind, for the width of the tab."""
+def drawn(state: State) -> dict[str, list[str]]:
+    """The figures of the last reports of each kind: for the width of the tab, and enlarged."""
     found = {kind: latest(state.report, kind) for kind in KINDS}
-    return {k: "" if one is None else one.result.figure(narrow=True) for k, one in found.items()}
+    return {
+        kind: [] if one is None else [one.result.figure(narrow=narrow) for narrow in (True, False)]
+        for kind, one in found.items()
+    }
 
 
 def reports(state: State) -> Payload:

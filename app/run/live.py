@@ -271,7 +271,7 @@ class Motion:
         """What takes the next parts after this one; None where its method needs whole runs."""
         header = part.header
         try:
-            return pg.Stepper(
+            stepper = pg.Stepper(
                 self._mech,
                 step=step,
                 method=header["method"],
@@ -280,6 +280,8 @@ class Motion:
                 v=part.v[-1],
                 t_start=float(part.t[-1]),
             )
+            stepper.because(header["why"])
+            return stepper
         except pg.InputError:  # a method that chooses its steps, or goes from event to event
             return None
 

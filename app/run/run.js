@@ -2,7 +2,20 @@
 (() => {
   const { make, button, text, cells, send } = pgraph;
   const COMPARE = "Keep this run: the next one is shown next to it, in numbers and with this one as a ghost";
-  const now = (event, fields) => { document.activeElement?.blur(); send(event, fields); };
+  const now = (event) => { document.activeElement?.blur(); send(event); };
+  // With what stands in the settings, or not at all: what is being typed is taken first, what is refused is told.
+  const asSet = (event) => {
+    document.activeElement?.blur();
+    const typed = [...document.querySelectorAll('[data-view="run"] .settings input.cell')];
+    const go = (patience) => {
+      if (patience && typed.some((cell) => cell.matches(".waiting"))) { setTimeout(go, 30, patience - 1); return; }
+      const refused = typed.find((cell) => cell.matches(".refused"));
+      if (!refused) { send(event); return; }
+      pgraph.toast(`Nothing was simulated: the ${refused.ariaLabel} “${refused.value}” is refused. Correct it, or press Esc in its cell.`);
+      refused.focus();
+    };
+    go(100);
+  };
 
   function build(host) {
     host.replaceChildren(
@@ -10,8 +23,8 @@
       make("div", { className: "run" },
         settings(host),
         make("div", { className: "start" },
-          button("primary simulate", "Simulate", "Run in the background", () => now("Simulate")),
-          button("live", "Live", "Play while it computes: edit meanwhile, or pull a body with Ctrl and the mouse", () => now("GoLive"))),
+          button("primary simulate", "Simulate", "Run in the background", () => asSet("Simulate")),
+          button("live", "Live", "Play while it computes: edit meanwhile, or pull a body with Ctrl and the mouse", () => asSet("GoLive"))),
         make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
           button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
@@ -62,7 +75,7 @@
     }, make("strong", { textContent: label }), make("span", { textContent: about }))));
     list.onkeydown = (event) => { if (event.key === "Escape") { show(false); open.focus(); event.stopPropagation(); } };
     return make("div", { className: "after", hidden: true },
-      button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
+      button("continue", "Continue", "Go on from the end for as long again", () => asSet("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
       button("ghost", "Compare", COMPARE, () => now("Compare")), open, list);
   }

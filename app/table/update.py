@@ -12,7 +12,7 @@ import pgraph_core as pg
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.edit import MOST_BODIES, STAND_IN, attempted, selected, with_model
+from ..core.edit import MOST_BODIES, STAND_IN, attempted, replaced, selected, with_model
 from ..core.events import Bodies, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told
 from . import paste as pasting
@@ -181,6 +181,31 @@ def paste(state: State, event: Paste) -> State:
     state = replied(with_model(state, model, "paste", client), client, serial)
     if names:
         state = selected(state, client, names[0], names)
+    return told(state, client, Notice("Pasted", notice)) if notice else state
+
+
+@dataclass(frozen=True)
+class NewFromLines(FromPage):
+    """Lines of a spreadsheet in place of a number of bodies: a new model of them alone."""
+
+    serial: int
+    text: Annotated[str, Field(max_length=1_000_000)]
+
+
+@on(NewFromLines)
+def new_from_lines(state: State, event: NewFromLines) -> State:
+    """All lines, or none and the reason."""
+    client, serial = event.client, event.serial
+    try:
+        empty = pg.Model(bodies=())
+        model, names, notice = pasting.rows_of(empty, event.text, (), 0, None, rod)
+        if not 0 < len(names) <= MOST_BODIES:
+            raise Refusal(f"it would be {len(names)} bodies; from 1 to {MOST_BODIES}")
+    except (Refusal, pg.PgraphError) as problem:
+        return replied(state, client, serial, f"Nothing was pasted: {problem}")
+    model = model.replace(name=names[0])
+    state = replaced(state, model, f"new model of {len(names)} bodies", client)
+    state = replied(state, client, serial)
     return told(state, client, Notice("Pasted", notice)) if notice else state
 
 

@@ -317,6 +317,10 @@ class Stepper(Portable):
         """
         return self._recorded(_whole(n), self._width, frames, tau)
 
+    def because(self, why: str) -> None:
+        """Why its method was chosen, as the headers of its records say from now on."""
+        self._record.plan.header["why"] = why
+
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
         dt = positive("dt", dt, call="Stepper.record_over")

@@ -103,7 +103,7 @@ class Walk(Portable):
         given = self.mech.model.scenario(self.scenario)
         if plan.tolerance is not None or plan.contact_points or given.switches:
             return None
-        return Stepper(
+        stepper = Stepper(
             self.mech,
             step=self._options["step"] or given.step,
             method=plan.method.name,
@@ -114,6 +114,8 @@ class Walk(Portable):
             v=self.v,
             t_start=self.t,
         )
+        stepper.because(plan.header["why"])
+        return stepper
 
     @property
     def _forces(self) -> tuple[Force, ...]:

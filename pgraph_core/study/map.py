@@ -308,8 +308,19 @@ class StabilityMap(Hinting):
 
     @property
     def advice(self) -> str:
-        """The method and step to take, in a sentence."""
+        """The method and step to take, in a sentence; of a cancelled map, what there is so far."""
+        whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
+        if self.complete or len(self.cells) == whole:
+            return self._said(taken)
+        so_far = f"Cancelled after {len(self.cells)} of {whole} runs"
+        return (
+            f"{so_far}, which say too little."
+            if taken is None
+            else f"{so_far}. {self._said(taken)}"
+        )
+
+    def _said(self, taken: tuple[tuple[str, float], list[Cell]] | None) -> str:
         if taken is None:
             failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
             if failed and len(failed) == len(self.cells):

@@ -97,7 +97,10 @@ def test_both_reports_stay_and_each_has_its_button(state):
     first = measured(state, "precision")
     both = measured(update(first, SetReport(ME, 2, "axis", "mass_ratio")), "stability")
     assert [one["kind"] for one in reports(both)["results"]] == ["stability", "precision"]
-    assert all(svg.startswith("<svg") for svg in drawn(both).values())
+    for narrow, wide in drawn(both).values():
+        assert narrow.startswith("<svg")
+        assert wide.startswith("<svg")
+        assert narrow != wide
     found = both.report.result
     row, used = found.advised(), update(both, UseAdvised(ME, "stability")).request
     assert (used.method, used.step, used.rtol) == (row.method, row.step, None)
@@ -122,7 +125,7 @@ def test_what_does_not_hold_is_a_line_each_and_the_legend_is_above_the_map(state
         sent["rows"]
     )
     assert len(sent["notes"]) == len({text.rpartition(": known")[0] for text in found.references})
-    svg = drawn(state)["stability"]
+    svg = drawn(state)["stability"][0]
     for verdict in {cell.status for cell in found.cells}:
         assert svg.index(f">{verdict.lower()}: ") < svg.index(found.methods[0] + "</text>")
 

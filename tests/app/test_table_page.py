@@ -275,3 +275,32 @@ def test_what_is_ordinary_has_no_word_and_its_column_is_narrow(page, served):
     tied = page.locator(".bodies.tied .constraint button").filter(has_not_text="–").first
     assert tied.get_attribute("aria-label") == tied.inner_text()
     assert tied.bounding_box()["width"] > narrow
+
+
+def test_rows_pasted_where_new_asks_for_a_number_are_a_new_model(chain, served):
+    chain.get_by_role("button", name="New", exact=True).click()
+    chain.get_by_label("How many bodies?").focus()
+    paste(chain, "name\tparent\tmass\nhip\tnowhere\t3\n")
+    chain.get_by_text("no body is named 'nowhere'").first.wait_for()
+    before = names(served)
+    assert before == [body.name for body in served.store.state.model.bodies]
+    paste(chain, "name\tparent\tmass\nhip\tground\t3\nknee\thip\t2\n")
+    until(lambda: names(served) == ["hip", "knee"], "the rows alone")
+    assert [body.mass for body in served.store.state.model.bodies] == [3.0, 2.0]
+    assert served.store.state.model.name == "hip"
+    until(lambda: chain.get_by_role("dialog", name="New model").count() == 0, "no question")
+
+
+def test_a_part_is_added_to_what_is_selected_by_then(chain, served):
+    rows = names(served)
+    chain.locator(f'tr[data-name="{rows[0]}"] td.number').click()
+    chain.evaluate("pgraph.front('Constraints')")
+    chain.locator("button.add-tie").click()
+    chain.locator(f'tr[data-name="{rows[-1]}"] td.number').click()
+    until(lambda: chain.evaluate("pgraph.latest.selection") == rows[-1], "the other row")
+    chain.locator('.chooser [data-kind="constraints weld"]').click()
+    picking = lambda: [c.picking for c in served.store.state.clients.values() if c.picking]  # noqa: E731
+    until(picking, "the question for the second body")
+    assert picking()[0].body == rows[-1]
+    chain.keyboard.press("Escape")
+    chain.evaluate("pgraph.front('Digraph')")

@@ -268,6 +268,11 @@ def test_progress_and_cancel():
     assert not found.complete
     assert len(found.cells) < 4
     assert "cancelled" in str(found)
+    assert found.advice.startswith(f"Cancelled after {len(found.cells)} of 4 runs")
+    nothing = replace(found, cells=found.cells[:1])
+    failed = replace(nothing.cells[0], status=Verdict.FAILED)
+    told = replace(nothing, cells=(failed,)).advice
+    assert told == "Cancelled after 1 of 4 runs, which say too little."
 
 
 @pytest.mark.parametrize("name", [n for n in AXES if n.endswith("_scale")])
