@@ -18,6 +18,7 @@ from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 
 from ..core.cells import Display, Quantity, Refusal, content, quantity_in, replaced
+from .length import end_of
 
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
 Content = Any  # nested tuples of numbers, formulas and None
@@ -177,7 +178,20 @@ def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:
 def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any]) -> dict[str, Any]:
     if not body.shapes:
         raise Refusal("has no shape; choose its kind first")
-    return _with_shapes(body, at, _kept_shape(model, body, at) | change)
+    kept = _kept_shape(model, body, at)
+    return _with_shapes(body, at, kept | _between_its_ends(body, body.shapes[at], kept, change))
+
+
+def _between_its_ends(
+    body: pg.Body, shape: pg.Shape, kept: dict[str, Any], change: dict[str, Any]
+) -> dict[str, Any]:
+    """`change`; a capsule from joint to tip stays one where its radius becomes another."""
+    radius, length = change.get("radius"), kept.get("length")
+    if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
+        return change
+    whole = length + 2 * (shape.radius or 0.0)
+    spans = math.isclose(whole, float(np.linalg.norm(end_of(body))), rel_tol=1e-9)
+    return change | {"length": whole - 2 * radius} if spans and 0 < 2 * radius < whole else change
 
 
 def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:

@@ -63,6 +63,7 @@ class SceneView:
             if rebuilt:
                 self._rebuild(new)
             self._select(old, new, rebuilt)
+            self._quiet(new.playback.moves)
             moved = any((
                 new.playback.time != old.playback.time,
                 new.run is not old.run,
@@ -148,6 +149,14 @@ class SceneView:
                 self._selected[client] = [
                     self._outline(handle, new, name, k) for k, name in enumerate(chosen)
                 ]
+
+    def _quiet(self, moves: bool) -> None:
+        """While it moves, one body at most is outlined on a page: many hide the motion."""
+        for frames in self._selected.values():
+            for frame in frames:
+                seen = len(frames) == 1 or not moves
+                if frame.visible != seen:
+                    frame.visible = seen
 
     def _outline_of(self, state: State, name: str) -> Any:
         """All that an outline is made from."""

@@ -503,6 +503,22 @@ def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
     assert a < 0.1 * c
 
 
+@pytest.mark.parametrize("text", ["5 mm", "0.03", "0.0999"])
+def test_a_rod_from_joint_to_tip_stays_one_with_another_radius(state, text):
+    rod = edit(state, "derived", ((), "inertia"))
+    whole = float(np.linalg.norm(rod.model.body("2").tip))
+    thin = edit(rod, "shape_radius", ((), text)).model.body("2").shape
+    assert thin.radius == pytest.approx(cells.quantity(text, "length", Display()))
+    assert thin.length + 2 * thin.radius == pytest.approx(whole, rel=1e-12)
+
+
+def test_a_capsule_that_ends_elsewhere_keeps_its_length(state):
+    rod = edit(edit(state, "derived", ((), "inertia")), "shape_length", ((), "0.05"))
+    before = rod.model.body("2").shape
+    after = edit(rod, "shape_radius", ((), "5 mm")).model.body("2").shape
+    assert (before.length, after.length, after.radius) == (0.05, 0.05, 0.005)
+
+
 def test_a_contact_at_points_is_told_when_its_body_gets_a_shape(state):
     """Made without one it touches at the tip, and goes on to do so."""
     points = pg.Contact(name="grip", body="2", points=((0, 0, 0.5),))
