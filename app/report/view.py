@@ -84,6 +84,9 @@ def result(report: Report, current: bool) -> Payload:
     found = (precision if report.kind == "precision" else stability)(report.result)
     if report.result.t_end < report.asked * (1 - 1e-9):
         found["title"] += f" of {report.asked:g} s"
+    ended = report.result
+    if ended.cancelled if report.kind == "precision" else not ended.complete:
+        found["title"] += ", cancelled"
     stale = "" if current else "Measured before the model was changed."
     return {"kind": report.kind, "stale": stale, **found}
 

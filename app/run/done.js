@@ -27,5 +27,5 @@
 
   pgraph.on("toolbar", title);
   watch("run", (data) => `Simulated: ${data.summary?.[0]?.[1] ?? "the run reached its end"}`);
-  watch("reports", (data) => `Ready: ${data.results?.[0]?.title ?? "the report"}`);
+  watch("reports", (data) => { const title = data.results?.[0]?.title ?? "the report"; return title.endsWith("cancelled") ? title : `Ready: ${title}`; });
 })();

@@ -63,8 +63,8 @@ def rows_of(
             change["name"] = names[k - len(rows)][1]
             parent = change.get("parent", above)
             change["parent"] = renamed.get(parent, parent)
-            if not change.keys().isdisjoint(("shape", "shapes")):
-                change.setdefault("tip", None)  # that of the rod is not of this shape
+            if not change.keys().isdisjoint(("shape", "shapes", "com")):
+                change.setdefault("tip", None)  # that of the rod is not of this body
         above = change.get("name", body.name)
         changes[body.name] = change
     try:

@@ -319,7 +319,8 @@ class Stepper(Portable):
 
     def because(self, why: str) -> None:
         """Why its method was chosen, as the headers of its records say from now on."""
-        self._record.plan.header["why"] = why
+        record = self._record
+        record.plan = replace(record.plan, header={**record.plan.header, "why": why})
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""

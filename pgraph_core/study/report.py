@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, explained, refusal
+from ..errors import FileError, InputError, Problem, counted, explained, refusal
 from ..model.files import write_atomic
 from ..portable import Hinting
 from .measures import Errors, Spread
@@ -317,7 +317,15 @@ class Study(Hinting):
 
     @property
     def answer(self) -> str:
-        """The method and setting to take, in one sentence; or why there is none."""
+        """The method and setting to take, in a sentence; or why there is none."""
+        if not self.cancelled:
+            return self._answer()
+        measured = sum(bool(row.error and row.time) for row in self.rows)
+        if not measured:
+            return "Cancelled before any run was measured."
+        return f"Cancelled after {counted(measured, 'run')}. {self._answer()}"
+
+    def _answer(self) -> str:
         row, wanted = self.advised(), USUAL_TARGET if self.target is None else self.target
         if row is None:
             why = next((each.reason for each in self.rows if each.reason), "none was measured")

@@ -179,6 +179,14 @@ def test_a_model_that_nobody_named_has_the_name_of_what_is_pasted_into_it(state)
     assert after(own, paste("chassis")).model.name == "rover"
 
 
+def test_a_pasted_body_with_a_centre_of_mass_has_no_tip_of_another_one(state):
+    text = "name\tcom\tmass\nshin\t0 0 -0.2\t1\n"
+    shin = update(state, paste(text)).model.body("shin")
+    assert shin.tip is None
+    given = "name\tcom\ttip\nshin\t0 0 -0.2\t0 0 -0.5\n"
+    assert update(state, paste(given)).model.body("shin").tip == (0, 0, -0.5)
+
+
 def test_a_pasted_shape_has_its_own_tip_and_is_refused_by_its_own_name(state):
     shape = '{"kind":"sphere","radius":0.04}'
     hub = after(state, paste(f"name\tmass\tshape\nhub\t2\t{shape}")).model.body("hub")

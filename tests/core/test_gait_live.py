@@ -123,3 +123,11 @@ def test_a_walk_needs_a_gait():
     with pytest.raises(pg.InputError) as refused:
         pg.Walk(pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped"))), "stance")
     assert str(refused.value) == "Walk, gait: scenario 'stance' has no gait; give one"
+
+
+@pytest.mark.parametrize(("method", "why"), [(None, "rigid contacts"), ("moreau_jean", "as asked")])
+def test_each_piece_says_why_it_has_its_method(method, why):
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    scenario = next(s.name for s in model.scenarios if s.gait is not None)
+    walk = pg.Walk(model, scenario, method=method)
+    assert all(why in walk.step(0.01).header["why"] for _ in range(3))

@@ -325,6 +325,7 @@ def test_a_study_can_be_stopped():
         built_in("double_pendulum"), t_end=0.5, methods="rk4", rounds=2, progress=stop
     )
     assert found.cancelled
+    assert found.answer.startswith("Cancelled ")
     assert len(calls) == 8
     assert "CANCELLED" in str(found)
 
