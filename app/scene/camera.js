@@ -65,6 +65,7 @@ pgraph.camera = (() => {
     turned = by;
     pgraph.tellView();
   }
-  pgraph.on("framed", () => { if (turned) turn(false); });
+  // A camera that is set anew is set for where the animal is now.
+  pgraph.on("framed", () => { last = null; if (turned) turn(false); });
   return { look, measure, turned: () => turned };
 })();

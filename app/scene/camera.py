@@ -90,6 +90,7 @@ class CameraView:
     ) -> None:  # fmt: skip
         """Set a camera; it is set again for another shape of the view, until a person moves it."""
         self._views[handle.client_id] = which, selected
+        self._followed.pop(handle.client_id, None)  # the page goes along from here on
         self._bridge.send(handle.client_id, "framed", which)
         look(handle, state, page, which, selected)
 

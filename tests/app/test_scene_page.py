@@ -19,7 +19,7 @@ from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.run.update import SetRun, Simulate
 from pgraph_app.scene.camera import extent
-from pgraph_app.scene.update import Show
+from pgraph_app.scene.update import Show, View
 from pgraph_app.table.update import DeleteBodies
 
 from .conftest import NOBODY, last_step, steps_after, until
@@ -408,6 +408,37 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     served.send(Show(client, "follow", True))
     found = lambda: np.linalg.norm(np.subtract(offset(page), before)[3:])  # noqa: E731
     until(lambda: abs(found() - 20) < 2, "the camera where the body is")
+    served.send(Show(client, "follow", False))
+
+
+def test_a_camera_that_is_set_anew_while_it_follows_is_where_the_body_is(page, served):
+    """The picture of the motion and the view come together, as where a panel gets higher."""
+    body = pg.Body(name="pelvis", joint="free", v=(0, 0, 0, 5, 0, 0), tip=(1, 0, 0))
+    flight = pg.Model(bodies=(body,), gravity=(0, 0, 0), up="y")
+    client = max(served.viser.get_clients())
+    served.send(OpenText(NOBODY, "flight", flight.to_json()))
+    until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
+    served.send(Simulate(client))
+    until(lambda: served.store.state.run, "the flight")
+    served.send(Pause(client))
+    served.send(Scrub(client, 0.0))
+    served.send(Show(client, "follow", True))
+    until(lambda: page.evaluate("pgraph.latest.follow") == [0, 0, 0], "where it goes along to")
+    plain = served.store._update
+    served.store._update = lambda s, e: (
+        plain(plain(s, e), View(client, "side")) if isinstance(e, Scrub) else plain(s, e)
+    )
+    try:
+        served.send(Scrub(client, 1.0))
+        until(lambda: page.evaluate("pgraph.latest.follow[0]") == 5, "the body's place")
+    finally:
+        served.store._update = plain
+    page.wait_for_timeout(500)
+    assert within(page, served)
+    served.send(Scrub(client, 1.6))  # and goes on from there
+    until(lambda: page.evaluate("pgraph.latest.follow[0]") == 8, "the next place")
+    page.wait_for_timeout(500)
+    assert within(page, served)
     served.send(Show(client, "follow", False))
 
 
