@@ -83,7 +83,8 @@
 
   function at(host, event) {
     const box = event.target.getBoundingClientRect();
-    return [Math.floor((event.clientY - box.top - host.edge) / host.size), Math.floor((event.clientX - box.left - host.edge) / host.size)];
+    const index = (from, start) => Math.max(0, Math.floor((from - start - host.edge) / host.size)); // the numbers at its edges are of the first cells
+    return [index(event.clientY, box.top), index(event.clientX, box.left)];
   }
   function told(host, event) {
     const data = host.operator, [i, j] = at(host, event), [r, c] = data.step, x = host.found.get(`${i} ${j}`) ?? 0;
