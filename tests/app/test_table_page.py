@@ -65,7 +65,7 @@ def test_1_3_arrows_tab_home_and_enter_move_as_in_a_spreadsheet(chain, served):
     row(page, "2").locator("input.name").focus()
     for key, place in (
         ("ArrowDown", ["3", "name"]), ("ArrowRight", ["3", "parent"]), ("ArrowUp", ["2", "parent"]),
-        ("Tab", ["2", "DoF"]), ("End", ["2", "BUTTON"]), ("Home", ["2", "name"]),
+        ("Tab", ["2", "DoF"]), ("End", ["2", "holonomic"]), ("Home", ["2", "name"]),
         ("Control+ArrowDown", ["5", "name"]), ("Control+Home", ["1", "name"]),
         ("Enter", ["2", "name"]), ("Shift+Enter", ["1", "name"]), ("PageDown", ["5", "name"]),
     ):  # fmt: skip
