@@ -54,6 +54,10 @@ class FromPage(Event):
     seen: int | None = field(default=None, kw_only=True)  # number of renames the page knew of
 
 
+class OfBodies(FromPage):
+    """About its `bodies`; without any, about those that its page has selected."""
+
+
 @dataclass(frozen=True)
 class OfScenario(FromPage):
     """About a scenario, which it names by its number; None: the one that is chosen."""
@@ -169,7 +173,7 @@ def of_selection(state: State, event: Any) -> Any:
 
     So a page sends what is typed after a click and before the form of what was clicked is there.
     """
-    if getattr(event, "bodies", None) != ():
+    if not isinstance(event, OfBodies) or event.bodies:  # type: ignore[attr-defined]
         return event
     page = state.clients.get(event.client)
     if page is None or not page.selected:

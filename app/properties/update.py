@@ -19,7 +19,7 @@ from pgraph_core.model.shape import mass_properties, mass_properties_of
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import edited
-from ..core.events import Chosen, Entries, FromPage, Text, on, on_edit
+from ..core.events import Chosen, Entries, OfBodies, Text, on, on_edit
 from ..core.state import State, display_of, replied
 from ..model import Found
 from ..model.archive import mesh_folder
@@ -50,7 +50,7 @@ FurtherShape = Annotated[
 
 
 @dataclass(frozen=True)
-class Typed(FromPage):
+class Typed(OfBodies):
     """Text typed into cells of one field, for one body or several."""
 
     serial: int
@@ -173,7 +173,7 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
 
 
 @dataclass(frozen=True)
-class FillFromShape(FromPage):
+class FillFromShape(OfBodies):
     """Mass, centre of mass and inertia from the shapes and a typed density."""
 
     serial: int
@@ -207,7 +207,7 @@ def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
 
 
 @dataclass(frozen=True)
-class UploadMesh(FromPage):
+class UploadMesh(OfBodies):
     """A mesh file, read by the page, as the shape of these bodies."""
 
     bodies: Chosen
