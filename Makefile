@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .DEFAULT_GOAL := help
-.PHONY: help run test quick check kernels nightly site format clean
-WORKERS ?= 2# processes for tests that use no browser and measure no time
+.PHONY: help run test quick nightly mutants check browser kernels site format clean
+WORKERS ?= 2# processes that run tests
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations 10 --durations-min 1
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
@@ -13,28 +14,36 @@ help: ## this list
 run: $(VENV)/installed ## start the app with the quadruped and open the browser
 	@$(BIN)/python -m app
 
-test: check kernels ## set up everything that the tests need, and run them
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not (browser or timed or nightly)"
-	@$(BIN)/python -m pytest -m "(browser or timed) and not nightly"
+test: check browser kernels ## set up everything that the tests need, and run them: under ten minutes
+	@echo "Running the tests in $(WORKERS) processes ..."
+	@$(PYTEST)
 
 quick: $(VENV)/installed-for-tests ## the quick tests, without a browser: under a minute
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "fast and not nightly"
+	@$(PYTEST) -m quick
 
-nightly: check kernels ## every test, the long ones too, with new random cases
-	@PGRAPH_EXPLORE=1 $(BIN)/python -m pytest -m "nightly or not nightly"
+nightly: $(VENV)/installed-for-nights check browser kernels ## every test, the long ones too, with new random cases
+	@PGRAPH_EXPLORE=1 $(PYTEST) -m "nightly or not nightly"
+	@$(MAKE) --no-print-directory mutants
 
-# Before the tests, so that their processes do not compile the same kernels at the same time.
-kernels: $(VENV)/installed-for-tests
-	@$(BIN)/python -m pgraph_core.engine > /dev/null
+mutants: $(VENV)/installed-for-tests ## which of 200 small faults in the sources the tests find: an hour
+	@$(BIN)/python -m tests.mutants
 
-check: $(VENV)/installed-for-tests
-	@.ci/browser $(BIN)/python
+check: $(VENV)/installed-for-tests ## format, lint, types and the direction of imports
+	@echo "Checking format, types and imports ..."
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
 
-site: $(VENV)/installed-for-tests ## the documents as a site with living figures, in build/site
+browser: $(VENV)/installed-for-tests
+	@.ci/browser $(BIN)/python
+
+# Before the tests, so that their processes do not compile the same kernels at the same time.
+kernels: $(VENV)/installed-for-tests
+	@echo "Compiling the kernels ..."
+	@$(BIN)/python -m pgraph_core.engine > /dev/null
+
+site: $(VENV)/installed-for-nights ## the documents as a site with living figures, in build/site
 	@$(BIN)/sphinx-build -q -W --keep-going docs build/site
 	@echo "Open build/site/index.html"
 
@@ -59,4 +68,9 @@ $(VENV)/installed: $(VENV)/made pyproject.toml setup.py
 $(VENV)/installed-for-tests: $(VENV)/made pyproject.toml setup.py
 	@echo "Installing Pgraph and what its tests need into $(VENV) ..."
 	@$(PIP) install --editable '.[test]'
-	@touch $@ $(VENV)/installed
+	@touch $(VENV)/installed $@
+
+$(VENV)/installed-for-nights: $(VENV)/installed-for-tests
+	@echo "Installing what the nightly tests and the site need into $(VENV) ..."
+	@$(PIP) install --editable '.[nightly]'
+	@touch $(VENV)/installed $(VENV)/installed-for-tests $@

@@ -10,28 +10,28 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-# A shared machine may pause for seconds: no deadline a case. `make test` tries the same cases every
-# time; `make nightly` looks for new ones.
+# `make test` tries the same random cases every time, and `make nightly` tries new ones. A case has
+# no deadline, because a shared machine may pause for seconds.
 explore = bool(os.environ.get("PGRAPH_EXPLORE"))
 settings.register_profile("pgraph", deadline=None, derandomize=not explore)
 settings.load_profile("pgraph")
 
+PAGE_THREADS = {"pgraph-live", "pgraph-run", "pgraph-report"}  # they compute for the page
+LIMIT = 120.0  # seconds after which a thread counts as hung; it ends within milliseconds
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that use a browser, directly or through a fixture, carry the marker `browser`."""
+    """Mark each test that uses a browser, directly or through a fixture, as `browser`."""
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.browser)
 
 
-COMPUTING = {"pgraph-live", "pgraph-run", "pgraph-report"}  # threads of the page
-
-
 @pytest.fixture(autouse=True)
-def nothing_goes_on() -> Iterator[None]:
-    """Waits until the threads of a test end: other tests count objects, memory and time."""
+def no_thread_left() -> Iterator[None]:
+    """Wait until the computing threads of a test have ended, so that the next test starts clean."""
     yield
-    end = time.monotonic() + 30
-    while left := [t.name for t in threading.enumerate() if t.name in COMPUTING]:
+    end = time.monotonic() + LIMIT
+    while left := [t.name for t in threading.enumerate() if t.name in PAGE_THREADS]:
         assert time.monotonic() < end, f"still computing after the test: {left}"
         time.sleep(0.01)
