@@ -1,16 +1,14 @@
-"""The contact solver of time stepping: stacks, islands, mass ratios, grippers, residuals."""
+"""Bodies that stand, lie, slide and are held in time stepping: stacks, heaps, grippers."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from benchmarks import ordinary, stacks
-from pgraph_core.engine.contact.contacts import kept_place
-from pgraph_core.engine.records import KEPT, table
 
 G, SIDE = 9.81, 0.2
 
@@ -41,24 +39,86 @@ def places(run):
     return run.q[-1].reshape(-1, 7)[:, :3]
 
 
-@pytest.mark.parametrize("count", [2, 5, 12, 20, 30])
-def test_stacks_of_equal_boxes_rest(count):
-    """They are a solution as they stand: what moves is rounding of 120 contacts."""
-    run = run_of(stack(count), t_end=0.5)
+@pytest.mark.parametrize(
+    ("count", "side", "step"),
+    [(2, SIDE, 1e-3), (12, SIDE, 1e-3), (5, 1e-3, 1e-2), (5, 100.0, 1e-4)],
+)
+def test_stacks_of_equal_boxes_rest(count, side, step):
+    """They are a solution as they stand: what moves is rounding."""
+    run = run_of(stack(count, side=side), t_end=100 * step, step=step)
     assert not run.notices
-    assert abs(run.v[-1]).max() < 1e-12
-    assert abs(places(run)).max() < 1e-12
-    weights = G * np.arange(count, 0, -1)
-    loads = [run.contact_force["floor[b0]"][-1, 5]]
-    assert loads[0] == pytest.approx(weights[0], rel=1e-9)
+    assert abs(run.v[-1]).max() < 1e-12 * max(1.0, 100 * G * step / side)
+    assert abs(places(run)).max() < 1e-12 * max(1.0, side)
+    assert run.contact_force["floor[b0]"][-1, 5] == pytest.approx(G * count, rel=1e-9)
 
 
-@pytest.mark.parametrize("side", [1e-3, 100.0])
-@pytest.mark.parametrize("step", [1e-4, 1e-2])
-def test_stacks_rest_at_any_size_and_step(side, step):
-    run = run_of(stack(5, side=side), t_end=20 * step, step=step)
+@pytest.mark.parametrize("count", [2, 10])
+def test_a_million_times_heavier_box_stands_on_light_ones(count):
+    run = run_of(stack(count, top=1e6), t_end=0.1)
     assert not run.notices
-    assert abs(run.v[-1]).max() < 1e-10 * max(1.0, G * step / side)
+    assert abs(run.v[-1]).max() < 1e-8
+    assert abs(places(run)).max() < 1e-7
+    load = run.contact_force["floor[b0]"][-1, 5]
+    assert load == pytest.approx((1e6 + count - 1) * G, rel=1e-7)  # rounding of 1e6 : 1
+
+
+def even_slide(half, high, mu, speed, spin, seconds):
+    """(x, y, angle) of a square box that slides and spins on its four corners.
+
+    They carry N = a + b x + c y, the normal forces of least norm that hold it level.
+    """
+    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+
+    def rates(_t, y):
+        turn, speed, spin = y[2], y[3:5], y[5]
+        c, d = np.cos(turn), np.sin(turn)
+        r = corners @ np.array([[c, d], [-d, c]])
+        slip = speed + spin * np.stack([-r[:, 1], r[:, 0]], 1)
+        way = -mu * slip / (np.linalg.norm(slip, axis=1)[:, None] + 1e-12)
+        pressures = np.c_[np.ones(4), r]
+        moments = np.array([np.ones(4), r[:, 1] + high * way[:, 1], -r[:, 0] - high * way[:, 0]])
+        normal = pressures @ np.linalg.solve(moments @ pressures, [G, 0, 0])
+        f = normal[:, None] * way
+        torque = (r[:, 0] * f[:, 1] - r[:, 1] * f[:, 0]).sum()
+        return [*speed, spin, *f.sum(axis=0), torque / ((2 * half) ** 2 / 6)]
+
+    start = [0, 0, 0, speed, 0, spin]
+    return solve_ivp(rates, (0, seconds), start, rtol=1e-9, atol=1e-11).y[:3, -1]
+
+
+@pytest.mark.parametrize(("step", "close"), [(1e-2, 0.05), (1e-3, 5e-3), (1e-4, 5e-4)])
+def test_a_box_that_slides_and_spins_is_loaded_evenly(step, close):
+    """Four corners are redundant: the forces of least norm carry it, at every step."""
+    shape = {"kind": "box", "size": (0.2, 0.2, 0.1)}
+    box = pg.Body(
+        name="b", joint="free", link=(0, 0, 0.05), inertia=np.diag((0.05, 0.05, 0.08)) / 12,
+        shape=shape, v=(0, 0, 8.0, 1.0, 0, 0),
+    )  # fmt: skip
+    run = run_of([box], t_end=0.3, step=step, friction=0.3)
+    place = run.body_pose[-1, 0]
+    turn = 2 * np.arctan2(place[6], place[3])
+    off = np.array([*place[:2], turn]) - even_slide(0.1, 0.05, 0.3, 1.0, 8.0, 0.3)
+    assert abs((off + np.pi) % (2 * np.pi) - np.pi).max() < close
+    assert not run.notices
+
+
+def test_a_kicked_stack_only_loses_momentum():
+    """Eight boxes, the fourth kicked: friction at the floor only takes momentum away."""
+    v = np.zeros(48)
+    v[21] = 1.0
+    run = run_of(stack(8), t_end=0.8, friction=0.4, v=v, q=np.tile((0, 0, 0, 1.0, 0, 0, 0), 8))
+    drift = run.v[-1].reshape(8, 6)[:, 3:5].sum(axis=0)
+    assert np.hypot(*drift) <= 1.0 + 1e-6
+    assert not run.notices
+
+
+def test_a_start_with_overlap_is_reported_and_saved(tmp_path):
+    run = run_of([cube("low", (0, 0, 0.1)), cube("high", (0, 0, 0.27))], t_end=0.01)
+    assert run.contact_residual[:, 2].max() == pytest.approx(0.03, rel=0.1)
+    assert any("'heap[low, high]'" in n and "penetrated" in n for n in run.notices)
+    run.save(tmp_path / "run.npz")
+    again = pg.Result.load(tmp_path / "run.npz")
+    np.testing.assert_array_equal(again.contact_residual, run.contact_residual)
 
 
 def test_the_order_of_bodies_does_not_matter():
@@ -70,8 +130,7 @@ def test_the_order_of_bodies_does_not_matter():
     assert abs(other.v[-1]).max() < 1e-12
 
 
-def test_separate_stacks_are_solved_apart():
-    """A stack that falls over a hundred metres away changes no bit of one that stands."""
+def test_a_stack_that_falls_far_away_changes_no_bit():
     alone = run_of(stack(4), t_end=0.2)
     crooked = [cube(f"c{k}", (100 + 0.06 * k, 0, SIDE * (k + 0.5))) for k in range(5)]
     both = run_of([*stack(4), *crooked], t_end=0.2)
@@ -79,16 +138,6 @@ def test_separate_stacks_are_solved_apart():
     assert abs(both.v[-1, nv:]).max() > 0.1
     np.testing.assert_array_equal(both.q[:, : alone.q.shape[1]], alone.q)
     np.testing.assert_array_equal(both.v[:, :nv], alone.v)
-
-
-@pytest.mark.parametrize("count", [2, 5, 10])
-def test_a_million_times_heavier_box_stands_on_light_ones(count):
-    run = run_of(stack(count, top=1e6), t_end=0.1)
-    assert not run.notices
-    assert abs(run.v[-1]).max() < 1e-8
-    assert abs(places(run)).max() < 1e-7  # the goal is 1e-4: rounding of 1e6 : 1 creeps
-    load = run.contact_force["floor[b0]"][-1, 5]
-    assert load == pytest.approx((1e6 + count - 1) * G, rel=1e-7)  # rounding of 1e6 : 1
 
 
 def gripper(friction, part, kind):
@@ -116,11 +165,12 @@ def gripper(friction, part, kind):
     return pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
 
 
-@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder"])
-@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
-def test_a_gripper_holds_with_the_force_that_it_needs(friction, kind):
+@pytest.mark.parametrize(
+    ("kind", "friction"), [("box", 0.2), ("sphere", 0.5), ("cylinder", 1.0), ("box", 1.0)]
+)
+def test_a_gripper_holds_with_the_force_that_it_needs(kind, friction):
     """1 % above it the object stays, and both sides carry the same; 1 % below it slips."""
-    kept = pg.simulate(gripper(friction, 1.01, kind), t_end=1.0, step=1e-3, estimate=False)
+    kept = pg.simulate(gripper(friction, 1.01, kind), t_end=0.5, step=1e-3, estimate=False)
     loads = [kept.contact_force[side][-1, 5] for side in ("left", "right")]
     assert abs(kept.body_pose[-1, 0, 2]) < 1e-9
     assert loads[0] == pytest.approx(loads[1], rel=1e-9)
@@ -130,23 +180,8 @@ def test_a_gripper_holds_with_the_force_that_it_needs(friction, kind):
     assert -lost.body_pose[-1, 0, 2] == pytest.approx(slipped, rel=0.02)
 
 
-@pytest.mark.parametrize(("step", "close"), [(1e-2, 0.05), (1e-3, 5e-3), (1e-4, 5e-4)])
-def test_a_box_that_slides_and_spins_is_loaded_evenly(step, close):
-    """Four corners are redundant: those of least norm carry it, at every step, the same way."""
-    verdict, off, _, said = ordinary.judged(ordinary.sliding, ordinary.Variant("", step=step))
-    assert verdict == "right"
-    assert off < close
-    assert not said
-
-
-def test_a_kicked_stack_meets_its_laws():
-    verdict, _, _, said = ordinary.judged(ordinary.kicked, ordinary.VARIANTS[0])
-    assert verdict == "right"
-    assert not said
-
-
-def test_boxes_that_slide_keep_coulombs_law_or_are_told():
-    """A stack that is pulled apart: friction stays in its cone, and what is missed has a notice."""
+def test_boxes_that_slide_keep_coulombs_law_or_are_reported():
+    """A stack that is pulled apart: friction in its cone, momentum from the floor alone."""
     bodies = stack(4)
     v = np.zeros(24)
     v[3::6] = (0.0, 0.5, 1.0, 2.0)
@@ -156,7 +191,7 @@ def test_boxes_that_slide_keep_coulombs_law_or_are_told():
     missed = run.contact_residual[:, :2].max()
     assert missed < 1e-3 * largest
     if missed > 1e-5 * largest:
-        assert any("missed its law" in notice for notice in run.notices)
+        assert any("missed" in notice for notice in run.notices)
     drag = run.contact_force["floor[b0]"][1:, 3:]
     assert np.all(np.hypot(drag[:, 0], drag[:, 1]) <= 0.5 * drag[:, 2] + 1e-3 * largest)
     momentum = run.v[:, 3::6].sum(axis=1)
@@ -164,23 +199,8 @@ def test_boxes_that_slide_keep_coulombs_law_or_are_told():
     np.testing.assert_allclose(momentum - momentum[0], impulse, atol=1e-9)
 
 
-def test_a_start_with_overlap_is_told():
-    bodies = [cube("low", (0, 0, 0.1)), cube("high", (0, 0, 0.27))]
-    run = run_of(bodies, t_end=0.01)
-    assert run.contact_residual[:, 2].max() == pytest.approx(0.03, rel=0.1)
-    assert any("'heap[low, high]'" in n and "penetrated" in n for n in run.notices)
-
-
-def test_the_residual_is_saved(tmp_path):
-    run = run_of(stack(2), t_end=0.01)
-    run.save(tmp_path / "run.npz")
-    again = pg.Result.load(tmp_path / "run.npz")
-    np.testing.assert_array_equal(again.contact_residual, run.contact_residual)
-    assert run.contact_residual.shape == (4, 3)
-
-
 def test_a_heap_of_balls_meets_its_laws():
-    """27 balls fall from a grid: in every step, impacts included, the sweeps reach the laws."""
+    """27 balls fall from a grid: the solver reaches the laws in every step."""
     places = np.indices((3, 3, 3)).reshape(3, -1).T
     places = places + np.random.default_rng(0).uniform(-0.02, 0.02, (27, 3))
     shape = {"kind": "sphere", "radius": 0.5}
@@ -188,29 +208,19 @@ def test_a_heap_of_balls_meets_its_laws():
         pg.Body(name=f"s{k}", joint="free", link=p, inertia=np.eye(3) * 0.1, shape=shape)
         for k, p in enumerate((1.01 * places + (0, 0, 0.525)).tolist())
     ]
-    run = run_of(balls, t_end=1.0)
-    assert not any("stopped before it was exact" in n for n in run.notices)
+    run = run_of(balls, t_end=0.5)
     force = max(abs(f).max() for f in run.contact_force.values())
     assert run.contact_residual[:, :2].max() < 1e-6 * force
-
-
-def test_small_islands_of_several_balls_take_few_sweeps():
-    """27 balls fall apart into islands of 4 to 16 contacts, whose sweeps are combined as well.
-
-    91 sweeps and steps of Newton's method a time step; 200 without.
-    """
-    _, run = stacks.ours(stacks.heap(stacks.grid(27, apart=1.06)), 0.5)
-    assert run.counters["solver_iterations"] < 120 * run.counters["steps"]
 
 
 OBLIQUE = tuple(np.array((1.0, 2.0, -0.5)) / np.linalg.norm((1.0, 2.0, -0.5)))
 
 
-@pytest.mark.parametrize("axis", [(0, 0, 1), OBLIQUE])
-@pytest.mark.parametrize("method", ["moreau_jean", "rk4"])
-@pytest.mark.parametrize("size", [1.0, 1e3])
+@pytest.mark.parametrize(
+    ("axis", "method", "size"), [((0, 0, 1), "rk4", 1.0), (OBLIQUE, "moreau_jean", 1e3)]
+)
 def test_a_second_hinge_or_rail_on_the_same_axis_changes_nothing(axis, method, size):
-    """No impulse at it moves anything: rounding of its rows, lengths included, is no constraint."""
+    """Rounding of its rows, lengths included, is no constraint."""
     place = size * np.array((0.3, -0.2, 0.7))
     door = pg.Body(
         name="part", axes=axis, link=tuple(place), mass=10.0, com=(0.4 * size, 0.1 * size, 0.0),
@@ -229,8 +239,8 @@ def test_a_second_hinge_or_rail_on_the_same_axis_changes_nothing(axis, method, s
         assert not any("singular" in notice for notice in held.notices)
 
 
-def test_a_four_bar_in_an_oblique_plane_moves_as_in_that_of_two_axes():
-    """Its closing hinge has three rows too many, none of them along an axis of the world."""
+def test_a_four_bar_moves_alike_in_any_plane():
+    """Its closing hinge has three redundant rows, oblique to the world's axes."""
     crank, rocker, base = np.array((0.2, 0.3, 0)), np.array((0.5, -0.6, 0)), np.array((1.0, 0, 0))
     coupler, runs = base - crank - rocker, []
     for turn in (Rotation.identity(), Rotation.from_rotvec((0.7, -0.4, 1.1))):
@@ -257,8 +267,8 @@ def test_a_four_bar_in_an_oblique_plane_moves_as_in_that_of_two_axes():
     np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-9)
 
 
-def test_what_is_fixed_to_the_ground_has_no_inertia_that_matters():
-    """A pendulum of 1 mm with a ball welded to it hits a wall: rotation rows are as large as it."""
+def test_the_inertia_of_a_body_fixed_to_the_ground_does_not_matter():
+    """A pendulum of 1 mm with a ball welded to it hits a wall."""
     size, inertia, ends = 1e-3, 1e-6 * np.diag((0.03, 0.02, 0.04)), []
     for of_wall in (1e-8, 1.0):
         pendulum = pg.Body(
@@ -282,7 +292,7 @@ def test_what_is_fixed_to_the_ground_has_no_inertia_that_matters():
 
 @pytest.mark.parametrize(("heavier", "friction"), [(1e4, 0.5), (1e6, 0.4)])
 def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
-    """It stops after v² / (2 μ g), and what carries it, and has more friction below, stays."""
+    """It stops after v² / (2 μ g), and the light box, with more friction below, stays."""
     low = pg.Body(
         name="low", joint="free", link=(0, 0, 0.05), mass=1.0, inertia=np.diag((2, 2, 3.6)) / 240,
         shape={"kind": "box", "size": (0.3, 0.3, 0.1)},
@@ -299,74 +309,64 @@ def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
     assert slid == pytest.approx((0.5**2 + 0.2**2) / (2 * 0.3 * G), rel=1e-3)
 
 
-def test_corners_that_land_together_keep_a_mirror_symmetry():
-    """A ball falls on a plank on a roller; the end of the plank hits the floor with two corners."""
-    quarter = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
-    bodies = [
-        pg.Body(
-            name="roller", joint="free", q=(0, 0, 0.1, *quarter), mass=2.0,
-            inertia=np.diag((0.0317, 0.0317, 0.01)),
-            shape={"kind": "cylinder", "radius": 0.1, "length": 0.4},
-        ),
-        pg.Body(
-            name="plank", joint="free", link=(0.02, 0, 0.215), mass=1.0,
-            inertia=np.diag((0.0034, 0.0834, 0.0867)),
-            shape={"kind": "box", "size": (1.0, 0.2, 0.03)},
-        ),
-        pg.Body(
-            name="ball", joint="free", link=(0.4, 0, 0.55), mass=0.5, inertia=5e-4 * np.eye(3),
-            shape={"kind": "sphere", "radius": 0.05},
-        ),
+HEAPS = [
+    pytest.param(40, 4, 2.0),
+    pytest.param(200, 6, 3.0, marks=pytest.mark.nightly),
+    pytest.param(1000, 12, 4.0, marks=pytest.mark.nightly),
+]
+
+
+@pytest.mark.parametrize(("count", "side", "t_end"), HEAPS)
+def test_spheres_fall_into_a_heap_between_walls(count, side, t_end):
+    """They come to rest without sinking in, and floor and walls carry all of them."""
+    r = 0.05
+    half = 2.1 * r * side / 2
+    rng = np.random.default_rng(1)
+    inertia = np.eye(3) * 0.4 * r * r
+    places = [(k % side, k // side % side, k // side**2) for k in range(count)]
+    balls = [
+        pg.Body(name=f"s{k}", joint="free", inertia=inertia, shape={"kind": "sphere", "radius": r},
+                link=tuple(2.1 * r * (np.array(p) + 0.5) - (half, half, 0)
+                           + 0.04 * r * rng.normal(size=3)))
+        for k, p in enumerate(places)
     ]  # fmt: skip
-    law = {"friction": 0.8, "restitution": 0.3}
-    contacts = [
-        pg.Contact(name="floor", body="*", **law),
-        pg.Contact(name="heap", body="*", other="*", **law),
-    ]
-    model = pg.Model(bodies=bodies, contacts=contacts)
-    run = pg.simulate(model, t_end=0.45, step=1e-3, method="moreau_jean", estimate=False)
-    turned = run.v[:, 6:9]
-    assert np.abs(turned[:, 1]).max() > 1.0
-    assert np.abs(run["plank"][:, 1]).max() < 1e-6
-    assert np.abs(turned[:, [0, 2]]).max() < 1e-3  # 6 rad/s where one corner is hit first
-
-
-def test_what_a_point_kept_is_found_from_any_place():
-    """A scene with fewer points than the step before asks from beyond the end of what was kept."""
-    kept = table(KEPT, 3)
-    kept["shape_a"], kept["shape_b"], kept["feature"] = [4, 4, 5], [9, 9, 9], [0, 1, 0]
-    look = numba.njit(lambda point, kept, start: kept_place(point, kept, 3, start))
-    for start in range(8):
-        for k in range(3):
-            assert look(kept[k], kept, start) == k
-        other = kept[0].copy()
-        other["feature"] = 7
-        assert look(other, kept, start) == -1
-
-
-def test_what_a_point_kept_is_found_where_others_came_or_went():
-    """In a heap of 200 entries, points are 40 places before or behind their entry."""
-    kept = table(KEPT, 200)
-    kept["shape_a"] = np.arange(200)
-    look = numba.njit(lambda point, kept, start: kept_place(point, kept, 200, start))
-    for k in (0, 70, 130, 199):
-        for away in (-40, -1, 0, 1, 40):
-            assert look(kept[k], kept, max(k + away, 0)) == k
-
-
-def test_slow_things_of_a_crowd_take_a_step_once():
-    """100 balls that fall onto each other: forces are evaluated once a step; a fast one is seen."""
-    balls = stacks.grid(100, apart=1.06)
-    falling = pg.Mechanism(stacks.heap(balls))
-    run = pg.simulate(falling, t_end=0.1, step=1e-3, frames=2, method="moreau_jean", estimate=False)
-    assert run.counters["evaluations"] <= run.counters["steps"] + run.counters["steps"] // 50 + 2
-    plate = stacks.box("plate", (0, 0, 40.0), 1e3).model_copy(
-        update={"shape": pg.Shape(kind="box", size=(20.0, 20.0, 0.01))}
+    far, height = half + 0.05, 3.0 * r * count / side**2
+    walls = [
+        pg.Body(name=f"w{k}", joint="weld", link=(*(far * np.array(way)), height / 2),
+                shape={"kind": "box", "size": (0.1 if way[0] else 3 * far,
+                                               0.1 if way[1] else 3 * far, height)})
+        for k, way in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1)))
+    ]  # fmt: skip
+    contacts = (
+        pg.Contact(name="floor", body="*", friction=0.5),
+        pg.Contact(name="heap", body="*", other="*", friction=0.5),
     )
-    shot = stacks.ball("shot", (0, 0, 50.0), radius=0.05)
-    mech = pg.Mechanism(stacks.heap([*balls, plate, shot]))
-    q, v = mech.home()
-    v[mech.joints["shot"].v] = (0, 0, 0, 0, 0, -1000.0)
-    run = pg.simulate(mech, q, v, t_end=0.02, step=1e-3, frames=3, method="moreau_jean")
-    place = run.body_pose[-1, -2:, 2]
-    assert place[1] > place[0]
+    model = pg.Model(bodies=(*balls, *walls), contacts=contacts)
+    run = pg.simulate(pg.Mechanism(model), t_end=t_end, step=2e-3, frames=3)
+    assert run.status.ok
+    centres = run.body_pose[-1, :count, :3]
+    assert 2 * r - pdist(centres).min() < 1e-3 * r
+    assert r - centres[:, 2].min() < 1e-3 * r
+    fallen = count * G * height / 4
+    assert run.kinetic_energy[-1] < 1e-4 * fallen
+    assert run.contacts.wrench[-1, :count, 5].sum() == pytest.approx(count * G, rel=0.02)
+
+
+@pytest.mark.parametrize("masses", [(1, 1e4), (1e4, 1), (1, 10, 100, 1000)])
+def test_stacks_of_any_mass_ratio_stand(masses):
+    r = 0.1
+    boxes = tuple(
+        pg.Body(name=f"b{i}", joint="free", mass=m, inertia=np.eye(3) * m * 0.006,
+                link=(0, 0, r + 2 * r * i), shape={"kind": "box", "size": (2 * r,) * 3})
+        for i, m in enumerate(masses)
+    )  # fmt: skip
+    contacts = tuple(
+        pg.Contact(name=f"c{i}", body=f"b{i}", other=f"b{i - 1}" if i else "ground")
+        for i in range(len(masses))
+    )
+    run = pg.simulate(pg.Mechanism(pg.Model(bodies=boxes, contacts=contacts)), t_end=0.3)
+    assert not run.notices
+    assert abs(run.v[-1]).max() < 1e-9
+    for i in range(len(masses)):
+        carried = sum(masses[i:]) * G
+        assert run.contact_force[f"c{i}"][-1, 5] == pytest.approx(carried, rel=1e-6)
