@@ -1,4 +1,4 @@
-"""A run that starts later than 0, and runs one after the other as one."""
+"""Runs that start later than 0, and runs joined to one."""
 
 from __future__ import annotations
 
@@ -26,12 +26,8 @@ def swinging() -> pg.Mechanism:
 
 def bouncing() -> pg.Mechanism:
     """A ball that meets the ground before the run is cut, and again after it."""
-    ball = pg.Body(
-        name="ball",
-        joint="free",
-        q=(0, 0, 0.06, 1, 0, 0, 0),
-        shape=pg.Shape(kind="sphere", radius=0.05),
-    )
+    shape = pg.Shape(kind="sphere", radius=0.05)
+    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.06, 1, 0, 0, 0), shape=shape)
     contact = pg.Contact(name="floor", body="ball", restitution=0.8)
     return pg.Mechanism(pg.Model(bodies=(ball,), contacts=(contact,)))
 
@@ -84,33 +80,25 @@ def test_contact_records_and_events_go_on():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "key"),
     [
-        ({"t_start": float("nan")}, "simulate, t_start: must be a finite number [s]; given nan"),
-        (
-            {"t_start": 2.0, "t_end": 1.0},
-            "simulate, t_end: must be a finite number > t_start = 2 [s]; given 1.0",
-        ),
-        (
-            {"t_start": 1.0, "t_end": 2.0, "t_eval": [0.5]},
-            "simulate, t_eval: must ascend within 1 to t_end = 2 s",
-        ),
+        ({"t_start": float("nan")}, "t_start.*nan"),
+        ({"t_start": 2.0, "t_end": 1.0}, r"t_end.*t_start = 2 .*1\.0"),
+        ({"t_start": 1.0, "t_end": 2.0, "t_eval": [0.5]}, "t_eval.* 1 to t_end = 2"),
     ],
 )
-def test_times_that_do_not_fit_are_refused(arguments, sentence):
-    with pytest.raises(pg.InputError) as refused:
+def test_times_that_do_not_fit_are_refused(arguments, key):
+    with pytest.raises(pg.InputError, match=key):
         pg.simulate(swinging(), **arguments)
-    assert str(refused.value) == sentence
 
 
 def test_runs_that_do_not_meet_are_refused():
     first, second, _ = halves(swinging(), method="rk4", step=1e-3)
-    with pytest.raises(pg.InputError) as refused:
-        pg.joined((second, first))
-    said = "joined, runs: a run from 0 s after one to 0.25 s; give t_start = 0.25"
-    assert str(refused.value) == said
     other = pg.simulate(quadruped(), t_start=WHOLE, t_end=WHOLE + 0.01, method="rk4", step=1e-3)
-    with pytest.raises(pg.InputError, match="only runs of the same joints join"):
-        pg.joined((second, other))
-    with pytest.raises(pg.InputError, match="needs one run at least; given none"):
-        pg.joined(())
+    for runs, key in (
+        ((second, first), r"runs.*t_start = 0\.25"),
+        ((second, other), "joints"),
+        ((), "none"),
+    ):
+        with pytest.raises(pg.InputError, match=key):
+            pg.joined(runs)

@@ -47,8 +47,7 @@ def test_a_latch_breaks_at_a_force(options):
     np.testing.assert_allclose(run.events[0].t, a, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", ["complementarity", "soft"])
-@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}])
+@pytest.mark.parametrize(("law", "options"), [("complementarity", {"rtol": 1e-8}), ("soft", {})])
 def test_a_gap_locks_a_falling_ball(law, options):
     """0.25 m above the ground."""
     ball = pg.Body(
@@ -66,7 +65,7 @@ def test_a_gap_locks_a_falling_ball(law, options):
 
 
 def test_a_constraint_waits_for_another():
-    """The second goes on where the latch does, and a time switches the latch off."""
+    """The second goes on with the latch, and a time switches the latch off."""
     when = {"constraint": "latch", "active": True}
     switches = [
         pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5}),
@@ -111,14 +110,14 @@ def test_the_force_of_a_contact_locks_what_presses_on_it():
     np.testing.assert_allclose(run.q[-1, 0], 0.1, rtol=0, atol=1e-9)
 
 
-def test_a_condition_that_is_true_already_is_said():
+def test_a_condition_that_holds_at_the_start_is_reported():
     switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5})
     run = pg.simulate(slider(q=0.7, v=1.0), t_end=1.0, switches=[switch])
     assert abs(run.q[-1, 0] - 0.7) < 1e-9
-    assert any("'latch' is switched at the start" in text for text in run.notices)
+    assert any("'latch'" in text for text in run.notices)
 
 
-def test_scenarios_hold_conditions_and_files_do(tmp_path):
+def test_files_keep_the_conditions_of_scenarios(tmp_path):
     switch = {"constraint": "latch", "active": True, "when": {"coordinate": "b", "above": 0.5}}
     model = slider(v=1.0).model.add(pg.Scenario(name="s", switches=[switch]))
     model.save(tmp_path / "m.json")
@@ -129,35 +128,31 @@ def test_scenarios_hold_conditions_and_files_do(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("fields", "says"),
+    ("fields", "key"),
     [
-        ({"t": 0.1, "when": {"coordinate": "b", "above": 1}}, "give t or when, not both"),
-        ({}, "give t or when"),
-        ({"when": {"coordinate": "b"}}, "a coordinate needs above or below; given neither"),
-        ({"when": {"coordinate": "b", "above": 1, "below": 2}}, "given above and below"),
-        ({"when": {"coordinate": "b", "gap": "c", "above": 1}}, "name one of"),
-        ({"when": {"above": 1}}, "name one of"),
-        ({"when": {"constraint": "latch", "above": 1}}, "a constraint needs active"),
-        (
-            {"when": {"coordinate": "b", "above": float("nan")}},
-            "above must be a number; given nan",
-        ),
+        ({"t": 0.1, "when": {"coordinate": "b", "above": 1}}, "both"),
+        ({}, "t or when"),
+        ({"when": {"coordinate": "b"}}, "coordinate.*above.*below"),
+        ({"when": {"coordinate": "b", "above": 1, "below": 2}}, "above and below"),
+        ({"when": {"coordinate": "b", "gap": "c", "above": 1}}, "one of"),
+        ({"when": {"above": 1}}, "one of"),
+        ({"when": {"constraint": "latch", "above": 1}}, "constraint.*active"),
+        ({"when": {"coordinate": "b", "above": float("nan")}}, "above.*nan"),
     ],
 )
-def test_conditions_that_mean_nothing_are_refused(fields, says):
-    with pytest.raises(pg.ModelError, match=says):
+def test_conditions_without_meaning_are_refused(fields, key):
+    with pytest.raises(pg.ModelError, match=key):
         pg.Switch(constraint="latch", active=True, **fields)
 
 
 @pytest.mark.parametrize(
     "when",
-    [
-        {"coordinate": "a", "above": 1}, {"gap": "floor", "below": 1}, {"force": "no", "above": 1},
-        {"constraint": "no", "active": True},
-    ],
+    [{"coordinate": "a", "above": 1}, {"gap": "floor", "below": 1}, {"force": "no", "above": 1},
+     {"constraint": "no", "active": True}],
 )  # fmt: skip
-def test_conditions_on_what_is_not_there_are_refused(when):
-    with pytest.raises(pg.InputError, match=r"no (coordinate|gap|force|constraint) is called"):
+def test_conditions_on_missing_parts_are_refused(when):
+    kind, name = next(iter(when.items()))
+    with pytest.raises(pg.InputError, match=f"{kind}.*'{name}'"):
         pg.simulate(slider(), switches=[pg.Switch(constraint="latch", active=True, when=when)])
 
 
@@ -183,36 +178,36 @@ def switch(constraint, active, /, **when):
     return pg.Switch(constraint=constraint, active=active, when=when)
 
 
+LOOP = [
+    switch("latch", True, constraint="second", active=False),
+    switch("second", True, constraint="latch", active=True),
+    switch("latch", False, constraint="second", active=True),
+    switch("second", False, constraint="latch", active=False),
+]
+
+
 @pytest.mark.parametrize(
-    ("switches", "says"),
+    ("switches", "key"),
     [
-        ([switch("latch", True, coordinate="plate", above=1)], "choose one of b, plate 0"),
-        ([switch("latch", True, gap="wall", below=1)], "no gap is called 'wall'"),
-        ([switch("latch", True, coordinate="b", above=2.0)], "joint limit of 'b' is at 2"),
-        ([switch("latch", True, coordinate="b", below=-3.0)], "joint limit of 'b' is at -2"),
-        ([switch("latch", True, constraint="latch", active=False)], "waits for itself"),
-        ([switch("latch", True, constraint="second", active=True)], "nothing switches 'second' on"),
-        ([switch("latch", True, constraint="held", active=False)], "nothing switches 'held' off"),
-        ([switch("latch", True, force="latch", below=5)], "its own force"),
-        ([switch("second", True, force="latch", above=5)], "'latch' is off throughout"),
-        ([switch("second", True, force="floor", below=0)], "not below 0"),
-        (
-            [
-                switch("latch", True, constraint="second", active=False),
-                switch("second", True, constraint="latch", active=True),
-                switch("latch", False, constraint="second", active=True),
-                switch("second", False, constraint="latch", active=False),
-            ],
-            "without end",
-        ),
+        ([switch("latch", True, coordinate="plate", above=1)], "b, plate 0"),
+        ([switch("latch", True, gap="wall", below=1)], "gap.*'wall'"),
+        ([switch("latch", True, coordinate="b", above=2.0)], "limit of 'b'.* 2"),
+        ([switch("latch", True, coordinate="b", below=-3.0)], "limit of 'b'.* -2"),
+        ([switch("latch", True, constraint="latch", active=False)], "itself"),
+        ([switch("latch", True, constraint="second", active=True)], "'second' on"),
+        ([switch("latch", True, constraint="held", active=False)], "'held' off"),
+        ([switch("latch", True, force="latch", below=5)], "own force"),
+        ([switch("second", True, force="latch", above=5)], "'latch'.*off"),
+        ([switch("second", True, force="floor", below=0)], "below 0"),
+        (LOOP, "without end"),
     ],
 )
-def test_conditions_that_are_no_use_are_refused_with_the_model(switches, says):
-    with pytest.raises(pg.ModelError, match=says):
+def test_conditions_that_cannot_come_true_are_refused_with_the_model(switches, key):
+    with pytest.raises(pg.ModelError, match=key):
         scenario(*switches)
 
 
-def test_conditions_follow_names_and_go_with_what_they_watch():
+def test_conditions_follow_renames_and_removals():
     model = scenario(
         switch("latch", True, coordinate="b", above=1),
         switch("second", True, coordinate="plate 1", above=1),
@@ -221,16 +216,18 @@ def test_conditions_follow_names_and_go_with_what_they_watch():
         switch("second", True, constraint="latch", active=True),
     )
 
-    def said(model):
+    def conditions(model):
         return [str(s.when) for s in model.scenarios[0].switches]
 
-    every = said(model)
-    assert said(model.edit("plate", name="disc"))[1] == "coordinate of disc 1 above 1"
-    assert said(model.edit("floor", kind="contact", name="sole"))[3] == "gap of sole below 0.2"
-    assert said(model.edit("latch", name="hook"))[4] == "constraint hook active"
-    assert said(model.remove("plate")) == [every[0], *every[2:]]
-    assert said(model.remove("floor", kind="contact")) == [*every[:3], every[4]]
-    assert said(model.remove("latch")) == every[1:4]
+    every = conditions(model)
+    assert conditions(model.edit("plate", name="disc"))[1] == "coordinate of disc 1 above 1"
+    assert (
+        conditions(model.edit("floor", kind="contact", name="sole"))[3] == "gap of sole below 0.2"
+    )
+    assert conditions(model.edit("latch", name="hook"))[4] == "constraint hook active"
+    assert conditions(model.remove("plate")) == [every[0], *every[2:]]
+    assert conditions(model.remove("floor", kind="contact")) == [*every[:3], every[4]]
+    assert conditions(model.remove("latch")) == every[1:4]
     turned = model.edit("plate", joint="revolute")
-    assert said(turned) == [every[0], *every[2:]]
-    assert any("does not fit the joint of 'plate'" in text for text in turned.notices)
+    assert conditions(turned) == [every[0], *every[2:]]
+    assert any("'plate'" in text for text in turned.notices)
