@@ -12,14 +12,7 @@ from hypothesis import strategies as st
 from pgraph_core.contact import solids
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
-from pgraph_core.engine.records import (
-    CONTACT,
-    GROUND_PAIR,
-    MEMBER,
-    SHAPE_PAIR,
-    rows_of,
-    table,
-)
+from pgraph_core.engine.records import CONTACT, GROUND_PAIR, MEMBER, SHAPE_PAIR, rows_of, table
 
 from .touching import (
     FLAT,

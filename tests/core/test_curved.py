@@ -72,16 +72,6 @@ def test_ellipsoids_on_their_axes():
         assert touch.normal[0] == pytest.approx((0, 0, 1), abs=1e-12)
 
 
-def test_a_round_ellipsoid_is_a_sphere():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        other, at = random_solid(rng, "box"), random_pose(rng, 0.4)
-        radius, place = rng.uniform(0.1, 0.4), random_pose(rng, 0.4)
-        ball = Scene([solids.sphere(radius), other], [place, at])
-        round_one = Scene([solids.ellipsoid((radius,) * 3), other], [place, at])
-        assert round_one.gap() == pytest.approx(ball.gap(), abs=1e-12)
-
-
 def test_cylinders_touch_as_circles_and_not_as_prisms():
     for turn in np.linspace(0, 1, 7):
         turned = Rotation.from_euler("z", turn)

@@ -117,5 +117,3 @@ def test_height_steps(x, y, gap):
     touch = scene.on_ground()
     assert touch.gap == pytest.approx([gap])
     assert touch.b[0, 2] == pytest.approx(0.5 - gap)
-
-

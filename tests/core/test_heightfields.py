@@ -174,5 +174,3 @@ def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
     model = pg.Model(up="y", bodies=[ball, corner], contacts=[contact])
     result = pg.simulate(model, t_end=0.5, method="moreau_jean", step=1e-3)
     assert result.q[-1, :2] == pytest.approx((0.5, 0.3), abs=0.01)
-
-

@@ -206,14 +206,6 @@ def test_a_capsule_without_length_is_a_ball():
         assert Scene([thin, solids.capsule(0.2, 1)], poses).pair().gap.shape == (1,)
 
 
-def test_crossing_capsules_are_parted_across():
-    poses = [pose((0, 0, 0), LYING), pose()]
-    touch = Scene([solids.capsule(0.2, 2), solids.capsule(0.1, 2)], poses).pair(margin=0.0)
-    assert touch.gap.min() == pytest.approx(-0.3)
-    deepest = touch.normal[touch.gap.argmin()]
-    np.testing.assert_allclose(np.abs(deepest), [1, 0, 0], atol=ROUNDING)
-
-
 @pytest.mark.parametrize(("turn", "count"), [(0.0, 4), (np.pi / 4, 8), (0.1, 8)])
 @pytest.mark.parametrize("gap", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
 def test_boxes_face_to_face_touch_at_the_corners_of_the_common_area(turn, count, gap):

@@ -201,39 +201,6 @@ def test_a_cube_bounces_with_its_restitution_however_it_hits(law, e, speed):
             assert bounce(e, speed, tree="prismatic", **given) == pytest.approx(e, abs=close)
 
 
-@pytest.mark.parametrize("e", [0.1, 1.0])
-def test_soft_balls_of_unequal_mass_part_with_the_restitution_asked_for(e):
-    for m in ((1.0, 1.0), (1.0, 1e3), (1e-3, 2.0)):
-        model = two_balls(m, 0.1, 3.0, 0.21, restitution=e, stiffness=1e9)
-        run = pg.simulate(model, t_end=0.05, frames=2, estimate=False)
-        assert (run.v[-1, 1] - run.v[-1, 0]) / 3.0 == pytest.approx(e, abs=2e-3)
-
-
-def test_a_mesh_much_smaller_than_its_hull_is_reported(tmp_path):
-    """A cup; hull 'convex' states that it is meant."""
-    trimesh = pytest.importorskip("trimesh")
-    profile = [[0, 0], [0.5, 0], [0.5, 1], [0.45, 1], [0.45, 0.05], [0, 0.05]]
-    cup = trimesh.creation.revolve(np.array(profile), sections=24)
-    cup.export(tmp_path / "cup.stl")
-    assert cup.convex_hull.volume > 3 * cup.volume
-    for hull, said in ((None, True), ("convex", False)):
-        shape: dict[str, object] = {"kind": "mesh", "file": str(tmp_path / "cup.stl"), "hull": hull}
-        body = pg.Body(name="b", joint="free", q=(0, 0, 0, 1, 0, 0, 0), shape=shape)
-        model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="f", body="b"),))
-        run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
-        assert any("'b'" in n and "hull" in n for n in run.notices) == said
-
-
-def hinged_rod():
-    """A rod on a hinge hits the ground with the ball at its end: (bodies, the contact's pair)."""
-    rod = pg.Body(
-        name="h", joint="revolute", axes=(0, -1, 0), link=(0, 0, 0.1 + np.sin(0.2)), v=(-1.0,),
-        q=(np.pi / 2 - 0.19,), com=(0, 0, -0.5), mass=2.0, inertia=np.diag([0.001, 1 / 6, 1 / 6]),
-        shape={"kind": "sphere", "radius": 0.1, "position": (0, 0, -1.0)},
-    )  # fmt: skip
-    return [rod], {"body": "h"}
-
-
 def fingers():
     """Two links of one chain that hit each other: their paths to the ground meet."""
     ball = {"kind": "sphere", "radius": 0.1, "position": (0.5, 0, 0)}

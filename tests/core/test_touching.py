@@ -129,5 +129,3 @@ def test_limits_are_named_by_their_coordinates():
     run = pg.simulate(pg.Model(bodies=bodies), t_end=1e-3, step=1e-3, frames=2, estimate=False)
     names = ["a low limit 1", "a low limit 2", "a high limit 2", "b high limit"]
     assert list(run.contacts.limit) == names
-
-

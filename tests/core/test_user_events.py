@@ -95,15 +95,6 @@ def test_events_between_impacts(options):
     np.testing.assert_allclose(found, exact, atol=1e-9 if options else 3e-3)
 
 
-def test_a_terminal_event_after_an_impact_ends_the_run_there():
-    mech = falling(law="complementarity", restitution=0.5)
-    top = crossing(0.2, terminal=True, direction=1)
-    run = pg.simulate(mech, t_end=1.2, events=[top], rtol=1e-9)
-    assert run.status is pg.Status.STOPPED
-    assert abs(run.q[-1, 0] - 0.2) < 1e-10
-    assert run.v[-1, 0] > 0
-
-
 def test_events_are_in_files(tmp_path):
     run = pg.simulate(swinging(), t_end=2.0, events=[crossing(0.5)])
     run.save(tmp_path / "run.npz")
@@ -160,13 +151,6 @@ def test_a_throw_is_above_a_height_for_a_part_of_a_step(options, frames, above):
     for number, expected in enumerate(([first, last], [first], [last])):
         found = [event.t for event in run.user_events if event.number == number]
         np.testing.assert_allclose(found, expected, atol=1e-11)
-
-
-def test_fast_functions_of_time_keep_all_their_zeros():
-    """16 zeros of a fast function of time within a few wide steps."""
-    run = pg.simulate(falling(), t_end=1.0, events=[lambda t, q, v: np.sin(50 * t + 0.5)])
-    expected = (np.pi * np.arange(1, 17) - 0.5) / 50
-    np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-2}])
