@@ -10,18 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgraph_core.contact import solids
-from pgraph_core.engine.arrays import Candidates
-from pgraph_core.engine.contact import search as kernels
-from pgraph_core.engine.records import CONTACT, GROUND_PAIR, MEMBER, SHAPE_PAIR, rows_of, table
 
 from .touching import (
-    FLAT,
-    NO_GROUND,
-    NO_PAIRS,
-    NOBODY,
-    NOT_APART,
     Scene,
-    as_poses,
     random_pose,
     random_solid,
 )
@@ -90,24 +81,3 @@ def test_members_of_different_contacts_do_not_touch():
     expected = {(i, j) for i, j in all_pairs(scene, 0.0) if sides[i] == sides[j]}
     assert found(touch) == expected
     assert (touch.whose[:, 3] == sides[touch.whose[:, 0]]).all()
-
-
-def test_contacts_beyond_the_room_are_counted():
-    scene = heap(60)
-    members = rows_of(MEMBER, [(i, 0) for i in range(60)])
-    search = solids.search_space(scene.geometry, 60)
-    touch = Candidates(NO_GROUND, NO_PAIRS, members, NOT_APART)
-    counts = []
-    for size in (0, 5, 500):
-        out, poses = table(CONTACT, size), as_poses(scene.poses)
-        counts.append(kernels.contacts(scene.geometry, FLAT, touch, poses, search, 0.0, out))
-    assert counts == [counts[-1]] * 3
-    assert counts[-1] > 5
-
-
-def test_contacts_carry_their_pair_numbers():
-    scene = heap(2)
-    scene.poses[:, :3] = (0, 0, 0.3), (0, 0, 0.2)
-    ground, pair = rows_of(GROUND_PAIR, [(0, 4), (1, 5)]), rows_of(SHAPE_PAIR, [(0, 1, 6)])
-    touch = scene.ask(Candidates(ground, pair, NOBODY, NOT_APART))
-    assert touch.whose[:, [0, 1, 3]].tolist() == [[0, -1, 4], [1, -1, 5], [0, 1, 6]]

@@ -54,12 +54,6 @@ def test_contacts_and_limits_out_of_reach_change_no_bit(way):
             assert np.all((gap > 997) & (gap < 1000))
 
 
-def test_a_body_at_rest_far_from_everything_takes_no_contacts():
-    run = pg.simulate(chain(law="soft"), np.zeros(4), t_end=0.1, method="rk4", step=1e-3)
-    assert (run.header["method"], "began" in run.header) == ("rk4", False)
-    assert np.array_equal(run.q[-1], run.q[0])
-
-
 LONG = {"method": "rk4", "step": 1e-4, "frames": 2001}  # too long to share memory
 
 

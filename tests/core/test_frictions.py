@@ -9,13 +9,9 @@ import pytest
 
 import pgraph_core as pg
 
+from ..worlds import ball, box
+
 G, R = 9.81, 0.1
-
-
-def ball(**more) -> pg.Body:
-    inertia = np.eye(3) * 0.4 * R * R
-    shape = {"kind": "sphere", "radius": R}
-    return pg.Body(name="b", joint="free", mass=1, inertia=inertia, shape=shape, **more)
 
 
 def run(body: pg.Body, t_end: float, step: float = 1e-3, up="z", slope=0.0, **contact) -> pg.Result:
@@ -33,7 +29,7 @@ def test_rolling_friction_slows_a_ball(up):
     k = "xyz".index(up)
     place, turn, go = np.zeros(3), np.zeros(3), np.zeros(3)
     place[k], go[(k + 1) % 3], turn[(k + 2) % 3] = R, speed, speed / R
-    start = ball(q=(*place, 1, 0, 0, 0), v=(*turn, *go))
+    start = ball(place=(0, 0, 0), q=(*place, 1, 0, 0, 0), v=(*turn, *go))
     slowing = 5 / 7 * G * rho / R
     result = run(start, 2.0, up=up, rolling_friction=rho)
     assert result.v[-1, 3 + (k + 1) % 3] == pytest.approx(speed - 2 * slowing, rel=1e-9)
@@ -46,7 +42,11 @@ def test_rolling_friction_slows_a_ball(up):
 def test_spinning_friction_slows_a_ball():
     """ω' = -σ m g / I about the normal; nothing else moves."""
     sigma = 1e-3
-    result = run(ball(q=(0, 0, R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0)), 1.0, spinning_friction=sigma)
+    result = run(
+        ball(place=(0, 0, 0), q=(0, 0, R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0)),
+        1.0,
+        spinning_friction=sigma,
+    )
     assert result.v[-1, 2] == pytest.approx(10 - sigma * G / (0.4 * R * R), rel=1e-9)
     assert abs(result.v[-1, [0, 1, 3, 4, 5]]).max() < 1e-12
     torque = result.contact_force["c"][-1, 2]
@@ -59,7 +59,9 @@ def test_a_ball_stays_on_a_slope_below_the_angle_of_rolling_friction(part, rolls
     rho = 0.01
     slope = math.atan(part * rho / R)
     normal = np.array((-math.sin(slope), 0, math.cos(slope)))
-    result = run(ball(q=(*(R * normal), 1, 0, 0, 0)), 1.0, slope=slope, rolling_friction=rho)
+    result = run(
+        ball(place=(0, 0, 0), q=(*(R * normal), 1, 0, 0, 0)), 1.0, slope=slope, rolling_friction=rho
+    )
     assert (abs(result.v[-1, 3]) > 1e-4) == rolls
 
 
@@ -69,10 +71,7 @@ def test_a_block_holds_by_static_friction_and_slides_by_kinetic(part, slides):
     slope = math.atan(part * static)
     turn = (math.cos(slope / 2), 0, -math.sin(slope / 2), 0)
     normal = np.array((-math.sin(slope), 0, math.cos(slope)))
-    block = pg.Body(
-        name="b", joint="free", mass=1, inertia=np.eye(3) * 0.01, q=(*(0.05 * normal), *turn),
-        shape={"kind": "box", "size": (0.4, 0.4, 0.1)},
-    )  # fmt: skip
+    block = box(size=(0.4, 0.4, 0.1), q=(*(0.05 * normal), *turn), place=(0, 0, 0))
     result = run(block, 1.0, slope=slope, friction=kinetic, static_friction=static)
     down = G * (math.sin(slope) - kinetic * math.cos(slope)) if slides else 0.0
     assert np.linalg.norm(result.v[-1, 3:]) == pytest.approx(down, rel=3e-3, abs=1e-9)
@@ -84,10 +83,7 @@ def test_a_block_that_is_pulled_by_a_spring_sticks_and_slips():
     rate = math.sqrt(stiffness / mass)
     half = (static - kinetic) * mass * G / stiffness  # of the stretch, about that of sliding
     period = 2 * half / pull + 2 * (math.pi - math.atan(half * rate / pull)) / rate
-    block = pg.Body(
-        name="b", joint="free", mass=mass, inertia=np.eye(3) * 0.01, q=(0, 0, 0.05, 1, 0, 0, 0),
-        shape={"kind": "box", "size": (0.4, 0.4, 0.1)},
-    )  # fmt: skip
+    block = box(place=(0, 0, 0), size=(0.4, 0.4, 0.1), mass=mass, q=(0, 0, 0.05, 1, 0, 0, 0))
     start = kinetic * mass * G / stiffness
     cart = pg.Body(
         name="cart", joint="prismatic", axes=((1, 0, 0),), mass=1e9, inertia=np.eye(3),

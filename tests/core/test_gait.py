@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.rotation import matrix
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 SLIP = 1e-2  # m per stance, at a friction of 0.7
@@ -105,14 +104,6 @@ def test_phases_are_those_of_forces():
         bears = push[1:][phase[1:] != "swing"] > 0.0
         assert bears.mean() > 0.95
         assert {"swing", "stance"} <= set(phase)
-
-
-def test_events_change_the_phases_at_their_times():
-    run = walked("quadruped_hips", "trot")
-    for event in run.events:
-        k = int(np.searchsorted(run.t, event.t - 1e-9))
-        assert run.phases[event.contact][k] == event.after
-        assert run.phases[event.contact][k - 1] == event.before
 
 
 def test_time_stepping_and_events_agree_to_the_order_of_the_step():

@@ -97,23 +97,3 @@ def test_a_hull_keeps_the_extent_of_its_many_points():
     touch = Scene([solids.hull(base)]).on_ground(margin=1e-3)
     assert len(touch.gap) == 8
     assert ConvexHull(touch.a[:, :2]).volume > 0.75 * np.pi
-
-
-PATCHES = [
-    (0.0, 0.0, 0.5),  # the plane
-    (2.0, 0.0, 0.5 - 0.2),  # on the step
-    (3.5, 0.0, 0.5 - 0.4),  # where two overlap the later one counts
-    (-2.0, 0.0, 0.5 + 0.3),  # over the pit
-    (2.0, 9.0, 0.5),  # beside it
-]
-
-
-@pytest.mark.parametrize(("x", "y", "gap"), PATCHES)
-def test_height_steps(x, y, gap):
-    patches = [(1, 4, -1, 1, 0.2), (3, 4, -1, 1, 0.4), (-3, -1, -1, 1, -0.3)]
-    ground = solids.ground((0, 0, 1), patches)
-    scene = Scene([solids.sphere(0.5)], [pose((x, y, 1))], ground)
-    assert scene.gaps(on_ground=[0])[0] == pytest.approx(gap)
-    touch = scene.on_ground()
-    assert touch.gap == pytest.approx([gap])
-    assert touch.b[0, 2] == pytest.approx(0.5 - gap)

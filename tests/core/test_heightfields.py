@@ -139,15 +139,6 @@ def test_where_steps_overlap_the_last_one_counts():
     assert [gap[0] for gap in gaps.values()] == pytest.approx([0.005] * len(bodies), abs=1e-6)
 
 
-@pytest.mark.parametrize(("x", "z"), [(-3.0, 0.1), (-1.2, 0.1), (-0.5, -0.1), (0.5, 0.4)])
-def test_a_box_rests_at_the_height_of_each_part_of_the_ground(x, z):
-    pit = pg.Step(**STEP, height=-0.2)
-    inside = pg.Step(low=(0, -1), high=(1, 1), height=0.3)
-    shape = {"kind": "box", "size": (0.2, 0.2, 0.2)}
-    result = run(body(shape, (x, 0, z + 0.05)), ground=pg.Ground(steps=[pit, inside]))
-    assert result.q[-1, :3] == pytest.approx((x, 0, z), abs=5e-5)
-
-
 L = np.array(((0, 0), (1, 0), (1, 0.2), (0.2, 0.2), (0.2, 1), (0, 1)))
 
 

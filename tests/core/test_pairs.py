@@ -154,18 +154,6 @@ def test_the_gap_changes_no_faster_than_the_shapes_move(seed, kinds):
         last = now
 
 
-def test_features_stay_while_a_box_slides():
-    scene = Scene([solids.box((1, 1, 1)), solids.box((4, 4, 1))])
-    features = set()
-    for x in np.linspace(-1, 1, 21):
-        turn = Rotation.from_euler("z", 0.3 + 0.1 * x)
-        scene.poses = np.array([pose((x, 0, 0.9995), turn), pose()])
-        touch = scene.pair(margin=0.01)
-        assert len(touch.gap) == 4
-        features.add(tuple(sorted(touch.whose[:, 2])))
-    assert len(features) == 1
-
-
 @pytest.mark.parametrize("kinds", ALL, ids="-".join)
 def test_shapes_at_one_place_penetrate_by_a_finite_depth(kinds):
     rng = np.random.default_rng(3)

@@ -11,6 +11,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_models.case_models import limited_pendulum
 
+from ..worlds import ball, box, on_ground
+
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 NONE = ((0.0,) * 3,) * 3
@@ -40,6 +42,11 @@ def touching(body, *, points=((0.0, 0.0, 0.0),), ground=None, **contact):
     return pg.Model(bodies=(body,), contacts=(floor,), **({"ground": ground} if ground else {}))
 
 
+def falling(height):
+    """A point of 1 kg on a vertical rail."""
+    return pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(height,))
+
+
 @pytest.mark.parametrize(
     ("e", "way"),
     [(0.5, WAYS["rk4"]), (0.8, WAYS["rk4"]), (0.95, WAYS["rk4"]),
@@ -48,8 +55,7 @@ def touching(body, *, points=((0.0, 0.0, 0.0),), ground=None, **contact):
 def test_a_ball_comes_to_rest_at_the_zeno_time(e, way):
     """Impacts to 1e-9 s at a loose tolerance, and frames on the parabolas between them."""
     case = reference("bouncing_ball_zeno")[str(e)]
-    ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(1.0,))
-    model = touching(ball, restitution=e)
+    model = touching(falling(1.0), restitution=e)
     done = run(model, t_end=case["zeno_time"] + 0.1, frames=40, **way)
     times, expected = np.array([event.t for event in done.events]), np.array(case["impact_times"])
     assert len(times) > len(expected)
@@ -120,11 +126,8 @@ def test_both_ends_of_a_dumbbell_hit_at_once():
 @pytest.mark.parametrize("start", [0.6, 0.1001, 0.1])
 def test_the_first_impact_without_restitution_is_an_event(start):
     """A ball thrown down from afar, from near by, and where it touches."""
-    ball = pg.Body(
-        name="b", joint="prismatic", axes=((0, 0, 1),), q=(start,), v=(-1.0,), inertia=NONE,
-        shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    (hit,) = run(touching(ball, points=(), restitution=0.0), t_end=0.5, rtol=1e-9).events
+    thrown = ball(joint="prismatic", axes=((0, 0, 1),), place=(0, 0, 0), q=(start,), v=(-1.0,))
+    (hit,) = run(on_ground(thrown, restitution=0.0), t_end=0.5, rtol=1e-9).events
     exact = (np.sqrt(1 + 2 * G * (start - 0.1)) - 1) / G
     assert hit.t == pytest.approx(exact, abs=1e-12)
     assert (hit.before, hit.after) == ("swing", "stance")
@@ -191,12 +194,9 @@ def test_a_joint_goes_to_and_fro_between_elastic_limits(options):
 def block(slope=0.0, speed=0.0):
     """A box on a plane that rises along x by `slope`."""
     normal = np.array([-np.sin(slope), 0.0, np.cos(slope)])
-    body = pg.Body(
-        name="block", joint="free",
-        q=(*(0.05 * normal), np.cos(slope / 2), 0.0, -np.sin(slope / 2), 0.0),
-        v=(0, 0, 0, speed, 0, 0), shape={"kind": "box", "size": (0.2, 0.2, 0.1)},
-    )  # fmt: skip
-    return touching(body, points=(), friction=0.3, ground={"slope": slope})
+    q = (*(0.05 * normal), np.cos(slope / 2), 0.0, -np.sin(slope / 2), 0.0)
+    body = box(place=(0, 0, 0), size=(0.2, 0.2, 0.1), q=q, v=(0, 0, 0, speed, 0, 0))
+    return on_ground(body, friction=0.3, model={"ground": {"slope": slope}})
 
 
 @every_way
@@ -240,11 +240,8 @@ def test_a_block_on_a_spring_stops_after_a_finite_number_of_half_cycles():
 def test_a_thrown_ball_skids_then_rolls():
     """Skidding ends at 2/7 |u| / (mu g), whatever its direction and spin."""
     radius, mu = 0.1, 0.3
-    ball = pg.Body(
-        name="ball", joint="free", q=(0, 0, radius, 1, 0, 0, 0), v=(30.0, 0, 0, 2.0, 0, 0),
-        inertia=0.4 * radius**2 * np.eye(3), shape={"kind": "sphere", "radius": radius},
-    )  # fmt: skip
-    done = run(touching(ball, points=(), friction=mu), t_end=1.0, method="rk4", step=1e-2)
+    thrown = ball(v=(30.0, 0, 0, 2.0, 0, 0))
+    done = run(on_ground(thrown, friction=mu), t_end=1.0, method="rk4", step=1e-2)
     (rolls,) = done.events
     assert (rolls.before, rolls.after) == ("slip", "stance")
     assert abs(rolls.t - 2 / 7 * np.hypot(2.0, 30.0 * radius) / (mu * G)) < 1e-12
@@ -253,31 +250,23 @@ def test_a_thrown_ball_skids_then_rolls():
     assert done.energy_drift < 1e-12
 
 
-def sideways():
-    """A point that slides across a slope: friction turns with its path until it stops."""
-    axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    motions = tuple(("translate", axis) for axis in axes)
+def test_a_slide_across_a_slope_keeps_the_order_and_the_tolerance_of_the_method():
+    """Friction turns with the path of a point until it stops."""
+    motions = tuple(("translate", axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
     point = pg.Body(name="p", joint="compound", motions=motions, inertia=NONE, v=(0, 2, 0))
-    return touching(point, friction=0.5, ground={"slope": np.radians(20)})
-
-
-def test_a_slide_across_a_slope_keeps_the_order_of_the_method():
-    given = {"t_end": 2.0, "method": "rk4", "frames": 3}
-    runs = [run(sideways(), step=step, **given) for step in (4e-2, 2e-2, 1e-2, 1e-3)]
-    errors = [np.abs(done.q[-1] - runs[-1].q[-1]).max() for done in runs[:-1]]
-    assert errors[2] < 1e-6
-    assert np.log2(errors[0] / errors[2]) / 2 > 3.5
-    assert np.abs(runs[-1].v[-1]).max() < 1e-9
-
-
-def test_a_slide_across_a_slope_keeps_the_tolerance():
-    given = {"t_end": 2.0, "method": "dop853", "frames": 3}
-    finest = run(sideways(), rtol=1e-12, **given)
+    model = touching(point, friction=0.5, ground={"slope": np.radians(20)})
+    given = {"t_end": 2.0, "frames": 3}
+    finest = run(model, method="dop853", rtol=1e-12, **given)
+    assert np.abs(finest.v[-1]).max() < 1e-9
     for rtol in (1e-5, 1e-8):
-        done = run(sideways(), rtol=rtol, **given)
+        done = run(model, method="dop853", rtol=rtol, **given)
         assert done.events[-1].after == "stance"
         assert np.abs(done.q - finest.q).max() < 10 * rtol
         assert done.energy_drift < 10 * rtol
+    runs = [run(model, method="rk4", step=step, **given) for step in (4e-2, 1e-2)]
+    errors = [np.abs(done.q[-1] - finest.q[-1]).max() for done in runs]
+    assert errors[1] < 1e-6
+    assert np.log2(errors[0] / errors[1]) / 2 > 3.5
 
 
 def leaning_rod(lean, mu):
@@ -416,14 +405,13 @@ def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
 
 
 def test_methods_that_locate_events_and_those_that_do_not():
-    ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(0.1,))
-    model = touching(ball)
+    model = touching(falling(0.1))
     for rtol, method in ((1e-4, "dopri5"), (1e-8, "dop853")):
         assert run(model, t_end=0.2, rtol=rtol).header["method"] == method
     assert run(model, t_end=0.2).header["method"] == "moreau_jean"
     fixed = run(model, t_end=0.2, method="dopri5", step=1e-2)
     assert abs(fixed.events[0].t - np.sqrt(0.2 / G)) < 1e-12
-    stop = touching(ball.model_copy(update={"limits": ((None, 0.2),)}), law="penalty")
+    stop = touching(falling(0.1).model_copy(update={"limits": ((None, 0.2),)}), law="penalty")
     cylinder = pg.Body(name="c", joint="free", shape={"kind": "cylinder", "radius": 1, "length": 1})
     stairs = {"steps": ({"low": (0, 0), "high": (1, 1), "height": 0.1},)}
     for refused, options, key in (
@@ -432,15 +420,14 @@ def test_methods_that_locate_events_and_those_that_do_not():
         (model, {"method": "moreau_jean", "rtol": 1e-6}, "tolerance"),
         (stop, {"rtol": 1e-6}, "penalty"),
         (touching(cylinder, points=()), {"method": "rk4"}, "cylinder.*moreau_jean"),
-        (touching(ball, ground=stairs), {"method": "rk4"}, "steps.*moreau_jean"),
+        (touching(falling(0.1), ground=stairs), {"method": "rk4"}, "steps.*moreau_jean"),
     ):
         with pytest.raises(pg.InputError, match=key):
             pg.simulate(refused, t_end=0.2, **options)
 
 
 def test_events_and_phases_survive_a_file(tmp_path):
-    ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(0.1,))
-    done = run(touching(ball, restitution=0.5), t_end=0.5, **WAYS["rk4"])
+    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **WAYS["rk4"])
     done.save(tmp_path / "run.npz")
     back = pg.Result.load(tmp_path / "run.npz")
     assert back.events == done.events

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.distance import pdist
-from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 
@@ -210,34 +209,6 @@ def test_a_second_hinge_or_rail_on_the_same_axis_changes_nothing(axis, method, s
         assert np.ptp(alone.q) > 0.9
         np.testing.assert_allclose(held.q, alone.q, atol=1e-9 * np.ptp(alone.q))
         assert not any("singular" in notice for notice in held.notices)
-
-
-def test_a_four_bar_moves_alike_in_any_plane():
-    """Its closing hinge has three redundant rows, oblique to the world's axes."""
-    crank, rocker, base = np.array((0.2, 0.3, 0)), np.array((0.5, -0.6, 0)), np.array((1.0, 0, 0))
-    coupler, runs = base - crank - rocker, []
-    for turn in (Rotation.identity(), Rotation.from_rotvec((0.7, -0.4, 1.1))):
-        axis, inertia = tuple(turn.apply((0, 0, 1))), turn.as_matrix() @ np.diag((2, 3, 4))
-        links, at = [], np.zeros(3)
-        for name, link in (("crank", crank), ("coupler", coupler), ("rocker", rocker)):
-            links.append(
-                pg.Body(
-                    name=name, parent=links[-1].name if links else "ground", axes=axis, mass=1.0,
-                    link=tuple(turn.apply(at)), com=tuple(turn.apply(link / 2)),
-                    inertia=1e-2 * inertia @ turn.as_matrix().T, tip=tuple(turn.apply(link)),
-                )
-            )  # fmt: skip
-            at = link
-        close = pg.Revolute(
-            name="close", body="rocker", point=tuple(turn.apply(rocker)), axis=axis,
-            other_point=tuple(turn.apply(base)), other_axis=axis,
-        )  # fmt: skip
-        gravity = tuple(turn.apply((3.0, -9.0, 4.0)))
-        model = pg.Model(bodies=links, constraints=[close], gravity=gravity)
-        model = model.edit("crank", limits=((-9.0, 0.8),))
-        runs.append(pg.simulate(model, t_end=0.5, step=1e-3, method="moreau_jean", estimate=False))
-    assert np.ptp(runs[0].q[:, 0]) > 1.0
-    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-9)
 
 
 def test_the_inertia_of_a_body_fixed_to_the_ground_does_not_matter():

@@ -7,6 +7,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..worlds import ball, on_ground
+
 SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e-9}]
 
 
@@ -43,20 +45,19 @@ def test_a_latch_breaks_at_a_force(options):
     np.testing.assert_allclose(run.events[0].t, a, rtol=0, atol=1e-9)
 
 
+def resting(height, law="complementarity"):
+    """A ball on a vertical rail above the ground, and a latch."""
+    body = ball(joint="prismatic", axes=((0, 0, 1),), place=(0, 0, 0), q=(height,))
+    latch = pg.Constraint(name="latch", kind="point", body="b", active=False)
+    return on_ground(body, law=law).replace(constraints=(latch,))
+
+
 @pytest.mark.parametrize(("law", "options"), [("complementarity", {"rtol": 1e-8}), ("soft", {})])
 def test_a_gap_locks_a_falling_ball(law, options):
     """0.25 m above the ground."""
-    ball = pg.Body(
-        name="ball", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(1.1,),
-        shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    model = pg.Model(
-        bodies=(ball,),
-        contacts=(pg.Contact(name="floor", body="ball", law=law),),
-        constraints=(pg.Constraint(name="latch", kind="point", body="ball", active=False),),
-    )
+    model = resting(1.1, law)
     switch = pg.Switch(constraint="latch", active=True, when={"gap": "floor", "below": 0.25})
-    run = pg.simulate(pg.Mechanism(model), t_end=1.0, switches=[switch], **options)
+    run = pg.simulate(model, t_end=1.0, switches=[switch], **options)
     np.testing.assert_allclose(run.q[-1, 0], 0.35, rtol=0, atol=1e-6)
 
 
@@ -75,17 +76,10 @@ def test_a_constraint_waits_for_another():
 
 def test_the_force_of_a_contact_locks_what_presses_on_it():
     """1 kg on the ground under 10 N/s: 12 N are passed at (12 - 9.80665) / 10 s."""
-    ball = pg.Body(
-        name="b", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(0.1,),
-        shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    press = pg.Motor(name="press", body="b", torque=pg.Table(t=(0.0, 1.0), value=(0.0, -10.0)))
-    model = pg.Model(
-        bodies=(ball,), contacts=(pg.Contact(name="floor", body="b"),), forces=(press,),
-        constraints=(pg.Constraint(name="latch", kind="point", body="b", active=False),),
-    )  # fmt: skip
+    table = pg.Table(t=(0.0, 1.0), value=(0.0, -10.0))
+    model = resting(0.1).add(pg.Motor(name="press", body="b", torque=table))
     switch = pg.Switch(constraint="latch", active=True, when={"force": "floor", "above": 12.0})
-    run = pg.simulate(pg.Mechanism(model), t_end=1.0, step=1e-3, switches=[switch])
+    run = pg.simulate(model, t_end=1.0, step=1e-3, switches=[switch])
     (event,) = [event for event in run.events if event.contact == "latch"]
     weight = -np.asarray(model.gravity) @ (0.0, 0.0, 1.0)
     np.testing.assert_allclose(event.t, (12.0 - weight) / 10.0, rtol=0, atol=1e-3)
@@ -111,20 +105,15 @@ def test_files_keep_the_conditions_of_scenarios(tmp_path):
 
 def scenario(*switches, constraints=None):
     """Two bodies, three constraints of which `held` is on, a contact, and these switches."""
-    bodies = (
-        pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), limits=((-2.0, 2.0),),
-                shape={"kind": "sphere", "radius": 0.1}),
-        pg.Body(name="plate", joint="planar", parent="b"),
-    )  # fmt: skip
-    return pg.Model(
-        bodies=bodies,
-        contacts=(pg.Contact(name="floor", body="b"),),
-        constraints=tuple(
-            pg.Constraint(name=n, kind="point", body="b", active=n == "held")
-            for n in ("latch", "second", "held")
-        ),
-        scenarios=(pg.Scenario(name="s", switches=switches, constraints=constraints),),
+    b = ball(joint="prismatic", axes=((1, 0, 0),), limits=((-2.0, 2.0),))
+    ties = tuple(
+        pg.Constraint(name=n, kind="point", body="b", active=n == "held")
+        for n in ("latch", "second", "held")
     )
+    given = pg.Scenario(name="s", switches=switches, constraints=constraints)
+    bodies = (b, pg.Body(name="plate", joint="planar", parent="b"))
+    floor = pg.Contact(name="floor", body="b")
+    return pg.Model(bodies=bodies, contacts=(floor,), constraints=ties, scenarios=(given,))
 
 
 def switch(constraint, active, /, **when):
@@ -175,7 +164,7 @@ def test_conditions_that_do_not_fit_are_refused_with_the_model(fields, key):
 
 def test_conditions_of_a_run_on_missing_parts_are_refused():
     when = {"gap": "wall", "below": 1}
-    with pytest.raises(pg.InputError, match="gap.*'wall'"):
+    with pytest.raises(pg.InputError, match=r"gap.*'wall'"):
         pg.simulate(slider(), switches=[pg.Switch(constraint="latch", active=True, when=when)])
 
 

@@ -139,13 +139,6 @@ def test_an_argument_replaces_the_switches_of_a_scenario():
     assert gone.scenarios[0].switches == ()
 
 
-def test_a_switch_at_the_start_is_an_initial_state():
-    mech = pair("point", point=(-0.5, 0, 0))
-    done = pg.simulate(mech, t_end=0.01, switches=((0.0, "tie", True),))
-    assert done.events == ()
-    assert done.constraint_drift.max() < 1e-9
-
-
 def test_a_constraint_does_not_jump_to_a_given_place():
     mech = pair("point", point=(-0.5, 0, 0), other_point=(5.0, 0, 0))
     done = pg.simulate(mech, t_end=0.2, switches=((0.1, "tie", True),))

@@ -113,13 +113,6 @@ def test_a_wall_welded_to_the_ground_has_the_stiffness_of_the_ground(law, mass):
     np.testing.assert_allclose(*heights, atol=1e-9)
 
 
-def test_a_missing_mesh_is_named_with_its_contact_and_body():
-    model = pg.Model.serial(1).edit("1", shape={"kind": "mesh", "file": "none.stl"})
-    model = model.replace(contacts=(pg.Contact(name="sole", body="1"),))
-    with pytest.raises(pg.ModelError, match=r"'sole'.*'1'.*none\.stl"):
-        pg.simulate(model, t_end=0.1)
-
-
 def test_limits_are_named_by_their_coordinates():
     motions = (("ball", (0, 0, 1)), ("translate", (1, 0, 0)), ("rotate", (0, 0, 1)))
     bodies = (

@@ -76,13 +76,6 @@ def test_events_of_an_oscillation_have_their_closed_form(options, frames):
     assert len(run.t) == frames
 
 
-def test_watching_does_not_change_the_motion():
-    free = pg.simulate(swinging(0.3), t_end=5.0, frames=51, rtol=1e-10)
-    watched = pg.simulate(swinging(0.3), t_end=5.0, frames=51, rtol=1e-10, events=crossing(0.2))
-    np.testing.assert_allclose(watched.q, free.q, rtol=0, atol=1e-9)
-    assert len(watched.user_events) > 2
-
-
 @pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 1e-3}])
 def test_events_between_impacts(options):
     """A ball that bounces at e = 0.5 passes 0.1 m: falling, rising, falling."""
