@@ -126,7 +126,7 @@ def test_soft_balls_that_meet_have_their_restitution(law, speed):
 
 @pytest.mark.parametrize("method", ["rk4", "dopri5"])
 def test_a_cart_that_is_pushed_late_hits_its_limit(method):
-    """At rest for 0.5 s, then 8 m/s² towards a limit 1 m away: hit at 1 s with 4 m/s."""
+    """Pushed with 8 m/s² after 0.5 s, it hits a limit 1 m away after 1 s with 4 m/s."""
     cart = pg.Body(
         name="cart", joint="prismatic", axes=((1, 0, 0),), mass=1.0, limits=(-1.0, 1.0),
         limit_restitution=1.0,

@@ -137,7 +137,7 @@ def test_a_leaning_rod_slides_on_with_much_friction(mu, degrees):
     assert errors[1] < 0.2 * errors[0]
 
 
-def test_soft_and_penalty_contacts_are_recorded_beside_rigid_ones():
+def test_contacts_of_three_laws_carry_in_one_run():
     """Three boxes at rest on a slope: the floor carries each, and friction sticks."""
     laws = ("complementarity", "soft", "penalty")
     bodies = [box(law, (k, 0, 0.1)) for k, law in enumerate(laws)]
@@ -156,7 +156,7 @@ def test_soft_and_penalty_contacts_are_recorded_beside_rigid_ones():
 
 
 def test_the_quadruped_drops_and_stands():
-    """Its weight is on the ground, which only pushes, within the cone; the ledger closes."""
+    """The ground carries its weight, only pushes, and stays within the cones."""
     mech, q, v = quadruped(0.7, drop=0.1)
     servos = [f.model_copy(update={"kp": 2000.0, "kd": 80.0}) for f in mech.model.forces]
     mech = pg.Mechanism(mech.model.replace(forces=servos))

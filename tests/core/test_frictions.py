@@ -40,7 +40,7 @@ def test_rolling_friction_slows_a_ball(up):
 
 
 def test_spinning_friction_slows_a_ball():
-    """ω' = -σ m g / I about the normal; nothing else moves."""
+    """ω' = -σ m g / I about the normal, and nothing else moves."""
     sigma = 1e-3
     result = run(
         ball(place=(0, 0, 0), q=(0, 0, R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0)),

@@ -60,7 +60,7 @@ def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
 
 
 def check_walk(run: pg.Result, scenario: str, speed: float) -> None:
-    """It keeps its speed, heading and torque limits; feet hold and touch once per stride."""
+    """Check speed, heading, torque limits, slips, and touchdowns per stride."""
     assert run.status.ok
     assert not run.notices
     gait = run.mechanism.model.scenario(scenario).gait
@@ -95,7 +95,7 @@ def test_a_long_walk_keeps_its_speed_and_limits(name: str, scenario: str, speed:
 
 
 def test_phases_are_those_of_forces():
-    """A foot in swing bears nothing; all others push. A flight of one step is a graze."""
+    """A foot in swing bears nothing, and the others push. A flight of one step is a graze."""
     run = walked("quadruped_hips", "trot")
     for foot in FEET:
         phase = run.phases[foot]
@@ -196,7 +196,7 @@ def test_it_steps_on_known_kerbs_and_not_into_them():
 @pytest.mark.parametrize(
     ("scenario", "aside"), [("trot", 0.3), pytest.param("crawl", -0.2, marks=pytest.mark.nightly)]
 )
-def test_it_goes_as_fast_to_the_side_as_it_is_asked_to(scenario: str, aside: float):
+def test_a_walk_drifts_sideways_at_its_speed(scenario: str, aside: float):
     mech = mechanism("quadruped_hips")
     walk = pg.Controller(mech, mech.model.scenario(scenario).gait.edit(drift=aside))
     run = pg.simulate(mech, scenario=scenario, tau=walk, t_end=10.0, estimate=False)

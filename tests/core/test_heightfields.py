@@ -44,7 +44,7 @@ SOLIDS = [
 
 
 @pytest.mark.parametrize("shape", SOLIDS, ids=lambda s: s["kind"])
-def test_what_falls_on_a_flat_heightfield_rests_as_on_the_plane(shape):
+def test_a_body_on_a_flat_heightfield_rests_as_on_the_plane(shape):
     result = run(body(shape, (0.013, 0.02, 0.15)), field(np.zeros((21, 21))), other="field")
     assert result.q[-1, :3] == pytest.approx((0.013, 0.02, 0.1), abs=3e-6)
     assert abs(result.v[-1]).max() < 1e-9
@@ -96,7 +96,7 @@ def test_distances_to_a_heightfield_are_those_to_its_prisms(kind):
 
 
 @pytest.mark.parametrize("order", [("b", "field"), ("field", "b")])
-def test_the_ground_carries_what_lies_on_it_whoever_is_named_first(order):
+def test_a_heightfield_carries_the_weight_in_either_order(order):
     bodies = [body(SOLIDS[0], (0.3, 0.2, 0.1)), field(np.zeros((9, 9)))]
     contact = pg.Contact(name="c", body=order[0], other=order[1])
     result = pg.simulate(pg.Model(bodies=bodies, contacts=[contact]), t_end=0.1, step=1e-3)

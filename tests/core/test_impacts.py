@@ -118,7 +118,7 @@ def test_a_spike_with_next_to_no_inertia_about_its_axis_keeps_the_laws(lever, sl
 
 
 def rod_impulse(plane, u, mu, e):
-    """(normal, drag) by Coulomb's and Newton's laws in a plane, case by case; None if not one."""
+    """(case, (normal, drag)) by Coulomb's and Newton's laws, or None if several solutions fit."""
     goal = np.array([(1 + e) * u[0], u[1]])
     found = {"ends": -np.linalg.solve(plane, goal)}
     if abs(found["ends"][1]) > mu * found["ends"][0]:
@@ -209,7 +209,7 @@ def test_points_that_hit_at_once_stop_or_bounce(way, bottom, mu, e):
 
 
 def test_a_box_that_lands_on_a_face_does_not_feel_how_the_scene_is_turned():
-    """Two corners rest when the face slaps down; rounding must not choose between solutions."""
+    """Two corners rest when the face slaps down. Rounding must not choose a solution."""
     tilt = Rotation.from_rotvec(0.3 * np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5]))
     ends = []
     for angle in (0.0, 0.2, 0.3):
@@ -275,7 +275,7 @@ BULLETS = {
 
 @pytest.mark.parametrize("kind", BULLETS)
 def test_a_tilted_bullet_stays_before_a_thin_wall(kind, tmp_path):
-    """At 300 m/s, with four frames; its energy does not grow."""
+    """At 300 m/s, and however few frames are recorded."""
     shape = dict(BULLETS[kind])
     if kind == "mesh":
         shape["file"] = str(tmp_path / "wedge.obj")
@@ -294,7 +294,7 @@ def test_a_tilted_bullet_stays_before_a_thin_wall(kind, tmp_path):
 
 
 def test_a_plank_that_tips_over_lies_flat_on_a_thin_slab():
-    """Its foot touches from the start; its other end moves more than its thickness a step."""
+    """Its upper end moves more than its thickness per step."""
     tilt = 0.1
     out, up = np.sin(tilt), np.cos(tilt)
     middle = (0.5 * out - 5e-4 * up, 0.0, 0.5 * up + 5e-4 * out)
@@ -392,7 +392,7 @@ def test_corners_that_land_in_turn_are_hit_in_turn(tilt, restitution, step):
 
 
 def test_corners_that_land_together_keep_a_mirror_symmetry():
-    """A ball falls on a plank on a roller; the end of the plank hits the floor with two corners."""
+    """A ball falls on a plank on a roller, whose end hits the floor with two corners."""
     quarter = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
     bodies = [
         pg.Body(

@@ -90,7 +90,7 @@ def test_accelerations_that_the_constraints_exclude_are_refused(name):
     np.testing.assert_allclose(tau, wanted, atol=1e-3 * max(abs(wanted).max(), 1.0))
 
 
-def test_what_cannot_be_reached_is_named():
+def test_unreachable_accelerations_are_refused():
     mech, q, v = moving("four_bar")
     loop = mech.model.constraints[0].name
     tree = pg.Mechanism(pg.Model.serial(2))
@@ -147,7 +147,7 @@ def block(friction: float) -> pg.Mechanism:
     return pg.Mechanism(pg.Model(bodies=[cube], contacts=[touch]))
 
 
-def test_contacts_give_what_their_cones_hold_and_not_more():
+def test_contact_forces_stay_in_their_cones():
     mech = block(0.5)
     q, v = mech.home()
     along = 0.999 * 0.5 * 9.81 * np.array([np.cos(0.4), np.sin(0.4)])

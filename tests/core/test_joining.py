@@ -25,7 +25,7 @@ def bouncing() -> pg.Model:
 
 
 def halves(model: pg.Model, **settings) -> tuple[pg.Result, pg.Result, pg.Result]:
-    """(first, second, joined): the second run begins where the first ended."""
+    """Two runs, of which the second begins where the first ended, and both joined."""
     first = pg.simulate(model, t_end=HALF, **settings)
     state = first.q[-1], first.v[-1]
     second = pg.simulate(model, *state, t_start=HALF, t_end=WHOLE, **settings)

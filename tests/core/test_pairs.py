@@ -84,7 +84,7 @@ def test_points_have_the_gap_of_the_nearest_of_them():
 
 
 def check(scene: Scene, touch: Touch) -> None:
-    """What holds of any contact points."""
+    """Check the laws of all contact points."""
     assert 1 <= len(touch.gap) <= 8
     np.testing.assert_allclose(np.linalg.norm(touch.normal, axis=1), 1, atol=ROUNDING)
     along = ((touch.a - touch.b) * touch.normal).sum(axis=1)
@@ -135,7 +135,7 @@ def test_a_common_motion_changes_nothing(seed, kinds, far):
 
 @given(seeds, st.sampled_from(ALL))
 def test_the_gap_changes_no_faster_than_the_shapes_move(seed, kinds):
-    """It is continuous: no jump where the feature changes, or from apart to penetrating."""
+    """No jump where the feature changes, or from apart to penetrating."""
     scene = scene_of(seed, kinds)
     rng = np.random.default_rng(seed)
     away = scene.poses[0, :3] - scene.poses[1, :3]

@@ -196,7 +196,7 @@ def on_a_ball_joint():
 
 @pytest.mark.parametrize("scene", [fingers, on_a_ball_joint])
 @pytest.mark.parametrize(("law", "e"), [("soft", 0.2), ("penalty", 0.7)])
-def test_bodies_of_a_tree_have_the_restitution_asked_for(scene, law, e):
+def test_bodies_of_a_tree_part_with_their_restitution(scene, law, e):
     bodies, pair = scene()
     stiff = {"stiffness": 1e8 if law == "soft" else 1e6}
     contact = pg.Contact(name="c", law=law, friction=0.0, restitution=e, **stiff, **pair)

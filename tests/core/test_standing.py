@@ -41,7 +41,7 @@ def places(run):
     [(2, SIDE, 1e-3), (12, SIDE, 1e-3), (5, 1e-3, 1e-2), (5, 100.0, 1e-4)],
 )
 def test_stacks_of_equal_boxes_rest(count, side, step):
-    """They are a solution as they stand: what moves is rounding."""
+    """The initial state is the solution, to rounding."""
     run = run_of(tower(count * [1.0], side=side), t_end=100 * step, step=step)
     assert not run.notices
     assert abs(run.v[-1]).max() < 1e-12 * max(1.0, 100 * G * step / side)
@@ -155,7 +155,7 @@ def gripper(friction, part, kind):
     ("kind", "friction"), [("box", 0.2), ("sphere", 0.5), ("cylinder", 1.0), ("box", 1.0)]
 )
 def test_a_gripper_holds_with_the_force_that_it_needs(kind, friction):
-    """1 % above it the object stays, and both sides carry the same; 1 % below it slips."""
+    """With 1 % more both sides carry the same. With 1 % less the object slips."""
     kept = pg.simulate(gripper(friction, 1.01, kind), t_end=0.5, step=1e-3, estimate=False)
     loads = [kept.contact_force[side][-1, 5] for side in ("left", "right")]
     assert abs(kept.body_pose[-1, 0, 2]) < 1e-9

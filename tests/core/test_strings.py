@@ -82,12 +82,12 @@ def test_two_bodies_share_the_pull_of_a_string():
 
 
 def test_strings_that_do_not_fit_are_refused_or_reported():
-    with pytest.raises(pg.ModelError, match=r"low.*at most high"):
+    with pytest.raises(pg.ModelError, match="low.*high"):
         pg.Spring(**HERE, low=2.0, high=1.0)
-    with pytest.raises(pg.ModelError, match=r"high.*> 0"):
+    with pytest.raises(pg.ModelError, match="high"):
         pg.Spring(**HERE, high=0.0)
     string = pg.Spring(**HERE, high=1.0)
-    with pytest.raises(pg.InputError, match=r"springs.*moreau_jean"):
+    with pytest.raises(pg.InputError, match="moreau_jean"):
         pg.simulate(swinging(string), method="dop853", t_end=0.1)
     with pytest.raises(pg.InputError, match="spring"):
         pg.simulate(swinging(), forces=[string], t_end=0.1)

@@ -34,7 +34,7 @@ def test_a_coordinate_locks_the_slider_where_it_is(options):
 
 @pytest.mark.parametrize("options", SETTINGS)
 def test_a_latch_breaks_at_a_force(options):
-    """Under 10 N/s it breaks at 4 N, 0.4 s; then a = 5 t."""
+    """Under 10 N/s it breaks at 4 N after 0.4 s. Then a = 5 t."""
     ramp = pg.Motor(name="pull", body="b", torque=pg.Table(t=(0.0, 1.0), value=(0.0, 10.0)))
     mech = slider(forces=(ramp,), active=True)
     switch = pg.Switch(constraint="latch", active=False, when={"force": "latch", "above": 4.0})
@@ -74,7 +74,7 @@ def test_a_constraint_waits_for_another():
     assert [event.contact for event in run.events] == ["latch", "second", "latch"]
 
 
-def test_the_force_of_a_contact_locks_what_presses_on_it():
+def test_the_force_of_a_contact_switches_a_latch():
     """1 kg on the ground under 10 N/s: 12 N are passed at (12 - 9.80665) / 10 s."""
     table = pg.Table(t=(0.0, 1.0), value=(0.0, -10.0))
     model = resting(0.1).add(pg.Motor(name="press", body="b", torque=table))

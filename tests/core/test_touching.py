@@ -20,7 +20,7 @@ def gap(model, q, name):
 
 @pytest.mark.parametrize("count", [3, 22])
 def test_bodies_that_a_joint_connects_touch_only_in_a_contact_that_names_both(count):
-    """A straight chain of overlapping rods stays at rest; a named contact pushes them apart."""
+    """Overlapping rods of a straight chain do not push each other, unless a contact names them."""
     model = pg.Model.serial(count).replace(gravity=(0, 0, 0))
     for name in model.row:
         model = model.edit(name, shape={"kind": "box", "size": (0.3, 0.1, 0.1)})

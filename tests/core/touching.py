@@ -126,7 +126,7 @@ def random_solid(rng: np.random.Generator, kind: str, size: float = 1.0) -> Soli
 
 
 def random_pose(rng: np.random.Generator, spread: float, *, square: bool = False) -> np.ndarray:
-    """Anywhere; `square`: on a grid and at right angles, so that faces and edges are parallel."""
+    """A random pose. With `square`, on a grid and at right angles, so that faces are parallel."""
     place = rng.normal(size=3) * spread
     if square:
         turn = Rotation.from_euler("xyz", rng.integers(0, 4, 3) * (np.pi / 2))
@@ -145,5 +145,5 @@ def moved(poses: np.ndarray, position, rotation: Rotation) -> np.ndarray:
 
 
 def rounded(solid: Solid) -> float:
-    """The radius about the vertices: of spheres and capsules."""
+    """The radius of spheres and capsules, else 0."""
     return solid.radius if solid.kind in (SPHERE, CAPSULE) else 0.0
