@@ -5,8 +5,6 @@ the origin, the depth is the nearest facet of Qhull's; else the nearest point of
 by Wolfe's method. Nothing of ours is run.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 

@@ -1,7 +1,5 @@
 """The broad phase finds every pair that touches, and no pair that may not touch."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

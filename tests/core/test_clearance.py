@@ -1,11 +1,11 @@
 """Runs with contacts and limits that nothing comes near, and runs in which something does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+
+from ..worlds import ball, box, on_ground
 
 
 def chain(limits=None, law=None):
@@ -20,9 +20,7 @@ def chain(limits=None, law=None):
     ]  # fmt: skip
     if law is None:
         return pg.Mechanism(pg.Model(bodies=tuple(bodies)))
-    wall = pg.Body(
-        name="wall", joint="weld", link=(1000, 0, 0), shape={"kind": "box", "size": (1, 1, 1)}
-    )
+    wall = box("wall", (1000, 0, 0), (1, 1, 1), joint="weld")
     contacts = tuple(pg.Contact(name=b.name, body=b.name, other="wall", law=law) for b in bodies)
     return pg.Mechanism(pg.Model(bodies=(*bodies, wall), contacts=contacts))
 
@@ -75,11 +73,7 @@ def test_runs_far_and_near_leave_nothing_to_the_next_one(way):
 
 def test_a_run_includes_contacts_once_a_body_comes_near():
     """A ball falls 1 m and bounces to e² of the height."""
-    ball = pg.Body(
-        name="b", joint="free", link=(0, 0, 1.1), shape={"kind": "sphere", "radius": 0.1}
-    )
-    floor = pg.Contact(name="floor", body="b", restitution=0.5)
-    run = pg.simulate(pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,))), t_end=0.7)
+    run = pg.simulate(on_ground(ball(place=(0, 0, 1.1)), restitution=0.5), t_end=0.7)
     assert run.header["method"] == "moreau_jean"
     assert "dop853" in run.header["began"]
     hit = np.sqrt(2 / 9.81)
@@ -99,29 +93,15 @@ def test_a_tip_that_dips_into_the_ground_in_every_turn_hits_it(method, rtol):
         name="rotor", axes=((0, 1, 0),), link=(0, 0, 0.99), com=(0, 0, 0), tip=(0, 0, -1), q=2.0,
         inertia=np.eye(3),
     )  # fmt: skip
-    tip = pg.Contact(name="tip", body="rotor", points=((0, 0, -1),), restitution=1.0, friction=0.0)
-    mech = pg.Mechanism(pg.Model(bodies=(rotor,), gravity=(0, 0, 0), contacts=(tip,)))
-    run = pg.simulate(mech, [2.0], [3.0], t_end=4.0, method=method, rtol=rtol, estimate=False)
+    law = {"points": ((0, 0, -1),), "restitution": 1.0, "friction": 0.0}
+    model = on_ground(rotor, model={"gravity": (0, 0, 0)}, **law)
+    run = pg.simulate(model, [2.0], [3.0], t_end=4.0, method=method, rtol=rtol, estimate=False)
     inside = np.arccos(0.99)  # the tip is at or over the ground beyond this angle
     first = (2 * np.pi - inside - 2.0) / 3.0
     turn = (2 * np.pi - 2 * inside) / 3.0
     hits = [event.t for event in run.events]
     np.testing.assert_allclose(hits, first + turn * np.arange(len(hits)), atol=1e-6)
     assert len(hits) == 1 + int((4.0 - first) / turn)
-
-
-@pytest.mark.parametrize(("law", "speed"), [("soft", 1000.0), ("penalty", 1.0)])
-def test_soft_balls_that_meet_have_their_restitution(law, speed):
-    """Two balls 10 m apart at the default settings."""
-    balls = tuple(
-        pg.Body(name=name, joint="prismatic", axes=((1, 0, 0),), link=(x, 0, 0),
-                shape={"kind": "sphere", "radius": 0.01})
-        for name, x in (("a", 0.0), ("b", 10.02))
-    )  # fmt: skip
-    hit = pg.Contact(name="hit", body="a", other="b", law=law, restitution=0.5)
-    mech = pg.Mechanism(pg.Model(bodies=balls, gravity=(0, 0, 0), contacts=(hit,)))
-    run = pg.simulate(mech, [0.0, 0.0], [speed, 0.0], t_end=12 / speed, estimate=False)
-    np.testing.assert_allclose(run.v[-1], [0.25 * speed, 0.75 * speed], rtol=0.01)
 
 
 @pytest.mark.parametrize("method", ["rk4", "dopri5"])

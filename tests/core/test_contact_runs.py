@@ -1,7 +1,5 @@
 """Time stepping with contacts: forces by name, loops, three laws, and what runs report."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

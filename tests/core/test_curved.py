@@ -1,7 +1,5 @@
 """Cylinders and ellipsoids against convex shapes: separations, normals, contact points."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Static, rolling and spinning friction in time stepping, against closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

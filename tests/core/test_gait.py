@@ -1,7 +1,5 @@
 """Walks of the quadrupeds: speeds, slips, limits, phases, agreement of methods."""
 
-from __future__ import annotations
-
 import csv
 import io
 from functools import cache

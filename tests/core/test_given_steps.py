@@ -1,7 +1,5 @@
 """Runs at given steps: tables with corners inside them, hard equations, and fast spin."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Shapes on the ground: gaps, contact points, slopes and steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

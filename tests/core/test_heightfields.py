@@ -1,7 +1,5 @@
 """Bodies on heightfields, on steps with side faces, and on meshes by convex parts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Impacts: the laws of Signorini, Newton and Coulomb, and no shape that passes another."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inverse dynamics with loops and contacts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize

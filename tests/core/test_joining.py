@@ -1,7 +1,5 @@
 """Runs that start later than 0, and runs joined to one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Contact of two shapes: signed distance, points, symmetry, continuity, degenerate cases."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Soft and penalty contacts: restitution, friction, energy, and steps that resolve them."""
 
-from __future__ import annotations
-
 from math import gamma
 from typing import Any
 
@@ -83,6 +81,13 @@ def test_a_step_ends_where_hard_soft_contacts_meet(given):
     run = pg.simulate(model, t_end=30.0, method="dop853", estimate=False, **given)
     after = np.array([m[0] - m[1], 2 * m[0]]) / sum(m) * v  # of elastic balls
     np.testing.assert_allclose(run.v[-1], after, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("law", "speed"), [("soft", 1000.0), ("penalty", 1.0)])
+def test_balls_that_meet_after_10_m_have_their_restitution(law, speed):
+    model = two_balls((1.0, 1.0), 0.01, speed, 10.02, law, restitution=0.5)
+    run = pg.simulate(model, t_end=12 / speed, estimate=False)
+    np.testing.assert_allclose(run.v[-1], [0.25 * speed, 0.75 * speed], rtol=0.01)
 
 
 def test_runs_that_agree_by_chance_do_not_make_a_small_estimate():

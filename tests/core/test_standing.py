@@ -1,7 +1,5 @@
 """Bodies that stand, lie, slide and are held in time stepping: stacks, heaps, grippers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Springs with limits of their length (strings), in runs and compared with MuJoCo."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +80,7 @@ def test_two_bodies_share_the_pull_of_a_string():
 
 
 def test_strings_that_do_not_fit_are_refused_or_reported():
-    with pytest.raises(pg.ModelError, match="low.*high"):
+    with pytest.raises(pg.ModelError, match=r"low.*high"):
         pg.Spring(**HERE, low=2.0, high=1.0)
     with pytest.raises(pg.ModelError, match="high"):
         pg.Spring(**HERE, high=0.0)
@@ -116,14 +114,22 @@ def read(tmp_path: Path, text: str) -> tuple[pg.Model, Any]:
 
 
 def test_limits_of_tendons_between_sites_are_read_and_written(tmp_path: Path):
+    mujoco: Any = pytest.importorskip("mujoco")
+    from tests.core.test_mjcf_of_others import errors_of  # it needs mujoco too
+
     model, report = read(tmp_path, STRING.format(margin=0))
     assert report.loaded, report
     string, spring = (f for f in model.forces if isinstance(f, pg.Spring))
     assert (string.low, string.high, string.stiffness, string.other) == (None, 0.7, 0.0, "ground")
     assert (spring.low, spring.high) == (0.9, 3.0)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     assert pg.write_mjcf(model, tmp_path / "again.xml").loaded
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "again.xml"))
     again, _ = pg.read_mjcf(tmp_path / "again.xml")
     assert [ends_of(f) for f in again.forces] == [ends_of(f) for f in model.forces]
+    rng = np.random.default_rng(3)
+    assert max(errors_of(again, m, rng).values()) < 1e-12
+    assert max(errors_of(model, theirs, rng).values()) < 1e-12
     narrow, report = read(tmp_path, STRING.format(margin=".05"))
     assert ends_of(narrow.forces[0]) == pytest.approx((0.05, 0.65))  # where MuJoCo's rest
     assert any("margin" in str(e) for e in report.of("converted"))

@@ -1,7 +1,5 @@
 """Switches that wait for a condition of the state, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

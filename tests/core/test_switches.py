@@ -1,7 +1,5 @@
 """Constraints that go on and off during a run."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

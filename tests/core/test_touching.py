@@ -1,7 +1,5 @@
 """Which bodies of a model touch, where, and the defaults of the contact laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Events of the user: located to rounding, counted by direction, and terminal."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Shapes with poses, and their gaps and contact points by the contact kernels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Mechanism and operators against the numbers of MuJoCo and Pinocchio, read from files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
