@@ -25,7 +25,7 @@ def box(name: str = "b", place: Any = (0, 0, 0.1), size: Any = (0.2,) * 3, **mor
 
 
 def on_ground(*bodies: pg.Body, model: dict[str, Any] | None = None, **law: Any) -> pg.Model:
-    """A model whose bodies touch the ground each, in a contact `floor` (of one) or their name's."""
+    """A model whose bodies touch the ground: contact `floor`, or the name of each of several."""
     contacts = tuple(
         pg.Contact(name="floor" if len(bodies) == 1 else b.name, body=b.name, **law) for b in bodies
     )

@@ -159,7 +159,7 @@ def test_the_slip_of_a_rod_in_a_plane_goes_on_ends_or_turns(way, friction, e):
             after[3:] - v[3:], yaw.apply((impulse[1], 0, impulse[0])), atol=1e-9, err_msg=case
         )
         seen.add(case)
-    assert {"goes on", "ends"} & seen
+    assert "turns" in seen or friction > 0.3
 
 
 BOTTOMS = {
@@ -199,8 +199,10 @@ def test_points_that_hit_at_once_stop_or_bounce(way, bottom, mu, e):
         )
         met = last[:, 2] <= goal + 1e-7  # only these may push
         assert met.any()
-        # moments of the push are those of normal forces >= 0 at points that are met, and of drag
-        if mu == 0.0:
+        if bottom == "edge" and way == "events":
+            again = hit(mech, q, v, "stepping")
+            np.testing.assert_allclose(after, again, atol=1e-9 * np.abs(v).max())
+        if mu == 0.0:  # some normal forces >= 0 at these points make the moments
             arms = np.stack([points[met, 1], -points[met, 0], np.ones(met.sum())])
             weights, missed = nnls(arms, np.array([moment[0], moment[1], push[2]]))
             assert missed < 1e-7 * push[2]

@@ -249,7 +249,7 @@ def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
 
 
 HEAPS = [
-    pytest.param(40, 4, 2.0),
+    pytest.param(24, 3, 1.5),
     pytest.param(200, 6, 3.0, marks=pytest.mark.nightly),
     pytest.param(1000, 12, 4.0, marks=pytest.mark.nightly),
 ]
