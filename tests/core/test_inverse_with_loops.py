@@ -9,6 +9,8 @@ import pgraph_models
 from pgraph_core.analysis import inverse
 from pgraph_core.analysis.rows import Rows
 
+from ..worlds import box, on_ground
+
 NAMES = ["four_bar", "slider_crank", "andrews", "bricard", "four_bar_windows", "quadruped"]
 NAMES += ["rolling_disc", "skate", "geared"]
 
@@ -136,17 +138,9 @@ def test_without_constraints_it_is_inverse_dynamics():
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 
 
-def block(friction: float) -> pg.Mechanism:
-    cube = pg.Body(
-        name="cube", joint="free", mass=2.0, inertia=np.eye(3) * 0.1, q=(0, 0, 0.5, 1, 0, 0, 0),
-        shape={"kind": "box", "size": (1, 1, 1)},
-    )  # fmt: skip
-    touch = pg.Contact(name="floor", body="cube", friction=friction)
-    return pg.Mechanism(pg.Model(bodies=[cube], contacts=[touch]))
-
-
 def test_contact_forces_stay_in_their_cones():
-    mech = block(0.5)
+    cube = box("cube", (0, 0, 0.5), (1, 1, 1), mass=2.0)
+    mech = pg.Mechanism(on_ground(cube, friction=0.5))
     q, v = mech.home()
     along = 0.999 * 0.5 * 9.81 * np.array([np.cos(0.4), np.sin(0.4)])
     vdot = np.array([0, 0, 0, *along, 0])
