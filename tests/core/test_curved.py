@@ -12,6 +12,8 @@ from pgraph_core.engine.records import CYLINDER, ELLIPSOID
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
 
+pytestmark = pytest.mark.quick
+
 OTHERS = (*KINDS, *CURVED)
 PAIRS = list(product(CURVED, OTHERS))
 

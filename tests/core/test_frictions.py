@@ -9,6 +9,8 @@ import pgraph_core as pg
 
 from ..worlds import ball, box
 
+pytestmark = pytest.mark.quick
+
 G, R = 9.81, 0.1
 
 

@@ -8,6 +8,8 @@ import pgraph_models
 
 from ..worlds import ball, box, on_ground
 
+pytestmark = pytest.mark.quick
+
 
 def driven(apart, *, kind="servo"):
     """A pendulum whose target, or torque, is a table with a knot every `apart` s."""

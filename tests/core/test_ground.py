@@ -12,6 +12,8 @@ from pgraph_core.engine.records import CYLINDER
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid
 
+pytestmark = pytest.mark.quick
+
 ROUNDING = 1e-13
 seeds = st.integers(0, 2**32 - 1)
 

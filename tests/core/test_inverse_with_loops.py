@@ -11,6 +11,8 @@ from pgraph_core.analysis.rows import Rows
 
 from ..worlds import box, on_ground
 
+pytestmark = pytest.mark.quick
+
 NAMES = ["four_bar", "slider_crank", "andrews", "bricard", "four_bar_windows", "quadruped"]
 NAMES += ["rolling_disc", "skate", "geared"]
 

@@ -8,6 +8,8 @@ import pgraph_models
 
 from ..worlds import ball, on_ground
 
+pytestmark = pytest.mark.quick
+
 HALF, WHOLE = 0.12, 0.25
 
 

@@ -7,6 +7,8 @@ import pgraph_core as pg
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from tests.core.trees import random_case
 
+pytestmark = pytest.mark.quick
+
 
 def states(mech, size, seed=0):
     """Random states and torques of `size` instances."""

@@ -9,6 +9,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.model.force import ends_of
 
+pytestmark = pytest.mark.quick
+
 
 def swinging(force: pg.Force | None = None, rod: pg.Constraint | None = None, v: float = 3.0):
     """A point of 1 kg in the x-z plane, 1 m below the origin, that moves along x."""

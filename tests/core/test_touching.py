@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 
+pytestmark = pytest.mark.quick
+
 G = 9.81
 BALL = {"kind": "sphere", "radius": 0.1}
 

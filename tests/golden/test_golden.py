@@ -20,6 +20,7 @@ ORACLES = ("pinocchio", "mujoco")
 TOLERANCE = 1e-10  # relative; MuJoCo's rows between motions carry 1e-13 kg, M's condition is < 1e4
 
 
+@pytest.mark.filterwarnings("ignore:forward_dynamics")
 @pytest.mark.parametrize("oracle", ORACLES)
 @pytest.mark.parametrize("i", range(len(MODELS)))
 def test_operators_and_mechanism_equal_golden(i, oracle):
