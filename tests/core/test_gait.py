@@ -65,7 +65,7 @@ def check_walk(run: pg.Result, scenario: str, speed: float) -> None:
     late = run.t > 1.0
     seconds = run.t[-1] - run.t[late][0]
     assert run.q[-1, 0] - run.q[late, 0][0] > speed * 0.99 * seconds
-    assert abs(run.q[-1, 2]) < 0.05 + 0.01 * seconds
+    assert abs(run.q[-1, 2]) < 0.025 * seconds
     for foot in FEET:
         gap = run.contact_gap[foot]
         assert max(slips(run, foot)) < SLIP
