@@ -126,6 +126,7 @@ def test_runs_with_contacts_switch_constraints():
 
 
 def test_an_argument_replaces_the_switches_of_a_scenario():
+    """A switch at the start belongs to the initial state."""
     model = quadruped().model
     drop = pg.Scenario(name="drop", switches=({"t": 0.05, "constraint": FOOT, "active": False},))
     model = pg.Model.from_json(model.replace(scenarios=(drop,)).to_json())
@@ -133,8 +134,11 @@ def test_an_argument_replaces_the_switches_of_a_scenario():
     assert len(pg.simulate(mech, scenario="drop", t_end=0.1).events) == 1
     assert pg.simulate(mech, scenario="drop", t_end=0.05).events == ()
     assert pg.simulate(mech, scenario="drop", t_end=0.1, switches=()).events == ()
-    gone = model.remove(FOOT)
-    assert gone.scenarios[0].switches == ()
+    assert model.remove(FOOT).scenarios[0].switches == ()
+    mech = pair("point", point=(-0.5, 0, 0))
+    done = pg.simulate(mech, t_end=0.01, switches=((0.0, "tie", True),))
+    assert done.events == ()
+    assert done.constraint_drift.max() < 1e-9
 
 
 def test_a_constraint_does_not_jump_to_a_given_place():
