@@ -5,14 +5,12 @@ the origin, the depth is the nearest facet of Qhull's; else the nearest point of
 by Wolfe's method. Nothing of ours is run.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 
 def signed_distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Of the hulls of two sets of points, (n, 3) and (m, 3); negative where they penetrate."""
+    """Signed distance of the hulls of two sets of points, negative where they penetrate."""
     difference = (a[:, None] - b[None]).reshape(-1, 3)
     try:
         depth = ConvexHull(difference).equations[:, 3].max()

@@ -1,6 +1,4 @@
-"""Who is near whom: the grid finds what all pairs find, and nothing that may not touch."""
-
-from __future__ import annotations
+"""The broad phase finds every pair that touches, and no pair that may not touch."""
 
 import itertools
 
@@ -8,30 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from pgraph_core.contact import solids
-from pgraph_core.engine import layout as at
-from pgraph_core.engine.arrays import Candidates
-from pgraph_core.engine.contact import search as kernels
-from pgraph_core.engine.records import (
-    CONTACT,
-    GROUND_PAIR,
-    MEMBER,
-    POSE,
-    SHAPE_PAIR,
-    rows_of,
-    table,
-)
 
 from .touching import (
-    FLAT,
-    NO_GROUND,
-    NO_PAIRS,
-    NOBODY,
-    NOT_APART,
     Scene,
-    as_poses,
     random_pose,
     random_solid,
 )
@@ -44,14 +23,13 @@ def found(touch) -> set[tuple[int, int]]:
 
 
 def all_pairs(scene: Scene, margin: float) -> set[tuple[int, int]]:
-    """Every two shapes within the margin, each asked by itself."""
+    """Pairs within the margin, each tested by itself."""
     pairs = list(itertools.combinations(range(len(scene.shapes)), 2))
     return {pair for pair, gap in zip(pairs, scene.gaps(pairs=pairs)) if gap <= margin}
 
 
 @given(seeds, st.integers(0, 40), st.sampled_from((0.0, 0.2)), st.booleans())
 def test_the_grid_finds_every_pair(seed, count, margin, mixed):
-    """Of sizes that differ a hundredfold too."""
     rng = np.random.default_rng(seed)
     sizes = 10.0 ** rng.uniform(-1, 1, count) if mixed else np.full(count, 0.7)
     kinds = rng.choice(["sphere", "capsule", "box"], count)
@@ -63,7 +41,6 @@ def test_the_grid_finds_every_pair(seed, count, margin, mixed):
 
 
 def heap(count: int, seed: int = 0) -> Scene:
-    """Balls of about one size, some of them touching."""
     rng = np.random.default_rng(seed)
     scene = Scene([solids.sphere(r) for r in rng.uniform(0.4, 0.5, count)])
     scene.poses[:, :3] = rng.uniform(0, 0.9 * count ** (1 / 3), (count, 3))
@@ -71,20 +48,20 @@ def heap(count: int, seed: int = 0) -> Scene:
 
 
 @pytest.mark.parametrize("where", [1e9, -1e9, 1e300])
-def test_one_that_flew_away_changes_nothing(where):
+def test_a_shape_far_away_changes_nothing(where):
     scene = heap(100)
     expected = {pair for pair in all_pairs(scene, 0.0) if 7 not in pair}
     scene.poses[7, 0] = where
     assert found(scene.among([(i, 0) for i in range(100)])) == expected
 
 
-def test_a_place_that_is_no_number_touches_nothing():
+def test_a_shape_at_nan_touches_nothing():
     scene = heap(50)
     scene.poses[7] = np.nan
     assert not any(7 in pair for pair in found(scene.among([(i, 0) for i in range(50)])))
 
 
-def test_joined_bodies_and_one_row_are_left_out():
+def test_joined_bodies_and_shapes_of_one_body_are_left_out():
     scene = heap(60)
     members = [(i, 0) for i in range(60)]
     touching = sorted(found(scene.among(members)))
@@ -102,52 +79,3 @@ def test_members_of_different_contacts_do_not_touch():
     expected = {(i, j) for i, j in all_pairs(scene, 0.0) if sides[i] == sides[j]}
     assert found(touch) == expected
     assert (touch.whose[:, 3] == sides[touch.whose[:, 0]]).all()
-
-
-def test_more_contacts_than_fit_are_counted():
-    scene = heap(60)
-    members = rows_of(MEMBER, [(i, 0) for i in range(60)])
-    search = solids.search_space(scene.geometry, 60)
-    touch = Candidates(NO_GROUND, NO_PAIRS, members, NOT_APART)
-    counts = []
-    for size in (0, 5, 500):
-        out, poses = table(CONTACT, size), as_poses(scene.poses)
-        counts.append(kernels.contacts(scene.geometry, FLAT, touch, poses, search, 0.0, out))
-    assert counts == [counts[-1]] * 3
-    assert counts[-1] > 5
-
-
-def test_nothing_declared_is_nothing_done():
-    scene = heap(3)
-    scene.poses[:] = np.nan  # would show in any contact
-    touch = Candidates(NO_GROUND, NO_PAIRS, NOBODY, NOT_APART)
-    assert len(scene.ask(touch).gap) == 0
-
-
-def test_a_contact_says_who_asked_for_it():
-    scene = heap(2)
-    scene.poses[:, :3] = (0, 0, 0.3), (0, 0, 0.2)
-    ground, pair = rows_of(GROUND_PAIR, [(0, 4), (1, 5)]), rows_of(SHAPE_PAIR, [(0, 1, 6)])
-    touch = scene.ask(Candidates(ground, pair, NOBODY, NOT_APART))
-    assert touch.whose[:, [0, 1, 3]].tolist() == [[0, -1, 4], [1, -1, 5], [0, 1, 6]]
-
-
-def test_shapes_go_where_their_rows_are():
-    """Through `place`: a shape's own place and turn, on the row of a body that moved."""
-    rows = np.zeros((3, 64))
-    turns = Rotation.random(3, rng=np.random.default_rng(1))
-    rows[:, at.R : at.R + 9] = turns.as_matrix().reshape(3, 9)
-    rows[:, at.X : at.X + 3] = np.arange(9).reshape(3, 3)
-    own = Rotation.from_euler("x", 0.4)
-    placed = [
-        solids.Placed(solids.sphere(1), row, row, (1, 2, 3), own.as_matrix()) for row in (2, 1)
-    ]
-    geometry = solids.packed(placed)
-    poses = table(POSE, 2)
-    kernels.shape_poses(geometry.shapes, rows, poses)
-    for found, row in zip(poses, (2, 1)):
-        np.testing.assert_allclose(
-            found["position"], rows[row, at.X : at.X + 3] + turns[row].apply((1, 2, 3))
-        )
-        expected = (turns[row] * own).as_matrix()
-        np.testing.assert_allclose(found["rotation"].reshape(3, 3), expected, atol=1e-15)

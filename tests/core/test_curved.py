@@ -1,6 +1,4 @@
-"""Cylinders and ellipsoids against everything convex: separations, normals, contact points."""
-
-from __future__ import annotations
+"""Cylinders and ellipsoids against convex shapes: separations, normals, contact points."""
 
 from itertools import product
 
@@ -14,12 +12,14 @@ from pgraph_core.engine.records import CYLINDER, ELLIPSOID
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
 
+pytestmark = pytest.mark.quick
+
 OTHERS = (*KINDS, *CURVED)
 PAIRS = list(product(CURVED, OTHERS))
 
 
 def reach(solid: Solid, place: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """How far a solid reaches along directions (k, 3): the greatest n · x."""
+    """Support function of a solid: the largest n · x for each direction (k, 3)."""
     local = n @ place[3:].reshape(3, 3)
     if solid.kind == ELLIPSOID:
         far = np.linalg.norm(local * np.array(solid.radii), axis=1)
@@ -37,11 +37,10 @@ def separation(shapes, poses, n: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kinds", PAIRS, ids=" ".join)
 def test_the_distance_is_the_largest_separation(kinds):
-    """No direction near the normal separates more, and none anywhere that was tried."""
     rng = np.random.default_rng([CURVED.index(kinds[0]), OTHERS.index(kinds[1])])
-    everywhere = rng.normal(size=(4000, 3))
+    everywhere = rng.normal(size=(1000, 3))
     everywhere /= np.linalg.norm(everywhere, axis=1)[:, None]
-    for trial in range(30):
+    for trial in range(10):
         shapes = [random_solid(rng, kind) for kind in kinds]
         spread = rng.choice([0.05, 0.3, 1.0])
         poses = [random_pose(rng, spread, square=trial % 3 == 0) for _ in range(2)]
@@ -64,18 +63,7 @@ def test_the_distance_is_the_largest_separation(kinds):
                     ).all()
 
 
-@pytest.mark.parametrize("kinds", PAIRS, ids=" ".join)
-def test_shapes_at_one_place_penetrate_by_a_finite_depth(kinds):
-    rng = np.random.default_rng(3)
-    scene = Scene([random_solid(rng, kind) for kind in kinds])
-    touch = scene.pair()
-    assert np.isfinite(touch.a).all()
-    assert np.isfinite(touch.b).all()
-    assert touch.gap.min() < 0
-
-
 def test_ellipsoids_on_their_axes():
-    """Exact at every depth, as spheres are."""
     a = solids.ellipsoid((0.1, 0.2, 0.3))
     for gap in (0.5, 1e-3, 0.0, -1e-12, -1e-3, -0.05):
         scene = Scene([a, solids.ellipsoid((0.4, 0.5, 0.2))], [pose((0, 0, 0.5 + gap)), pose()])
@@ -84,18 +72,7 @@ def test_ellipsoids_on_their_axes():
         assert touch.normal[0] == pytest.approx((0, 0, 1), abs=1e-12)
 
 
-def test_a_round_ellipsoid_is_a_sphere():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        other, at = random_solid(rng, "box"), random_pose(rng, 0.4)
-        radius, place = rng.uniform(0.1, 0.4), random_pose(rng, 0.4)
-        ball = Scene([solids.sphere(radius), other], [place, at])
-        round_one = Scene([solids.ellipsoid((radius,) * 3), other], [place, at])
-        assert round_one.gap() == pytest.approx(ball.gap(), abs=1e-12)
-
-
 def test_cylinders_touch_as_circles_and_not_as_prisms():
-    """Side by side at any turn about their axes the gap is that of two discs."""
     for turn in np.linspace(0, 1, 7):
         turned = Rotation.from_euler("z", turn)
         shapes = [solids.cylinder(0.3, 1), solids.cylinder(0.2, 0.6)]
@@ -129,13 +106,3 @@ def test_a_tilted_cylinder_touches_at_its_lowest_point_alone():
     shapes = [solids.cylinder(0.5, 1), solids.box((5, 5, 1))]
     touch = Scene(shapes, [pose((0, 0, height + 0.5), turn), pose()]).pair(margin=1e-3)
     assert touch.gap == pytest.approx([0], abs=1e-15)
-
-
-def test_features_stay_while_a_cylinder_slides():
-    """The same points have the same numbers, so that impulses are found again."""
-    numbers = set()
-    for x in np.linspace(0, 0.1, 5):
-        shapes = [solids.cylinder(0.5, 1), solids.box((3, 3, 1))]
-        touch = Scene(shapes, [pose((x, 0, 1 - 1e-6)), pose()]).pair(margin=0.0)
-        numbers.add(tuple(sorted(touch.whose[:, 2])))
-    assert len(numbers) == 1

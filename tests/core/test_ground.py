@@ -1,6 +1,4 @@
-"""Shapes on the ground: exact gaps, where the points are, slopes and steps."""
-
-from __future__ import annotations
+"""Shapes on the ground: gaps, contact points, slopes and steps."""
 
 import numpy as np
 import pytest
@@ -14,12 +12,14 @@ from pgraph_core.engine.records import CYLINDER
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid
 
+pytestmark = pytest.mark.quick
+
 ROUNDING = 1e-13
 seeds = st.integers(0, 2**32 - 1)
 
 
 def lowest(scene: Scene, normal: np.ndarray) -> float:
-    """Height of the lowest point, from the shape's support function."""
+    """Height of the lowest point by the support function."""
     shape, place = scene.shapes[0], scene.poses[0]
     if shape.kind == CYLINDER:
         tilt = place[3:].reshape(3, 3)[:, 2] @ normal
@@ -78,10 +78,9 @@ def test_an_upright_cylinder_stands_within_its_points(tilt):
     np.testing.assert_allclose(np.linalg.norm(touch.a[:, :2], axis=1), 0.5, atol=1e-3)
 
 
-def test_a_rolling_disc_touches_smoothly():
-    """The gap of a disc that wobbles while it rolls is that of its edge, to all orders."""
+def test_the_gap_of_a_wobbling_disc_is_that_of_its_edge():
     disc = solids.cylinder(0.3, 0.02)
-    for t in np.linspace(0, 1, 101):
+    for t in np.linspace(0, 1, 31):
         turn = Rotation.from_euler("zxz", (5 * t, np.pi / 2 + 0.4 * np.sin(9 * t), 20 * t))
         scene = Scene([disc], [pose((t, 0, 0.3), turn)])
         axis = turn.as_matrix()[2, 2]
@@ -98,45 +97,3 @@ def test_a_hull_keeps_the_extent_of_its_many_points():
     touch = Scene([solids.hull(base)]).on_ground(margin=1e-3)
     assert len(touch.gap) == 8
     assert ConvexHull(touch.a[:, :2]).volume > 0.75 * np.pi
-
-
-PATCHES = [
-    (0.0, 0.0, 0.5),  # the plane
-    (2.0, 0.0, 0.5 - 0.2),  # on the step
-    (3.5, 0.0, 0.5 - 0.4),  # where two overlap the later one counts
-    (-2.0, 0.0, 0.5 + 0.3),  # over the pit
-    (2.0, 9.0, 0.5),  # beside it
-]
-
-
-@pytest.mark.parametrize(("x", "y", "gap"), PATCHES)
-def test_height_steps(x, y, gap):
-    patches = [(1, 4, -1, 1, 0.2), (3, 4, -1, 1, 0.4), (-3, -1, -1, 1, -0.3)]
-    ground = solids.ground((0, 0, 1), patches)
-    scene = Scene([solids.sphere(0.5)], [pose((x, y, 1))], ground)
-    assert scene.gaps(on_ground=[0])[0] == pytest.approx(gap)
-    touch = scene.on_ground()
-    assert touch.gap == pytest.approx([gap])
-    assert touch.b[0, 2] == pytest.approx(0.5 - gap)
-
-
-@pytest.mark.parametrize("up", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.2, 0.1, 1)])
-def test_axes_of_the_ground_are_right_handed(up):
-    plane = solids.ground(up).plane[0]
-    table = np.array([plane[name] for name in ("normal", "x", "y")])
-    np.testing.assert_allclose(table @ table.T, np.eye(3), atol=ROUNDING)
-    np.testing.assert_allclose(np.cross(table[1], table[2]), table[0], atol=ROUNDING)
-
-
-def test_a_step_with_sides_is_a_box_on_the_ground_s_row():
-    """A ball meets its edge smoothly: no jump where it comes over it."""
-    step = solids.Placed(solids.box((1, 1, 0.4)), 0, 0, (1.0, 0.0, 0.0))
-    scene = Scene([solids.sphere(0.1), step.solid])
-    scene.poses = np.array([pose((0.4, 0.0, 0.28)), pose(step.position)])
-    last = scene.gap()
-    for x in np.linspace(0.4, 0.6, 200):
-        scene.poses[0, 0] = x
-        now = scene.gap()
-        assert abs(now - last) <= 0.0011
-        last = now
-    assert last == pytest.approx(0.28 - 0.2 - 0.1)

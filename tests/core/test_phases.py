@@ -1,6 +1,4 @@
-"""Event-driven contacts and limits: gait phases, impacts, and the instants at which they change."""
-
-from __future__ import annotations
+"""Event-driven contacts and limits: impacts, phases and the instants at which they change."""
 
 import json
 
@@ -9,23 +7,29 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.simulation.event_scene import EventScene
 from pgraph_models.case_models import limited_pendulum
+
+from ..worlds import ball, box, on_ground
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 NONE = ((0.0,) * 3,) * 3
+WAYS = {
+    "rk4": {"method": "rk4", "step": 1e-3},
+    "dopri5": {"method": "dopri5", "rtol": 1e-10},
+    "dop853": {"method": "dop853", "rtol": 1e-12},
+}
+every_way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 
 
 def reference(name):
-    return json.loads((pgraph_models.CASES / f"{name}.json").read_text(encoding="utf-8"))[
-        "reference"
-    ]
+    path = pgraph_models.CASES / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8"))["reference"]
 
 
 def run(model, **options):
     """An event-driven run that reached its end."""
-    done = pg.simulate(pg.Mechanism(model), method="rk4", **options)
+    done = pg.simulate(model, **options)
     assert done.status.ok, done.message
     return done
 
@@ -36,40 +40,40 @@ def touching(body, *, points=((0.0, 0.0, 0.0),), ground=None, **contact):
     return pg.Model(bodies=(body,), contacts=(floor,), **({"ground": ground} if ground else {}))
 
 
-# -- impacts, and where they accumulate ------------------------------------------------------------
+def falling(height):
+    """A point of 1 kg on a vertical rail."""
+    return pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(height,))
 
 
-@pytest.mark.parametrize("e", ["0.5", "0.8", "0.95"])
-def test_a_ball_bounces_and_comes_to_rest_when_it_must(e):
-    """All impacts to 1e-9 s, and the instant at which infinitely many are over."""
-    case = reference("bouncing_ball_zeno")[e]
-    ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(1.0,))
-    model = touching(ball, restitution=float(e))
-    done = run(model, t_end=case["zeno_time"] + 0.1, step=2e-3)
-    times = np.array([event.t for event in done.events])
-    expected = np.array(case["impact_times"])
+@pytest.mark.parametrize(
+    ("e", "way"),
+    [(0.5, WAYS["rk4"]), (0.8, WAYS["rk4"]), (0.95, WAYS["rk4"]),
+     (0.8, {"method": "dopri5", "rtol": 1e-6}), (0.8, {"method": "dop853", "rtol": 1e-6})],
+)  # fmt: skip
+def test_a_ball_comes_to_rest_at_the_zeno_time(e, way):
+    """Impacts to 1e-9 s at a loose tolerance, and frames on the parabolas between them."""
+    case = reference("bouncing_ball_zeno")[str(e)]
+    model = touching(falling(1.0), restitution=e)
+    done = run(model, t_end=case["zeno_time"] + 0.1, frames=40, **way)
+    times, expected = np.array([event.t for event in done.events]), np.array(case["impact_times"])
     assert len(times) > len(expected)
     np.testing.assert_allclose(times[: len(expected)], expected, atol=1e-9)
     assert done.events[-1].after == "stance"
     assert abs(times[-1] - case["zeno_time"]) < 1e-9
     assert abs(done.contact_normal["floor"][-1] - G) < 1e-9
-    assert done.energy_drift < 1e-12  # what impacts take is in the ledger
+    assert done.energy_drift < 1e-12
+    for t, gap in zip(done.t, done.contact_gap["floor"]):
+        since = expected[expected <= t]
+        if len(since) and t < expected[-1]:
+            late = t - since[-1]
+            up = e ** len(since) * np.sqrt(2 * G)
+            assert abs(gap - (up * late - G * late**2 / 2)) < 1e-9
 
 
-def test_a_sphere_bounces_as_far_as_rounding_tells_impacts_apart():
-    """Its height is rounded to 1e-17, its impacts are not to be told apart below that."""
-    case = reference("bouncing_ball_zeno")["0.5"]
-    shape = {"kind": "sphere", "radius": 0.1}
-    body = pg.Body(name="ball", joint="free", link=(0, 0, 1.1), shape=shape)
-    done = run(touching(body, points=(), restitution=0.5), t_end=1.5, step=1e-3)
-    times = np.array([event.t for event in done.events])
-    np.testing.assert_allclose(times[:-1], case["impact_times"][: len(times) - 1], atol=1e-9)
-    assert abs(times[-1] - case["zeno_time"]) < 1e-9
-
-
-def test_a_pendulum_chatters_to_rest_on_its_limit():
+@pytest.mark.parametrize("way", [WAYS["rk4"], WAYS["dop853"]], ids=["rk4", "dop853"])
+def test_a_pendulum_chatters_to_rest_on_its_limit(way):
     case = reference("pendulum_joint_limit")
-    done = run(limited_pendulum(), t_end=2.2, step=1e-3)
+    done = run(limited_pendulum(), t_end=2.2, **way)
     times = np.array([event.t for event in done.events])
     expected = np.array([impact["t"] for impact in case["impacts"]])
     assert len(times) > 25
@@ -80,53 +84,111 @@ def test_a_pendulum_chatters_to_rest_on_its_limit():
     assert abs(torque - case["limit_torque_at_rest"]) < 1e-9
 
 
-def test_newtons_restitution_that_would_raise_the_energy_is_left_out_and_said():
-    """A double pendulum's tip on a rough plane: e = 0.9 with friction would gain energy."""
-    kinds = ("rotate", (0, 1, 0)), ("rotate", (0, 1, 0))
+def test_restitution_that_would_raise_the_energy_is_left_out_and_reported():
+    """The tip of a double pendulum on a rough plane: e = 0.9 with friction would gain energy."""
     rng = np.random.default_rng(3)
-    said = 0
-    for _ in range(12):
+    reported = 0
+    for _ in range(6):
         a, b = rng.uniform(0.2, 1.2), rng.uniform(-2.5, 2.5)
         height = np.cos(a) + np.cos(a + b)
-        upper = pg.Body(name="u", axes=(kinds[0][1],), com=(0, 0, -0.5), link=(0, 0, height + 1e-3))
-        lower = pg.Body(
-            name="l", parent="u", axes=(kinds[1][1],), com=(0, 0, -0.5), link=(0, 0, -1)
-        )
+        link = {"axes": ((0, 1, 0),), "com": (0, 0, -0.5)}
+        upper = pg.Body(name="u", link=(0, 0, height + 1e-3), **link)
+        lower = pg.Body(name="l", parent="u", link=(0, 0, -1), **link)
         floor = pg.Contact(name="f", body="l", points=((0, 0, -1),), restitution=0.9, friction=0.8)
         model = pg.Model(bodies=(upper, lower), contacts=(floor,))
-        mech = pg.Mechanism(model)
         speed = rng.uniform(-4, 4, 2)
-        done = pg.simulate(mech, np.array([a, b]), speed, t_end=0.2, method="rk4", frames=201)
+        done = pg.simulate(model, np.array([a, b]), speed, t_end=0.2, method="rk4", frames=201)
         assert done.status.ok, done.message
         ledger = done.energy - done.work
         assert np.all(np.diff(ledger) < 1e-6 * np.ptp(done.kinetic_energy) + 1e-9)
-        said += any("would raise the energy" in notice for notice in done.notices)
-        assert done.counters["bounces_left_out"] == 0 or said
-    assert said
+        told = any("raise the energy" in notice for notice in done.notices)
+        assert told == (done.counters["bounces_left_out"] > 0)
+        reported += told
+    assert reported
 
 
-# -- friction --------------------------------------------------------------------------------------
+@pytest.mark.parametrize("start", [0.6, 0.1001, 0.1])
+def test_the_first_impact_without_restitution_is_an_event(start):
+    """A ball thrown down from afar, from near by, and where it touches."""
+    thrown = ball(joint="prismatic", axes=((0, 0, 1),), place=(0, 0, 0), q=(start,), v=(-1.0,))
+    (hit,) = run(on_ground(thrown, restitution=0.0), t_end=0.5, rtol=1e-9).events
+    exact = (np.sqrt(1 + 2 * G * (start - 0.1)) - 1) / G
+    assert hit.t == pytest.approx(exact, abs=1e-12)
+    assert (hit.before, hit.after) == ("swing", "stance")
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-8, -1e-8])
+@pytest.mark.parametrize("share", [0.1, 0.9])
+@pytest.mark.parametrize("way", [WAYS["rk4"], {"method": "dop853", "rtol": 1e-10}])
+def test_a_touch_within_one_step_is_found(depth, share, way):
+    """A bob on a spring dips below the ground for a part of one step, or stays above it."""
+    rate, size, step = 100.0, 0.01, 1e-3
+    low = 0.02 + share * step
+    middle = size - depth
+    bob = pg.Body(
+        name="bob", joint="prismatic", stiffness=rate**2, rest=middle,
+        q=middle - size * np.cos(rate * low), v=-size * rate * np.sin(rate * low),
+    )  # fmt: skip
+    model = touching(bob, restitution=0.5).replace(gravity=(0, 0, 0))
+    done = run(model, t_end=0.04, **way)
+    if depth < 0:
+        assert done.events == ()
+        return
+    hit = low - np.arccos(1 - depth / size) / rate
+    speed = rate * np.sqrt(2 * size * depth)
+    assert abs(done.events[0].t - hit) < 5e-9 / speed  # what RK4 makes of the place at this step
+    assert done.contact_gap["floor"].min() > -1e-12
+
+
+def test_limits_of_a_chain_take_the_energy_in_the_ledger():
+    """A hundred impacts of four stops: none is passed."""
+    bodies = [
+        pg.Body(
+            name=str(i), parent=str(i - 1) if i else "ground", axes=((0, 1, 0),),
+            link=(0, 0, -0.5 if i else 0), com=(0, 0, -0.25), inertia=np.diag((0.02, 0.02, 0.001)),
+            q=(0.0 if i else 1.2,), limits=((-0.3, 0.3),) if i else ((-1.3, 1.3),),
+            limit_restitution=(0.5,),
+        )
+        for i in range(4)
+    ]  # fmt: skip
+    done = run(pg.Model(bodies=tuple(bodies)), t_end=3.0, **WAYS["rk4"])
+    assert done.counters["impacts"] > 50
+    assert done.energy_drift < 1e-9
+    assert min(gap.min() for gap in done.contact_gap.values()) > -1e-12
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"rtol": 1e-8}, {"method": "dopri5"}, {"method": "rk4", "step": 0.01},
+     {"method": "moreau_jean", "step": 0.01}],
+    ids=str,
+)  # fmt: skip
+def test_a_joint_goes_to_and_fro_between_elastic_limits(options):
+    body = pg.Body(
+        name="b", inertia=np.eye(3), limits=((-3.0, 3.0),), limit_restitution=(1.0,), v=(2.0,)
+    )
+    done = run(pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=20.0, **options)
+    place = np.abs((2.0 * done.t - 3.0) % 12.0 - 6.0) - 3.0
+    np.testing.assert_allclose(done.q[:, 0], place, atol=1e-7)
+    if options.get("method") != "moreau_jean":
+        times = [event.t for event in done.events]
+        assert times == pytest.approx(np.arange(1.5, 20, 3.0), abs=1e-10)
 
 
 def block(slope=0.0, speed=0.0):
     """A box on a plane that rises along x by `slope`."""
     normal = np.array([-np.sin(slope), 0.0, np.cos(slope)])
-    turn = (np.cos(slope / 2), 0.0, -np.sin(slope / 2), 0.0)
-    body = pg.Body(
-        name="block",
-        joint="free",
-        q=(*(0.05 * normal), *turn),
-        v=(0, 0, 0, speed, 0, 0),
-        shape={"kind": "box", "size": (0.2, 0.2, 0.1)},
-    )
-    return touching(body, points=(), friction=0.3, ground={"slope": slope})
+    q = (*(0.05 * normal), np.cos(slope / 2), 0.0, -np.sin(slope / 2), 0.0)
+    body = box(place=(0, 0, 0), size=(0.2, 0.2, 0.1), q=q, v=(0, 0, 0, speed, 0, 0))
+    return on_ground(body, friction=0.3, model={"ground": {"slope": slope}})
 
 
-def test_a_sliding_block_stops_where_and_when_it_must():
+@every_way
+def test_a_sliding_block_stops_where_and_when_it_must(way):
     case = reference("sliding_block_coulomb")["flat"]
-    done = run(block(speed=3.0), t_end=2.0, step=1e-2, frames=21)
-    np.testing.assert_allclose(done.q[:, 0], case["x"], atol=1e-12)
-    np.testing.assert_allclose(done.v[:, 3], case["v"], atol=1e-12)
+    done = run(block(speed=3.0), t_end=2.0, frames=21, **way)
+    np.testing.assert_allclose(done.q[:, 0], case["x"], atol=1e-9)
+    np.testing.assert_allclose(done.v[:, 3], case["v"], atol=1e-9)
     assert len(done.events) == 4  # its lower corners, at once
     assert all(abs(event.t - case["stop_time"]) < 1e-9 for event in done.events)
     assert abs(done.contact_normal["floor"][-1] - G) < 1e-9
@@ -134,14 +196,13 @@ def test_a_sliding_block_stops_where_and_when_it_must():
 
 @pytest.mark.parametrize("case", reference("sliding_block_coulomb")["incline"])
 def test_a_block_sticks_or_slides_on_a_slope(case):
-    """Without creep: a set-valued law holds exactly, up to the border of the cone."""
+    """A set-valued law holds exactly, without creep, up to the border of the cone."""
     angle = np.radians(case["angle_deg"])
-    done = run(block(slope=angle), t_end=1.0, step=1e-2, frames=11)
+    done = run(block(slope=angle), t_end=1.0, frames=11, method="rk4", step=1e-2)
     down = -(done.v[-1, 3] * np.cos(angle) + done.v[-1, 5] * np.sin(angle))
     if case["state"] == "sticks":
         assert np.abs(done.v).max() < 1e-9
-        force = done.contact_force["floor"][-1, 3:]
-        np.testing.assert_allclose(force, (0, 0, G), atol=1e-9)
+        np.testing.assert_allclose(done.contact_force["floor"][-1, 3:], (0, 0, G), atol=1e-9)
     else:
         assert abs(down - case["acceleration"]) < 1e-10
 
@@ -149,14 +210,10 @@ def test_a_block_sticks_or_slides_on_a_slope(case):
 def test_a_block_on_a_spring_stops_after_a_finite_number_of_half_cycles():
     case = reference("sliding_block_coulomb")["spring"]
     cart = pg.Body(
-        name="cart",
-        joint="compound",
-        motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
-        inertia=NONE,
-        q=(0.5, 0.0),
-        stiffness=(100, 0),
-    )
-    done = run(touching(cart, friction=0.3), t_end=3.0, step=1e-3)
+        name="cart", joint="compound", motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
+        inertia=NONE, q=(0.5, 0.0), stiffness=(100, 0),
+    )  # fmt: skip
+    done = run(touching(cart, friction=0.3), t_end=3.0, **WAYS["rk4"])
     assert abs(done.events[-1].t - case["stop_time"]) < 1e-9
     assert abs(done.q[-1, 0] - case["final_x"]) < 1e-9
     assert abs(abs(done.contact_force["floor"][-1, 3]) - case["final_friction_force"]) < 1e-8
@@ -167,124 +224,87 @@ def test_a_block_on_a_spring_stops_after_a_finite_number_of_half_cycles():
 def test_a_thrown_ball_skids_then_rolls():
     """Skidding ends at 2/7 |u| / (mu g), whatever its direction and spin."""
     radius, mu = 0.1, 0.3
-    moment = 0.4 * radius**2 * np.eye(3)
-    ball = pg.Body(
-        name="ball",
-        joint="free",
-        q=(0, 0, radius, 1, 0, 0, 0),
-        v=(30.0, 0, 0, 2.0, 0, 0),
-        inertia=tuple(map(tuple, moment)),
-        shape={"kind": "sphere", "radius": radius},
-    )
-    done = run(touching(ball, points=(), friction=mu), t_end=1.0, step=1e-2)
+    thrown = ball(v=(30.0, 0, 0, 2.0, 0, 0))
+    done = run(on_ground(thrown, friction=mu), t_end=1.0, method="rk4", step=1e-2)
     (rolls,) = done.events
-    slip = np.hypot(2.0, 30.0 * radius)
     assert (rolls.before, rolls.after) == ("slip", "stance")
-    assert abs(rolls.t - 2 / 7 * slip / (mu * G)) < 1e-12
+    assert abs(rolls.t - 2 / 7 * np.hypot(2.0, 30.0 * radius) / (mu * G)) < 1e-12
     omega, v = done.v[-1, :3], done.v[-1, 3:]
     np.testing.assert_allclose(v, np.cross(omega, (0, 0, radius)), atol=1e-12)
     assert done.energy_drift < 1e-12
 
 
-def test_a_slide_across_a_slope_keeps_the_order_of_the_method():
-    """Friction turns with the path; it stops after a stretch that is the same at any step."""
-    axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    point = pg.Body(
-        name="p",
-        joint="compound",
-        motions=tuple(("translate", axis) for axis in axes),
-        inertia=NONE,
-        v=(0, 2, 0),
-    )
+def test_a_slide_across_a_slope_keeps_the_order_and_the_tolerance_of_the_method():
+    """Friction turns with the path of a point until it stops."""
+    motions = tuple(("translate", axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    point = pg.Body(name="p", joint="compound", motions=motions, inertia=NONE, v=(0, 2, 0))
     model = touching(point, friction=0.5, ground={"slope": np.radians(20)})
-    steps = (4e-2, 2e-2, 1e-2, 1e-3)
-    runs = [run(model, t_end=2.0, step=step, frames=3) for step in steps]
-    errors = [np.abs(done.q[-1] - runs[-1].q[-1]).max() for done in runs[:-1]]
-    assert errors[2] < 1e-6
-    assert np.log2(errors[0] / errors[2]) / 2 > 3.5
-    assert np.abs(runs[-1].v[-1]).max() < 1e-9
+    given = {"t_end": 2.0, "frames": 3}
+    finest = run(model, method="dop853", rtol=1e-12, **given)
+    assert np.abs(finest.v[-1]).max() < 1e-9
+    for rtol in (1e-5, 1e-8):
+        done = run(model, method="dop853", rtol=rtol, **given)
+        assert done.events[-1].after == "stance"
+        assert np.abs(done.q - finest.q).max() < 10 * rtol
+        assert done.energy_drift < 10 * rtol
+    runs = [run(model, method="rk4", step=step, **given) for step in (4e-2, 1e-2)]
+    errors = [np.abs(done.q[-1] - finest.q[-1]).max() for done in runs]
+    assert errors[1] < 1e-6
+    assert np.log2(errors[0] / errors[1]) / 2 > 3.5
 
 
-def test_limits_of_a_chain_take_what_the_ledger_says():
-    """A hundred impacts of four stops: energy and work balance, none is passed."""
-    bodies = [
-        pg.Body(
-            name=str(i),
-            parent=str(i - 1) if i else "ground",
-            axes=((0, 1, 0),),
-            link=(0, 0, -0.5 if i else 0),
-            com=(0, 0, -0.25),
-            inertia=((0.02, 0, 0), (0, 0.02, 0), (0, 0, 0.001)),
-            q=(0.0 if i else 1.2,),
-            limits=((-0.3, 0.3),) if i else ((-1.3, 1.3),),
-            limit_restitution=(0.5,),
-        )
-        for i in range(4)
-    ]
-    done = run(pg.Model(bodies=tuple(bodies)), t_end=3.0, step=1e-3)
-    assert done.counters["impacts"] > 50
-    assert done.energy_drift < 1e-9
-    assert min(gap.min() for gap in done.contact_gap.values()) > -1e-12
-
-
-def leaning_rod(lean, mu, *, length=1.0):
+def leaning_rod(lean, mu):
     """A rod that stands on its tip in the plane, leaning along +x."""
-    half = length / 2
     rod = pg.Body(
-        name="rod",
-        joint="planar",
-        axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)),
-        inertia=((1 / 12, 0, 0), (0, 1 / 12, 0), (0, 0, 0)),
-        q=(half * np.sin(lean), half * np.cos(lean), lean),
-    )
-    return touching(rod, points=((0, 0, -half),), friction=mu)
+        name="rod", joint="planar", axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+        inertia=np.diag((1 / 12, 1 / 12, 0)), q=(0.5 * np.sin(lean), 0.5 * np.cos(lean), lean),
+    )  # fmt: skip
+    return touching(rod, points=((0, 0, -0.5),), friction=mu)
 
 
+@every_way
 @pytest.mark.parametrize("case", reference("falling_rod_stance_to_slip")["slip_events"])
-def test_a_falling_rod_slips_at_the_closed_form_angle(case):
+def test_a_falling_rod_slips_at_the_closed_form_angle(case, way):
     """Backwards on slippery ground, forwards on rough ground."""
-    done = run(leaning_rod(0.01, case["mu"]), t_end=1.4, step=1e-3)
+    way = way | ({} if "step" in way else {"rtol": 1e-12})
+    model = leaning_rod(0.01, case["mu"])
+    done = run(model, t_end=case["time_slip"] + 0.02, **way)
     slip = done.events[0]
     assert (slip.before, slip.after) == ("stance", "slip")
     assert abs(slip.t - case["time_slip"]) < 1e-9
-    there = run(leaning_rod(0.01, case["mu"]), t_end=slip.t, t_eval=[slip.t], step=1e-3)
+    assert done.energy_drift < 1e-9
+    tip = done.body_pose[-1, 0, 0] - 0.5 * np.sin(done.q[-1, 2])
+    assert np.sign(tip) == (1 if "forwards" in case["tip_slides_towards"] else -1)
+    there = run(model, t_end=slip.t, t_eval=[slip.t], **way)
     assert abs(there.q[-1, 2] - case["theta_slip"]) < 1e-9
     force = there.contact_force["floor"][-1]
     np.testing.assert_allclose(force[[3, 5]], (case["Fx_per_m"], case["Fn_per_m"]), atol=1e-8)
-    done = run(leaning_rod(0.01, case["mu"]), t_end=slip.t + 0.02, step=1e-3)
-    tip = done.body_pose[-1, 0, 0] - 0.5 * np.sin(done.q[-1, 2])
-    assert np.sign(tip) == (1 if "forwards" in case["tip_slides_towards"] else -1)
-    assert done.energy_drift < 1e-9
 
 
+@pytest.mark.parametrize("way", [WAYS["rk4"], {"rtol": 1e-8}], ids=["rk4", "rtol"])
 @pytest.mark.parametrize(
     ("mu", "degrees", "spin"), [(1.4, 60.0, 0.0), (2.0, 50.0, 0.0), (2.0, 60.0, 8.0)]
 )
-def test_painleves_rod_is_named_and_survived(mu, degrees, spin):
-    """Sliding with p < 0: no force fits (an impulse ends the slip), or two do (it lifts off)."""
+def test_painleves_rod_is_reported_and_survived(mu, degrees, spin, way):
+    """No force fits (an impulse ends the slip), or two do (it lifts off)."""
     angle, half = np.radians(degrees), 0.5
     lift = half * spin**2 * np.sin(angle) - G
     rod = pg.Body(
-        name="rod",
-        joint="planar",
-        axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)),
-        inertia=((0, 0, 0), (0, half**2 / 3, 0), (0, 0, half**2 / 3)),
+        name="rod", joint="planar", axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+        inertia=np.diag((0, half**2 / 3, half**2 / 3)),
         q=(-half * np.cos(angle), half * np.sin(angle), angle),
         v=(1 + half * np.sin(angle) * spin, half * np.cos(angle) * spin, spin),
-    )
-    done = run(touching(rod, points=((half, 0, 0),), friction=mu), t_end=0.1, step=1e-3)
+    )  # fmt: skip
+    done = run(touching(rod, points=((half, 0, 0),), friction=mu), t_end=0.1, **way)
     (notice,) = done.notices
     assert "'floor'" in notice
-    assert ("an impulse ended its slip" if lift < 0 else "it leaves") in notice
+    assert ("impulse" if lift < 0 else "leaves") in notice
     assert done.energy[1] < done.energy[0] + 1e-9
-    assert done.energy_drift < 1e-9
-
-
-# -- the quadruped ---------------------------------------------------------------------------------
+    assert done.energy_drift < 1e-8
 
 
 def quadruped(mu, *, drop=0.0, scenario="stand", damping=1.6):
-    """The quadruped on contacts in the place of its constraints, moved by its servos."""
+    """The quadruped on contacts in place of its constraints, moved by its servos."""
     base = pg.Model.load(pgraph_models.path("quadruped"))
     contacts = tuple(
         pg.Contact(name=c.body, body=c.body, points=(c.point,), friction=mu)
@@ -299,18 +319,22 @@ def quadruped(mu, *, drop=0.0, scenario="stand", damping=1.6):
     return mech, q, v
 
 
-def test_the_quadruped_drops_on_its_four_feet_and_stands():
-    """Four impacts, weight acceptance, stance; then the ground carries its weight."""
+@pytest.mark.parametrize(
+    "t_end", [2.5, pytest.param(60.0, marks=pytest.mark.nightly)], ids=["short", "minute"]
+)
+def test_the_quadruped_drops_on_its_four_feet_and_stands(t_end):
+    """Four impacts, weight acceptance and stance, then the ground carries its weight."""
     mech, q, v = quadruped(0.6, drop=0.1)
-    done = pg.simulate(mech, q, v, t_end=60.0, method="rk4", step=1e-3)
-    assert done.status.ok, done.message
+    done = run(mech, q=q, v=v, t_end=t_end, estimate=False, **WAYS["rk4"])
     first = {name: next(e for e in done.events if e.contact == name) for name in FEET}
-    assert all(event.cause.startswith("hit at 1.3") for event in first.values())
+    fall = np.sqrt(2 * 0.1 / G)
+    assert all(abs(event.t - fall) < 0.01 for event in first.values())
     assert {"swing", "weight acceptance", "stance"} <= {event.after for event in done.events}
     assert all(done.phases[name][-1] == "stance" for name in FEET)
     weight = G * sum(body.mass for body in mech.model.bodies)
     ground = sum(done.contact_force[name][:, 3:] for name in FEET)
-    np.testing.assert_allclose(ground[-1], (0, weight, 0), atol=1e-6 * weight)
+    slack = 1e-6 if t_end > 10 else 5e-2
+    np.testing.assert_allclose(ground[-1], (0, weight, 0), atol=slack * weight)
     assert min(done.contact_normal[name].min() for name in FEET) > -1e-9 * weight  # never pulls
     assert max(-done.contact_gap[name].min() for name in FEET) < 1e-12
     assert done.energy_drift < 1e-4
@@ -318,25 +342,13 @@ def test_the_quadruped_drops_on_its_four_feet_and_stands():
     np.testing.assert_allclose(done.joint_force[-1, 0], 0.0, atol=1e-6)  # nothing else holds it
 
 
-def test_feet_slide_on_ice():
-    mech, q, v = quadruped(0.05, drop=0.1)
-    done = pg.simulate(mech, q, v, t_end=0.5, method="rk4", step=1e-3)
-    assert done.status.ok, done.message
-    assert done.error_estimate < 1e-3  # though the same run at twice the step blows up
-    assert max(done.contact_slip[name].max() for name in FEET) > 0.1
-    for name in FEET:
-        force = done.contact_force[name][:, 3:]
-        sideways = np.linalg.norm(force[:, [0, 2]], axis=1)
-        assert np.all(sideways <= 0.05 * force[:, 1] + 1e-6)
-
-
 def test_stance_on_contacts_is_stance_on_constraints():
     """The same motion and forces in the paper's push, as long as nothing slips."""
     base = pg.Model.load(pgraph_models.path("quadruped"))
-    push = {"t_end": 0.25, "method": "rk4", "step": 1e-3}
-    held = pg.simulate(pg.Mechanism(base), scenario="stance", **push)
+    push = {"t_end": 0.25, "estimate": False, **WAYS["rk4"]}
+    held = run(base, scenario="stance", **push)
     mech, q, v = quadruped(0.8, scenario="stance", damping=1.0)
-    free = pg.simulate(mech, q, v, **push)
+    free = run(mech, q=q, v=v, **push)
     assert not free.events
     np.testing.assert_allclose(free.q, held.q, atol=1e-10)
     for name in FEET:
@@ -344,72 +356,66 @@ def test_stance_on_contacts_is_stance_on_constraints():
         np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_a_switch_of_phase_rebuilds_nothing(monkeypatch):
-    """The same scene before and after; what changes is which of its blocks are active."""
-    built = []
-    make = EventScene.__init__
-
-    def counted(self, *args, **options):
-        built.append(self)
-        make(self, *args, **options)
-
-    monkeypatch.setattr(EventScene, "__init__", counted)
-    mech, q, v = quadruped(0.6, drop=0.1)
-    done = pg.simulate(mech, q, v, t_end=0.3, method="rk4", step=1e-3, estimate=False)
-    assert done.counters["phase_switches"] > 8
-    assert len(built) == 1
+def walk(name, gait, t_end, **options):
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+    return run(mech, scenario=gait, t_end=t_end, estimate=False, **options)
 
 
-# -- what is refused, and what is kept -------------------------------------------------------------
+def test_the_trot_closes_its_ledger_and_agrees_with_given_steps():
+    done = walk("quadruped_hips", "trot", 0.8, rtol=1e-8)
+    assert done.energy_drift < 1e-7
+    given = walk("quadruped_hips", "trot", 0.8, method="rk4", step=2.5e-4)
+    np.testing.assert_allclose(done.q[-1], given.q[-1], atol=5e-5)  # 1e-5 of rk4
+    other = walk("quadruped_hips", "trot", 0.8, rtol=1e-7, method="dopri5")
+    np.testing.assert_allclose(done.q[-1], other.q[-1], atol=1e-5)
+    for event in done.events[1:]:
+        k = int(np.searchsorted(done.t, event.t))
+        following = [e for e in done.events if e.contact == event.contact and e.t <= done.t[k]]
+        assert done.phases[event.contact][k] == following[-1].after
 
 
-def test_pairs_hulls_and_steps_are_for_time_stepping():
+def test_feet_that_land_in_pairs_keep_the_symmetry_of_the_trunk():
+    """Impulses across are not unique: neither foot can move aside against the other."""
+    options = {"method": "rk4", "step": 2.5e-4, "frames": 2}
+    done = walk("quadruped", "bound", 1.85, **options)
+    assert done.counters["impacts"] > 10
+    assert np.abs(done.v[-1, [0, 1, 5]]).max() < 1e-9  # roll, yaw, aside: it was 0.1 rad/s
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("gait", ["trot", "crawl"])
+def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
+    assert walk("quadruped_hips", gait, 30.0, rtol=1e-8).energy_drift < 1e-6
+
+
+def test_methods_that_locate_events_and_those_that_do_not():
+    model = touching(falling(0.1))
+    for rtol, method in ((1e-4, "dopri5"), (1e-8, "dop853")):
+        assert run(model, t_end=0.2, rtol=rtol).header["method"] == method
+    assert run(model, t_end=0.2).header["method"] == "moreau_jean"
+    fixed = run(model, t_end=0.2, method="dopri5", step=1e-2)
+    assert abs(fixed.events[0].t - np.sqrt(0.2 / G)) < 1e-12
+    stop = touching(falling(0.1).model_copy(update={"limits": ((None, 0.2),)}), law="penalty")
     cylinder = pg.Body(name="c", joint="free", shape={"kind": "cylinder", "radius": 1, "length": 1})
-    with pytest.raises(pg.InputError, match="not for a cylinder; use method 'moreau_jean'"):
-        run(touching(cylinder, points=()), t_end=0.1)
     stairs = {"steps": ({"low": (0, 0), "high": (1, 1), "height": 0.1},)}
-    point = pg.Body(name="p", joint="free")
-    with pytest.raises(pg.InputError, match="a ground without steps; use method 'moreau_jean'"):
-        run(touching(point, ground=stairs), t_end=0.1)
+    for refused, options, key in (
+        (model, {"method": "radau5"}, "dense output"),
+        (model, {"method": "ros2"}, "dense output"),
+        (model, {"method": "moreau_jean", "rtol": 1e-6}, "tolerance"),
+        (stop, {"rtol": 1e-6}, "penalty"),
+        (touching(cylinder, points=()), {"method": "rk4"}, "cylinder.*moreau_jean"),
+        (touching(falling(0.1), ground=stairs), {"method": "rk4"}, "steps.*moreau_jean"),
+    ):
+        with pytest.raises(pg.InputError, match=key):
+            pg.simulate(refused, t_end=0.2, **options)
 
 
 def test_events_and_phases_survive_a_file(tmp_path):
-    ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(0.1,))
-    done = run(touching(ball, restitution=0.5), t_end=0.5, step=1e-3)
+    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **WAYS["rk4"])
     done.save(tmp_path / "run.npz")
     back = pg.Result.load(tmp_path / "run.npz")
     assert back.events == done.events
     np.testing.assert_array_equal(back.phases["floor"], done.phases["floor"])
-    assert str(done.events[0]) == (
-        "t = 0.142784312 s: floor of ball: swing: hit at 1.40071 m/s and bounced at 0.700357 m/s"
-    )
+    for fact in ("0.142784312", "floor", "ball", "swing", "1.40071", "0.700357"):
+        assert fact in str(done.events[0])
     assert "phases.floor" in done.to_csv().splitlines()[0]
-
-
-@pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, -1e-8, -1e-6])
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_a_touch_and_go_within_one_step_is_found(depth, share):
-    """A bob on a spring dips below the ground for a part of one step, or stays above it."""
-    rate, size, step = 100.0, 0.01, 1e-3
-    low = 0.02 + share * step
-    middle = size - depth
-    bob = pg.Body(
-        name="bob",
-        joint="prismatic",
-        stiffness=rate**2,
-        rest=middle,
-        q=middle - size * np.cos(rate * low),
-        v=-size * rate * np.sin(rate * low),
-    )
-    floor = pg.Contact(name="floor", body="bob", points=((0, 0, 0),), restitution=0.5)
-    model = pg.Model(bodies=(bob,), contacts=(floor,), gravity=(0, 0, 0))
-    done = run(model, t_end=0.04, step=step)
-    assert done.status.ok
-    if depth < 0:
-        assert done.events == ()
-        return
-    hit = low - np.arccos(1 - depth / size) / rate
-    speed = rate * np.sqrt(2 * size * depth)
-    error = 5e-9 / speed  # what RK4 makes of the place at this step
-    assert abs(done.events[0].t - hit) < error
-    assert done.contact_gap["floor"].min() > -1e-12

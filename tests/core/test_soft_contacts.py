@@ -1,6 +1,4 @@
-"""Soft and penalty contacts of any two shapes: right where nothing is said of steps, or told."""
-
-from __future__ import annotations
+"""Soft and penalty contacts: restitution, friction, energy, and steps that resolve them."""
 
 from math import gamma
 from typing import Any
@@ -11,12 +9,13 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.rotation import matrix
 
+from ..worlds import ball, box, on_ground
+
 SHAPES = {
     "box": {"kind": "box", "size": (0.2, 0.3, 0.1)},
     "sphere": {"kind": "sphere", "radius": 0.1},
     "capsule": {"kind": "capsule", "radius": 0.08, "length": 0.2},
 }
-PAIRS = [("box", "capsule"), ("sphere", "box"), ("sphere", "sphere")]
 
 
 def drop(lower, upper, law, up="y", **options):
@@ -39,39 +38,30 @@ def drop(lower, upper, law, up="y", **options):
     return pg.simulate(pg.Mechanism(model), t_end=0.4, estimate=False, **options)
 
 
-@pytest.mark.parametrize("up", ["y", "z"])
-@pytest.mark.parametrize(("lower", "upper"), PAIRS)
-def test_soft_contacts_choose_their_steps_and_the_ledger_closes(lower, upper, up):
+@pytest.mark.parametrize(
+    ("lower", "upper", "up"), [("box", "capsule", "z"), ("sphere", "box", "y")]
+)
+def test_chosen_steps_close_the_ledger(lower, upper, up):
     run = drop(lower, upper, "soft", up)
     assert run.header["step"] is None
     assert run.status.ok
     assert run.energy_drift < 1e-6
     assert -1e-3 < min(gap.min() for gap in run.contact_gap.values()) < 0
     assert not run.notices
-
-
-@pytest.mark.parametrize(("lower", "upper"), PAIRS)
-def test_a_step_that_leaps_into_a_wall_is_taken_again(lower, upper):
-    """Errors of 1e40 of the scales: their quotient, DOP853's own estimate, would accept them."""
-    run = drop(lower, upper, "soft", method="dop853", rtol=1e-6)
+    run = drop(lower, upper, "soft", up, method="dop853", rtol=1e-6)  # steps that leap in
     assert run.status.ok
     assert run.energy_drift < 1e-3
     assert abs(run.v).max() < 20
-
-
-@pytest.mark.parametrize(("lower", "upper"), PAIRS)
-def test_penalty_contacts_take_steps_that_resolve_them(lower, upper):
-    run = drop(lower, upper, "penalty")
+    run = drop(lower, upper, "penalty", up)
     assert run.header["step"] < 2e-4
     assert run.energy_drift < 0.05
 
 
 @pytest.mark.parametrize("law", ["soft", "penalty"])
-@pytest.mark.parametrize(("lower", "upper"), PAIRS)
-def test_steps_that_do_not_resolve_a_contact_are_said(lower, upper, law):
-    """The state may blow up: shapes at places that are no numbers touch nothing."""
-    run = drop(lower, upper, law, step=1e-3)
-    assert any("contacts make rates of about" in text for text in run.notices)
+def test_steps_that_do_not_resolve_a_contact_are_reported(law):
+    """The state may blow up."""
+    run = drop("sphere", "box", law, step=1e-3)
+    assert any("rates" in text for text in run.notices)
 
 
 def two_balls(m, r, v, apart, law="soft", **fields):
@@ -85,7 +75,7 @@ def two_balls(m, r, v, apart, law="soft", **fields):
 
 @pytest.mark.parametrize("given", [{"rtol": 1e-13}, {"rtol": 1e-7}, {"step": 1e-3}])
 def test_a_step_ends_where_hard_soft_contacts_meet(given):
-    """DOP853 does not weigh its first stages: those inside flung the others out, unseen."""
+    """The first stages of DOP853 have no weight, so that those inside went unseen."""
     m, v = (5.708, 0.1213), 0.7706
     model = two_balls(m, 0.548, v, 14.944, damping=0.0)
     run = pg.simulate(model, t_end=30.0, method="dop853", estimate=False, **given)
@@ -93,20 +83,14 @@ def test_a_step_ends_where_hard_soft_contacts_meet(given):
     np.testing.assert_allclose(run.v[-1], after, rtol=1e-5)
 
 
-def test_rounding_of_fast_approach_is_no_slip():
-    """Balls that meet head on do not slide, with friction as without."""
-    rough, smooth = (
-        pg.simulate(
-            two_balls((2.0, 3.0), 6e4, 6e7, 1.3e6, damping=0.0, stiffness=1e9, friction=mu),
-            t_end=0.08, method="dop853", rtol=1e-10, estimate=False,
-        )
-        for mu in (0.5, 0.0)
-    )  # fmt: skip
-    assert smooth.v[-1, 1] > smooth.v[-1, 0] > -1e8
-    np.testing.assert_array_equal(rough.v, smooth.v)
+@pytest.mark.parametrize(("law", "speed"), [("soft", 1000.0), ("penalty", 1.0)])
+def test_balls_that_meet_after_10_m_have_their_restitution(law, speed):
+    model = two_balls((1.0, 1.0), 0.01, speed, 10.02, law, restitution=0.5)
+    run = pg.simulate(model, t_end=12 / speed, estimate=False)
+    np.testing.assert_allclose(run.v[-1], [0.25 * speed, 0.75 * speed], rtol=0.01)
 
 
-def test_two_runs_that_agree_by_chance_do_not_make_a_small_estimate():
+def test_runs_that_agree_by_chance_do_not_make_a_small_estimate():
     """Errors of steps that a contact begins or ends in are not smooth in the tolerance."""
     m, v, r, gap = (0.06462, 728.2), 3.745e5, 8.562e4, 1.259e6
     deep, mass = 0.002971 * r, 1 / sum(1 / m for m in m)
@@ -114,50 +98,25 @@ def test_two_runs_that_agree_by_chance_do_not_make_a_small_estimate():
     model = two_balls(m, r, v, 2 * r + gap, damping=0.0, stiffness=1.25 * mass * v**2 / deep**2.5)
     leaves = gap + m[0] / sum(m) * v * lasts  # the ball's place when it leaves, and its speed
     back = v * (m[0] - m[1]) / sum(m)
-    for rtol in 10.0 ** np.arange(-5.0, -4.0, 0.1):
+    for rtol in 10.0 ** np.arange(-5.0, -4.0, 0.25):
         run = pg.simulate(model, t_end=14.1, method="dopri5", rtol=rtol, frames=11)
         error = abs(run.q[-1, 0] - leaves - back * (14.1 - gap / v - lasts))
         assert 0.0 < error < 10 * run.error_estimate
 
 
-@pytest.mark.parametrize("method", ["rk4", "dop853"])
-def test_a_penalty_wall_gives_the_restitution_asked_for(method):
-    """Its force sets in with a jump: the step that crosses it is short, whatever its weights."""
-    ball = pg.Body(name="ball", joint="free", shape={"kind": "sphere", "radius": 0.01})
-    plate = {"kind": "box", "size": (0.005, 1, 1)}
-    wall = pg.Body(name="wall", joint="weld", link=(0.0625, 0, 0), shape=plate)
-    hit = pg.Contact(name="hit", body="ball", other="wall", law="penalty", restitution=0.5)
-    model = pg.Model(bodies=(ball, wall), gravity=(0, 0, 0), contacts=(hit,))
-    v = [0, 0, 0, 50.0, 0, 0]
-    run = pg.simulate(model, [0, 0, 0, 1, 0, 0, 0], v, t_end=2e-3, method=method, estimate=False)
-    assert run.v[-1, 3] == pytest.approx(-25.0, rel=0.01)
-
-
-def test_penalty_friction_does_not_brake_a_ball_that_rolls():
-    ball = pg.Body(
-        name="ball", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0), v=(0, 10.0, 0, 1.0, 0, 0),
-        inertia=np.eye(3) * 4e-3, shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    floor = pg.Contact(name="floor", body="ball", law="penalty", friction=0.5)
-    run = pg.simulate(pg.Model(bodies=(ball,), contacts=(floor,)), t_end=0.2, estimate=False)
+def test_penalty_friction_does_not_brake_a_rolling_ball():
+    rolls = ball(v=(0, 10.0, 0, 1.0, 0, 0))
+    run = pg.simulate(on_ground(rolls, law="penalty", friction=0.5), t_end=0.2, estimate=False)
     assert run.v[-1, 3] == pytest.approx(1.0, abs=1e-3)
     assert run.v[-1, 1] == pytest.approx(10.0, abs=1e-2)
 
 
-def test_penalty_friction_holds_what_fingers_grip():
-    """The points of touch are corners of the fingers: what slides by them stretches the spring."""
-    cube = pg.Body(
-        name="cube", joint="free", inertia=np.eye(3) / 600,
-        shape={"kind": "box", "size": (0.1, 0.1, 0.1)},
-    )  # fmt: skip
+def test_penalty_friction_holds_a_gripped_cube():
+    cube = box("cube", (0, 0, 0), (0.1, 0.1, 0.1))
     bodies, contacts, forces = [cube], [], []
     for name, way in (("left", -1), ("right", 1)):
-        bodies.append(
-            pg.Body(
-                name=name, joint="prismatic", axes=(1, 0, 0), link=(way * 0.06, 0, 0), mass=0.2,
-                shape={"kind": "box", "size": (0.02, 0.06, 0.06)}, inertia=np.eye(3) * 1e-4,
-            )
-        )  # fmt: skip
+        slides = {"joint": "prismatic", "axes": (1, 0, 0), "mass": 0.2}
+        bodies.append(box(name, (way * 0.06, 0, 0), (0.02, 0.06, 0.06), **slides))
         contacts.append(pg.Contact(name=name, body="cube", other=name, friction=0.5, law="penalty"))
         forces.append(pg.Motor(name=f"push {name}", body=name, torque=-way * 1.2 * 9.81))
     model = pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
@@ -169,14 +128,10 @@ def test_penalty_friction_holds_what_fingers_grip():
 
 @pytest.mark.parametrize("law", ["soft", "penalty"])
 @pytest.mark.parametrize(("depth", "said"), [(0.002, True), (1e-5, False)])
-def test_a_start_far_deeper_than_weight_presses_is_said(law, depth, said):
-    box = pg.Body(
-        name="b", joint="free", q=(0, 0, 0.1 - depth, 1, 0, 0, 0),
-        shape={"kind": "box", "size": (0.2, 0.2, 0.2)},
-    )  # fmt: skip
-    model = pg.Model(bodies=(box,), contacts=(pg.Contact(name="f", body="b", law=law),))  # pyright: ignore
+def test_a_start_deeper_than_the_weight_presses_is_reported(law, depth, said):
+    model = on_ground(box(place=(0, 0, 0.1 - depth)), law=law)
     run = pg.simulate(model, t_end=1e-4, frames=2, estimate=False)
-    assert any("'f' starts" in notice for notice in run.notices) == said
+    assert any("'floor'" in notice for notice in run.notices) == said
 
 
 def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law: Any = "soft"):
@@ -192,15 +147,12 @@ def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law:
     corners = corners @ matrix(turn).T
     low = corners[:, 2].min()
     motion = {"free": (0, 0, 0, 0, 0, -speed), "prismatic": (-speed,)}[tree]
-    cube = pg.Body(
-        name="b", joint=tree, axes=() if tree == "free" else (0, 0, 1), v=motion, mass=mass,
-        link=(0, 0, 1e-4 * size - low), rotation=turn, inertia=mass * size**2 / 6 * np.eye(3),
-        shape={"kind": "box", "size": (size, size, size)},
+    cube = box(
+        size=3 * (size,), joint=tree, axes=() if tree == "free" else (0, 0, 1), v=motion, mass=mass,
+        place=(0, 0, 1e-4 * size - low), rotation=turn,
     )  # fmt: skip
-    floor = pg.Contact(
-        name="f", body="b", law=law, restitution=e, friction=0.0, stiffness=stiffness
-    )
-    model = pg.Model(bodies=(cube,), contacts=(floor,), gravity=(0, 0, 0))
+    fields = {"law": law, "restitution": e, "friction": 0.0, "stiffness": stiffness}
+    model = on_ground(cube, model={"gravity": (0, 0, 0)}, **fields)
     run = pg.simulate(model, t_end=0.01 * size / speed, frames=2, estimate=False)
     assert run.status.ok
     arm = corners[corners[:, 2] < low + 1e-9 * size].mean(axis=0)
@@ -208,56 +160,21 @@ def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law:
     return (run.v[-1, -1] + turned) / speed
 
 
-@pytest.mark.parametrize("speed", [1e-3, 1.0, 100.0])
-@pytest.mark.parametrize("e", [0.05, 0.5, 0.95, 1.0])
-def test_a_soft_contact_gives_the_restitution_asked_for_at_any_speed(e, speed):
-    for size, mass in ((0.1, 1.0), (1e-3, 1e-6), (10.0, 1e4)):
+@pytest.mark.parametrize(
+    ("law", "e", "speed"),
+    [("soft", 0.05, 1e-3), ("soft", 0.5, 100.0), ("soft", 1.0, 1.0), ("penalty", 0.05, 1.0),
+     ("penalty", 0.9, 1.0)],
+)  # fmt: skip
+def test_a_cube_bounces_with_its_restitution_however_it_hits(law, e, speed):
+    """At any size and speed, and however many points hit."""
+    close = 2e-3 if law == "soft" else 5e-3
+    sizes = ((0.1, 1.0), (1e-3, 1e-6), (10.0, 1e4)) if law == "soft" else ((0.1, 1.0),)
+    for size, mass in sizes:
+        given = {"size": size, "mass": mass, "law": law}
         for hit in ("face", "edge", "corner"):
-            assert bounce(e, speed, size=size, mass=mass, hit=hit) == pytest.approx(e, abs=2e-3)
-        assert bounce(e, speed, size=size, mass=mass, tree="prismatic") == pytest.approx(
-            e, abs=2e-3
-        )
-
-
-@pytest.mark.parametrize("e", [0.1, 0.6, 1.0])
-def test_soft_balls_of_unequal_mass_part_with_the_restitution_asked_for(e):
-    for m in ((1.0, 1.0), (1.0, 1e3), (1e-3, 2.0)):
-        model = two_balls(m, 0.1, 3.0, 0.21, restitution=e, stiffness=1e9)
-        run = pg.simulate(model, t_end=0.05, frames=2, estimate=False)
-        assert (run.v[-1, 1] - run.v[-1, 0]) / 3.0 == pytest.approx(e, abs=2e-3)
-
-
-def test_a_mesh_that_its_hull_fills_is_said(tmp_path):
-    """A cup: its hull is several times as large; hull 'convex' says that this is meant."""
-    trimesh = pytest.importorskip("trimesh")
-    profile = [[0, 0], [0.5, 0], [0.5, 1], [0.45, 1], [0.45, 0.05], [0, 0.05]]
-    cup = trimesh.creation.revolve(np.array(profile), sections=24)
-    cup.export(tmp_path / "cup.stl")
-    assert cup.convex_hull.volume > 3 * cup.volume
-    for hull, said in ((None, True), ("convex", False)):
-        shape: dict[str, object] = {"kind": "mesh", "file": str(tmp_path / "cup.stl"), "hull": hull}
-        body = pg.Body(name="b", joint="free", q=(0, 0, 0, 1, 0, 0, 0), shape=shape)
-        model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="f", body="b"),))
-        run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
-        assert any("the mesh of 'b' touches by its convex hull" in n for n in run.notices) == said
-
-
-def hinged_rod():
-    """A rod on a hinge hits the ground with the ball at its end: (bodies, the contact's pair)."""
-    rod = pg.Body(
-        name="h", joint="revolute", axes=(0, -1, 0), link=(0, 0, 0.1 + np.sin(0.2)), v=(-1.0,),
-        q=(np.pi / 2 - 0.19,), com=(0, 0, -0.5), mass=2.0, inertia=np.diag([0.001, 1 / 6, 1 / 6]),
-        shape={"kind": "sphere", "radius": 0.1, "position": (0, 0, -1.0)},
-    )  # fmt: skip
-    return [rod], {"body": "h"}
-
-
-def slider_with_load():
-    """A ball on a slider that carries a second one, which may slide across."""
-    ball = {"kind": "sphere", "radius": 0.1}
-    low = pg.Body(name="h", joint="prismatic", axes=(0, 0, 1), q=(0.11,), v=(-1.0,), shape=ball)
-    load = pg.Body(name="s", parent="h", joint="prismatic", axes=(1, 0, 0), mass=9.0)
-    return [low, load], {"body": "h"}
+            assert bounce(e, speed, hit=hit, **given) == pytest.approx(e, abs=close)
+        if law == "soft":
+            assert bounce(e, speed, tree="prismatic", **given) == pytest.approx(e, abs=close)
 
 
 def fingers():
@@ -282,16 +199,9 @@ def on_a_ball_joint():
     return [arm, plate], {"body": "h"}
 
 
-def rates_of(run, i):
-    """Speed at which the pair of a run closes before it, and parts after it, by its gap."""
-    gap = run.contact_gap["c"]
-    return (gap[i + 1] - gap[i]) / (run.t[i + 1] - run.t[i])
-
-
-@pytest.mark.parametrize("scene", [hinged_rod, slider_with_load, fingers, on_a_ball_joint])
-@pytest.mark.parametrize("law", ["soft", "penalty"])
-@pytest.mark.parametrize("e", [0.2, 0.7])
-def test_bodies_of_a_tree_have_the_restitution_asked_for(scene, law, e):
+@pytest.mark.parametrize("scene", [fingers, on_a_ball_joint])
+@pytest.mark.parametrize(("law", "e"), [("soft", 0.2), ("penalty", 0.7)])
+def test_bodies_of_a_tree_part_with_their_restitution(scene, law, e):
     bodies, pair = scene()
     stiff = {"stiffness": 1e8 if law == "soft" else 1e6}
     contact = pg.Contact(name="c", law=law, friction=0.0, restitution=e, **stiff, **pair)
@@ -299,26 +209,19 @@ def test_bodies_of_a_tree_have_the_restitution_asked_for(scene, law, e):
     run = pg.simulate(model, t_end=0.06, frames=6001, estimate=False)
     touches = np.flatnonzero(run.contact_gap["c"] < 0.0)
     first, last = touches[0], touches[np.flatnonzero(np.diff(touches, append=10**6) > 1)[0]]
-    before, after = rates_of(run, first - 2), rates_of(run, last + 1)
+    rate = np.diff(run.contact_gap["c"]) / np.diff(run.t)
+    before, after = rate[first - 2], rate[last + 1]
     assert before < -0.2
     assert -after / before == pytest.approx(e, abs=0.02)
     assert not run.notices
 
 
-@pytest.mark.parametrize("hit", ["face", "edge", "corner"])
-@pytest.mark.parametrize("e", [0.05, 0.5, 0.9])
-def test_a_penalty_contact_gives_the_restitution_however_many_points_hit(e, hit):
-    assert bounce(e, 1.0, hit=hit, law="penalty") == pytest.approx(e, abs=5e-3)
-
-
-@pytest.mark.parametrize("law", ["soft", "penalty"])
 @pytest.mark.parametrize(
-    ("held", "feet", "told"), [(False, 1, False), (True, 1, True), (False, 2, True)]
+    ("held", "feet", "law"), [(False, 1, "soft"), (True, 1, "penalty"), (False, 2, "soft")]
 )
-def test_a_restitution_that_is_only_near_is_told(held, feet, told, law):
-    """Exact for a tree on one contact; about it under constraints and on several contacts."""
-    box = {"mass": 1.0, "inertia": np.eye(3) * 2e-3, "shape": {"kind": "box", "size": (0.1,) * 3}}
-    bodies = [pg.Body(name="box", joint="free", link=(0, 0, 0.06), **box)]
+def test_a_restitution_that_is_only_near_is_reported(held, feet, law):
+    """It is exact for a tree on one contact, not with constraints or several contacts."""
+    bodies = [box("box", (0, 0, 0.06), 3 * (0.1,))]
     bodies.append(pg.Body(name="arm", parent="box", tip=(0.1, 0, 0), mass=0.5))
     rope = [pg.Distance(name="rod", body="arm", other_point=(1.0, 0, 0.1))] if held else []
     soft = {"body": "box", "law": law, "restitution": 0.5}
@@ -328,4 +231,16 @@ def test_a_restitution_that_is_only_near_is_told(held, feet, told, law):
     contacts = [pg.Contact(**soft, **one) for one in sets]
     model = pg.Model(bodies=bodies, constraints=rope, contacts=contacts)
     run = pg.simulate(model, t_end=0.1, estimate=False)
-    assert any("restitution is about" in notice for notice in run.notices) == told
+    assert any("restitution" in notice for notice in run.notices) == (held or feet == 2)
+
+
+def test_a_mesh_much_smaller_than_its_hull_is_reported(tmp_path):
+    """A cup. Hull 'convex' states that it is meant."""
+    trimesh = pytest.importorskip("trimesh")
+    profile = [[0, 0], [0.5, 0], [0.5, 1], [0.45, 1], [0.45, 0.05], [0, 0.05]]
+    trimesh.creation.revolve(np.array(profile), sections=24).export(tmp_path / "cup.stl")
+    for hull, told in ((None, True), ("convex", False)):
+        shape = {"kind": "mesh", "file": str(tmp_path / "cup.stl"), "hull": hull}
+        model = on_ground(pg.Body(name="b", joint="free", shape=shape))
+        run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
+        assert any("'b'" in n and "hull" in n for n in run.notices) == told

