@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from benchmarks import fifty_digits
-from benchmarks.fifty_digits import exact, mp
 from pgraph_core import joints
 from pgraph_core.paper.motion import bodies_of
+from tests import fifty_digits
+from tests.fifty_digits import exact, mp
 
 from .trees import random_case, scaled_error
 
