@@ -14,7 +14,7 @@ from tests.fifty_digits import exact, mp
 from .trees import random_case, scaled_error
 
 H = mp.mpf(10) ** -15  # central differences are then good to 30 digits
-CREEP = mp.mpf("1e-3")  # of the joints' friction, f v / √(v² + creep²)
+CREEP = mp.mpf("1e-3")  # creep speed of joint friction, f v / √(v² + creep²)
 HINGES = ("revolute", "prismatic", "cylindrical", "universal", "planar")
 
 
@@ -65,9 +65,8 @@ def oracle(s, passive=lambda q, v: 0):
     return found
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_derivatives_are_exact_to_rounding(seed):
-    """1e-13, or 1e-15 x the condition of M."""
     s = random_case(seed, most=4)
     mech = pg.Mechanism(s.model)
     bound = 1e-13 + 1e-15 * np.linalg.cond(mech.mass_matrix(s.q))
@@ -75,9 +74,9 @@ def test_derivatives_are_exact_to_rounding(seed):
         assert scaled_error(found, expected) < bound
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
-    """Friction bends within 1e-3 rad/s: half of the speeds are there."""
+    """Half of the speeds lie within the creep speed, where friction is curved."""
     s = random_case(seed, kinds=HINGES, most=3)
     n = len(s.v)
     rng = np.random.default_rng(seed)
@@ -101,7 +100,7 @@ def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
 
 
 def test_a_small_mechanism_keeps_its_digits():
-    """A micrometre long: steps are taken in lengths of the mechanism."""
+    """A mechanism of a micrometre."""
     size = 1e-6
     slider = pg.Body(name="a", joint="prismatic", axes=((1, 0, 0),), mass=1e-9)
     rod = pg.Body(
@@ -123,8 +122,8 @@ def test_a_mechanism_that_cannot_move_has_empty_derivatives():
 
 
 def test_a_long_chain_keeps_its_digits():
-    """M⁻¹ of 300 links beside the answers of `forward_dynamics` to one torque each."""
-    n = 300
+    """M⁻¹ of 200 links compared with `forward_dynamics` under one torque each."""
+    n = 200
     mech, rng = pg.Mechanism(pg.Model.serial(n)), np.random.default_rng(0)
     q, v = rng.normal(size=n), np.zeros(n)
     inverse = mech.forward_derivatives(q, v)[2]
@@ -134,8 +133,8 @@ def test_a_long_chain_keeps_its_digits():
         assert scaled_error(1e6 * inverse[:, j], column) < 1e-10
 
 
-def test_derivatives_are_of_the_mechanism_that_is_asked():
-    """Each one has a workspace of its own; edits, lists and springs go another way to the same."""
+def test_mechanisms_do_not_share_derivatives():
+    """Each mechanism has its own workspace, also after edits."""
     first, v = pg.Mechanism(pg.Model.serial(5)), np.ones(5)
     before = first.forward_derivatives(v, v, v)
     heavy, sprung = first.edit("2", mass=50.0), first.edit("2", stiffness=(3.0,))

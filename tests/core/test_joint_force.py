@@ -1,4 +1,4 @@
-"""Forces in joints: what a joint lets free it passes no force along, whatever else acts."""
+"""Joint forces have no component along the free motions of their joints."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pgraph_core as pg
 
 from .trees import random_model
 
-pytestmark = pytest.mark.fast
+pytestmark = pytest.mark.quick
 
 KINDS = ("revolute", "prismatic", "universal", "planar", "spherical", "free")
 PUSH = pg.Force(
@@ -46,8 +46,8 @@ def moving(seed, **fields):
 
 @pytest.mark.parametrize("point", [None, (0.2, 0.1, -0.1)], ids=["middle of the shape", "given"])
 @pytest.mark.parametrize("axis", [None, (0, 0, 1)], ids=["ball", "disc"])
-@pytest.mark.parametrize("seed", [6, 8])
-def test_what_rolls_is_pushed_where_it_rolls(seed, axis, point):
+@pytest.mark.parametrize("seed", [6])
+def test_rolling_forces_act_at_the_contact(seed, axis, point):
     rolling = pg.Constraint(
         name="r", kind="rolling", body="b3", point=point, axis=axis, radius=0.3, other="ground"
     )
@@ -58,8 +58,8 @@ def test_what_rolls_is_pushed_where_it_rolls(seed, axis, point):
     assert_free(run)
 
 
-@pytest.mark.parametrize("seed", [3, 6])
-def test_forces_given_to_the_run_are_counted_also_from_its_file(seed, tmp_path):
+@pytest.mark.parametrize("seed", [3])
+def test_forces_given_to_a_run_are_in_its_file(seed, tmp_path):
     mech, q, v = moving(seed)
     run = pg.simulate(mech, q, v, t_end=0.02, step=1e-3, frames=3, forces=(PUSH,))
     assert_free(run)
@@ -68,7 +68,7 @@ def test_forces_given_to_the_run_are_counted_also_from_its_file(seed, tmp_path):
     np.testing.assert_array_equal(again.joint_force, run.joint_force)
 
 
-def test_of_joined_runs_each_has_its_own_forces():
+def test_joined_runs_keep_their_own_forces():
     mech, q, v = moving(3)
     first = pg.simulate(mech, q, v, t_end=0.02, step=1e-3, forces=(PUSH,))
     then = pg.simulate(mech, first.q[-1], first.v[-1], t_start=0.02, t_end=0.04, step=1e-3)

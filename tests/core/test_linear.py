@@ -11,8 +11,6 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.analysis.rows import Rows, apart
 
-LOOPS = ["four_bar", "slider_crank", "andrews", "quadruped"]
-
 
 def load(name: str) -> pg.Mechanism:
     return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
@@ -32,7 +30,9 @@ def test_a_pendulum_with_spring_and_damper():
     assert not found.conservative
 
 
-@pytest.mark.parametrize("n", [10, 100, pytest.param(1000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "n", [10, *(pytest.param(n, marks=pytest.mark.nightly) for n in (100, 1000))]
+)
 def test_frequencies_of_a_hanging_chain(n):
     """Point masses on rods without mass: the zeros of Laguerre polynomials."""
     point = {"axes": (0, 1, 0), "com": (0, 0, -1.0), "mass": 1.0, "inertia": np.zeros((3, 3))}
@@ -46,8 +46,7 @@ def test_frequencies_of_a_hanging_chain(n):
     assert len(found.frequencies) == n
     if n == 10:
         np.testing.assert_allclose(found.frequencies**2 / 9.81, lagroots([0] * n + [1]), rtol=1e-9)
-    mech = pg.Mechanism(pg.Model(bodies=bodies))
-    M = mech.mass_matrix(np.zeros(n))
+    M = pg.Mechanism(pg.Model(bodies=bodies)).mass_matrix(np.zeros(n))
     weights = np.arange(n, 0, -1) * 9.81  # the weight below each rod: K is diagonal
     upright = np.tril(np.ones((n, n)))  # angles against the vertical
     x = found.modes[:, 0].real
@@ -58,7 +57,7 @@ def test_frequencies_of_a_hanging_chain(n):
     assert found.modes.shape == (n, 2 * n)
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "andrews", "quadruped"])
 def test_with_loops_it_equals_differences_of_the_motion(name):
     """Along trajectories that start a little aside, which the constraints hold."""
     mech = load(name)
@@ -141,14 +140,12 @@ def test_a_slider_on_a_contact_is_a_spring_with_a_damper(law):
     np.testing.assert_allclose(found.A, [[0, 1], [-stiffness / m, -damping / m]], rtol=1e-7)
     np.testing.assert_allclose(found.drift, 0.0, atol=1e-12)
     assert not found.notices
-    np.testing.assert_allclose(
-        mech.linearise(q=[0.1]).A, [[0, 1], [0, 0]], atol=1e-12
-    )  # in the air
     off = pg.Mechanism(mech.model.edit("c", active=False)).linearise()
-    np.testing.assert_allclose(off.A, [[0, 1], [0, 0]], atol=1e-12)
+    for free in (mech.linearise(q=[0.1]), off):  # in the air, and switched off
+        np.testing.assert_allclose(free.A, [[0, 1], [0, 0]], atol=1e-12)
 
 
-def test_what_is_shut_and_what_does_not_stay_is_told():
+def test_closed_contacts_and_missing_equilibria_are_reported():
     point = pg.Contact(name="foot", body="b", points=[(0, 0, 0)])
     body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=1.0)
     for model, name in (
@@ -156,11 +153,10 @@ def test_what_is_shut_and_what_does_not_stay_is_told():
         (pg.Model(bodies=[body.copy(update={"limits": (0.0, 1.0)})]), "joint 'b'"),
     ):
         mech = pg.Mechanism(model)
-        shut, falls = mech.linearise().notices
-        assert name in shut
-        assert "'b' is -9.81" in falls
-        (falls,) = mech.linearise(q=[0.5]).notices
-        assert "no equilibrium" in falls
+        closed, falls = mech.linearise().notices
+        assert name in closed
+        assert all(fact in falls for fact in ("'b'", "-9.81"))
+        assert len(mech.linearise(q=[0.5]).notices) == 1
     arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
     arm = pg.Mechanism(pg.Model(bodies=[arm]))
     assert not arm.linearise().notices
@@ -183,9 +179,8 @@ def test_servos_are_springs_and_scenarios_choose():
     mech = pg.Mechanism(model)
     inertia = mech.mass_matrix(np.zeros(1))[0, 0]
     np.testing.assert_allclose(mech.linearise().A, [[0, 1], [0, 0]], atol=1e-12)
-    np.testing.assert_allclose(
-        mech.linearise(scenario="held").A, [[0, 1], [-7 / inertia, -0.3 / inertia]], atol=1e-12
-    )
+    held = mech.linearise(scenario="held").A
+    np.testing.assert_allclose(held, [[0, 1], [-7 / inertia, -0.3 / inertia]], atol=1e-12)
     np.testing.assert_allclose(mech.equilibrium(scenario="held"), [0.2], atol=1e-10)
     limited = servo.model_copy(update={"torque_limit": 0.1})
     held = pg.Mechanism(model.replace(forces=[limited], scenarios=[]))
@@ -237,7 +232,7 @@ UPPER, LOWER = pg.Body(name="a", **ROD), pg.Body(name="b", parent="a", link=(1, 
 def test_equilibrium_goes_down_from_anywhere_but_an_equilibrium():
     mech, rest = pg.Mechanism(pg.Model(bodies=[UPPER, LOWER])), np.zeros(2)
     lowest = -9.81 * (0.5 + 1.5)
-    for q in [*np.random.default_rng(0).uniform(-np.pi, np.pi, (40, 2)), (-np.pi / 2 + 1e-9, 0)]:
+    for q in [*np.random.default_rng(0).uniform(-np.pi, np.pi, (12, 2)), (-np.pi / 2 + 1e-9, 0)]:
         assert mech.energy(mech.equilibrium(q), rest)[1] == pytest.approx(lowest, rel=1e-12)
     upright = np.array([-np.pi / 2, 0])  # sin is 1, cos is 6e-17: an equilibrium but for rounding
     np.testing.assert_array_equal(mech.equilibrium(upright), upright)
@@ -271,13 +266,12 @@ def test_equilibrium_balances_motors_and_wrenches(force, least):
 
 def test_inverse_kinematics_meets_several_targets_within_limits():
     model = pg.Model.serial(6)
-    axes = [(0, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-    model = model.edit_all({
-        f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)
-    })  # fmt: skip
+    axes = np.eye(3)[[1, 2, 1, 0, 1, 2]].tolist()
+    edits = {f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)}
+    model = model.edit_all(edits)
     mech = pg.Mechanism(model)
     rng = np.random.default_rng(0)
-    for _ in range(5):
+    for _ in range(3):
         aim = rng.uniform(-1.2, 1.2, 6)
         place, turn = mech.pose(aim, "6")
         q = mech.inverse_kinematics({"6": (place, turn)})
@@ -289,7 +283,7 @@ def test_inverse_kinematics_meets_several_targets_within_limits():
     tip = mech.pose(aim, "6")[0] + mech.pose(aim, "6")[1] @ (0.2, 0, 0)
     q = mech.inverse_kinematics({"3": elbow, "6": {"place": tip, "point": (0.2, 0, 0)}})
     np.testing.assert_allclose(mech.pose(q, "3")[0], elbow, atol=1e-8)
-    with pytest.raises(pg.InputError, match=r"target of '6': misses its target by .* m"):
+    with pytest.raises(pg.InputError, match="target of '6'"):
         mech.inverse_kinematics({"6": (5.0, 0.0, 0.0)})
     with pytest.raises(pg.InputError, match="quaternion"):
         mech.inverse_kinematics({"6": ((0, 0, 0), np.ones((3, 3)))})

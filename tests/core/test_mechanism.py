@@ -12,7 +12,7 @@ from pgraph_core.paper import Operators
 
 from .trees import random_case, scaled_error
 
-pytestmark = pytest.mark.fast
+pytestmark = pytest.mark.quick
 
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over at most 12 bodies
@@ -25,29 +25,17 @@ def both(seed, **options):
 
 
 @given(seeds)
-@settings(max_examples=200)
-def test_mass_matrix_equals_eq_25(seed):
+@settings(max_examples=100)
+def test_inverse_dynamics_equals_eqs_22_to_25(seed):
     s, mech, op = both(seed)
     assert scaled_error(mech.mass_matrix(s.q), op.mass_matrix) < ROUNDING
-
-
-@given(seeds)
-@settings(max_examples=200)
-def test_bias_force_equals_eq_25(seed):
-    s, mech, op = both(seed)
     assert scaled_error(mech.bias_force(s.q, s.v), op.bias_force) < ROUNDING
-
-
-@given(seeds)
-@settings(max_examples=200)
-def test_inverse_dynamics_equals_eqs_22_to_24(seed):
-    s, mech, op = both(seed)
     found = mech.inverse_dynamics(s.q, s.v, s.vdot, s.external)
     assert scaled_error(found, op.inverse_dynamics(s.vdot, s.external)) < ROUNDING
 
 
 @given(seeds)
-@settings(max_examples=200)
+@settings(max_examples=60)
 def test_forward_dynamics_equals_eq_26(seed):
     """Compared as torques, and as accelerations as closely as M's condition lets them be known."""
     s, mech, op = both(seed)
@@ -68,21 +56,16 @@ def load(op, vdot, external):
 
 
 @given(seeds)
-def test_jacobians_equal_eq_20(seed):
+@settings(max_examples=50)
+def test_poses_and_jacobians_equal_eq_20(seed):
     s, mech, op = both(seed)
     assert scaled_error(mech.tip_jacobian(s.q), op.jacobian) < ROUNDING
+    point = np.array([0.3, -0.2, 0.5])
     for k, name in enumerate(mech.names, start=1):
-        point = np.array([0.3, -0.2, 0.5])
         assert scaled_error(mech.jacobian(s.q, name, point), op.point_jacobian(k, point)) < ROUNDING
-
-
-@given(seeds)
-def test_poses_equal_the_frames(seed):
-    s, mech, op = both(seed)
-    for k, name in enumerate(mech.names):
         position, rotation = mech.pose(s.q, name)
-        assert scaled_error(position, op.position[k]) < ROUNDING
-        assert scaled_error(rotation, op.rotation[k]) < ROUNDING
+        assert scaled_error(position, op.position[k - 1]) < ROUNDING
+        assert scaled_error(rotation, op.rotation[k - 1]) < ROUNDING
 
 
 @given(seeds)
@@ -120,16 +103,11 @@ def test_a_welded_load_is_the_same_as_one_rigid_body():
     """Two half rods welded end to end, turned a quarter, swing as one rod of twice the length."""
     thin = ((1e-4, 0, 0), (0, 0.01, 0), (0, 0, 0.01))
     half = pg.Body(name="a", axes=((0, 1, 0),), com=(0.25, 0, 0), inertia=thin)
-    turned = (np.sqrt(0.5), 0, 0, np.sqrt(0.5))  # x of the load lies along y of the rod, ...
-    load = pg.Body(
-        name="b",
-        parent="a",
-        dof=0,
-        link=(0.5, 0, 0),
-        rotation=turned,
-        com=(0, -0.25, 0),  # ... so this is 0.25 m further along the rod
+    turned = (np.sqrt(0.5), 0, 0, np.sqrt(0.5))
+    load = pg.Body(  # whose x lies along y of the rod, so it is 0.25 m further along the rod
+        name="b", parent="a", dof=0, link=(0.5, 0, 0), rotation=turned, com=(0, -0.25, 0),
         inertia=((0.01, 0, 0), (0, 1e-4, 0), (0, 0, 0.01)),
-    )
+    )  # fmt: skip
     inertia = 2 * np.array(thin) + 2 * 0.25**2 * np.diag([0, 1, 1])
     whole = pg.Body(name="a", axes=((0, 1, 0),), mass=2.0, com=(0.5, 0, 0), inertia=inertia)
     two, one = (pg.Mechanism(pg.Model(bodies=b)) for b in ((half, load), (whole,)))
@@ -140,14 +118,9 @@ def test_a_welded_load_is_the_same_as_one_rigid_body():
     assert two.forward_dynamics(q, v) == pytest.approx(one.forward_dynamics(q, v), rel=1e-14)
 
 
-def test_results_do_not_alias_workspace():
-    """A later call must not change an earlier answer."""
+def test_a_later_call_does_not_change_an_earlier_answer():
     s, mech, _ = both(3)
-    answers = [
-        mech.mass_matrix(s.q),
-        mech.forward_dynamics(s.q, s.v, s.tau),
-        mech.tip_jacobian(s.q),
-    ]
+    answers = [mech.mass_matrix(s.q), mech.forward_dynamics(s.q, s.v), mech.tip_jacobian(s.q)]
     copies = [answer.copy() for answer in answers]
     mech.mass_matrix(mech.home()[0])
     mech.forward_dynamics(s.q, 2 * s.v)

@@ -1,4 +1,4 @@
-"""The methods converge with the orders they claim, on rotating bodies too (R21)."""
+"""The methods converge at their orders, on rotating bodies and with constraints too (R21)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.dynamics.states import differences
 
 from .trees import random_case
 
@@ -30,28 +29,18 @@ RANGE = {  # duration [s] and steps: errors above rounding, and small enough for
 def tumbling_body():
     """A free body that turns about its middle axis, which is not stable."""
     body = pg.Body(
-        name="tumbling",
-        joint="free",
-        mass=2.0,
-        com=(0.1, -0.05, 0.2),
-        inertia=((0.1, 0, 0), (0, 0.2, 0), (0, 0, 0.25)),
-        q=(0, 0, 0, 1, 0, 0, 0),
-        v=(0.3, 5.0, 0.2, 1.0, 0.5, -0.3),
-    )
+        name="tumbling", joint="free", mass=2.0, com=(0.1, -0.05, 0.2),
+        inertia=np.diag([0.1, 0.2, 0.25]), v=(0.3, 5.0, 0.2, 1.0, 0.5, -0.3),
+    )  # fmt: skip
     return pg.Model(bodies=(body,))
 
 
 def heavy_top():
     """A fast top on a ball joint."""
     top = pg.Body(
-        name="top",
-        joint="spherical",
-        mass=1.0,
-        com=(0, 0, 0.2),
-        inertia=((0.02, 0, 0), (0, 0.02, 0), (0, 0, 0.03)),
-        q=(np.cos(0.2), np.sin(0.2), 0, 0),
-        v=(0.2, 1.0, 15.0),
-    )
+        name="top", joint="spherical", mass=1.0, com=(0, 0, 0.2), v=(0.2, 1.0, 15.0),
+        inertia=np.diag([0.02, 0.02, 0.03]), q=(np.cos(0.2), np.sin(0.2), 0, 0),
+    )  # fmt: skip
     return pg.Model(bodies=(top,))
 
 
@@ -102,7 +91,7 @@ WITH_ROWS = {  # steps of the loop in 0.4 s, and of the disc in 0.5 s
 @pytest.mark.parametrize("method", WITH_ROWS)
 @pytest.mark.parametrize("name", ["slider_crank", "rolling_disc"])
 def test_the_order_holds_with_constraints(name, method):
-    """A loop that a motor drives, three rows of it redundant; a disc whose speeds are tied."""
+    """A driven loop with redundant rows, and a rolling disc."""
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     loop = name == "slider_crank"
     counts, t_end = WITH_ROWS[method][0 if loop else 1], 0.4 if loop else 0.5
@@ -117,12 +106,8 @@ def test_the_order_holds_with_constraints(name, method):
 
 def test_moreau_jeans_order_is_one():
     """On a body that tumbles above a ground that it does not reach, and carries an arm."""
-    ball = {"kind": "sphere", "radius": 0.1}
-    body = (
-        tumbling_body()
-        .bodies[0]
-        .model_copy(update={"link": (0, 0, 9.0), "shape": pg.Shape(**ball)})
-    )
+    ball = pg.Shape(kind="sphere", radius=0.1)
+    body = tumbling_body().edit("tumbling", link=(0, 0, 9.0), shape=ball).bodies[0]
     arm = pg.Body(name="arm", parent=body.name, axes=(1, 0, 0), com=(0, 0.2, 0), mass=1.0)
     free = pg.Model(bodies=(body, arm))
     mech = pg.Mechanism(free.add(pg.Contact(name="c", body=body.name)))
@@ -139,7 +124,7 @@ def test_moreau_jeans_order_is_one():
 
 @pytest.mark.parametrize("method", ORDER)
 def test_frames_between_steps_are_as_good_as_the_steps(method):
-    """At odd times of a top, no error is notably larger than those at the ends of equal steps."""
+    """Errors at random times of a top, and at the ends of equal steps."""
     mech, (t_end, steps) = pg.Mechanism(heavy_top()), RANGE[method]
     step = t_end / steps[1]
     odd = t_end * np.sort(np.random.default_rng(1).uniform(0, 1, 41))
@@ -155,17 +140,16 @@ def test_frames_between_steps_are_as_good_as_the_steps(method):
 @pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
 def test_energy_drift_of_rk4_falls_at_least_as_its_order(make):
     mech = pg.Mechanism(make())
-    drifts = [
-        pg.simulate(mech, t_end=0.25, method="rk4", step=0.25 / n).energy_drift for n in (50, 200)
-    ]
+    options = {"t_end": 0.25, "method": "rk4", "estimate": False}
+    drifts = [pg.simulate(mech, step=0.25 / n, **options).energy_drift for n in (50, 200)]
     assert drifts[1] < max(drifts[0] / 4**3.7, 1e-13)
 
 
 def test_energy_of_semi_implicit_euler_does_not_creep():
-    """A pendulum over 100 swings: the error stays a ripple of the size of the step."""
+    """A pendulum over 30 swings: the error stays a ripple of the size of the step."""
     mech = pg.Mechanism(pg.Model.serial(1).edit("1", q=(1.0,)))
-    run = pg.simulate(mech, t_end=60.0, method="semi_implicit_euler", step=1e-3)
-    early = run.t < 10
+    run = pg.simulate(mech, t_end=20.0, method="semi_implicit_euler", step=1e-3, estimate=False)
+    early = run.t < 5
     balance = abs(run.energy - run.energy[0])
     assert balance.max() < 1.2 * balance[early].max()
     assert run.energy_drift < 0.05
@@ -181,14 +165,3 @@ def test_a_tumbling_body_keeps_its_angular_momentum():
         _, R = mech.pose(q, "tumbling")
         spin.append(R @ np.array(body.inertia) @ R.T @ v[:3])
     np.testing.assert_allclose(spin, np.tile(spin[0], (len(spin), 1)), rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
-@pytest.mark.parametrize("make", [heavy_top, mixed_tree])
-def test_the_error_estimate_is_the_error(make, method):
-    """Within a factor of two, where the step is small enough for the order to show."""
-    mech = pg.Mechanism(make())
-    fine = pg.simulate(mech, t_end=0.25, method="rk4", step=0.25 / 4000, frames=2)
-    run = pg.simulate(mech, t_end=0.25, method=method, step=0.25 / 200, frames=2)
-    true = max(x[-1] for x in differences(mech.packed.rows, run.q, fine.q))
-    assert true / 2 < run.error_estimate < true * 2

@@ -1,4 +1,4 @@
-"""Outputs: what they read is the motion's own derivatives and weights; edits keep them in step."""
+"""Outputs equal the motion's own derivatives and weights; edits keep them consistent."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
     np.testing.assert_array_equal(out["spin"], run.v[:, 3])
 
 
-def test_the_force_is_what_carries_the_body():
+def test_the_force_output_is_the_rate_of_momentum():
     run = pg.simulate(arm(), t_end=0.2, frames=2001, rtol=1e-12)
     out = run.outputs
     turn = np.array([matrix(q) for q in out["rotation"].tolist()])
@@ -77,13 +77,13 @@ def test_the_force_is_what_carries_the_body():
     np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
     columns = run.columns()
     np.testing.assert_array_equal(columns["gyro.x"], out["gyro"][:, 0])
-    with pytest.raises(KeyError, match="no output is called 'gyr'; choose one of gyro"):
+    with pytest.raises(KeyError, match="'gyr'.*gyro"):
         out["gyr"]
 
 
-@pytest.mark.parametrize("of", [0, 1])
-def test_steppers_read_them_as_a_run_does(of):
-    model = (arm, loaded)[of]()
+@pytest.mark.parametrize("make", [arm, loaded])
+def test_steppers_and_batches_have_the_outputs_of_a_run(make):
+    model = make()
     stepper = pg.Stepper(model, step=1e-3, method="rk4")
     stepper.step(n=50)
     run = pg.simulate(model, t_end=0.05, step=1e-3, method="rk4")
@@ -94,7 +94,7 @@ def test_steppers_read_them_as_a_run_does(of):
         np.testing.assert_allclose(batch.outputs[name], [value] * 3, rtol=1e-9, atol=1e-10)
 
 
-def test_instances_of_a_batch_read_their_own_numbers():
+def test_instances_of_a_batch_have_their_own_outputs():
     masses = np.array([0.5, 1.0, 0.5])
     batch = pg.BatchStepper(arm(), 3, step=1e-3, set={"bodies.tool.mass": masses}, threads=2)
     batch.step(n=20)
@@ -112,7 +112,7 @@ def test_edits_take_outputs_along():
     assert {o.at for o in named.outputs} == {"head", "arm", "lower"}
     fewer = model.remove("imu")
     assert [o.name for o in fewer.outputs] == ["angle", "spin"]
-    assert "output 'gyro' went with its site" in fewer.notices
+    assert any("'gyro'" in text for text in fewer.notices)
     assert [o.name for o in model.remove("tool").outputs] == ["angle", "spin"]
     welded = model.edit("lower", joint="revolute")
     assert "spin" not in [o.name for o in welded.outputs]
@@ -125,15 +125,15 @@ def test_edits_take_outputs_along():
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"kind": "gyro", "at": "elbow"}, "no body is named 'elbow'.*of the sites imu"),
-        ({"kind": "joint_position", "at": "imu"}, "no body is named 'imu'"),
-        ({"kind": "joint_position", "at": "lower"}, "take kind 'rotation'"),
-        ({"kind": "joint_velocity", "at": "upper", "coordinate": 1}, "1 degrees of freedom"),
-        ({"kind": "force", "at": "ground"}, "no joint passes a force"),
-        ({"kind": "gyro", "at": "imu", "coordinate": 1}, "has no meaning for gyro"),
-        ({"kind": "smell", "at": "imu"}, "one of joint_position, joint_velocity"),
+        ({"kind": "gyro", "at": "elbow"}, "'elbow'.*imu"),
+        ({"kind": "joint_position", "at": "imu"}, "'imu'"),
+        ({"kind": "joint_position", "at": "lower"}, "'rotation'"),
+        ({"kind": "joint_velocity", "at": "upper", "coordinate": 1}, "coordinate"),
+        ({"kind": "force", "at": "ground"}, "ground"),
+        ({"kind": "gyro", "at": "imu", "coordinate": 1}, "coordinate"),
+        ({"kind": "smell", "at": "imu"}, "joint_position, joint_velocity"),
     ],
 )
-def test_what_cannot_be_read_is_refused(fields, text):
+def test_outputs_that_cannot_be_read_are_refused(fields, text):
     with pytest.raises(pg.ModelError, match=text):
         arm().add(pg.Output(name="new", **fields))

@@ -20,15 +20,15 @@ def kernel_rows(s, v=None, t=0.0):
     return Rows.of(pg.Mechanism(s.model), np.zeros(1, dtype=np.int64), s.q, v, t)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("seed", "t"), [(0, 0.6), (1, 0.2), (2, 0.0), (2, 0.6), (2, 3.0)])
 @pytest.mark.parametrize("kind", ROWS)
-def test_rows_are_those_of_the_operators(kind, seed):
+def test_rows_are_those_of_the_operators(kind, seed, t):
     """Directions normal to an axis may be any two: what they span and measure is compared."""
     s, c = case(kind, seed)
     op = Operators(s.model, s.topology, s.q, s.v)
     length = radius_of_gyration(op)
-    found, expected = kernel_rows(s, s.v, 0.2), rows_of(op, c, length, 0.2)
-    assert len(found.J) == ROWS[kind]
+    found, expected = kernel_rows(s, s.v, t), rows_of(op, c, length, t)
+    assert len(found.J) == ROWS[kind] == c.ROWS
     assert abs(found.length - length) < ROUNDING * length
     slip = expected.J @ s.v - expected.speed
     for mine, theirs in ((found.gap, expected.residual), (found.slip, slip)):
@@ -45,7 +45,7 @@ def span(vectors):
     return q @ q.T
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ROWS)
 def test_groups_have_the_directions_of_the_operators(kind, seed):
     s, c = case(kind, seed)
@@ -66,7 +66,7 @@ def test_groups_have_the_directions_of_the_operators(kind, seed):
         assert (g.nature == "slip") == (kind == "skate" or not g.holonomic)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_finite_move_is_taken_back_by_its_own_size(seed):
     s = random_case(seed)
     mech, step = pg.Mechanism(s.model), 0.3 * s.v
@@ -75,7 +75,7 @@ def test_a_finite_move_is_taken_back_by_its_own_size(seed):
     assert scaled_error(apart(mech, s.q, q), step) < ROUNDING
 
 
-def test_angles_are_told_from_lengths():
+def test_coordinates_are_angles_or_lengths():
     kinds = ("free", "spherical", "universal", "cylindrical")
     bodies = tuple(pg.Body(name=kind, joint=kind) for kind in kinds)
     found = turns(pg.Mechanism(pg.Model(bodies=bodies)))
