@@ -1,4 +1,4 @@
-"""Every kind of constraint: dense rows against differences, dynamics against dense algebra."""
+"""Every kind of constraint: dense rows against differences, kernels against dense algebra."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.analysis.rows import Rows, apart
 from pgraph_core.paper import Operators
 from tests.oracle.constraint_rows import prescribed, radius_of_gyration, rows_of
 
 from ..oracle.constrained import constrained_dynamics
-from .trees import moved, random_model, random_state, scaled_error
+from .trees import moved, random_case, random_model, random_state, scaled_error
 
 EPS = 1e-4  # rad, m: central differences of order 4 are good to EPS^4 and rounding / EPS
 ROWS = {
@@ -120,6 +121,31 @@ def test_kernels_equal_the_dense_pseudo_inverse(kind, seed):
     assert scaled_error(vdot, expected) < 1e-9
     if kind != "velocity":  # of which the force is that of its first coefficient alone
         assert scaled_error(force["c"], forces["c"]) < 1e-9
+
+
+@pytest.mark.parametrize(("seed", "t"), [(0, 0.6), (1, 0.2), (2, 0.0), (2, 0.6), (2, 3.0)])
+@pytest.mark.parametrize("kind", ROWS)
+def test_rows_of_the_kernels_are_those_of_the_operators(kind, seed, t):
+    """Directions normal to an axis may be any two, so their span and its measure are compared."""
+    s, c = case(kind, seed)
+    expected = rows_at(s, c, s.q, s.v, t)
+    found = Rows.of(pg.Mechanism(s.model), np.zeros(1, dtype=np.int64), s.q, s.v, t)
+    assert len(found.J) == ROWS[kind] == c.ROWS
+    slip = expected.J @ s.v - expected.speed
+    for mine, theirs in ((found.gap, expected.residual), (found.slip, slip)):
+        size = np.linalg.norm(theirs)
+        assert scaled_error(mine @ found.J, theirs @ expected.J) < 1e-12
+        assert abs(np.linalg.norm(mine) - size) < 1e-12 * (1 + size)
+    assert scaled_error(found.J.T @ found.J, expected.J.T @ expected.J) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_finite_move_is_taken_back_by_its_own_size(seed):
+    s = random_case(seed)
+    mech, step = pg.Mechanism(s.model), 0.3 * s.v
+    q = Rows.of(mech, np.zeros(0, dtype=np.int64), s.q).advanced(step)
+    assert scaled_error(q, moved(s.model, s.q, step)) < 1e-12
+    assert scaled_error(apart(mech, s.q, q), step) < 1e-12
 
 
 @pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"rtol": 1e-6, "step": 4e-3}])

@@ -54,13 +54,9 @@ def oracle(s, passive=lambda q, v: 0):
     for j in range(n):
         step = exact(H * np.eye(n)[j])
         ahead, back = moved(s, j, H), moved(s, j, -H)
-        for k, (one, other) in enumerate(
-            (
-                ((ahead, v, tau), (back, v, tau)),
-                ((q, v + step, tau), (q, v - step, tau)),
-                ((q, v, tau + step), (q, v, tau - step)),
-            )
-        ):
+        states = (ahead, v, tau), (q, v + step, tau), (q, v, tau + step)
+        others = (back, v, tau), (q, v - step, tau), (q, v, tau - step)
+        for k, (one, other) in enumerate(zip(states, others)):
             found[k, :, j] = (acceleration(*one) - acceleration(*other)) / (2 * H)
     return found
 
@@ -78,8 +74,7 @@ def test_derivatives_are_exact_to_rounding(seed):
 def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
     """Half of the speeds lie within the creep speed, where friction is curved."""
     s = random_case(seed, kinds=HINGES, most=3)
-    n = len(s.v)
-    rng = np.random.default_rng(seed)
+    n, rng = len(s.v), np.random.default_rng(seed)
     s = s._replace(v=s.v * rng.choice([1.0, 1e-3], n))
     stiffness, damping, rest, friction = rng.uniform(0, 9, (4, n))
     model, start = s.model, 0
@@ -103,9 +98,8 @@ def test_a_small_mechanism_keeps_its_digits():
     """A mechanism of a micrometre."""
     size = 1e-6
     slider = pg.Body(name="a", joint="prismatic", axes=((1, 0, 0),), mass=1e-9)
-    rod = pg.Body(
-        name="b", parent="a", com=(size, 0, 0), mass=1e-9, inertia=np.eye(3) * 1e-9 * size**2
-    )
+    inertia = np.eye(3) * 1e-9 * size**2
+    rod = pg.Body(name="b", parent="a", com=(size, 0, 0), mass=1e-9, inertia=inertia)
     model = pg.Model(bodies=(slider, rod))
     q, v = np.array([2 * size, 0.3]), np.array([5 * size, 2.0])
     s = random_case(0)._replace(model=model, topology=pg.Topology.of(model), q=q, v=v)

@@ -24,21 +24,9 @@ KINDS = ("free", "spherical", "revolute", "compound", "prismatic", "revolute", "
 def nested(kinds=KINDS, seed=0):
     """A tree with a separation body inside the branch of another, and every kind of motion."""
     rng = np.random.default_rng(seed)
-    rows = zip(NESTED, kinds)
-    bodies = [
-        random_body(rng, f"b{i}", f"b{p}" if p else "ground", kind)
-        for i, (p, kind) in enumerate(rows, start=1)
-    ]
+    rows = enumerate(zip([f"b{p}" if p else "ground" for p in NESTED], kinds), start=1)
+    bodies = [random_body(rng, f"b{i}", parent, kind) for i, (parent, kind) in rows]
     return random_state(rng, pg.Model(bodies=tuple(bodies)))
-
-
-def swinging(s, steps, dt):
-    """q along a motion with speeds that change in sign, from s.q."""
-    q = s.q
-    yield q
-    for i in range(steps):
-        q = moved(s.model, q, dt * np.cos(i * dt + np.arange(len(s.v))) * s.v)
-        yield q
 
 
 def worst(frames, model, q):
@@ -49,40 +37,27 @@ def worst(frames, model, q):
     return max(map(scaled_error, found, (made.vectors, position, rotation)))
 
 
-def updated_along(model, path):
-    """The frames at the end of `path`, by exact increments only."""
-    path = iter(path)
-    q = next(path)
-    frames = frame_vectors(model, q)
-    for q_next in path:
-        frames, q = frames.updated(increments(model, q, q_next)), q_next
-    return frames, q
-
-
 @given(seeds)
 @settings(max_examples=40)
-def test_frame_vectors_are_those_of_the_operators(seed):
+def test_frames_and_one_exact_update_are_the_absolute_form(seed):
+    """Every joint kind (R15), forests too, and steps of up to half a turn."""
     s = random_case(seed)
     frames, op = frame_vectors(s.model, s.q), Operators(s.model, s.topology, s.q)
     assert worst(frames, s.model, s.q) < 1e-14
     assert scaled_error(frames.link, op.link) < 1e-14
-
-
-@given(seeds)
-@settings(max_examples=40)
-def test_one_exact_update_is_the_absolute_form(seed):
-    """Every joint kind (R15), forests too, and steps of any size: up to half a turn."""
-    s = random_case(seed)
     q = moved(s.model, s.q, s.v)
-    frames = frame_vectors(s.model, s.q).updated(increments(s.model, s.q, q))
+    frames = frames.updated(increments(s.model, s.q, q))
     assert worst(frames, s.model, q) < 1e-13  # rounding of at most 12 turns one after another
 
 
 @pytest.mark.parametrize("kinds", [KINDS, ("revolute",) * 8], ids=["every kind", "hinges"])
 def test_exact_increments_do_not_drift_in_two_thousand_steps(kinds):
     """Nested separation bodies (checklist C6)."""
-    s = nested(kinds)
-    frames, q = updated_along(s.model, swinging(s, 2_000, 1e-2))
+    s, dt = nested(kinds), 1e-2
+    frames, q = frame_vectors(s.model, s.q), s.q
+    for i in range(2000):
+        then = moved(s.model, q, dt * np.cos(i * dt + np.arange(len(s.v))) * s.v)
+        frames, q = frames.updated(increments(s.model, q, then)), then
     assert worst(frames, s.model, q) < 1e-12
 
 
@@ -127,9 +102,6 @@ def test_visits_of_fig_1():
     assert [visit.find for visit in found] == [1, 2, 3, 4, 2, 6, 2, 8, 9]
     carried = [(1, 2, 3, 5, 4, 6, 7), (2, 3, 5, 4, 6, 7), (3, 5), (5,), (), (4,), (), (6, 7), (7,)]
     assert [visit.P for visit in found] == carried
-
-
-def test_the_ground_as_separation_body_is_not_carried():
     assert [visit.P for visit in visits([0, 1, 2, 0, 3])] == [(), (1, 2), (2,), (), (3,)]
 
 

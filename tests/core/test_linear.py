@@ -36,11 +36,9 @@ def test_a_pendulum_with_spring_and_damper():
 def test_frequencies_of_a_hanging_chain(n):
     """Point masses on rods without mass: the zeros of Laguerre polynomials."""
     point = {"axes": (0, 1, 0), "com": (0, 0, -1.0), "mass": 1.0, "inertia": np.zeros((3, 3))}
-    bodies = [
-        pg.Body(name=f"{k}", parent=f"{k - 1}" if k else "ground",
-                link=(0, 0, -1.0) if k else (0, 0, 0), **point)
-        for k in range(n)
-    ]  # fmt: skip
+    bodies = [pg.Body(name="0", **point)]
+    link = {"link": (0, 0, -1.0), **point}
+    bodies += [pg.Body(name=f"{k}", parent=f"{k - 1}", **link) for k in range(1, n)]
     found = pg.Mechanism(pg.Model(bodies=bodies)).linearise()
     assert found.conservative
     assert len(found.frequencies) == n
@@ -51,9 +49,8 @@ def test_frequencies_of_a_hanging_chain(n):
     upright = np.tril(np.ones((n, n)))  # angles against the vertical
     x = found.modes[:, 0].real
     pull = upright.T @ (weights * (upright @ x))
-    np.testing.assert_allclose(
-        pull, found.frequencies[0] ** 2 * (M @ x), atol=1e-9 * np.abs(pull).max()
-    )
+    inertia = found.frequencies[0] ** 2 * (M @ x)
+    np.testing.assert_allclose(pull, inertia, atol=1e-9 * np.abs(pull).max())
     assert found.modes.shape == (n, 2 * n)
 
 
@@ -66,8 +63,8 @@ def test_with_loops_it_equals_differences_of_the_motion(name):
     q, v, _ = mech.assemble(q, 0.5 * rng.normal(size=mech.nv))
     if name == "quadruped":
         v = np.zeros(mech.nv)
-    forces = mech.model.forces
-    bare = pg.Mechanism(mech.model.replace(forces=tuple(f for f in forces if f.kind == "spring")))
+    springs = tuple(f for f in mech.model.forces if f.kind == "spring")
+    bare = pg.Mechanism(mech.model.replace(forces=springs))
     found = bare.linearise(q, v)
     index = [bare_index(bare, c) for c in found.coordinates]
     speed = [bare_index(bare, c) for c in found.velocities]
@@ -78,8 +75,7 @@ def test_with_loops_it_equals_differences_of_the_motion(name):
         moved = rows.advanced(found.moves @ x[:n])
         at, _, _ = bare.assemble(moved, np.zeros(bare.nv))
         here = rows.at(at)
-        # the constraints' position with exactly these independent coordinates
-        for _ in range(4):
+        for _ in range(4):  # to the constraints, at exactly these independent coordinates
             off = np.concatenate((here.gap, (apart(bare, q, at)[index] - x[:n])))
             J = np.vstack((here.J, np.eye(bare.nv)[index]))
             at = here.advanced(-np.linalg.lstsq(J, off, rcond=1e-10)[0])

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_core.paper import Operators
 
 from .trees import random_case, scaled_error
@@ -126,3 +130,36 @@ def test_a_later_call_does_not_change_an_earlier_answer():
     mech.forward_dynamics(s.q, 2 * s.v)
     mech.tip_jacobian(mech.home()[0])
     assert all(np.array_equal(a, b) for a, b in zip(answers, copies))
+
+
+def test_threads_may_share_a_mechanism_and_its_edits():
+    """Springs and given torques pass through one workspace: no call may see another's numbers."""
+    mech = pg.Mechanism(pg.Model.serial(6).edit("1", stiffness=(3.0,), damping=(0.1,)))
+    mechs = [mech, mech.edit(mech.names[2], mass=2.0)]
+    rng = np.random.default_rng(0)
+    states = [(mechs[i % 2], *rng.normal(size=(3, mech.nv))) for i in range(40)]
+
+    def answers(state):
+        m, q, v, tau = state
+        return [
+            *(m.forward_dynamics(q, v, tau), m.inverse_dynamics(q, v, tau)),
+            *(m.mass_matrix(q), m.jacobian(q, m.names[-1]), m.constrained_dynamics(q, v, tau)[0]),
+        ]
+
+    alone = [answers(state) for state in states]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for mine, found in zip(2 * alone, pool.map(answers, 2 * states)):
+                assert all(map(np.array_equal, mine, found))
+    finally:
+        sys.setswitchinterval(interval)
+
+
+def test_repr_is_short_and_html_shows_every_body():
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
+    text, html = repr(mech), mech._repr_html_()
+    assert len(text.splitlines()) <= 2
+    assert all(fact in text for fact in ("Mechanism", mech.model.name, str(mech.nb), str(mech.nv)))
+    assert all(part in html for part in ("<svg", "<table", *mech.names))

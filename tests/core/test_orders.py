@@ -137,14 +137,6 @@ def test_frames_between_steps_are_as_good_as_the_steps(method):
     assert worst[1] < 2.0 * worst[0]
 
 
-@pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
-def test_energy_drift_of_rk4_falls_at_least_as_its_order(make):
-    mech = pg.Mechanism(make())
-    options = {"t_end": 0.25, "method": "rk4", "estimate": False}
-    drifts = [pg.simulate(mech, step=0.25 / n, **options).energy_drift for n in (50, 200)]
-    assert drifts[1] < max(drifts[0] / 4**3.7, 1e-13)
-
-
 def test_energy_of_semi_implicit_euler_does_not_creep():
     """A pendulum over 30 swings: the error stays a ripple of the size of the step."""
     mech = pg.Mechanism(pg.Model.serial(1).edit("1", q=(1.0,)))

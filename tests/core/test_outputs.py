@@ -77,7 +77,7 @@ def test_the_force_output_is_the_rate_of_momentum():
     np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
     columns = run.columns()
     np.testing.assert_array_equal(columns["gyro.x"], out["gyro"][:, 0])
-    with pytest.raises(KeyError, match="'gyr'.*gyro"):
+    with pytest.raises(KeyError, match=r"'gyr'.*gyro"):
         out["gyr"]
 
 

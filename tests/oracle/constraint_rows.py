@@ -1,51 +1,22 @@
 """Residuals, Jacobians and J'θ' of every kind of constraint, from the paper's dense operators.
 
-Made for reading and as an oracle: nothing here knows the blocks that the kernels take. Relative
-motion is what an observer on `other` sees: v_rel = v_a - v_b*, a_rel = a_a - a_b* - 2 ω_b × v_rel,
-b* the point of `other` at the same place.
+An oracle that shares nothing with the kernels. Relative motion is as seen by an observer on
+`other`: v_rel = v_a - v_b*, a_rel = a_a - a_b* - 2 ω_b × v_rel, with b* the point of `other` at
+the same place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pgraph_core.model import Body, Constraint, Model, Polynomial, Sine, Table
-from pgraph_core.paper.motion import Joint, v_slices
+from pgraph_core.model import Constraint, Polynomial, Sine, Table
+from pgraph_core.paper import Operators
+from pgraph_core.paper.motion import v_slices
 from pgraph_core.rotation import Array, unit_vector
-from pgraph_core.topology import Topology
-
-
-class Bodies(Protocol):
-    """The bodies of a model in a state: `Operators`, or whatever answers as they do."""
-
-    @property
-    def model(self) -> Model: ...
-    @property
-    def topology(self) -> Topology: ...
-    @cached_property
-    def bodies(self) -> list[Body]: ...
-    @cached_property
-    def home(self) -> tuple[Array, Array]: ...
-    @cached_property
-    def nv(self) -> int: ...
-    @property
-    def q(self) -> Array: ...
-    @cached_property
-    def speeds(self) -> Array: ...
-    @cached_property
-    def position(self) -> Array: ...
-    @cached_property
-    def rotation(self) -> Array: ...
-
-    def point_position(self, k: int, point: Array) -> Array: ...
-    def point_jacobian(self, k: int, point: Array) -> Array: ...
-    def point_bias(self, k: int, point: Array) -> Array: ...
-    def omega(self, k: int) -> Array: ...
-    def joint(self, k: int) -> Joint: ...
 
 
 class Rows(NamedTuple):
@@ -58,13 +29,13 @@ class Rows(NamedTuple):
     wrench: Array  # (m, 6) [torque, force] on `body` at `point` of a unit multiplier, world axes
 
 
-def rows_of(op: Bodies, c: Constraint, length: float, t: float = 0.0) -> Rows:
+def rows_of(op: Operators, c: Constraint, length: float, t: float = 0.0) -> Rows:
     """The rows of a constraint at the state of `op`; `length` [m] stands for one radian."""
     return _KINDS[c.kind](_Pair(op, c, length, t))
 
 
-def radius_of_gyration(op: Bodies) -> float:
-    """How far mass that moves is from its bodies' origins, over all bodies [m]; 1 where none is."""
+def radius_of_gyration(op: Operators) -> float:
+    """Return the radius of gyration of all moving bodies about their origins [m], or 1."""
     parent = op.topology.parent
     moves = [False]  # the ground, then each body
     for k, body in enumerate(op.bodies, start=1):
@@ -75,7 +46,7 @@ def radius_of_gyration(op: Bodies) -> float:
     return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
 
 
-def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
+def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
     """The two points in their bodies' frames; one left out is where the other is at home."""
     body, other = map(op.topology.number, c.pair)
     point = np.array(op.model.point_of(c))
@@ -90,7 +61,7 @@ def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
 class _End:
     """A point of a body (0: the ground) and how it moves, world axes."""
 
-    def __init__(self, op: Bodies, number: int, x: Array):
+    def __init__(self, op: Operators, number: int, x: Array):
         self.x = x
         if number == 0:
             self.J, self.bias, self.omega = np.zeros((6, op.nv)), np.zeros(6), np.zeros(3)
@@ -103,7 +74,7 @@ class _End:
 class _Pair:
     """`body` at its point, and `other` both at its own point and at the place of the first."""
 
-    def __init__(self, op: Bodies, c: Any, length: float, t: float):
+    def __init__(self, op: Operators, c: Any, length: float, t: float):
         self.op, self.c, self.length, self.t = op, c, length, t
         self.a, self.b = map(op.topology.number, c.pair)
         self.point, self.other_point = points_of(op, c)
@@ -153,8 +124,6 @@ class _Pair:
         J = self.end.J[:3] - self.here.J[:3]
         turning = np.cross(self.here.omega, self.end.omega)
         return J, J @ self.op.speeds, self.end.bias[:3] - self.here.bias[:3] - turning
-
-    # -- row types -----------------------------------------------------------------------------
 
     def together(self) -> Rows:
         """x_a = x_b, in world axes and each end at its own point."""
@@ -209,7 +178,7 @@ class _Pair:
         return position, factor * np.eye(body.dof)[k or 0]
 
 
-def _positions(op: Bodies, name: str) -> list[float]:
+def _positions(op: Operators, name: str) -> list[float]:
     """q by degree of freedom; nan for those of balls."""
     number, start = op.topology.number(name), 0
     for body in op.bodies[: number - 1]:
@@ -298,9 +267,8 @@ def _rolling(p: _Pair) -> Rows:
     turned = np.cross(p.spin()[1], axis)
     rate = -(n @ turned) * axis - (n @ axis) * turned
     rate = (rate - (u @ rate) * u) / np.linalg.norm(across)
-    return p.slipping(
-        -radius * u, -radius * rate, w, height - radius * float(np.linalg.norm(across))
-    )
+    gap = height - radius * float(np.linalg.norm(across))
+    return p.slipping(-radius * u, -radius * rate, w, gap)
 
 
 def _skate(p: _Pair) -> Rows:
@@ -332,11 +300,8 @@ def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[floa
     match q_of_t:
         case Sine(mean=mean, amplitude=size, frequency=w, phase=phase):
             angle = w * t + phase
-            return (
-                mean + size * np.sin(angle),
-                size * w * np.cos(angle),
-                -size * w * w * np.sin(angle),
-            )
+            sine, cosine = size * np.sin(angle), size * np.cos(angle)
+            return mean + sine, w * cosine, -w * w * sine
         case Polynomial(coefficients=c):
             f = np.polynomial.Polynomial(c)
             return float(f(t)), float(f.deriv(1)(t)), float(f.deriv(2)(t))
