@@ -31,29 +31,23 @@ def alike(one: pg.Mechanism, other: pg.Mechanism) -> bool:
     return all(np.allclose(x, y, rtol=1e-14, atol=1e-14) for x, y in pairs)
 
 
+BODY_FIELDS = ("link", "rotation", "mass", "com", "inertia")
+JOINT_FIELDS = ("q", "v", "armature", "stiffness", "damping", "rest", "friction")
+
+
 def columns_of(model: pg.Model) -> pg.Columns:
     """The model's numbers as a user would have them in arrays."""
     bodies, rows = model.bodies, model.row
     pairs = [(i, m) for i, b in enumerate(bodies, start=1) for m in b.sequence]
-
-    def joined(field: str) -> np.ndarray:
-        return np.array([x for b in bodies for x in getattr(b, field)])
-
     return pg.Columns(
         parent=[0 if b.parent == "ground" else rows[b.parent] + 1 for b in bodies],
         motion=np.array([m.kind for _, m in pairs], dtype=str),
         motion_of=[i for i, _ in pairs],
         axis=np.array([m.axis for _, m in pairs]).reshape(-1, 3),
-        link=np.array([b.link for b in bodies]),
-        rotation=np.array([b.rotation for b in bodies]),
-        mass=np.array([b.mass for b in bodies]),
-        com=np.array([b.com for b in bodies]),
-        inertia=np.array([b.inertia for b in bodies]),
-        q=joined("q"),
-        v=joined("v"),
         names=[b.name for b in bodies],
         gravity=model.gravity,
-        **{k: joined(k) for k in ("armature", "stiffness", "damping", "rest", "friction")},
+        **{k: np.array([getattr(b, k) for b in bodies]) for k in BODY_FIELDS},
+        **{k: np.array([x for b in bodies for x in getattr(b, k)]) for k in JOINT_FIELDS},
     )
 
 
@@ -62,24 +56,14 @@ def columns_of(model: pg.Model) -> pg.Columns:
 def test_columns_and_model_make_the_same_mechanism(seed):
     rng = np.random.default_rng(seed)
     model = shuffled(rng, random_model(rng, int(rng.integers(1, 12))))
-    mech, other, topology = (
-        pg.Mechanism(columns_of(model)),
-        pg.Mechanism(model),
-        pg.Topology.of(model),
-    )
+    mech, other = pg.Mechanism(columns_of(model)), pg.Mechanism(model)
+    topology = pg.Topology.of(model)
     assert mech.names == other.names == topology.names
     assert (mech.nb, mech.nq, mech.nv) == (other.nb, other.nq, other.nv)
     for field in ("pgraph", "jdof", "row", "parent", "dof"):
         assert getattr(mech.topology, field).tolist() == getattr(topology, field).tolist()
     assert alike(mech, other)
     assert alike(mech, pg.Mechanism(columns_of(model).model()))
-
-
-def test_a_list_of_parents_is_a_chain_of_hinges():
-    mech = pg.Mechanism(pg.Columns(parent=[0, 1, 2]))
-    bodies = [pg.Body(name=n, parent=p) for n, p in zip("123", ("ground", "1", "2"))]
-    assert mech.model == pg.Model(name="columns", bodies=bodies)
-    assert mech.pgraph.tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("joint", ["weld", "universal", "planar", "spherical", "free", "compound"])
@@ -91,7 +75,10 @@ def test_every_kind_of_joint_has_its_default_motions(joint):
     assert ours.model.bodies == bodies
 
 
-def test_a_model_in_columns_is_the_model_and_arrays_are_copied():
+def test_columns_default_to_a_chain_of_hinges_and_are_copied():
+    mech = pg.Mechanism(pg.Columns(parent=[0, 1, 2]))
+    bodies = [pg.Body(name=n, parent=p) for n, p in zip("123", ("ground", "1", "2"))]
+    assert mech.model == pg.Model(name="columns", bodies=bodies)
     assert pg.Mechanism(pg.Columns.of(QUADRUPED)).model is QUADRUPED
     mass = np.array([1.0, 2.0])
     columns = pg.Columns(parent=[0, 1], mass=mass)
@@ -99,15 +86,13 @@ def test_a_model_in_columns_is_the_model_and_arrays_are_copied():
     assert [b.mass for b in columns.model().bodies] == [1.0, 2.0]
 
 
-def test_a_chain_of_a_hundred_thousand_columns():
+def test_a_chain_of_twenty_thousand_columns():
     """A comb upside down, whose rows stand before their parents."""
-    n = 100_000
+    n = 20_000
     parent = np.append(np.arange(2, n + 1), 0)
     mech = pg.Mechanism(pg.Columns(parent=parent, link=(0.01, 0, 0)))
-    assert mech.nb == n
-    assert mech.pgraph[:3].tolist() == [1, 2, 3]
-    q, v = mech.home()
-    assert np.isfinite(mech.forward_dynamics(q, v)).all()
+    assert (mech.nb, mech.pgraph[:3].tolist()) == (n, [1, 2, 3])
+    assert np.isfinite(mech.forward_dynamics(*mech.home())).all()
 
 
 @pytest.mark.parametrize("update", [{"rotation": (0.0,) * 4}, {"name": " a"}])
@@ -148,9 +133,7 @@ def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
         i = int(rng.integers(2, 7))
         changes = {"parent": str(rng.integers(1, i)), "mass": float(rng.uniform(1, 2))}
         mech, model = mech.edit(str(i), **changes), model.edit(str(i), **changes)
-        if turn % 13 == 0:
-            assert mech.model == model
-    assert mech.model == model
+        assert mech.model == model
     assert same(mech, pg.Mechanism(model))
 
 

@@ -60,7 +60,7 @@ def test_the_ledger_closes_at_the_order_of_the_method(what):
 def test_the_ledger_closes_with_friction_and_dampers_of_joints():
     """A wheel that turns one way, so that friction never sticks."""
     wheel = pg.Body(name="w", mass=1, inertia=ball(0.5), friction=0.8, damping=0.1, v=9.0)
-    run = pg.simulate(pg.Mechanism(pg.Model(bodies=(wheel,))), t_end=1.0, method="rk4", step=1e-2)
+    run = pg.simulate(pg.Model(bodies=(wheel,)), t_end=1.0, method="rk4", step=1e-2)
     assert run.energy_drift < 1e-10
     assert run.dissipation[-1] == pytest.approx(run.energy[0] - run.energy[-1], rel=1e-9)
 
@@ -68,9 +68,7 @@ def test_the_ledger_closes_with_friction_and_dampers_of_joints():
 def test_the_ledger_closes_with_a_servo_at_its_limit():
     """The torque has kinks, where no method keeps its order: 1e-6 at 1 ms."""
     servo = pg.Force(name="f", kind="servo", body="2", kp=90, kd=9, target=1.0, torque_limit=2.0)
-    run = pg.simulate(
-        pg.Mechanism(chain().replace(forces=(servo,))), t_end=1.0, method="rk4", step=1e-3
-    )
+    run = pg.simulate(chain().replace(forces=(servo,)), t_end=1.0, method="rk4", step=1e-3)
     assert run.energy_drift < 1e-6
     assert abs(run.work[-1]) > 1e-2
 
@@ -127,9 +125,7 @@ def test_a_table_is_followed_as_a_spline_and_its_work_is_booked():
 
 
 def test_a_speed_that_is_held_does_work():
-    body = pg.Body(
-        name="a", axes=((0, 1, 0),), mass=MASS, com=(LENGTH, 0, 0), inertia=ball(0.0), v=3.0
-    )
+    body = arm(LINE, v=3.0).model.bodies[0]
     held = pg.Constraint(name="drive", kind="velocity", coefficients={"a": (2.0,)}, value=6.0)
     mech = pg.Mechanism(pg.Model(bodies=(body,), constraints=(held,)))
     run = pg.simulate(mech, t_end=1.0, method="rk4", step=1e-3, frames=11)

@@ -30,9 +30,7 @@ def test_a_pendulum_with_spring_and_damper():
     assert not found.conservative
 
 
-@pytest.mark.parametrize(
-    "n", [10, *(pytest.param(n, marks=pytest.mark.nightly) for n in (100, 1000))]
-)
+@pytest.mark.parametrize("n", [10, pytest.param(1000, marks=pytest.mark.nightly)])
 def test_frequencies_of_a_hanging_chain(n):
     """Point masses on rods without mass: the zeros of Laguerre polynomials."""
     point = {"axes": (0, 1, 0), "com": (0, 0, -1.0), "mass": 1.0, "inertia": np.zeros((3, 3))}
@@ -203,18 +201,15 @@ def test_a_spinning_top_turns_its_axes_along():
 
 
 def test_a_chain_settles_where_its_energy_is_least():
-    model = pg.Model.serial(5)
-    mech = pg.Mechanism(model)
+    mech = pg.Mechanism(pg.Model.serial(5))
     q = mech.equilibrium()
-    np.testing.assert_allclose(np.sin(q[0]), 1.0, atol=1e-9)  # straight down
-    np.testing.assert_allclose(np.abs(np.sin(q[1:])), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.sin(q), [1, 0, 0, 0, 0], atol=1e-9)  # straight down
     assert mech.linearise(q).conservative
     assert len(mech.linearise(q).frequencies) == 5
     loop = load("slider_crank")
     loop = pg.Mechanism(loop.model.replace(gravity=(1.0, -9.0, 2.0), forces=()))
     q = loop.equilibrium()
-    rest = np.zeros(loop.nv)
-    vdot, _ = loop.constrained_dynamics(q, rest)
+    vdot, _ = loop.constrained_dynamics(q, np.zeros(loop.nv))
     assert np.abs(vdot).max() < 1e-8
     falls = pg.Mechanism(pg.Model(bodies=[pg.Body(name="stone", joint="free")]))
     with pytest.raises(pg.InputError, match="'stone'"):
@@ -241,15 +236,16 @@ def test_equilibrium_rests_on_limits_and_leaves_them():
         np.testing.assert_allclose(mech.equilibrium(q), [1.0, np.pi / 2 - 1.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("force", "least"),
-    [
-        (pg.Motor(name="f", body="a", torque=3.0), np.pi / 2 + np.arcsin(3.0 / (9.81 * 0.5))),
-        (pg.Wrench(name="f", body="a", torque=(0, 3.0, 0)), None),
-        (pg.Wrench(name="f", body="a", force=(9.81, 0, 0), point=(0.5, 0, 0)), np.pi / 4),
-        (pg.Wrench(name="f", body="a", force=(0, 0, 3.0), frame="body", point=(0.5, 0, 0)), None),
-    ],
-)
+ON = {"name": "f", "body": "a"}
+LOADS = [
+    (pg.Motor(**ON, torque=3.0), np.pi / 2 + np.arcsin(3.0 / (9.81 * 0.5))),
+    (pg.Wrench(**ON, torque=(0, 3.0, 0)), None),
+    (pg.Wrench(**ON, force=(9.81, 0, 0), point=(0.5, 0, 0)), np.pi / 4),
+    (pg.Wrench(**ON, force=(0, 0, 3.0), frame="body", point=(0.5, 0, 0)), None),
+]
+
+
+@pytest.mark.parametrize(("force", "least"), LOADS)
 def test_equilibrium_balances_motors_and_wrenches(force, least):
     mech = pg.Mechanism(pg.Model(bodies=[UPPER], forces=[force]))
     for start in (-2.0, 0.0, 1.4, 2.5):
@@ -264,8 +260,7 @@ def test_inverse_kinematics_meets_several_targets_within_limits():
     model = pg.Model.serial(6)
     axes = np.eye(3)[[1, 2, 1, 0, 1, 2]].tolist()
     edits = {f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)}
-    model = model.edit_all(edits)
-    mech = pg.Mechanism(model)
+    mech = pg.Mechanism(model.edit_all(edits))
     rng = np.random.default_rng(0)
     for _ in range(3):
         aim = rng.uniform(-1.2, 1.2, 6)
@@ -279,12 +274,10 @@ def test_inverse_kinematics_meets_several_targets_within_limits():
     tip = mech.pose(aim, "6")[0] + mech.pose(aim, "6")[1] @ (0.2, 0, 0)
     q = mech.inverse_kinematics({"3": elbow, "6": {"place": tip, "point": (0.2, 0, 0)}})
     np.testing.assert_allclose(mech.pose(q, "3")[0], elbow, atol=1e-8)
-    with pytest.raises(pg.InputError, match="target of '6'"):
-        mech.inverse_kinematics({"6": (5.0, 0.0, 0.0)})
-    with pytest.raises(pg.InputError, match="quaternion"):
-        mech.inverse_kinematics({"6": ((0, 0, 0), np.ones((3, 3)))})
-    with pytest.raises(pg.PgraphError, match="'7'"):
-        mech.inverse_kinematics({"7": (0, 0, 0)})
+    far, singular = {"6": (5.0, 0.0, 0.0)}, {"6": ((0, 0, 0), np.ones((3, 3)))}
+    for target, words in ((far, "'6'"), (singular, "quaternion"), ({"7": (0, 0, 0)}, "'7'")):
+        with pytest.raises(pg.PgraphError, match=words):
+            mech.inverse_kinematics(target)
 
 
 def test_inverse_kinematics_keeps_loops_closed():

@@ -15,8 +15,8 @@ from .trees import moved, random_case, scaled_error
 TABLE = pg.VectorTable(t=(0.0, 1.0, 3.0), value=((0, 0, 0), (1, 2, 3), (4, 0, 0)))
 
 
-def dense(s, f, q, v, t=0.0):
-    return load_of(Operators(s.model, s.topology, q, v), f, t)
+def dense(s, f, q):
+    return load_of(Operators(s.model, s.topology, q, s.v), f)
 
 
 def forces(s):
@@ -37,17 +37,15 @@ def test_springs_pull_along_the_slope_of_their_energy_and_power_adds_up(seed):
     s = random_case(seed)
     eps = 1e-5
     for f in forces(s):
-        load = dense(s, f, s.q, s.v)
-        ahead, back = (dense(s, f, moved(s.model, s.q, e * s.v), s.v).energy for e in (eps, -eps))
+        load = dense(s, f, s.q)
+        ahead, back = (dense(s, f, moved(s.model, s.q, e * s.v)).energy for e in (eps, -eps))
         balance = load.power - load.dissipated - (ahead - back) / (2 * eps)
         assert load.tau @ s.v == pytest.approx(balance, rel=1e-6, abs=1e-6)
 
 
 def test_a_torsion_spring_about_a_hinge_measures_its_coordinate():
     model = pg.Model.serial(2).edit("2", rotation=(0.5, 0.5, 0.5, 0.5), q=0.3)
-    f = pg.Force(
-        name="t", kind="torsion", body="2", other="1", axis=(0, 1, 0), stiffness=2, rest=0.1
-    )
+    f = pg.Torsion(name="t", body="2", other="1", axis=(0, 1, 0), stiffness=2, rest=0.1)
     op = Operators(model, pg.Topology.of(model), np.array([0.7, 0.4]))
     np.testing.assert_allclose(load_of(op, f).tau, [0, -2 * (0.4 - 0.1)], atol=1e-15)
 
@@ -112,10 +110,8 @@ def test_slopes_of_a_spring_are_good_to_1e_11(length):
     """A slide across a spring: τ = -k (1 - rest / √(x² + a²)) x and its slope, in closed form."""
     a, k, rest, x = length, 50.0, 0.7 * length, 0.4 * length
     slide = pg.Body(name="s", joint="prismatic", axes=((1, 0, 0),), mass=1)
-    spring = pg.Force(
-        name="f", kind="spring", body="s", other_point=(0, a, 0), point=(0, 0, 0),
-        stiffness=k, rest=rest,
-    )  # fmt: skip
+    ends = {"point": (0, 0, 0), "other_point": (0, a, 0)}
+    spring = pg.Spring(name="f", body="s", stiffness=k, rest=rest, **ends)
     mech = pg.Mechanism(pg.Model(bodies=(slide,), forces=(spring,), gravity=(0, 0, 0)))
     slope, _, _ = mech.forward_derivatives(np.array([x]), np.zeros(1))
     r = np.hypot(x, a)

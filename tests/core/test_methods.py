@@ -64,14 +64,10 @@ def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
     assert worst(turned.reshape(-1, 9), np.reshape(reference["R"], (-1, 9))) < 1e-8
 
 
-@pytest.mark.parametrize(
-    ("n", "end", "tolerance"),
-    [
-        (10, 1.0, 1e-11),
-        pytest.param(100, 1.0, 1e-11, marks=pytest.mark.nightly),
-        pytest.param(1000, 0.5, 1e-8, marks=pytest.mark.nightly),
-    ],
-)
+LONG = [pytest.param(*x, marks=pytest.mark.nightly) for x in ((100, 1, 1e-11), (1000, 0.5, 1e-8))]
+
+
+@pytest.mark.parametrize(("n", "end", "tolerance"), [(10, 1.0, 1e-11), *LONG])
 def test_chain(n, end, tolerance):
     t, reference = case("chain_n_links")
     t = t[t <= end]
@@ -95,21 +91,18 @@ def test_extreme_mass_ratios(name, ratio, rtol, tolerance):
     assert worst(np.cumsum(done.q, axis=1), reference["theta"]) < tolerance
 
 
-@pytest.mark.parametrize("length", [1e-9, 1e-3, 1e9])
 @pytest.mark.parametrize("method", EXPLICIT)
-def test_pendulums_of_all_scales_take_the_same_steps(method, length):
+def test_pendulums_of_all_scales_take_the_same_steps(method):
     """At default tolerances, which have no unit."""
     _, reference = case("pendulum_scales")
-    period = reference["period"][reference["L"].index(length)]
-    mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
-    quarter = np.array([0.0, period / 4])
-    done = pg.simulate(mech, np.array([np.pi / 2]), t_end=period / 4, t_eval=quarter, method=method)
-    assert abs(done.q[-1, 0]) < 3e-8
-    one = pg.simulate(
-        pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN)), np.array([np.pi / 2]),
-        t_end=reference["period"][reference["L"].index(1.0)] / 4, frames=2, method=method,
-    )  # fmt: skip
-    assert done.counters["steps"] == one.counters["steps"]
+    steps = set()
+    for length in (1e-9, 1e-3, 1.0, 1e9):
+        quarter = reference["period"][reference["L"].index(length)] / 4
+        mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
+        done = pg.simulate(mech, np.array([np.pi / 2]), t_end=quarter, frames=2, method=method)
+        assert abs(done.q[-1, 0]) < 3e-8
+        steps.add(done.counters["steps"])
+    assert len(steps) == 1
 
 
 def slider_crank():
@@ -211,7 +204,7 @@ def test_auto_chooses_by_step_tolerance_and_stiffness():
         ("radau5", stiff, q, {}),
         ("radau5", damped, None, {}),
     ):
-        run = pg.simulate(tree, start, t_end=0.1, **options)
+        run = pg.simulate(tree, start, t_end=0.5, **options)
         assert run.header["method"] == method
         assert run.header["why"].startswith(method)
         assert run.counters["steps"] < 3000
@@ -239,25 +232,19 @@ def test_output_between_steps_is_of_the_order_of_the_steps(method, order):
     q, v = np.array([1.0, 0, 0, 0]), np.array([0.0, 50.0, -4.61538])
     fine = run(mech, t, q, v, rtol=1e-14)
     counts = np.array([30, 45, 60, 90]) if method == "dopri5" else np.array([14, 18, 23, 30])
-    errors = [
-        worst(pg.simulate(mech, q, v, t_end=0.1, t_eval=t, method=method, step=0.1 / n).q, fine.q)
-        for n in counts
-    ]
+    runs = [run(mech, t, q, v, method=method, rtol=None, step=0.1 / n) for n in counts]
+    errors = [worst(each.q, fine.q) for each in runs]
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope > order - 0.3, errors
 
 
-def driven():
-    """A pendulum under a motor whose torque is a table with corners."""
-    table = pg.Table(t=(0.0, 0.11, 0.2, 0.37, 0.5), value=(0.0, 3.0, -2.0, 4.0, 0.0))
-    motor = pg.Force(name="motor", kind="motor", body="a", torque=table)
-    return pg.Mechanism(pg.Model(bodies=(mass("a"),), forces=(motor,), **DOWN))
-
-
 @pytest.mark.parametrize("method", EXPLICIT)
 def test_steps_end_at_the_corners_of_tables(method):
+    table = pg.Table(t=(0.0, 0.11, 0.2, 0.37, 0.5), value=(0.0, 3.0, -2.0, 4.0, 0.0))
+    motor = pg.Motor(name="motor", body="a", torque=table)
+    model = pg.Model(bodies=(mass("a"),), forces=(motor,), **DOWN)
     loose, tight = (
-        pg.simulate(driven(), t_end=0.6, method=method, rtol=rtol) for rtol in (1e-8, 1e-13)
+        pg.simulate(model, t_end=0.6, method=method, rtol=rtol) for rtol in (1e-8, 1e-13)
     )
     assert loose.counters["rejected_steps"] <= 2
     assert worst(loose.q, tight.q) < 1e-8
@@ -265,47 +252,32 @@ def test_steps_end_at_the_corners_of_tables(method):
     assert tight.energy_drift < 1e-11
 
 
-def spinning_chain() -> pg.Mechanism:
-    """A body on a ball joint that carries a sliding and a hinged one: no part of M is constant."""
-    top = pg.Body(
-        name="top", joint="spherical", mass=1.0, com=(0, 0, 0.3),
-        inertia=np.diag([0.05, 0.06, 0.03]), v=(0.4, 0.2, 3.0),
-    )  # fmt: skip
-    bead = pg.Body(
-        name="bead", parent="top", joint="prismatic", axes=(1, 0, 0), link=(0, 0, 0.3), mass=0.3,
-        inertia=np.diag([0.01, 0.01, 0.01]), stiffness=40.0, q=0.05,
-    )  # fmt: skip
-    arm = pg.Body(
-        name="arm", parent="top", axes=(0, 1, 0), link=(0, 0, 0.5), mass=0.4, com=(0, 0, -0.2),
-        inertia=np.diag([0.01, 0.01, 0.002]), v=2.0,
-    )  # fmt: skip
-    return pg.Mechanism(pg.Model(bodies=(top, bead, arm)))
+def spinning_chain():
+    """A ball joint that carries a slide and a hinge: no part of M is constant."""
+    top = {"name": "top", "joint": "spherical", "com": (0, 0, 0.3), "v": (0.4, 0.2, 3.0)}
+    bead = {"name": "bead", "joint": "prismatic", "axes": (1, 0, 0), "link": (0, 0, 0.3)}
+    arm = {"name": "arm", "axes": (0, 1, 0), "link": (0, 0, 0.5), "com": (0, 0, -0.2), "v": 2.0}
+    bodies = (
+        pg.Body(mass=1.0, inertia=np.diag([0.05, 0.06, 0.03]), **top),
+        pg.Body(parent="top", mass=0.3, inertia=0.01 * np.eye(3), stiffness=40.0, q=0.05, **bead),
+        pg.Body(parent="top", mass=0.4, inertia=np.diag([0.01, 0.01, 0.002]), **arm),
+    )
+    return pg.Mechanism(pg.Model(bodies=bodies))
 
 
 def test_the_symplectic_method_keeps_the_energy_where_others_lose_it():
     """Over 500 s the error of gauss6 is bounded, and that of rk4 grows."""
-    mech, options = swinging(), {"t_end": 5e2, "frames": 1001, "estimate": False}
-    kept = pg.simulate(mech, method="gauss6", step=0.1, **options)
-    lost = pg.simulate(mech, method="rk4", step=0.1, **options)
-    first, last = (energy_off(kept)[part].max() for part in (slice(0, 100), slice(-100, None)))
-    assert last < 1.5 * first
-    assert last < 1e-7
-    first, last = (energy_off(lost)[part].max() for part in (slice(0, 100), slice(-100, None)))
+
+    def ends(method):
+        options = {"t_end": 5e2, "frames": 1001, "estimate": False, "step": 0.1}
+        run = pg.simulate(double_pendulum(), [0.5, 0.2], method=method, **options)
+        off = np.abs(run.energy - run.energy[0]) / np.ptp(run.potential_energy)
+        return off[:100].max(), off[-100:].max()
+
+    first, last = ends("gauss6")
+    assert last < min(1.5 * first, 1e-7)
+    first, last = ends("rk4")
     assert last > 3 * first
-
-
-def swinging() -> pg.Mechanism:
-    bodies = (swung("upper", "ground", 0.5), swung("lower", "upper", 0.2))
-    return pg.Mechanism(pg.Model(bodies=bodies, gravity=(0, -9.81, 0), up="y"))
-
-
-def swung(name: str, parent: str, q: float) -> pg.Body:
-    link = (0, 0, 0) if parent == "ground" else (0, -1, 0)
-    return pg.Body(name=name, parent=parent, link=link, mass=1.0, com=(0, -1, 0), q=q)
-
-
-def energy_off(run):
-    return np.abs(run.energy - run.energy[0]) / np.ptp(run.potential_energy)
 
 
 def test_a_step_of_the_symplectic_method_is_symplectic():
@@ -313,36 +285,28 @@ def test_a_step_of_the_symplectic_method_is_symplectic():
     mech, h, move = spinning_chain(), 0.02, 1e-5
     q0, v0 = mech.home()
 
-    def canonical(xi, p):
-        q = moved_along(mech, q0, xi)
-        momentum = p - 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2)))
-        return q, np.linalg.solve(mech.mass_matrix(q), momentum)
+    def bend(xi, p):
+        return 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2)))
 
     def image(z):
-        q, v = canonical(z[:5], z[5:])
+        xi, p = z[:5], z[5:]
+        q = moved_along(mech, q0, xi)
+        v = np.linalg.solve(mech.mass_matrix(q), p - bend(xi, p))
         run = pg.simulate(mech, q, v, t_end=h, step=h, method="gauss6", frames=2, estimate=False)
         return run.q[-1], run.v[-1]
 
-    p0 = mech.mass_matrix(q0) @ v0
-    q1, v1 = image(np.concatenate((np.zeros(5), p0)))
-    p1 = mech.mass_matrix(q1) @ v1
+    start = np.concatenate((np.zeros(5), mech.mass_matrix(q0) @ v0))
+    q1, _ = image(start)
 
     def chart(z):
         q, v = image(z)
-        xi = between(q1, q)
-        p = mech.mass_matrix(q) @ v
-        return np.concatenate(
-            (xi, p + 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2))))
-        )
+        xi, p = between(q1, q), mech.mass_matrix(q) @ v
+        return np.concatenate((xi, p + bend(xi, p)))
 
-    start, D = np.concatenate((np.zeros(5), p0)), np.zeros((10, 10))
-    for i in range(10):
-        step = np.zeros(10)
-        step[i] = move
-        D[:, i] = (chart(start + step) - chart(start - step)) / (2 * move)
+    steps = move * np.eye(10)
+    D = np.array([chart(start + step) - chart(start - step) for step in steps]).T / (2 * move)
     omega = np.block([[np.zeros((5, 5)), np.eye(5)], [-np.eye(5), np.zeros((5, 5))]])
     assert np.abs(D.T @ omega @ D - omega).max() < 1e-7
-    assert np.isfinite(p1).all()
 
 
 def moved_along(mech, q, xi):

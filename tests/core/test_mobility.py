@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ FLAT = np.array([-np.pi / 2, np.pi / 2, -np.pi / 2])  # of the parallelogram, in
 ALONG = np.array([-1.0, 1.0, -1.0])
 
 
-def mechanism(name: str) -> pg.Mechanism:
+def mechanism(name):
     return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
@@ -85,9 +86,8 @@ def test_a_flat_parallelogram_has_two_ways_to_go():
 
 def test_stretched_rods_shake_but_do_not_move():
     """Two rods in line between pins two rods apart: a way to move that leads nowhere."""
-    model = windows(1)
-    rods = (like(model.body("coupler 0"), name="a", parent="ground", link=(0, 0, 0)),)
-    rods += (like(rods[0], name="b", parent="a", link=(1, 0, 0)),)
+    first = like(windows(1).body("coupler 0"), name="a", parent="ground", link=(0, 0, 0))
+    rods = (first, like(first, name="b", parent="a", link=(1, 0, 0)))
     pin = pg.Constraint(name="pin", body="b", point=(1, 0, 0))
     report = pg.Mechanism(pg.Model(up="y", bodies=rods, constraints=(pin,))).mobility()
     assert (report.dof, report.extra, report.finite) == (1, 1, False)
@@ -96,8 +96,8 @@ def test_stretched_rods_shake_but_do_not_move():
 
 def test_the_report_is_plain_data():
     again = json.loads(json.dumps(mechanism("slider_crank").mobility().to_dict()))
-    assert again["redundant"][0]["direction"] == Z
-    assert again["redundant"][0]["bodies"] == ["rod", "slider"]
+    first = again["redundant"][0]
+    assert (first["direction"], first["bodies"]) == (Z, ["rod", "slider"])
     assert "3 of 5" in again["text"]
 
 
@@ -121,9 +121,10 @@ def test_loops_that_share_their_cranks_leave_one_way_to_move(n):
 def test_a_closed_chain_is_counted(n):
     """A regular polygon: a plane needs two of the three rows of its pin."""
     names = [f"link {i}" for i in range(n)]
-    links = [
-        pg.Body(name=name, parent=parent, link=(parent != "ground", 0, 0), q=(2 * np.pi / n,))
-        for name, parent in zip(names, ["ground", *names])
+    links = [pg.Body(name=names[0], q=(2 * np.pi / n,))]
+    links += [
+        pg.Body(name=name, parent=parent, link=(1, 0, 0), q=(2 * np.pi / n,))
+        for parent, name in pairwise(names)
     ]
     pin = pg.Constraint(name="pin", body=names[-1], point=(1, 0, 0), other_point=(0, 0, 0))
     report = pg.Mechanism(pg.Model(bodies=tuple(links), constraints=(pin,))).mobility()
@@ -143,8 +144,7 @@ def test_a_disturbed_state_is_assembled(name, size):
     q, v = q + size * random.normal(size=mech.nq), v + random.normal(size=mech.nv)
     new_q, new_v, report = mech.assemble(q, v)
     again_q, again_v, nothing = mech.assemble(new_q, new_v)
-    assert np.abs(again_q - new_q).max() < 1e-9
-    assert np.abs(again_v - new_v).max() < 1e-9
+    assert max(np.abs(again_q - new_q).max(), np.abs(again_v - new_v).max()) < 1e-9
     assert report.moved > 0
     assert report.joint in mech.names
     assert not nothing.notable
@@ -192,14 +192,6 @@ def test_a_four_bar_does_not_drift(t_end):
     assert done.energy_drift < 1e-6
 
 
-@pytest.mark.nightly
-def test_a_standing_quadruped_does_not_creep_in_a_minute():
-    done = pg.simulate(mechanism("quadruped"), scenario="stand", t_end=60.0, frames=61)
-    assert done.status.ok
-    assert done.constraint_drift.max() < 1e-9
-    assert np.abs(done.q[-1] - done.q[30]).max() < 1e-9
-
-
 @pytest.mark.parametrize("law", [None, "soft", "complementarity"])
 def test_redundant_rows_are_reported_once_at_the_start(law):
     model = pg.Model.load(pgraph_models.path("slider_crank"))
@@ -208,9 +200,6 @@ def test_redundant_rows_are_reported_once_at_the_start(law):
     first, *others = pg.simulate(model, scenario="turn", t_end=0.01, method="auto").notices
     assert all(fact in first for fact in ("3 of 5", "'pin'", Z, *TURNS))
     assert not any("redundant" in text for text in others)
-
-
-def test_rows_that_are_not_redundant_are_not_reported():
     assert pg.simulate(mechanism("rolling_disc"), t_end=0.01).notices == ()
 
 
@@ -218,16 +207,14 @@ def singular(run):
     return [text for text in run.notices if "singular" in text]
 
 
-@pytest.mark.parametrize(
-    "how",
-    [
-        {"method": "rk4", "step": 1e-3},
-        {"method": "rk4", "step": 2e-2},
-        {"method": "dop853", "rtol": 1e-8},
-        {"method": "radau5", "rtol": 1e-6},
-        {"method": "semi_implicit_euler", "step": 1e-3},
-    ],
-)
+HOW = [
+    *({"method": "rk4", "step": 1e-3}, {"method": "rk4", "step": 2e-2}),
+    *({"method": "dop853", "rtol": 1e-8}, {"method": "radau5", "rtol": 1e-6}),
+    {"method": "semi_implicit_euler", "step": 1e-3},
+]
+
+
+@pytest.mark.parametrize("how", HOW)
 def test_a_singular_position_on_the_way_is_reported_with_its_time(how):
     """The parallelogram is flat where its crank lies along x, whatever the steps hit."""
     mech = mechanism("four_bar")
@@ -242,6 +229,10 @@ def test_singular_positions_are_counted_also_at_the_start():
     assert "3" in text
     (text,) = singular(pg.simulate(mechanism("four_bar"), FLAT, np.zeros(3), step=1e-3))
     assert "began" in text
+    options = {"t_end": 0.5, "method": "rk4", "step": 1e-3}  # the crank turns back before
+    assert not singular(
+        pg.simulate(mechanism("four_bar"), FLAT + 0.1 * ALONG, -1e-3 * ALONG, **options)
+    )
 
 
 @pytest.mark.parametrize("name", ["bricard", "quadruped", "slider_crank", "andrews"])
@@ -250,13 +241,6 @@ def test_positions_that_are_regular_are_not_called_singular(name):
     mech = mechanism(name)
     for scenario in (None, *(s.name for s in mech.model.scenarios)):
         assert not singular(pg.simulate(mech, scenario=scenario, estimate=False))
-
-
-def test_a_crank_that_turns_back_before_the_flat_position_passes_none():
-    mech = mechanism("four_bar")
-    v = np.array([-1.0, 1.0, -1.0])
-    done = pg.simulate(mech, FLAT + 0.1 * ALONG, -1e-3 * v, t_end=0.5, method="rk4", step=1e-3)
-    assert not singular(done)
 
 
 def test_a_constraint_that_no_joint_can_change_leaves_the_motion_as_it_is():

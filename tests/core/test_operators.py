@@ -19,9 +19,10 @@ seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over paths of at most 12 bodies
 
 
-def operators_of(s):
-    """All operators of a state."""
-    return Operators(s.model, s.topology, s.q, s.v)
+def random_operators(seed, **options):
+    """A random state and all operators of it."""
+    s = random_case(seed, **options)
+    return s, Operators(s.model, s.topology, s.q, s.v)
 
 
 def pattern(matrix):
@@ -45,8 +46,7 @@ def test_fig_1_adjacency_and_kernel_operator():
 @settings(max_examples=40)
 def test_kernel_operator_is_the_weighted_adjacency(seed):
     """Eq. (15), and made from Pgraph alone as in fig. 6."""
-    s = random_case(seed)
-    op = operators_of(s)
+    s, op = random_operators(seed)
     found = kernel_operator_of_pgraph(s.topology.pgraph, op.link)
     assert np.array_equal(found.toarray(), op.eps_phi.toarray())
     S = s.topology.adjacency().toarray()
@@ -61,8 +61,7 @@ def test_kernel_operator_is_the_weighted_adjacency(seed):
 @given(seeds)
 @settings(max_examples=40)
 def test_propagation_operator_inverts_one_minus_kernel_operator(seed):
-    s = random_case(seed)
-    op = operators_of(s)
+    s, op = random_operators(seed)
     one = np.eye(6 * s.topology.nb)
     assert scaled_error((one - op.eps_phi.toarray()) @ op.Phi.toarray(), one) < ROUNDING
     ancestors = np.linalg.inv(np.eye(s.topology.nb) - s.topology.adjacency().toarray()) > 0.5
@@ -80,13 +79,10 @@ def test_propagation_operator_of_a_long_chain_is_the_sum_of_links():
 @settings(max_examples=40)
 def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
     """Eqs. (17), (21) with a of R4, for every joint kind; central differences of 1e-4 s."""
-    s, h = random_case(seed, most=6), 1e-4
-    op = operators_of(s)
-    v_end = [s.v + step * s.vdot for step in (-h, h)]
+    (s, op), h = random_operators(seed, most=6), 1e-4
     q_end = [moved(s.model, s.q, step * s.v + step**2 / 2 * s.vdot) for step in (-h, h)]
-    before, after = (
-        Operators(s.model, s.topology, q, v) for q, v in zip(q_end, v_end, strict=True)
-    )
+    ends = zip(q_end, (s.v - h * s.vdot, s.v + h * s.vdot))
+    before, after = (Operators(s.model, s.topology, q, v) for q, v in ends)
     V = op.V.reshape(-1, 6)
     assert scaled_error((after.position - before.position) / (2 * h), V[:, 3:]) < 1e-5
     turned = (after.rotation - before.rotation) / (2 * h) @ op.rotation.transpose(0, 2, 1)
@@ -98,8 +94,7 @@ def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
 @given(seeds)
 @settings(max_examples=40)
 def test_jacobian_is_the_derivative_of_the_tips(seed):
-    s, h = random_case(seed, most=8), 1e-6
-    op = operators_of(s)
+    (s, op), h = random_operators(seed, most=8), 1e-6
     J = op.jacobian
     tips = s.topology.tips
 
@@ -118,8 +113,7 @@ def test_jacobian_is_the_derivative_of_the_tips(seed):
 @settings(max_examples=40)
 def test_inverse_dynamics_is_linear_in_the_acceleration(seed):
     """Eq. (24): τ = M θ'' + C, and external forces enter by Jᵀ."""
-    s = random_case(seed)
-    op = operators_of(s)
+    s, op = random_operators(seed)
     tau = op.mass_matrix @ s.vdot + op.bias_force
     pull = (op.Phi @ op.H).T @ s.external.reshape(-1)
     assert scaled_error(op.inverse_dynamics(s.vdot), tau) < ROUNDING

@@ -40,14 +40,13 @@ def loaded() -> pg.Model:
         pg.Spring(name="inside", body="tool", other="upper", stiffness=10.0, rest=0.0),
     ]
     rail = pg.Distance(name="rail", body="tool", other_point=(0.3, 0.5, 1.0))
-    touch = pg.Contact(
-        name="floor", body="tool", points=[(0, 0, -0.01)], law="soft", stiffness=500.0, damping=0.1
-    )
+    soft = {"law": "soft", "stiffness": 500.0, "damping": 0.1}
+    touch = pg.Contact(name="floor", body="tool", points=[(0, 0, -0.01)], **soft)
     return arm().replace(forces=forces, constraints=[rail], contacts=[touch])
 
 
-def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
-    run = pg.simulate(arm(), t_end=0.2, frames=20001, rtol=1e-12)
+def test_outputs_are_derivatives_of_the_motion():
+    run = pg.simulate(arm(), t_end=0.2, frames=5001, rtol=1e-12)
     out, h = run.outputs, run.t[1]
 
     def rate(x):  # of fourth order, at the frames 2 to n - 3
@@ -66,17 +65,10 @@ def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
         np.testing.assert_allclose(out[mine], own, atol=1e-12)
     np.testing.assert_array_equal(out["angle"], run["upper"])
     np.testing.assert_array_equal(out["spin"], run.v[:, 3])
-
-
-def test_the_force_output_is_the_rate_of_momentum():
-    run = pg.simulate(arm(), t_end=0.2, frames=2001, rtol=1e-12)
-    out = run.outputs
-    turn = np.array([matrix(q) for q in out["rotation"].tolist()])
     force = np.einsum("nij,nj->ni", turn, out["force"])
     momentum = 0.5 * run.body_acceleration[:, 2, 3:]  # of the tool, whose centre is its origin
     np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
-    columns = run.columns()
-    np.testing.assert_array_equal(columns["gyro.x"], out["gyro"][:, 0])
+    np.testing.assert_array_equal(run.columns()["gyro.x"], out["gyro"][:, 0])
     with pytest.raises(KeyError, match=r"'gyr'.*gyro"):
         out["gyr"]
 

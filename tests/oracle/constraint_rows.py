@@ -12,7 +12,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
+from pgraph_core import joints
 from pgraph_core.model import Constraint, Polynomial, Sine, Table
 from pgraph_core.paper import Operators
 from pgraph_core.paper.motion import v_slices
@@ -180,17 +182,13 @@ class _Pair:
 
 def _positions(op: Operators, name: str) -> list[float]:
     """q by degree of freedom; nan for those of balls."""
-    number, start = op.topology.number(name), 0
-    for body in op.bodies[: number - 1]:
-        start += len(body.q)
+    number = op.topology.number(name)
+    start = sum(len(body.q) for body in op.bodies[: number - 1])
     found: list[float] = []
     for motion in op.bodies[number - 1].sequence:
-        if motion.kind in ("rotate", "translate"):
-            found.append(float(op.q[start]))
-            start += 1
-        else:
-            found += [np.nan] * (3 if motion.kind == "ball" else 6)
-            start += 4 if motion.kind == "ball" else 7
+        nq, nv = joints.SIZE[motion.kind]
+        found += [float(op.q[start])] if nv == 1 else [np.nan] * nv
+        start += nq
     return found
 
 
@@ -306,27 +304,11 @@ def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[floa
             f = np.polynomial.Polynomial(c)
             return float(f(t)), float(f.deriv(1)(t)), float(f.deriv(2)(t))
         case Table(t=times, value=value):
-            return _spline(np.array(times), np.array(value), t)
+            if not times[0] <= t < times[-1]:
+                return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
+            spline = CubicSpline(times, value, bc_type="clamped")
+            return float(spline(t)), float(spline(t, 1)), float(spline(t, 2))
     raise ValueError(q_of_t)
-
-
-def _spline(times: Array, value: Array, t: float) -> tuple[float, float, float]:
-    """A cubic spline by its slopes at the knots; at a knot what follows it counts."""
-    if t < times[0] or t >= times[-1]:
-        return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
-    h, n = np.diff(times), len(times)
-    A, b = np.eye(n), np.zeros(n)
-    for k in range(1, n - 1):  # the second derivative is continuous
-        A[k, k - 1 : k + 2] = 1 / h[k - 1], 2 / h[k - 1] + 2 / h[k], 1 / h[k]
-        rises = np.diff(value)[k - 1 : k + 1] / h[k - 1 : k + 1] ** 2
-        b[k] = 3 * rises.sum()
-    slope = np.linalg.solve(A, b)
-    k = int(np.searchsorted(times, t, side="right")) - 1
-    s, d = t - times[k], value[k + 1] - value[k]
-    c2 = (3 * d / h[k] - 2 * slope[k] - slope[k + 1]) / h[k]
-    c3 = (slope[k] + slope[k + 1] - 2 * d / h[k]) / h[k] ** 2
-    f = np.polynomial.Polynomial([value[k], slope[k], c2, c3])
-    return float(f(s)), float(f.deriv(1)(s)), float(f.deriv(2)(s))
 
 
 def _velocity(p: _Pair) -> Rows:
