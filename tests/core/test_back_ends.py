@@ -11,8 +11,6 @@ import pgraph_core as pg
 
 from .trees import random_case, scaled_error
 
-pytestmark = pytest.mark.quick
-
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over at most 12 bodies
 OTHERS = ("composite", "operators")
@@ -24,7 +22,7 @@ def known(mech, q):
 
 
 @given(seeds)
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_all_back_ends_give_the_same_dynamics(seed):
     s = random_case(seed)
     mech = pg.Mechanism(s.model)
@@ -73,7 +71,7 @@ def test_every_back_end_names_what_is_wrong(back_end):
 
 
 @given(seeds)
-@settings(max_examples=25)
+@settings(max_examples=20)
 def test_wrenches_on_tips_enter_as_j_transposed_f_t(seed):
     """τ = M θ'' + C + Jᵀ F_T, eq. (24), F_T from the tips, and θ'' of eq. (26) with it."""
     s = random_case(seed)
@@ -89,7 +87,7 @@ def test_wrenches_on_tips_enter_as_j_transposed_f_t(seed):
 
 
 @given(seeds)
-@settings(max_examples=25)
+@settings(max_examples=20)
 def test_a_wrench_at_a_point_works_through_the_jacobian_of_the_point(seed):
     s = random_case(seed)
     mech = pg.Mechanism(s.model)

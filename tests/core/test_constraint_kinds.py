@@ -101,15 +101,6 @@ def test_omitted_points_and_axes_hold_in_the_initial_state(kind):
     np.testing.assert_allclose(rows_at(s, c, q, s.v).residual, 0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize("q_of_t", CURVES)
-def test_prescribed_speeds_and_accelerations_are_derivatives(q_of_t):
-    h = 1e-4
-    for t in (0.2, 0.65, 1.9):
-        low, mid, high = (prescribed(q_of_t, t + k * h) for k in (-1, 0, 1))
-        assert (high[0] - low[0]) / (2 * h) == pytest.approx(mid[1], abs=1e-6)
-        assert (high[1] - low[1]) / (2 * h) == pytest.approx(mid[2], abs=1e-5)
-
-
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ROWS)
 def test_kernels_equal_the_dense_pseudo_inverse(kind, seed):

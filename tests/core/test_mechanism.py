@@ -29,7 +29,7 @@ def both(seed, **options):
 
 
 @given(seeds)
-@settings(max_examples=100)
+@settings(max_examples=60)
 def test_inverse_dynamics_equals_eqs_22_to_25(seed):
     s, mech, op = both(seed)
     assert scaled_error(mech.mass_matrix(s.q), op.mass_matrix) < ROUNDING
@@ -60,7 +60,7 @@ def load(op, vdot, external):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@settings(max_examples=30)
 def test_poses_and_jacobians_equal_eq_20(seed):
     s, mech, op = both(seed)
     assert scaled_error(mech.tip_jacobian(s.q), op.jacobian) < ROUNDING

@@ -76,7 +76,7 @@ def test_propagation_operator_of_a_long_chain_is_the_sum_of_links():
 
 
 @given(seeds)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
     """Eqs. (17), (21) with a of R4, for every joint kind; central differences of 1e-4 s."""
     (s, op), h = random_operators(seed, most=6), 1e-4
@@ -92,7 +92,7 @@ def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@settings(max_examples=12)
 def test_jacobian_is_the_derivative_of_the_tips(seed):
     (s, op), h = random_operators(seed, most=8), 1e-6
     J = op.jacobian
