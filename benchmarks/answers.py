@@ -27,9 +27,9 @@ from pgraph_core.study.measures import differences, joint_errors, observer, reac
 from pgraph_core.study.stability import in_scenario
 from pgraph_core.study.task import Task
 from pgraph_core.verification.hunt import FAMILIES, scenes
-from tests.random_models import random_case
 
 from .machine import machine
+from .random_models import random_case
 
 FRAMES = 21
 RANDOM = 10

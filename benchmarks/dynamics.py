@@ -13,10 +13,10 @@ from pgraph_core.engine import layout as at
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
-from tests.random_models import State
 
 from . import native
 from .machine import has
+from .random_models import State
 from .scenes import STEP, Scene, bare, differ, quadruped, scene
 from .timing import Case
 

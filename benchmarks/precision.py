@@ -16,11 +16,11 @@ from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
 from pgraph_peers.rows import rows_of
-from tests import fifty_digits
-from tests.random_models import State
 
+from . import fifty_digits
 from .machine import ROOT, has, machine
 from .precision_cases import LONG, SHORT, turned
+from .random_models import State
 from .report import piped
 from .scenes import STEP, Scene
 
@@ -34,7 +34,7 @@ TEXT = """# Precision compared with MuJoCo, Pinocchio and Drake
 Made by `python -m benchmarks.precision --write` with {machine}.
 
 Each number is the largest error of an acceleration, relative to the largest acceleration, against
-forward dynamics in 50 digits (`tests/fifty_digits.py`, confirmed by inverse dynamics to
+forward dynamics in 50 digits (`benchmarks/fifty_digits.py`, confirmed by inverse dynamics to
 1e-30). It is the worst of {seeds} random chains, or of one chain with 1000 bodies. Every chain has
 hinges, velocities, torques and gravity.
 

@@ -10,7 +10,8 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.model.fields import fields_of
 from pgraph_core.rotation import matrix, multiply
-from tests.random_models import State, random_body, random_quaternion, random_state
+
+from .random_models import State, random_body, random_quaternion, random_state
 
 EPS = float(np.finfo(float).eps)
 ALIKE = 1e-13  # relative to the largest acceleration, where all masses are alike

@@ -8,7 +8,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_peers.rows import Scene as Scene
 from pgraph_peers.rows import rows_of
-from tests.random_models import random_state
+
+from .random_models import random_state
 
 STEP = 1e-3  # s
 

@@ -13,7 +13,8 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_peers import pinocchio as in_pinocchio
 from pgraph_peers.rows import rows_of
-from tests.random_models import State
+
+from .random_models import State
 
 SETTINGS = (1e-13, 1e-9, 50)  # of Pinocchio's solver: accuracy, mu, iterations
 SCENARIO, FRAMES = "stance", 6  # Fig. 10: a picture every 50 ms

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
+from benchmarks import fifty_digits
 from benchmarks.precision_cases import LONG, SHORT, turned
-from tests import fifty_digits
 
 
 def error(state):
