@@ -61,7 +61,7 @@ def oracle(s, passive=lambda q, v: 0):
     return found
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 7])  # every kind of joint
 def test_derivatives_are_exact_to_rounding(seed):
     s = random_case(seed, most=4)
     mech = pg.Mechanism(s.model)

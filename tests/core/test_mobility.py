@@ -159,6 +159,11 @@ def test_the_report_names_the_joint_that_moved_most():
     done = pg.simulate(mech, start, v, t_end=0.01)
     assert done.status.ok
     assert "'right crank'" in done.notices[0]
+    hold = pg.Motion(name="hold", body="a", q_of_t={"t": [0.0], "value": [0.5]})
+    rail = pg.Model(bodies=[pg.Body(name="a", joint="prismatic")], constraints=[hold])
+    q, _, report = pg.Mechanism(rail).assemble()
+    assert (q[0], report.moved) == (pytest.approx(0.5), pytest.approx(0.5))
+    assert (report.joint, report.turned) == ("a", False)
 
 
 def test_a_loop_that_cannot_close_is_named_with_its_gap():

@@ -97,6 +97,28 @@ def test_torques_act_in_their_own_steps():
     assert stepper.vdot[0] == pytest.approx(-2.0)
 
 
+def test_a_torque_function_is_that_of_simulate():
+    mech, q = chain(), np.array([0.4, -0.2])
+    tau = lambda t, q, v: -3.0 * q - v * np.cos(t)  # noqa: E731
+    run = pg.simulate(mech, q, t_end=0.1, step=1e-3, method="rk4", tau=tau)
+    stepper = pg.Stepper(mech, q=q, tau=tau)
+    stepper.step(n=100)
+    assert np.array_equal(stepper.q, run.q[-1])
+
+
+def test_batches_and_controllers_take_a_model():
+    cat = built_in("quadruped_hips")
+    gait = cat.model.scenario("trot").gait
+    starts = [pg.Controller(x, gait).start()[0] for x in (cat.model, cat)]
+    assert np.array_equal(*starts)
+    batches = [pg.BatchStepper(x, 2) for x in (chain().model, chain())]
+    for batch in batches:
+        batch.step(n=10)
+    assert np.array_equal(batches[0].q, batches[1].q)
+    with pytest.raises(pg.InputError, match="Controller"):
+        pg.Controller("quadruped", gait)
+
+
 def test_a_servo_follows_its_target():
     model = chain().model.add(pg.Servo(name="knee", body="lower", kp=400.0, kd=40.0, target=0.0))
     stepper = pg.Stepper(model, step=1e-3)
@@ -229,15 +251,18 @@ def test_wrong_arguments_are_refused():
         (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
         (lambda: pg.Stepper("model"), "Mechanism"),
         (lambda: stepper.step(tau=np.zeros(3)), "tau"),
+        (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),
         (lambda: stepper.step(n=0), "whole number"),
         (lambda: stepper.step(n=2.5), "whole number"),
         (lambda: stepper.reset(q=np.zeros(5)), "q"),
         (lambda: stepper.record(10, frames=1), "frames"),
         (lambda: stepper.switch("loop", True), "loop"),
         (lambda: stepper.restore(b"something"), "Stepper.save"),
+        (lambda: stepper.restore(stepper.save()[:-8]), "damaged"),
         (lambda: stepper.restore(stepper.save()[:40]), "damaged"),
         (lambda: stepper.restore(pg.Stepper(mech, stabilise=None).save()), "options"),
         (lambda: stepper.restore(pg.Stepper(chain("spherical")).save()), "mechanism"),
+        (lambda: stepper.restore(pg.Stepper(mech, step=2e-3).save()), "mechanism"),
     ]:
         with pytest.raises(pg.InputError) as refused:
             wrong()
