@@ -13,13 +13,9 @@ GUST = pg.VectorTable(t=(0.0, 0.5, 1.0), value=((0, 0, 0), (2, 1, 3), (-4, 0, 1)
 ARM = {"body": "3", "point": (0.1, 0.2, 0.3)}
 
 
-def ball(inertia):
-    return inertia * np.eye(3)
-
-
 def chain():
     """Three links in space that swing from an angle."""
-    kind = {"mass": 1, "com": (0.2, 0.1, 0.3), "inertia": ball(0.1)}
+    kind = {"mass": 1, "com": (0.2, 0.1, 0.3), "inertia": 0.1 * np.eye(3)}
     link = {"link": (0.3, 0, 0.4), **kind}
     bodies = (
         pg.Body(name="1", axes=((0, 1, 0),), **kind),
@@ -59,7 +55,7 @@ def test_the_ledger_closes_at_the_order_of_the_method(what):
 
 def test_the_ledger_closes_with_friction_and_dampers_of_joints():
     """A wheel that turns one way, so that friction never sticks."""
-    wheel = pg.Body(name="w", mass=1, inertia=ball(0.5), friction=0.8, damping=0.1, v=9.0)
+    wheel = pg.Body(name="w", mass=1, inertia=0.5 * np.eye(3), friction=0.8, damping=0.1, v=9.0)
     run = pg.simulate(pg.Model(bodies=(wheel,)), t_end=1.0, method="rk4", step=1e-2)
     assert run.energy_drift < 1e-10
     assert run.dissipation[-1] == pytest.approx(run.energy[0] - run.energy[-1], rel=1e-9)
@@ -88,7 +84,12 @@ LENGTH, MASS = 0.7, 2.0
 def arm(q_of_t, **kinds):
     """A point mass on a massless arm about y, along x at q = 0, whose angle is prescribed."""
     body = pg.Body(
-        name="a", axes=((0, 1, 0),), mass=MASS, com=(LENGTH, 0, 0), inertia=ball(0.0), **kinds
+        name="a",
+        axes=((0, 1, 0),),
+        mass=MASS,
+        com=(LENGTH, 0, 0),
+        inertia=np.zeros((3, 3)),
+        **kinds,
     )
     drive = pg.Constraint(name="drive", kind="motion", body="a", q_of_t=q_of_t)
     return pg.Mechanism(pg.Model(bodies=(body,), constraints=(drive,)))
@@ -149,15 +150,15 @@ def test_a_slider_crank_driven_by_a_sine():
     """Work of the drive = change of energy, and torque = dE/dt over q': nothing else does work."""
     r, rod = 0.2, 0.6
     bodies = (
-        pg.Body(name="crank", axes=((0, 0, 1),), mass=1, com=(r / 2, 0, 0), inertia=ball(0.01)),
+        pg.Body(name="crank", axes=((0, 0, 1),), mass=1, com=(r / 2, 0, 0), inertia=0.01 * np.eye(3)),
         pg.Body(name="rod", parent="crank", axes=((0, 0, 1),), link=(r, 0, 0), mass=0.5,
-                com=(rod / 2, 0, 0), inertia=ball(0.02)),
+                com=(rod / 2, 0, 0), inertia=0.02 * np.eye(3)),
     )  # fmt: skip
     along = pg.Plane(name="rail", body="rod", point=(rod, 0, 0), other_axis=(0, 1, 0))
     sine = pg.Sine(mean=0.6, amplitude=0.6, frequency=3.0, phase=-np.pi / 2)
     drive = pg.Constraint(name="drive", kind="motion", body="crank", q_of_t=sine)
     model = pg.Model(bodies=bodies, constraints=(along, drive), gravity=(0, 0, 0))
-    run = pg.simulate(pg.Mechanism(model), t_end=2.0, method="rk4", step=1e-3, frames=2001)
+    run = pg.simulate(model, t_end=2.0, method="rk4", step=1e-3, frames=2001)
     assert run.energy_drift < 1e-9
     power = run.constraint_force["drive"][:, 2] * run.v[:, 0]
     slope = (run.energy[2:] - run.energy[:-2]) / (run.t[2:] - run.t[:-2])

@@ -148,19 +148,18 @@ def test_closed_contacts_and_missing_equilibria_are_reported():
         assert name in closed
         assert all(fact in falls for fact in ("'b'", "-9.81"))
         assert len(mech.linearise(q=[0.5]).notices) == 1
-    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
-    arm = pg.Mechanism(pg.Model(bodies=[arm]))
+    rod = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
+    arm = pg.Mechanism(pg.Model(bodies=[rod]))
     assert not arm.linearise().notices
     np.testing.assert_allclose(arm.linearise([0.5]).drift, [0, -9.81 * np.sin(0.5)])
 
 
 def test_rolling_reduces_velocities_only():
     mech = load("rolling_disc")
-    found = mech.linearise()
-    assert len(found.velocities) == mech.mobility().dof
-    assert len(found.coordinates) == mech.mobility().positions
+    found, counts = mech.linearise(), mech.mobility()
+    assert (len(found.velocities), len(found.coordinates)) == (counts.dof, counts.positions)
     assert set(found.velocities) <= set(found.coordinates)
-    assert found.A.shape == (len(found.coordinates) + len(found.velocities),) * 2
+    assert found.A.shape == (counts.dof + counts.positions,) * 2
 
 
 def test_servos_are_springs_and_scenarios_choose():

@@ -43,18 +43,15 @@ def test_springs_pull_along_the_slope_of_their_energy_and_power_adds_up(seed):
         assert load.tau @ s.v == pytest.approx(balance, rel=1e-6, abs=1e-6)
 
 
-def test_a_torsion_spring_about_a_hinge_measures_its_coordinate():
-    model = pg.Model.serial(2).edit("2", rotation=(0.5, 0.5, 0.5, 0.5), q=0.3)
-    f = pg.Torsion(name="t", body="2", other="1", axis=(0, 1, 0), stiffness=2, rest=0.1)
-    op = Operators(model, pg.Topology.of(model), np.array([0.7, 0.4]))
-    np.testing.assert_allclose(load_of(op, f).tau, [0, -2 * (0.4 - 0.1)], atol=1e-15)
-
-
-def test_a_spring_without_a_length_is_relaxed_at_first():
+def test_torsion_springs_measure_hinges_and_springs_are_relaxed_at_home():
+    turned = pg.Model.serial(2).edit("2", rotation=(0.5, 0.5, 0.5, 0.5), q=0.3)
+    torsion = pg.Torsion(name="t", body="2", other="1", axis=(0, 1, 0), stiffness=2, rest=0.1)
+    op = Operators(turned, pg.Topology.of(turned), np.array([0.7, 0.4]))
+    np.testing.assert_allclose(load_of(op, torsion).tau, [0, -2 * (0.4 - 0.1)], atol=1e-15)
     model = pg.Model.serial(2).edit("2", q=0.3)
-    f = pg.Force(name="s", kind="spring", body="2", other_point=(0, 0, 1), stiffness=2)
+    spring = pg.Spring(name="s", body="2", other_point=(0, 0, 1), stiffness=2)
     op = Operators(model, pg.Topology.of(model), np.array([0.0, 0.3]))
-    assert load_of(op, f).energy == pytest.approx(0.0, abs=1e-30)
+    assert load_of(op, spring).energy == pytest.approx(0.0, abs=1e-30)
 
 
 @pytest.mark.parametrize("which", range(6))

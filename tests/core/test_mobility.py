@@ -25,17 +25,16 @@ def like(part, **changes):
     return part.model_copy(update=changes)
 
 
-def windows(n: int) -> pg.Model:
+def windows(n):
     """n parallelograms in a row, of rods of 1 m."""
     model = pg.Model.load(pgraph_models.path("four_bar"))
     crank, coupler, _ = model.bodies
-    bodies, loops = [], []
-    for i in range(n + 1):
-        bodies.append(like(crank, name=f"crank {i}", link=(i, 0, 0)))
-        if i < n:
-            bodies.append(like(coupler, name=f"coupler {i}", parent=f"crank {i}"))
-            ends = {"body": f"coupler {i}", "other": f"crank {i + 1}"}
-            loops.append(like(model.constraints[0], name=f"loop {i}", **ends))
+    bodies, loops = [like(crank, name="crank 0")], []
+    for i in range(n):
+        bodies.append(like(coupler, name=f"coupler {i}", parent=f"crank {i}"))
+        bodies.append(like(crank, name=f"crank {i + 1}", link=(i + 1, 0, 0)))
+        ends = {"body": f"coupler {i}", "other": f"crank {i + 1}"}
+        loops.append(like(model.constraints[0], name=f"loop {i}", **ends))
     return pg.Model(up="y", bodies=tuple(bodies), constraints=tuple(loops))
 
 

@@ -96,14 +96,12 @@ def test_loops_of_any_joints_keep_their_energy_and_close(seed):
 
 
 def test_a_run_that_stops_being_finite_reports_when_and_where():
-    rod = pg.Body(name="rod", stiffness=1e9, q=(0.1,))
-    calm = pg.Body(name="calm", stiffness=1.0)
-    run = pg.simulate(pg.Model(bodies=(calm, rod)), t_end=10.0, method="rk4", step=0.01)
+    bodies = (pg.Body(name="calm", stiffness=1.0), pg.Body(name="rod", stiffness=1e9, q=(0.1,)))
+    run = pg.simulate(pg.Model(bodies=bodies), t_end=10.0, method="rk4", step=0.01)
     assert run.status is pg.Status.NOT_FINITE
     assert not run.status.ok
-    assert "rod" in run.message
+    assert all(fact in run.message for fact in ("rod", "t = "))
     assert "calm" not in run.message
-    assert "t = " in run.message
     assert 0 < len(run.t) < 1001
     for array in (run.q, run.v, run.vdot, run.energy):
         assert len(array) == len(run.t)

@@ -9,12 +9,8 @@ from pgraph_core.paper.motion import bodies_of
 from pgraph_core.rotation import multiply
 from pgraph_core.topology import Topology
 
-from ..random_models import KINDS as KINDS
-from ..random_models import State as State
-from ..random_models import random_body as random_body
-from ..random_models import random_case as random_case
-from ..random_models import random_model as random_model
-from ..random_models import random_state as random_state
+from ..random_models import KINDS, State, random_body  # noqa: F401 (for other tests)
+from ..random_models import random_case, random_model, random_state  # noqa: F401
 
 
 def moved(model, q, step):

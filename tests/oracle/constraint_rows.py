@@ -40,9 +40,9 @@ def radius_of_gyration(op: Operators) -> float:
     """Return the radius of gyration of all moving bodies about their origins [m], or 1."""
     parent = op.topology.parent
     moves = [False]  # the ground, then each body
-    for k, body in enumerate(op.bodies, start=1):
-        moves.append(body.dof > 0 or moves[parent[k - 1]])
-    bodies = [b for k, b in enumerate(op.bodies, start=1) if moves[k]]
+    for body, above in zip(op.bodies, parent):
+        moves.append(body.dof > 0 or moves[above])
+    bodies = [body for body, moving in zip(op.bodies, moves[1:]) if moving]
     moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in bodies)
     mass = sum(b.mass for b in bodies)
     return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
