@@ -129,7 +129,7 @@ def test_an_edited_mechanism_is_that_of_the_edited_model(changes):
 def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
     mech, model = pg.Mechanism(pg.Model.serial(6)), pg.Model.serial(6)
     rng = np.random.default_rng(0)
-    for turn in range(60):
+    for _ in range(60):
         i = int(rng.integers(2, 7))
         changes = {"parent": str(rng.integers(1, i)), "mass": float(rng.uniform(1, 2))}
         mech, model = mech.edit(str(i), **changes), model.edit(str(i), **changes)

@@ -150,8 +150,8 @@ def test_a_slider_crank_driven_by_a_sine():
     """Work of the drive = change of energy, and torque = dE/dt over q': nothing else does work."""
     r, rod = 0.2, 0.6
     bodies = (
-        pg.Body(name="crank", axes=((0, 0, 1),), mass=1, com=(r / 2, 0, 0), inertia=0.01 * np.eye(3)),
-        pg.Body(name="rod", parent="crank", axes=((0, 0, 1),), link=(r, 0, 0), mass=0.5,
+        pg.Body(name="crank", axes=(0, 0, 1), mass=1, com=(r / 2, 0, 0), inertia=0.01 * np.eye(3)),
+        pg.Body(name="rod", parent="crank", axes=(0, 0, 1), link=(r, 0, 0), mass=0.5,
                 com=(rod / 2, 0, 0), inertia=0.02 * np.eye(3)),
     )  # fmt: skip
     along = pg.Plane(name="rail", body="rod", point=(rod, 0, 0), other_axis=(0, 1, 0))

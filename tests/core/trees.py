@@ -9,8 +9,9 @@ from pgraph_core.paper.motion import bodies_of
 from pgraph_core.rotation import multiply
 from pgraph_core.topology import Topology
 
-from ..random_models import KINDS, State, random_body  # noqa: F401 (for other tests)
-from ..random_models import random_case, random_model, random_state  # noqa: F401
+from ..random_models import KINDS, State, random_body, random_case, random_model, random_state
+
+__all__ = ["KINDS", "State", "random_body", "random_case", "random_model", "random_state"]
 
 
 def moved(model, q, step):
