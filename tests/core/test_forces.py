@@ -8,6 +8,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.study.rescaling import rescaled
 
+pytestmark = pytest.mark.quick
+
 UP_DOWN = pg.Table(t=(0.0, 0.5, 1.0), value=(0.0, 2.0, -1.0))
 GUST = pg.VectorTable(t=(0.0, 0.5, 1.0), value=((0, 0, 0), (2, 1, 3), (-4, 0, 1)))
 ARM = {"body": "3", "point": (0.1, 0.2, 0.3)}

@@ -12,6 +12,8 @@ from tests.oracle.loads import load_of
 
 from .trees import moved, random_case, scaled_error
 
+pytestmark = pytest.mark.quick
+
 TABLE = pg.VectorTable(t=(0.0, 1.0, 3.0), value=((0, 0, 0), (1, 2, 3), (4, 0, 0)))
 
 

@@ -10,6 +10,8 @@ import pgraph_models
 
 from .trees import random_case
 
+pytestmark = pytest.mark.quick
+
 METHODS = {  # order, duration [s] and steps of trees, steps of the loop and of the disc
     "rk4": (4, 0.25, (25, 50, 100, 200), (100, 200, 400), (25, 50, 100)),
     "semi_implicit_euler": (1, 0.25, (100, 200, 400, 800), (100, 200, 400), (100, 200, 400)),

@@ -12,6 +12,8 @@ from pgraph_core.paper import Operators
 from .test_constraints import FEET, parallelogram
 from .trees import random_case, scaled_error
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def quadruped():
