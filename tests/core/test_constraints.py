@@ -12,16 +12,12 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.paper import Operators
-from tests.oracle.constrained import (
-    active_constraints,
-    constrained_dynamics,
-    constraint_rows,
-    delassus,
-)
+from tests.oracle import constrained
+from tests.oracle.constrained import constrained_dynamics, delassus
 
 from .trees import moved, random_case, scaled_error
 
-pytestmark = pytest.mark.fast
+pytestmark = pytest.mark.quick
 
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 WEIGHT = 323.73  # N, of 33 kg
@@ -36,13 +32,8 @@ def operators_at(model, q, v):
     return Operators(model, pg.Topology.of(model), q, v)
 
 
-def holding_torques(model):
-    """(nv,) of the scenario 'stand': hinge k of the quadruped moves coordinate k + 4."""
-    tau = np.zeros(21)
-    names = pg.Topology.of(model).names
-    for force in model.scenario("stand").forces:
-        tau[names.index(force.body) + 5] = force.torque
-    return tau
+def rows_at(op):
+    return constrained.constraint_rows(op, constrained.active_constraints(op))
 
 
 def quadruped_state(model, seed):
@@ -51,26 +42,36 @@ def quadruped_state(model, seed):
     q, v = pg.Mechanism(model).home()
     q = moved(model, q, 0.2 * rng.normal(size=len(v)))
     op = operators_at(model, q, v)
-    J, _ = constraint_rows(op, active_constraints(op))
+    J, _ = rows_at(op)
     v = rng.normal(size=len(v))
     return q, v - np.linalg.pinv(J, rcond=1e-10) @ (J @ v), 20 * rng.normal(size=len(v))
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_four_feet_equal_the_dense_pseudo_inverse(quadruped, seed):
-    """Forces of 12 rows of rank 11 are known to rounding over the proximal term, 1e-16 / 1e-9."""
+    """One of the twelve rows depends on the others, wherever the body stands (R12).
+
+    Forces of rank 11 are known to rounding over the proximal term, 1e-16 / 1e-9.
+    """
     q, v, tau = quadruped_state(quadruped, seed)
     vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
-    expected, forces = constrained_dynamics(operators_at(quadruped, q, v), tau)
+    op = operators_at(quadruped, q, v)
+    expected, forces = constrained_dynamics(op, tau)
     assert scaled_error(vdot, expected) < 1e-9
     assert set(force) == set(FEET)
     for name in FEET:
         assert scaled_error(force[name], forces[name]) < 1e-6
+    J, drift = rows_at(op)
+    assert np.linalg.matrix_rank(delassus(op, J), tol=1e-9) == 11
+    lam = np.concatenate([force[c.name][3:] for c in quadruped.constraints])
+    load = op.inverse_dynamics(vdot) - tau
+    assert abs(load - J.T @ lam).max() < 1e-12 * max(abs(lam).max(), abs(load).max())
+    assert abs(J @ vdot + drift).max() < 1e-12 * abs(vdot).max() + 1e-10 * abs(drift).max()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_velocities_that_contradict_the_feet_give_a_compromise(quadruped, seed):
-    """No v' meets all rows then; the least-squares one is given, not forces without bounds."""
+    """The least-squares v', without unbounded forces."""
     q, _, tau = quadruped_state(quadruped, seed)
     v = np.random.default_rng(seed).normal(size=len(tau))
     vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
@@ -80,27 +81,16 @@ def test_velocities_that_contradict_the_feet_give_a_compromise(quadruped, seed):
         assert scaled_error(force[name], forces[name]) < 1e-3
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_held_points_do_not_accelerate_and_forces_balance(quadruped, seed):
-    """Though one of the twelve rows depends on the others, wherever the body stands (R12)."""
-    q, v, tau = quadruped_state(quadruped, seed)
-    vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
-    op = operators_at(quadruped, q, v)
-    J, drift = constraint_rows(op, active_constraints(op))
-    assert np.linalg.matrix_rank(delassus(op, J), tol=1e-9) == 11
-    lam = np.concatenate([force[c.name][3:] for c in active_constraints(op)])
-    load = op.inverse_dynamics(vdot) - tau
-    assert abs(load - J.T @ lam).max() < 1e-12 * max(abs(lam).max(), abs(load).max())
-    assert abs(J @ vdot + drift).max() < 1e-12 * abs(vdot).max() + 1e-10 * abs(drift).max()
-
-
 def test_standing_feet_carry_the_weight_though_the_rows_are_redundant(quadruped):
     mech = pg.Mechanism(quadruped)
     q, v = mech.home()
     op = operators_at(quadruped, q, v)
-    J, _ = constraint_rows(op, active_constraints(op))
+    J, _ = rows_at(op)
     assert np.linalg.matrix_rank(delassus(op, J), tol=1e-9) == 10  # of 12
-    vdot, force = mech.constrained_dynamics(q, v, holding_torques(quadruped))
+    hold = {force.body: force.torque for force in quadruped.scenario("stand").forces}
+    names = pg.Topology.of(quadruped).names
+    tau = [0.0] * 5 + [hold.get(name, 0.0) for name in names]  # the free trunk has six
+    vdot, force = mech.constrained_dynamics(q, v, np.array(tau))
     assert abs(vdot).max() < 1e-4  # the torques are rounded in the file
     vertical = {name: force[name][4] for name in FEET}
     assert sum(vertical.values()) == pytest.approx(WEIGHT, abs=1e-3)
@@ -112,12 +102,11 @@ def test_standing_feet_carry_the_weight_though_the_rows_are_redundant(quadruped)
 def test_forces_are_those_of_least_norm(quadruped):
     """A row given twice shares its force equally."""
     feet = quadruped.constraints
-    twin = feet[0].model_copy(update={"name": "twin"})
-    once, twice = (
-        pg.Mechanism(quadruped.replace(constraints=c, scenarios=())) for c in (feet, (*feet, twin))
-    )
+    once = quadruped.replace(scenarios=())
+    twice = pg.Mechanism(once.add(feet[0].model_copy(update={"name": "twin"})))
+    once = pg.Mechanism(once)
     q, v = once.home()
-    tau = holding_torques(quadruped)
+    tau = np.random.default_rng(0).normal(size=len(v))
     vdot, _ = once.constrained_dynamics(q, v, tau)
     again, force = twice.constrained_dynamics(q, v, tau)
     assert scaled_error(again, vdot) < 1e-9
@@ -127,29 +116,25 @@ def test_forces_are_those_of_least_norm(quadruped):
 def with_random_constraints(s, rng):
     """One to three points of a random model tied to other bodies or to the ground."""
     names = [*s.topology.names, "ground"]
-    count = int(rng.integers(1, 4))
     constraints = []
-    for i in range(count):
+    for i in range(int(rng.integers(1, 4))):
         body, other = rng.choice(len(names) - 1), rng.choice(len(names))
-        if body == other:
-            other = len(names) - 1
-        points = {"point": tuple(rng.normal(size=3))}
+        ends = {"body": names[body], "other": names[-1 if body == other else other]}
+        ends["point"] = tuple(rng.normal(size=3))
         if rng.random() < 0.7:
-            points["other_point"] = tuple(rng.normal(size=3))
-        constraints.append(
-            pg.Constraint(name=f"c{i}", body=names[body], other=names[other], **points)
-        )
+            ends["other_point"] = tuple(rng.normal(size=3))
+        constraints.append(pg.Constraint(name=f"c{i}", **ends))
     return s.model.replace(constraints=tuple(constraints))
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=200)
+@settings(max_examples=60)
 def test_points_of_any_tree_equal_the_dense_pseudo_inverse(seed):
     """All joint kinds, welded bodies and several trees; where Ω's rank is beyond doubt."""
     s = random_case(seed, most=8)
     model = with_random_constraints(s, np.random.default_rng(seed))
     op = operators_at(model, s.q, s.v)
-    J, _ = constraint_rows(op, active_constraints(op))
+    J, _ = rows_at(op)
     v = s.v - np.linalg.pinv(J, rcond=1e-10) @ (J @ s.v)  # so that the rows do not contradict
     op = operators_at(model, s.q, v)
     sizes = np.linalg.svd(delassus(op, J))[1] if op.nv else np.zeros(1)
@@ -169,28 +154,17 @@ L, M_CRANK, M_COUPLER, G = 0.5, 0.8, 1.7, 9.81
 
 def parallelogram():
     """Two equal cranks and a coupler; its far end is held to the second crank's."""
-    slim = M_CRANK * L**2 / 12
-    crank = pg.Body(
-        name="a",
-        axes=((0, 1, 0),),
-        mass=M_CRANK,
-        com=(0, 0, -L / 2),
-        inertia=((slim, 0, 0), (0, slim, 0), (0, 0, 1e-9)),
-    )
+    crank = {"axes": (0, 1, 0), "mass": M_CRANK, "com": (0, 0, -L / 2)}
+    slim = M_CRANK * L**2 / 12 * np.diag([1, 1, 1e-6])
     coupler = pg.Body(
-        name="b",
-        parent="a",
-        axes=((0, 1, 0),),
-        link=(0, 0, -L),
-        mass=M_COUPLER,
-        com=(0.4, 0, 0),
-        inertia=((1e-9, 0, 0), (0, 0.1, 0), (0, 0, 0.1)),
-    )
-    second = crank.model_copy(update={"name": "c", "link": (1.0, 0.0, 0.0)})
-    loop = pg.Constraint(
-        name="loop", body="b", other="c", point=(1.0, 0, 0), other_point=(0, 0, -L)
-    )
-    return pg.Model(bodies=(crank, coupler, second), constraints=(loop,))
+        name="b", parent="a", axes=(0, 1, 0), link=(0, 0, -L), mass=M_COUPLER, com=(0.4, 0, 0),
+        inertia=np.diag([1e-9, 0.1, 0.1]),
+    )  # fmt: skip
+    first = pg.Body(name="a", inertia=slim, **crank)
+    second = pg.Body(name="c", link=(1.0, 0.0, 0.0), inertia=slim, **crank)
+    ends = {"point": (1.0, 0, 0), "other_point": (0, 0, -L)}
+    loop = pg.Constraint(name="loop", body="b", other="c", **ends)
+    return pg.Model(bodies=(first, coupler, second), constraints=(loop,))
 
 
 @pytest.mark.parametrize(("angle", "speed"), [(0.4, 0.0), (0.7, 3.0), (-1.2, -2.0)])
@@ -207,27 +181,21 @@ def test_a_parallelogram_linkage_moves_as_its_closed_form(angle, speed):
     np.testing.assert_allclose(force["loop"], forces["loop"], rtol=1e-9, atol=1e-9)
 
 
-def test_a_point_left_out_stays_where_it_is_at_home():
+def test_omitted_points_and_inactive_constraints():
+    """A point left out stays where it is at home; an inactive constraint does nothing."""
     model = parallelogram()
-    loop = model.constraints[0].model_copy(update={"other_point": None})
-    implied = pg.Mechanism(model.replace(constraints=(loop,)))
     q, v = np.array([0.3, -0.3, 0.3]), np.array([1.0, -1.0, 1.0])
+    implied = pg.Mechanism(model.edit("loop", other_point=None)).constrained_dynamics(q, v)[0]
     expected, _ = pg.Mechanism(model).constrained_dynamics(q, v)
-    np.testing.assert_allclose(implied.constrained_dynamics(q, v)[0], expected, rtol=1e-12)
-
-
-def test_inactive_constraints_do_nothing():
-    model = parallelogram()
-    loop = model.constraints[0].model_copy(update={"active": False})
-    mech = pg.Mechanism(model.replace(constraints=(loop,)))
-    q, v = np.array([0.3, -0.3, 0.3]), np.zeros(3)
+    np.testing.assert_allclose(implied, expected, rtol=1e-12)
+    mech = pg.Mechanism(model.edit("loop", active=False))
     vdot, force = mech.constrained_dynamics(q, v)
     assert force == {}
     np.testing.assert_allclose(vdot, mech.forward_dynamics(q, v), rtol=1e-14)
 
 
 def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
-    """The first call of a mechanism, at the line that made it; none of our own calls."""
+    """The first call of a mechanism warns at the line that made it; none of our own calls does."""
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
     q, v = mech.home()
     with warnings.catch_warnings():
@@ -236,18 +204,13 @@ def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
         vdot, _ = mech.constrained_dynamics(q, v)
         mech.constrained_inverse_dynamics(q, v, vdot)
         pg.simulate(mech, t_end=0.01)
-    with pytest.warns(UserWarning, match=r"'loop'.*constrained_dynamics\(") as told:
+    with pytest.warns(UserWarning, match=r"'loop'.*constrained_dynamics\(") as warned:
         tree = mech.forward_dynamics(q, v)
-    assert [w.filename for w in told] == [__file__]
+    assert [w.filename for w in warned] == [__file__]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        mech.forward_dynamics(q, v)
         mech.inverse_dynamics(q, v, vdot)
-    assert np.abs(tree - vdot).max() > 1.0  # what the warning is for
-    with pytest.warns(UserWarning, match=r"constrained_inverse_dynamics\(") as told:
-        pg.Mechanism(mech.model).inverse_dynamics(q, v, vdot)
-    assert [w.filename for w in told] == [__file__]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
         free = pg.Mechanism(mech.model.edit("loop", active=False))
         np.testing.assert_array_equal(free.forward_dynamics(q, v), tree)
+    with pytest.warns(UserWarning, match=r"constrained_inverse_dynamics\("):
+        pg.Mechanism(mech.model).inverse_dynamics(q, v, vdot)

@@ -31,112 +31,68 @@ def alike(one: pg.Mechanism, other: pg.Mechanism) -> bool:
     return all(np.allclose(x, y, rtol=1e-14, atol=1e-14) for x, y in pairs)
 
 
+BODY_FIELDS = ("link", "rotation", "mass", "com", "inertia")
+JOINT_FIELDS = ("q", "v", "armature", "stiffness", "damping", "rest", "friction")
+
+
 def columns_of(model: pg.Model) -> pg.Columns:
     """The model's numbers as a user would have them in arrays."""
     bodies, rows = model.bodies, model.row
     pairs = [(i, m) for i, b in enumerate(bodies, start=1) for m in b.sequence]
-
-    def joined(field: str) -> np.ndarray:
-        return np.array([x for b in bodies for x in getattr(b, field)])
-
     return pg.Columns(
         parent=[0 if b.parent == "ground" else rows[b.parent] + 1 for b in bodies],
         motion=np.array([m.kind for _, m in pairs], dtype=str),
         motion_of=[i for i, _ in pairs],
         axis=np.array([m.axis for _, m in pairs]).reshape(-1, 3),
-        link=np.array([b.link for b in bodies]),
-        rotation=np.array([b.rotation for b in bodies]),
-        mass=np.array([b.mass for b in bodies]),
-        com=np.array([b.com for b in bodies]),
-        inertia=np.array([b.inertia for b in bodies]),
-        q=joined("q"),
-        v=joined("v"),
         names=[b.name for b in bodies],
         gravity=model.gravity,
-        **{k: joined(k) for k in ("armature", "stiffness", "damping", "rest", "friction")},
+        **{k: np.array([getattr(b, k) for b in bodies]) for k in BODY_FIELDS},
+        **{k: np.array([x for b in bodies for x in getattr(b, k)]) for k in JOINT_FIELDS},
     )
 
 
-# -- columns ---------------------------------------------------------------------------------------
-
-
 @given(seeds)
-@settings(max_examples=100)
+@settings(max_examples=40)
 def test_columns_and_model_make_the_same_mechanism(seed):
     rng = np.random.default_rng(seed)
     model = shuffled(rng, random_model(rng, int(rng.integers(1, 12))))
     mech, other = pg.Mechanism(columns_of(model)), pg.Mechanism(model)
-    assert mech.names == other.names
+    topology = pg.Topology.of(model)
+    assert mech.names == other.names == topology.names
     assert (mech.nb, mech.nq, mech.nv) == (other.nb, other.nq, other.nv)
+    for field in ("pgraph", "jdof", "row", "parent", "dof"):
+        assert getattr(mech.topology, field).tolist() == getattr(topology, field).tolist()
     assert alike(mech, other)
     assert alike(mech, pg.Mechanism(columns_of(model).model()))
 
 
-@given(seeds)
-@settings(max_examples=100)
-def test_numbers_and_pgraph_of_a_mechanism_are_those_of_its_topology(seed):
-    s = random_case(seed)
-    model = shuffled(np.random.default_rng(seed), s.model)
-    mech, topology = pg.Mechanism(model), pg.Topology.of(model)
-    assert mech.names == topology.names
-    assert mech.pgraph.tolist() == topology.pgraph.tolist()
-    assert mech.jdof.tolist() == topology.jdof.tolist()
-    for field in ("row", "parent", "dof"):
-        assert getattr(mech.topology, field).tolist() == getattr(topology, field).tolist()
-    rows = [i + 1 for i, k in enumerate(topology.dof) for _ in range(len(model.bodies)) if k]
-    assert set(mech.packed.system.body_of_row[1:].tolist()) == set(rows)
-
-
-def test_a_list_of_parents_is_a_chain_of_hinges():
-    mech = pg.Mechanism(pg.Columns(parent=[0, 1, 2]))
-    assert mech.names == ("1", "2", "3")
-    assert mech.model == pg.Model(
-        name="columns",
-        bodies=[pg.Body(name=str(i), parent="ground" if i == 1 else str(i - 1)) for i in (1, 2, 3)],
-    )
-    assert mech.pgraph.tolist() == [1, 2, 3]
-
-
 @pytest.mark.parametrize("joint", ["weld", "universal", "planar", "spherical", "free", "compound"])
 def test_every_kind_of_joint_has_its_default_motions(joint):
-    ours = pg.Mechanism(pg.Columns(parent=[0, 1], joint=["revolute", joint], link=(0.1, 0, 0)))
     link = (0.1, 0, 0)
+    ours = pg.Mechanism(pg.Columns(parent=[0, 1], joint=["revolute", joint], link=link))
     bodies = (pg.Body(name="1", link=link), pg.Body(name="2", parent="1", joint=joint, link=link))
     assert same(ours, pg.Mechanism(pg.Model(bodies=bodies)))
     assert ours.model.bodies == bodies
 
 
-def test_a_model_in_columns_is_the_model():
-    assert pg.Columns.of(QUADRUPED).model() is QUADRUPED
+def test_columns_default_to_a_chain_of_hinges_and_are_copied():
+    mech = pg.Mechanism(pg.Columns(parent=[0, 1, 2]))
+    bodies = [pg.Body(name=n, parent=p) for n, p in zip("123", ("ground", "1", "2"))]
+    assert mech.model == pg.Model(name="columns", bodies=bodies)
     assert pg.Mechanism(pg.Columns.of(QUADRUPED)).model is QUADRUPED
-
-
-def test_columns_are_copied():
     mass = np.array([1.0, 2.0])
     columns = pg.Columns(parent=[0, 1], mass=mass)
     mass[:] = 5.0
     assert [b.mass for b in columns.model().bodies] == [1.0, 2.0]
 
 
-def test_a_hundred_thousand_rows_need_no_loop_over_them():
-    """A comb upside down: rows stand before their parents. Seconds would be a loop in Python."""
-    n = 100_000
+def test_a_chain_of_twenty_thousand_columns():
+    """A comb upside down, whose rows stand before their parents."""
+    n = 20_000
     parent = np.append(np.arange(2, n + 1), 0)
     mech = pg.Mechanism(pg.Columns(parent=parent, link=(0.01, 0, 0)))
-    assert mech.nb == n
-    assert mech.pgraph[:3].tolist() == [1, 2, 3]
-    q, v = mech.home()
-    assert np.isfinite(mech.forward_dynamics(q, v)).all()
-
-
-# -- edits -----------------------------------------------------------------------------------------
-
-
-def test_a_body_attached_elsewhere_is_packed_anew():
-    model = pg.Model.serial(4)
-    pg.Mechanism(model)  # from here on the bodies keep their packed form
-    left = model.remove("2")
-    assert same(pg.Mechanism(left), pg.Mechanism(pg.Model.from_json(left.to_json())))
+    assert (mech.nb, mech.pgraph[:3].tolist()) == (n, [1, 2, 3])
+    assert np.isfinite(mech.forward_dynamics(*mech.home())).all()
 
 
 @pytest.mark.parametrize("update", [{"rotation": (0.0,) * 4}, {"name": " a"}])
@@ -147,26 +103,22 @@ def test_a_copy_of_a_body_is_looked_at_again(update):
         pg.Model(bodies=(rod.model_copy(update=update),))
 
 
-EDITS = {
-    "parent": {"parent": "left_femur"},
-    "mass": {"mass": 2.5},
-    "com": {"com": (0.1, 0, 0.2)},
-    "link": {"link": (0.0, -0.1, 0.0)},
-    "several": {"parent": "lumbar", "mass": 0.25, "link": (0.1, 0.2, 0.3)},
-    "inertia": {"inertia": np.diag([0.1, 0.1, 0.2])},
-    "dof": {"dof": 3},
-    "name": {"name": "foot"},
-    "stiffness": {"stiffness": 3.0},
-}
+EDITS = [
+    {"parent": "left_femur"},
+    {"parent": "lumbar", "mass": 0.25, "link": (0.1, 0.2, 0.3)},
+    {"com": (0.1, 0, 0.2), "inertia": np.diag([0.1, 0.1, 0.2])},
+    {"dof": 3},
+    {"name": "foot"},
+    {"stiffness": 3.0},
+    {"mass": 0.4},  # as it is
+    {"parent": "left_tibia"},  # as it is
+]
 
 
-@pytest.mark.parametrize("changes", EDITS.values(), ids=EDITS)
+@pytest.mark.parametrize("changes", EDITS)
 def test_an_edited_mechanism_is_that_of_the_edited_model(changes):
-    mech = pg.Mechanism(QUADRUPED)
-    edited, model = (
-        mech.edit("left_hind_paw", **changes),
-        QUADRUPED.edit("left_hind_paw", **changes),
-    )
+    mech, model = pg.Mechanism(QUADRUPED), QUADRUPED.edit("left_hind_paw", **changes)
+    edited = mech.edit("left_hind_paw", **changes)
     assert same(edited, pg.Mechanism(model))
     assert edited.model == model
     assert edited.names == pg.Mechanism(model).names
@@ -177,25 +129,12 @@ def test_an_edited_mechanism_is_that_of_the_edited_model(changes):
 def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
     mech, model = pg.Mechanism(pg.Model.serial(6)), pg.Model.serial(6)
     rng = np.random.default_rng(0)
-    for turn in range(200):
+    for _ in range(60):
         i = int(rng.integers(2, 7))
         changes = {"parent": str(rng.integers(1, i)), "mass": float(rng.uniform(1, 2))}
         mech, model = mech.edit(str(i), **changes), model.edit(str(i), **changes)
-        if turn % 37 == 0:
-            assert mech.model == model
-    assert mech.model == model
+        assert mech.model == model
     assert same(mech, pg.Mechanism(model))
-
-
-@pytest.mark.parametrize(
-    "changes", [{"parent": "left_tibia"}, {"mass": 0.4}, {"joint": "revolute"}]
-)
-def test_an_edit_that_changes_nothing_changes_nothing(changes):
-    assert QUADRUPED.edit("left_hind_paw", **changes) is QUADRUPED
-    mech = pg.Mechanism(QUADRUPED)
-    again = mech.edit("left_hind_paw", **changes)
-    assert again.model.hash == QUADRUPED.hash
-    assert same(again, mech)
 
 
 def test_there_and_back_is_where_it_was():
@@ -203,13 +142,18 @@ def test_there_and_back_is_where_it_was():
     back = mech.edit("left_hind_paw", parent="lumbar").edit("left_hind_paw", parent="left_tibia")
     assert same(back, mech)
     assert back.model.hash == QUADRUPED.hash
+    assert QUADRUPED.edit("left_hind_paw", mass=0.4) is QUADRUPED
 
 
-# -- states ----------------------------------------------------------------------------------------
+def test_a_body_attached_elsewhere_is_packed_again():
+    model = pg.Model.serial(4)
+    pg.Mechanism(model)  # bodies keep their packed form from here on
+    left = model.remove("2")
+    assert same(pg.Mechanism(left), pg.Mechanism(pg.Model.from_json(left.to_json())))
 
 
 @given(seeds)
-@settings(max_examples=50)
+@settings(max_examples=30)
 def test_a_state_is_kept_by_name_whatever_the_order(seed):
     s = random_case(seed)
     one = pg.Mechanism(s.model)
@@ -228,9 +172,8 @@ def test_joints_of_another_name_or_kind_start_at_home():
     old = pg.Mechanism(pg.Model.serial(4))
     model = pg.Model.serial(4).edit("4", parent="1").edit("2", dof=3).edit("3", name="knee")
     new = pg.Mechanism(model.edit("1", axes=(0, 0, 1)))
-    q, v, reset = new.state_from(
-        old, np.array([0.1, 0.2, 0.3, 0.4]), np.array([1.0, 2.0, 3.0, 4.0])
-    )
+    numbers = np.array([1.0, 2.0, 3.0, 4.0])
+    q, v, reset = new.state_from(old, 0.1 * numbers, numbers)
     assert reset == ("2", "knee")
     assert q[new.joints["1"].q] == 0.1
     assert q[new.joints["2"].q].tolist() == [1.0, 0.0, 0.0, 0.0]
@@ -239,132 +182,47 @@ def test_joints_of_another_name_or_kind_start_at_home():
     assert v[new.joints["knee"].v] == 0.0
 
 
-# -- what is wrong ---------------------------------------------------------------------------------
-
 NAN = float("nan")
-WRONG = {
-    "parent": (
-        {"parent": [0, 5]},
-        "row 2, parent: must be a row from 1 to 2, or 0 for the ground; given 5",
-    ),
-    "cycle": (
-        {"parent": [0, 3, 2]},
-        "row 2, parent: closes a cycle: 2 -> 3 -> 2; tie one of them to the ground",
-    ),
-    "own parent": (
-        {"parent": [0, 2]},
-        "row 2, parent: a body cannot be its own parent; given '2'; choose another, or ground",
-    ),
-    "parent text": (
-        {"parent": ["a"]},
-        "columns, parent: must be a list of whole numbers; given ['a']",
-    ),
-    "parent float": (
-        {"parent": [0.5]},
-        "columns, parent: must be a list of whole numbers; given [0.5]",
-    ),
-    "mass": (
-        {"parent": [0, 1, 2], "mass": [1.0, 1.0, -1.0]},
-        "row 3, mass: must be a finite number >= 0 [kg]; given -1.0",
-    ),
-    "mass nan": (
-        {"parent": [0], "mass": NAN},
-        "row 1, mass: must be a finite number >= 0 [kg]; given nan",
-    ),
-    "mass text": (
-        {"parent": [0], "mass": "heavy"},
-        "columns, mass: must be numbers; given 'heavy'",
-    ),
-    "mass length": (
-        {"parent": [0, 1, 2], "mass": [1.0, 2.0]},
-        "columns, mass: must have 3 entries, one a body, or one for all; given 2",
-    ),
-    "link": (
-        {"parent": [0], "link": [[0, NAN, 0]]},
-        "row 1, link: must be three finite numbers [x, y, z] from the parent's origin [m]; "
-        "given nan",
-    ),
-    "link shape": (
-        {"parent": [0], "link": np.zeros((1, 2))},
-        "columns, link: must have entries of shape (3,); given an array of shape (1, 2)",
-    ),
-    "inertia": (
-        {"parent": [0], "inertia": np.diag([1.0, 1.0, 3.0])},
-        "row 1, inertia: breaks the triangle inequality: principal moments 1 + 1 < 3 by 1 kg m^2; "
-        "no rigid body has it",
-    ),
-    "inertia, not symmetric": (
-        {"parent": [0], "inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]},
-        "row 1, inertia: must be symmetric; given [[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], "
-        "[0.0, 0.0, 1.0]]",
-    ),
-    "joint": (
-        {"parent": [0, 1], "joint": ["revolute", "hinge"]},
-        "row 2, joint: must be one of weld, revolute, prismatic, cylindrical, universal, "
-        "spherical, planar, free, compound; given 'hinge'",
-    ),
-    "joint number": (
-        {"parent": [0], "joint": 9},
-        "row 1, joint: must be one of weld, revolute, prismatic, cylindrical, universal, "
-        "spherical, planar, free, compound, or a place in this list from 0; given 9",
-    ),
-    "axis": (
-        {"parent": [0, 1], "axis": [[0, 0, 1], [0, 0, 0]]},
-        "row 2, axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
-    ),
-    "axes length": (
-        {"parent": [0, 1], "joint": "universal", "axis": np.eye(3)},
-        "columns, axis: must have 4 entries, one a motion, or one for all; given 3",
-    ),
-    "rotation": (
-        {"parent": [0], "rotation": [0.0, 0.0, 0.0, 0.0]},
-        "row 1, rotation: must be a unit quaternion [w, x, y, z]; given [0.0, 0.0, 0.0, 0.0]",
-    ),
-    "damping": (
-        {"parent": [0], "damping": -1.0},
-        "row 1, damping: must be >= 0; given [-1.0]",
-    ),
-    "stiffness of a ball": (
-        {"parent": [0], "joint": "spherical", "stiffness": 1.0},
-        "row 1, stiffness: acts on a rotate or translate motion, not on a ball or free one; "
-        "given [1.0]",
-    ),
-    "q length": (
-        {"parent": [0], "joint": "spherical", "q": [0.0]},
-        "columns, q: must have 4 numbers, those of all joints; given 1",
-    ),
-    "q": (
-        {"parent": [0], "joint": "spherical", "q": [0.0, 0.0, 0.0, 0.0]},
-        "row 1, q: needs a unit quaternion [w, x, y, z]; given [0.0, 0.0, 0.0, 0.0]",
-    ),
-    "gravity": (
-        {"parent": [0], "gravity": (0, 0)},
-        "columns, gravity: must be three finite numbers [x, y, z] [m/s^2]; given [0.0, 0.0]",
-    ),
-    "motion_of": (
+BALL = {"parent": [0], "joint": "spherical"}
+WRONG = [  # columns, and the words that their message must hold: row, field, value, choices
+    ({"parent": [0, 5]}, "row 2, parent: 1 2 0 5"),
+    ({"parent": [0, 3, 2]}, "row 2, parent: 2 -> 3 -> 2"),
+    ({"parent": [0, 2]}, "row 2, parent: '2'"),
+    ({"parent": ["a"]}, "columns, parent: ['a']"),
+    ({"parent": [0, 1, 2], "mass": [1.0, 1.0, -1.0]}, "row 3, mass: >= 0 -1.0"),
+    ({"parent": [0], "mass": "heavy"}, "columns, mass: 'heavy'"),
+    ({"parent": [0, 1, 2], "mass": [1.0, 2.0]}, "columns, mass: 3 2"),
+    ({"parent": [0], "link": [[0, NAN, 0]]}, "row 1, link: nan"),
+    ({"parent": [0], "link": np.zeros((1, 2))}, "columns, link: (3,) (1, 2)"),
+    ({"parent": [0], "inertia": np.diag([1.0, 1.0, 3.0])}, "row 1, inertia: 1 + 1 < 3"),
+    ({"parent": [0], "inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "row 1, inertia: symmetric"),
+    ({"parent": [0, 1], "joint": ["revolute", "hinge"]}, "row 2, joint: 'hinge' weld, compound"),
+    ({"parent": [0], "joint": 9}, "row 1, joint: 9 weld, compound"),
+    ({"parent": [0, 1], "axis": [[0, 0, 1], [0, 0, 0]]}, "row 2, axes: [0.0, 0.0, 0.0]"),
+    ({"parent": [0, 1], "joint": "universal", "axis": np.eye(3)}, "columns, axis: 4 3"),
+    ({"parent": [0], "rotation": [0.0] * 4}, "row 1, rotation: quaternion"),
+    ({"parent": [0], "damping": -1.0}, "row 1, damping: >= 0 -1.0"),
+    ({**BALL, "stiffness": 1.0}, "row 1, stiffness: ball 1.0"),
+    ({**BALL, "q": [0.0]}, "columns, q: 4 1"),
+    ({**BALL, "q": [0.0] * 4}, "row 1, q: quaternion"),
+    ({"parent": [0], "gravity": (0, 0)}, "columns, gravity: [0.0, 0.0]"),
+    (
         {"parent": [0, 1], "motion": ["ball", "rotate"], "motion_of": [2, 1]},
-        "columns, motion_of: must ascend within the rows 1 to 2",
+        "columns, motion_of: 1 2",
     ),
-    "names": (
-        {"parent": [0], "names": ["a", "b"]},
-        "columns, names: must be 1, one a body; given 2",
-    ),
-    "names twice": (
-        {"parent": [0, 1], "names": ["a", "a"]},
-        "row 2, name: 'a' is already the name of row 1; choose another",
-    ),
-    "names ground": (
-        {"parent": [0], "names": ["ground"]},
-        "row 1, name: 'ground' is the name of the ground; choose another",
-    ),
-}
+    ({"parent": [0], "names": ["a", "b"]}, "columns, names: 1 2"),
+    ({"parent": [0, 1], "names": ["a", "a"]}, "row 2, name: 'a' row 1"),
+    ({"parent": [0], "names": ["ground"]}, "row 1, name: 'ground'"),
+]
 
 
-@pytest.mark.parametrize(("columns", "sentence"), WRONG.values(), ids=WRONG)
-def test_a_wrong_column_is_named_with_its_row(columns, sentence):
+@pytest.mark.parametrize(("columns", "facts"), WRONG)
+def test_a_wrong_column_is_named_with_its_row(columns, facts):
     with pytest.raises(pg.ModelError) as error:
         pg.Columns(**columns)
-    assert str(error.value) == sentence
+    where, _, values = facts.partition(": ")
+    assert str(error.value).startswith(where)
+    assert all(value in str(error.value) for value in values.split(" "))
 
 
 @pytest.mark.parametrize(
@@ -378,5 +236,5 @@ def test_a_wrong_edit_of_a_mechanism_is_refused_as_that_of_the_model(changes):
     with pytest.raises(pg.ModelError) as theirs:
         QUADRUPED.edit("left_femur", **changes)
     assert str(ours.value) == str(theirs.value)
-    with pytest.raises(pg.ModelError, match="no part has this name; choose one of pelvis"):
+    with pytest.raises(pg.ModelError, match=r"'nobody'.*pelvis"):
         mech.edit("nobody", mass=1.0)

@@ -11,10 +11,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.analysis.rows import Rows, apart
 
-LOOPS = ["four_bar", "slider_crank", "andrews", "quadruped"]
 
-
-def load(name: str) -> pg.Mechanism:
+def load(name):
     return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
@@ -32,33 +30,28 @@ def test_a_pendulum_with_spring_and_damper():
     assert not found.conservative
 
 
-@pytest.mark.parametrize("n", [10, 100, pytest.param(1000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("n", [10, pytest.param(1000, marks=pytest.mark.nightly)])
 def test_frequencies_of_a_hanging_chain(n):
     """Point masses on rods without mass: the zeros of Laguerre polynomials."""
     point = {"axes": (0, 1, 0), "com": (0, 0, -1.0), "mass": 1.0, "inertia": np.zeros((3, 3))}
-    bodies = [
-        pg.Body(name=f"{k}", parent=f"{k - 1}" if k else "ground",
-                link=(0, 0, -1.0) if k else (0, 0, 0), **point)
-        for k in range(n)
-    ]  # fmt: skip
+    bodies = [pg.Body(name="0", **point)]
+    link = {"link": (0, 0, -1.0), **point}
+    bodies += [pg.Body(name=f"{k}", parent=f"{k - 1}", **link) for k in range(1, n)]
     found = pg.Mechanism(pg.Model(bodies=bodies)).linearise()
-    assert found.conservative
-    assert len(found.frequencies) == n
+    assert (found.conservative, len(found.frequencies)) == (True, n)
     if n == 10:
         np.testing.assert_allclose(found.frequencies**2 / 9.81, lagroots([0] * n + [1]), rtol=1e-9)
-    mech = pg.Mechanism(pg.Model(bodies=bodies))
-    M = mech.mass_matrix(np.zeros(n))
+    M = pg.Mechanism(pg.Model(bodies=bodies)).mass_matrix(np.zeros(n))
     weights = np.arange(n, 0, -1) * 9.81  # the weight below each rod: K is diagonal
     upright = np.tril(np.ones((n, n)))  # angles against the vertical
     x = found.modes[:, 0].real
     pull = upright.T @ (weights * (upright @ x))
-    np.testing.assert_allclose(
-        pull, found.frequencies[0] ** 2 * (M @ x), atol=1e-9 * np.abs(pull).max()
-    )
+    inertia = found.frequencies[0] ** 2 * (M @ x)
+    np.testing.assert_allclose(pull, inertia, atol=1e-9 * np.abs(pull).max())
     assert found.modes.shape == (n, 2 * n)
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "andrews", "quadruped"])
 def test_with_loops_it_equals_differences_of_the_motion(name):
     """Along trajectories that start a little aside, which the constraints hold."""
     mech = load(name)
@@ -67,8 +60,8 @@ def test_with_loops_it_equals_differences_of_the_motion(name):
     q, v, _ = mech.assemble(q, 0.5 * rng.normal(size=mech.nv))
     if name == "quadruped":
         v = np.zeros(mech.nv)
-    forces = mech.model.forces
-    bare = pg.Mechanism(mech.model.replace(forces=tuple(f for f in forces if f.kind == "spring")))
+    springs = tuple(f for f in mech.model.forces if f.kind == "spring")
+    bare = pg.Mechanism(mech.model.replace(forces=springs))
     found = bare.linearise(q, v)
     index = [bare_index(bare, c) for c in found.coordinates]
     speed = [bare_index(bare, c) for c in found.velocities]
@@ -79,8 +72,7 @@ def test_with_loops_it_equals_differences_of_the_motion(name):
         moved = rows.advanced(found.moves @ x[:n])
         at, _, _ = bare.assemble(moved, np.zeros(bare.nv))
         here = rows.at(at)
-        # the constraints' position with exactly these independent coordinates
-        for _ in range(4):
+        for _ in range(4):  # to the constraints, at exactly these independent coordinates
             off = np.concatenate((here.gap, (apart(bare, q, at)[index] - x[:n])))
             J = np.vstack((here.J, np.eye(bare.nv)[index]))
             at = here.advanced(-np.linalg.lstsq(J, off, rcond=1e-10)[0])
@@ -107,11 +99,9 @@ def test_a_four_bar_swings_with_the_frequency_of_its_energy():
     mech = pg.Mechanism(mech.model.replace(gravity=(3.0, -5.0, -2.0)))
     q = mech.equilibrium()
     found = mech.linearise(q)
-    assert found.conservative
-    assert len(found.frequencies) == 1
+    assert (found.conservative, len(found.frequencies)) == (True, 1)
     body = found.coordinates[0]
-    at = mech.joints[body].q.start
-    rest = np.zeros(mech.nv)
+    at, rest = mech.joints[body].q.start, np.zeros(mech.nv)
 
     def energy(angle: float) -> float:
         moved = q.copy()
@@ -141,14 +131,12 @@ def test_a_slider_on_a_contact_is_a_spring_with_a_damper(law):
     np.testing.assert_allclose(found.A, [[0, 1], [-stiffness / m, -damping / m]], rtol=1e-7)
     np.testing.assert_allclose(found.drift, 0.0, atol=1e-12)
     assert not found.notices
-    np.testing.assert_allclose(
-        mech.linearise(q=[0.1]).A, [[0, 1], [0, 0]], atol=1e-12
-    )  # in the air
     off = pg.Mechanism(mech.model.edit("c", active=False)).linearise()
-    np.testing.assert_allclose(off.A, [[0, 1], [0, 0]], atol=1e-12)
+    for free in (mech.linearise(q=[0.1]), off):  # in the air, and switched off
+        np.testing.assert_allclose(free.A, [[0, 1], [0, 0]], atol=1e-12)
 
 
-def test_what_is_shut_and_what_does_not_stay_is_told():
+def test_closed_contacts_and_missing_equilibria_are_reported():
     point = pg.Contact(name="foot", body="b", points=[(0, 0, 0)])
     body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=1.0)
     for model, name in (
@@ -156,24 +144,22 @@ def test_what_is_shut_and_what_does_not_stay_is_told():
         (pg.Model(bodies=[body.copy(update={"limits": (0.0, 1.0)})]), "joint 'b'"),
     ):
         mech = pg.Mechanism(model)
-        shut, falls = mech.linearise().notices
-        assert name in shut
-        assert "'b' is -9.81" in falls
-        (falls,) = mech.linearise(q=[0.5]).notices
-        assert "no equilibrium" in falls
-    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
-    arm = pg.Mechanism(pg.Model(bodies=[arm]))
+        closed, falls = mech.linearise().notices
+        assert name in closed
+        assert all(fact in falls for fact in ("'b'", "-9.81"))
+        assert len(mech.linearise(q=[0.5]).notices) == 1
+    rod = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
+    arm = pg.Mechanism(pg.Model(bodies=[rod]))
     assert not arm.linearise().notices
     np.testing.assert_allclose(arm.linearise([0.5]).drift, [0, -9.81 * np.sin(0.5)])
 
 
 def test_rolling_reduces_velocities_only():
     mech = load("rolling_disc")
-    found = mech.linearise()
-    assert len(found.velocities) == mech.mobility().dof
-    assert len(found.coordinates) == mech.mobility().positions
+    found, counts = mech.linearise(), mech.mobility()
+    assert (len(found.velocities), len(found.coordinates)) == (counts.dof, counts.positions)
     assert set(found.velocities) <= set(found.coordinates)
-    assert found.A.shape == (len(found.coordinates) + len(found.velocities),) * 2
+    assert found.A.shape == (counts.dof + counts.positions,) * 2
 
 
 def test_servos_are_springs_and_scenarios_choose():
@@ -183,9 +169,8 @@ def test_servos_are_springs_and_scenarios_choose():
     mech = pg.Mechanism(model)
     inertia = mech.mass_matrix(np.zeros(1))[0, 0]
     np.testing.assert_allclose(mech.linearise().A, [[0, 1], [0, 0]], atol=1e-12)
-    np.testing.assert_allclose(
-        mech.linearise(scenario="held").A, [[0, 1], [-7 / inertia, -0.3 / inertia]], atol=1e-12
-    )
+    held = mech.linearise(scenario="held").A
+    np.testing.assert_allclose(held, [[0, 1], [-7 / inertia, -0.3 / inertia]], atol=1e-12)
     np.testing.assert_allclose(mech.equilibrium(scenario="held"), [0.2], atol=1e-10)
     limited = servo.model_copy(update={"torque_limit": 0.1})
     held = pg.Mechanism(model.replace(forces=[limited], scenarios=[]))
@@ -212,18 +197,15 @@ def test_a_spinning_top_turns_its_axes_along():
 
 
 def test_a_chain_settles_where_its_energy_is_least():
-    model = pg.Model.serial(5)
-    mech = pg.Mechanism(model)
+    mech = pg.Mechanism(pg.Model.serial(5))
     q = mech.equilibrium()
-    np.testing.assert_allclose(np.sin(q[0]), 1.0, atol=1e-9)  # straight down
-    np.testing.assert_allclose(np.abs(np.sin(q[1:])), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.sin(q), [1, 0, 0, 0, 0], atol=1e-9)  # straight down
     assert mech.linearise(q).conservative
     assert len(mech.linearise(q).frequencies) == 5
     loop = load("slider_crank")
     loop = pg.Mechanism(loop.model.replace(gravity=(1.0, -9.0, 2.0), forces=()))
     q = loop.equilibrium()
-    rest = np.zeros(loop.nv)
-    vdot, _ = loop.constrained_dynamics(q, rest)
+    vdot, _ = loop.constrained_dynamics(q, np.zeros(loop.nv))
     assert np.abs(vdot).max() < 1e-8
     falls = pg.Mechanism(pg.Model(bodies=[pg.Body(name="stone", joint="free")]))
     with pytest.raises(pg.InputError, match="'stone'"):
@@ -237,7 +219,7 @@ UPPER, LOWER = pg.Body(name="a", **ROD), pg.Body(name="b", parent="a", link=(1, 
 def test_equilibrium_goes_down_from_anywhere_but_an_equilibrium():
     mech, rest = pg.Mechanism(pg.Model(bodies=[UPPER, LOWER])), np.zeros(2)
     lowest = -9.81 * (0.5 + 1.5)
-    for q in [*np.random.default_rng(0).uniform(-np.pi, np.pi, (40, 2)), (-np.pi / 2 + 1e-9, 0)]:
+    for q in [*np.random.default_rng(0).uniform(-np.pi, np.pi, (12, 2)), (-np.pi / 2 + 1e-9, 0)]:
         assert mech.energy(mech.equilibrium(q), rest)[1] == pytest.approx(lowest, rel=1e-12)
     upright = np.array([-np.pi / 2, 0])  # sin is 1, cos is 6e-17: an equilibrium but for rounding
     np.testing.assert_array_equal(mech.equilibrium(upright), upright)
@@ -250,15 +232,16 @@ def test_equilibrium_rests_on_limits_and_leaves_them():
         np.testing.assert_allclose(mech.equilibrium(q), [1.0, np.pi / 2 - 1.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("force", "least"),
-    [
-        (pg.Motor(name="f", body="a", torque=3.0), np.pi / 2 + np.arcsin(3.0 / (9.81 * 0.5))),
-        (pg.Wrench(name="f", body="a", torque=(0, 3.0, 0)), None),
-        (pg.Wrench(name="f", body="a", force=(9.81, 0, 0), point=(0.5, 0, 0)), np.pi / 4),
-        (pg.Wrench(name="f", body="a", force=(0, 0, 3.0), frame="body", point=(0.5, 0, 0)), None),
-    ],
-)
+ON = {"name": "f", "body": "a"}
+LOADS = [
+    (pg.Motor(**ON, torque=3.0), np.pi / 2 + np.arcsin(3.0 / (9.81 * 0.5))),
+    (pg.Wrench(**ON, torque=(0, 3.0, 0)), None),
+    (pg.Wrench(**ON, force=(9.81, 0, 0), point=(0.5, 0, 0)), np.pi / 4),
+    (pg.Wrench(**ON, force=(0, 0, 3.0), frame="body", point=(0.5, 0, 0)), None),
+]
+
+
+@pytest.mark.parametrize(("force", "least"), LOADS)
 def test_equilibrium_balances_motors_and_wrenches(force, least):
     mech = pg.Mechanism(pg.Model(bodies=[UPPER], forces=[force]))
     for start in (-2.0, 0.0, 1.4, 2.5):
@@ -271,13 +254,11 @@ def test_equilibrium_balances_motors_and_wrenches(force, least):
 
 def test_inverse_kinematics_meets_several_targets_within_limits():
     model = pg.Model.serial(6)
-    axes = [(0, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-    model = model.edit_all({
-        f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)
-    })  # fmt: skip
-    mech = pg.Mechanism(model)
+    axes = np.eye(3)[[1, 2, 1, 0, 1, 2]].tolist()
+    edits = {f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)}
+    mech = pg.Mechanism(model.edit_all(edits))
     rng = np.random.default_rng(0)
-    for _ in range(5):
+    for _ in range(3):
         aim = rng.uniform(-1.2, 1.2, 6)
         place, turn = mech.pose(aim, "6")
         q = mech.inverse_kinematics({"6": (place, turn)})
@@ -289,12 +270,10 @@ def test_inverse_kinematics_meets_several_targets_within_limits():
     tip = mech.pose(aim, "6")[0] + mech.pose(aim, "6")[1] @ (0.2, 0, 0)
     q = mech.inverse_kinematics({"3": elbow, "6": {"place": tip, "point": (0.2, 0, 0)}})
     np.testing.assert_allclose(mech.pose(q, "3")[0], elbow, atol=1e-8)
-    with pytest.raises(pg.InputError, match=r"target of '6': misses its target by .* m"):
-        mech.inverse_kinematics({"6": (5.0, 0.0, 0.0)})
-    with pytest.raises(pg.InputError, match="quaternion"):
-        mech.inverse_kinematics({"6": ((0, 0, 0), np.ones((3, 3)))})
-    with pytest.raises(pg.PgraphError, match="'7'"):
-        mech.inverse_kinematics({"7": (0, 0, 0)})
+    far, singular = {"6": (5.0, 0.0, 0.0)}, {"6": ((0, 0, 0), np.ones((3, 3)))}
+    for target, words in ((far, "'6'"), (singular, "quaternion"), ({"7": (0, 0, 0)}, "'7'")):
+        with pytest.raises(pg.PgraphError, match=words):
+            mech.inverse_kinematics(target)
 
 
 def test_inverse_kinematics_keeps_loops_closed():

@@ -1,22 +1,12 @@
-"""Methods that choose their steps: what they reach, output, corners, events, and how they end."""
+"""Methods that choose their steps: accuracy, stiffness, dense output, symplectic steps."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate._ivp import dop853_coefficients as theirs
 
 import pgraph_core as pg
-from pgraph_core.engine import layout as at
-from pgraph_core.engine.compiler.address import address_of
-from pgraph_core.engine.compiler.jit import kernel
-from pgraph_core.engine.stepping.events import EVENT, look_back
-from pgraph_core.integrators import DOP853
-from pgraph_core.packing.forces import NO_LOADS
-from pgraph_core.simulation.loop import links_of
-from pgraph_core.simulation.options import Tolerance, frame_times
-from pgraph_core.simulation.plan import RunPlan
-from pgraph_core.simulation.recording import Recording
 
 from .test_cases import DOWN, case, mass, place, rod, worst
 
@@ -49,9 +39,6 @@ def run(mech, t, q, v=None, *, method="dop853", rtol=1e-12, **options):
     return done
 
 
-# -- what they reach ---------------------------------------------------------------------------
-
-
 def test_double_pendulum_to_ten_digits():
     t, reference = case("double_pendulum")
     done = run(double_pendulum(), t, np.array([1.5, 0.5]))
@@ -67,7 +54,7 @@ def test_heavy_top_to_eight_digits():
 
 
 def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
-    """Each flip multiplies errors of ω by 1e2 to 1e4; errors of the attitude do not become some."""
+    """Each flip multiplies errors of ω by 1e2 to 1e4."""
     t, reference = case("free_rigid_body_dzhanibekov")
     body = pg.Body(name="a", joint="free", inertia=np.diag([1.0, 2.0, 3.0]))
     mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
@@ -77,10 +64,10 @@ def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
     assert worst(turned.reshape(-1, 9), np.reshape(reference["R"], (-1, 9))) < 1e-8
 
 
-@pytest.mark.parametrize(
-    ("n", "end", "tolerance"),
-    [(10, 1.0, 1e-11), (100, 1.0, 1e-11), pytest.param(1000, 0.5, 1e-8, marks=pytest.mark.nightly)],
-)
+LONG = [pytest.param(*x, marks=pytest.mark.nightly) for x in ((100, 1, 1e-11), (1000, 0.5, 1e-8))]
+
+
+@pytest.mark.parametrize(("n", "end", "tolerance"), [(10, 1.0, 1e-11), *LONG])
 def test_chain(n, end, tolerance):
     t, reference = case("chain_n_links")
     t = t[t <= end]
@@ -104,33 +91,25 @@ def test_extreme_mass_ratios(name, ratio, rtol, tolerance):
     assert worst(np.cumsum(done.q, axis=1), reference["theta"]) < tolerance
 
 
-@pytest.mark.parametrize("length", [1e-9, 1e-3, 1.0, 1e6, 1e9])
 @pytest.mark.parametrize("method", EXPLICIT)
-def test_pendulums_of_all_scales_take_the_same_steps(method, length):
-    """With default tolerances: none of them has a unit."""
+def test_pendulums_of_all_scales_take_the_same_steps(method):
+    """At default tolerances, which have no unit."""
     _, reference = case("pendulum_scales")
-    period = reference["period"][reference["L"].index(length)]
-    mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
-    quarter = np.array([0.0, period / 4])
-    done = pg.simulate(mech, np.array([np.pi / 2]), t_end=period / 4, t_eval=quarter, method=method)
-    assert abs(done.q[-1, 0]) < 3e-8
-    one = pg.simulate(
-        pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN)),
-        np.array([np.pi / 2]),
-        t_end=reference["period"][reference["L"].index(1.0)] / 4,
-        frames=2,
-        method=method,
-    )
-    assert done.counters["steps"] == one.counters["steps"]
+    steps = set()
+    for length in (1e-9, 1e-3, 1.0, 1e9):
+        quarter = reference["period"][reference["L"].index(length)] / 4
+        mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
+        done = pg.simulate(mech, np.array([np.pi / 2]), t_end=quarter, frames=2, method=method)
+        assert abs(done.q[-1, 0]) < 3e-8
+        steps.add(done.counters["steps"])
+    assert len(steps) == 1
 
 
 def slider_crank():
-    """One loop, closed by a point."""
     slider = pg.Body(name="slider", joint="prismatic", axes=((1, 0, 0),), mass=3.0)
     coupler = rod("rod", "crank", m=2.0, length=0.5, link=(0.2, 0, 0))
-    pin = pg.Constraint(
-        name="pin", body="rod", other="slider", point=(0.5, 0, 0), other_point=(0, 0, 0)
-    )
+    ends = {"point": (0.5, 0, 0), "other_point": (0, 0, 0)}
+    pin = pg.Constraint(name="pin", body="rod", other="slider", **ends)
     bodies = (rod("crank", length=0.2), coupler, slider)
     return pg.Mechanism(pg.Model(bodies=bodies, constraints=(pin,), **DOWN))
 
@@ -148,49 +127,23 @@ def test_slider_crank_with_its_loop():
     assert done.energy_drift < 1e-10
 
 
-# -- against SciPy -----------------------------------------------------------------------------
-
-
-def test_the_tableau_is_scipys():
-    """Whose numbers come from the same source by another way."""
-    from scipy.integrate._ivp import dop853_coefficients as theirs
-
-    ours = DOP853.tableau
+def test_the_tableau_of_dop853_is_that_of_scipy():
+    ours = pg.integrators.DOP853.tableau
     np.testing.assert_allclose(ours.a, theirs.A, rtol=0, atol=0)
     np.testing.assert_allclose(ours.error, [theirs.E5[:12], theirs.E3[:12]], rtol=0, atol=1e-17)
 
 
-def test_scipy_finds_the_same_motion():
-    mech = double_pendulum()
-    t = np.linspace(0.0, 2.0, 21)
-    done = run(mech, t, np.array([1.5, 0.5]))
-
-    def slope(_, y):
-        return np.concatenate((y[2:], mech.forward_dynamics(y[:2].copy(), y[2:].copy())))
-
-    start = np.array([1.5, 0.5, 0.0, 0.0])
-    other = solve_ivp(slope, (0.0, 2.0), start, "DOP853", t, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(done.q, other.y[:2].T, rtol=0, atol=1e-10)
-
-
-# -- stiff motion --------------------------------------------------------------------------------
-
-
 def stiff_pendulum(k):
-    """(mechanism, initial q) of a bob on a rod as stiff as k, as the case starts it."""
+    """The mechanism and initial q of a bob on a rod of stiffness k."""
     bob = pg.Body(
-        name="a",
-        joint="compound",
-        motions=(("rotate", (0, 0, 1)), ("translate", (0, -1, 0))),
-        com=(0, -1, 0),
-        inertia=((0.0,) * 3,) * 3,
-        stiffness=(0.0, k),
-    )
+        name="a", joint="compound", motions=(("rotate", (0, 0, 1)), ("translate", (0, -1, 0))),
+        com=(0, -1, 0), inertia=np.zeros((3, 3)), stiffness=(0.0, k),
+    )  # fmt: skip
     return pg.Mechanism(pg.Model(bodies=(bob,), **DOWN)), np.array([1.0, 9.81 * np.cos(1.0) / k])
 
 
 def swing(reference, k):
-    """θ over time, where it is known: from k = 1e8 on by the limit of a rigid rod."""
+    """The reference's θ over time; from k = 1e8 on by the limit of a rigid rod."""
     name = f"k=1e{round(np.log10(k))}"
     if name in reference["undamped"]:
         return np.array(reference["undamped"][name]["r_theta_rdot_thetadot"])[:, 1]
@@ -198,9 +151,9 @@ def swing(reference, k):
     return np.array(reference["rigid_limit_theta"]) + slope / k
 
 
-@pytest.mark.parametrize("k", [1e3, 1e4, 1e6, 1e8, 1e10, 1e12])
+@pytest.mark.parametrize("k", [1e3, 1e6, 1e9, 1e12])
 def test_radau_swings_right_however_stiff(k):
-    """At steps of 1e-2 s and where it chooses them; the error estimate is not below the error."""
+    """At steps of 1e-2 s and at chosen ones."""
     t, reference = case("stiff_spring_pendulum")
     mech, q = stiff_pendulum(k)
     for options in ({"step": 1e-2}, {"rtol": 1e-8}):
@@ -210,8 +163,8 @@ def test_radau_swings_right_however_stiff(k):
         assert done.counters["steps"] < 1000
 
 
-@pytest.mark.parametrize("k", [1e3, 1e6, 1e12])
-def test_ros2_does_not_feel_the_stiffness(k):
+@pytest.mark.parametrize("k", [1e3, 1e12])
+def test_ros2_swings_right_however_stiff(k):
     t, reference = case("stiff_spring_pendulum")
     mech, q = stiff_pendulum(k)
     done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="ros2", step=1e-3)
@@ -219,39 +172,26 @@ def test_ros2_does_not_feel_the_stiffness(k):
     assert done.error_estimate < 3e-6
 
 
-@pytest.mark.parametrize("method", ["radau5", "ros2"])
-def test_implicit_methods_close_loops(method):
-    mech, t = slider_crank(), np.linspace(0.0, 0.2, 5)
-    tau, q = np.array([4.0, 0, 0]), crank_start()
-    fine = run(mech, t, q, tau=tau)
-    done = run(mech, t, q, tau=tau, method=method, rtol=1e-6)
-    assert worst(done.q, fine.q) < 1e-4
-    assert done.constraint_drift.max() < 1e-8
-
-
-def test_scipys_radau_finds_the_same_stiff_motion():
-    mech, q = stiff_pendulum(1e4)
-    t = np.linspace(0.0, 0.5, 6)
-    done = run(mech, t, q, method="radau5", rtol=1e-9)
-
-    def slope(_, y):
-        return np.concatenate((y[2:], mech.forward_dynamics(y[:2].copy(), y[2:].copy())))
-
-    start = np.concatenate((q, [0.0, 0.0]))
-    other = solve_ivp(slope, (0.0, 0.5), start, "Radau", t, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(done.q[:, 0], other.y[0], rtol=0, atol=1e-7)
-
-
-def test_auto_takes_radau_where_springs_are_stiff():
-    mech, q = stiff_pendulum(1e12)
-    stepped = pg.simulate(mech, q, t_end=0.1, step=1e-2)
-    assert stepped.header["method"] == "radau5"
-    assert "1e+06/s" in stepped.header["why"]
-    assert pg.simulate(mech, q, t_end=0.5).header["method"] == "radau5"
+def test_auto_chooses_by_step_tolerance_and_stiffness():
+    mech, (stiff, q) = double_pendulum(), stiff_pendulum(1e12)
+    damper = pg.Body(name="a", joint="prismatic", mass=1.0, damping=1e7, v=1.0)
+    damped = pg.Mechanism(pg.Model(bodies=(damper,)))
+    for method, tree, start, options in (
+        ("rk4", mech, None, {"step": 1e-3}),
+        ("dop853", mech, None, {}),
+        ("dopri5", mech, None, {"rtol": 1e-4}),
+        ("radau5", stiff, q, {"step": 1e-2}),
+        ("radau5", stiff, q, {}),
+        ("radau5", damped, None, {}),
+    ):
+        run = pg.simulate(tree, start, t_end=0.5, **options)
+        assert run.header["method"] == method
+        assert run.header["why"].startswith(method)
+        assert run.counters["steps"] < 3000
 
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
-def test_steps_too_wide_for_an_explicit_method_are_said(method):
+def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     """The limit is that of the method: 5 % below it the run lives, 20 % above it does not."""
     mech, q = stiff_pendulum(1e6)
     q = q + np.array([0.0, 1e-9])
@@ -261,11 +201,8 @@ def test_steps_too_wide_for_an_explicit_method_are_said(method):
     wild = pg.simulate(mech, q, t_end=500 * limit, step=1.2 * limit, **options)
     assert calm.status.ok
     assert calm.notices == ()
-    assert any("try radau5" in notice for notice in wild.notices)
+    assert any("radau5" in notice for notice in wild.notices)
     assert not wild.status.ok or wild.error_estimate > 1e-3 or np.isnan(wild.error_estimate)
-
-
-# -- dense output and corners ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("method", "order"), [("dopri5", 5), ("dop853", 8)])
@@ -275,228 +212,82 @@ def test_output_between_steps_is_of_the_order_of_the_steps(method, order):
     q, v = np.array([1.0, 0, 0, 0]), np.array([0.0, 50.0, -4.61538])
     fine = run(mech, t, q, v, rtol=1e-14)
     counts = np.array([30, 45, 60, 90]) if method == "dopri5" else np.array([14, 18, 23, 30])
-    errors = [
-        worst(pg.simulate(mech, q, v, t_end=0.1, t_eval=t, method=method, step=0.1 / n).q, fine.q)
-        for n in counts
-    ]
+    runs = [run(mech, t, q, v, method=method, rtol=None, step=0.1 / n) for n in counts]
+    errors = [worst(each.q, fine.q) for each in runs]
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope > order - 0.3, errors
 
 
-def driven():
-    """A pendulum under a motor whose torque is a table with corners."""
-    table = pg.Table(t=(0.0, 0.11, 0.2, 0.37, 0.5), value=(0.0, 3.0, -2.0, 4.0, 0.0))
-    motor = pg.Force(name="motor", kind="motor", body="a", torque=table)
-    return pg.Mechanism(pg.Model(bodies=(mass("a"),), forces=(motor,), **DOWN))
-
-
 @pytest.mark.parametrize("method", EXPLICIT)
 def test_steps_end_at_the_corners_of_tables(method):
-    """So that the order is kept: no step is refused, and the energy balance shows it."""
+    table = pg.Table(t=(0.0, 0.11, 0.2, 0.37, 0.5), value=(0.0, 3.0, -2.0, 4.0, 0.0))
+    motor = pg.Motor(name="motor", body="a", torque=table)
+    model = pg.Model(bodies=(mass("a", damping=0.3, stiffness=2.0),), forces=(motor,), **DOWN)
     loose, tight = (
-        pg.simulate(driven(), t_end=0.6, method=method, rtol=rtol) for rtol in (1e-8, 1e-13)
+        pg.simulate(model, t_end=0.6, method=method, rtol=rtol) for rtol in (1e-8, 1e-13)
     )
     assert loose.counters["rejected_steps"] <= 2
     assert worst(loose.q, tight.q) < 1e-8
+    assert tight.dissipation[-1] > 1e-2
     assert loose.energy_drift < 1e-6
     assert tight.energy_drift < 1e-11
 
 
-def test_work_and_dissipation_are_integrated_by_the_method():
-    body = mass("a", damping=0.3, stiffness=2.0)
-    mech = pg.Mechanism(pg.Model(bodies=(body,), **DOWN))
-    done = pg.simulate(mech, np.array([1.0]), t_end=3.0, method="dop853", rtol=1e-12)
-    assert done.dissipation[-1] > 1.0
-    assert done.energy_drift < 1e-11
-
-
-# -- error estimates ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
-@pytest.mark.parametrize("method", EXPLICIT)
-def test_the_error_estimate_of_chosen_steps_is_the_error(method, rtol):
-    """Within a factor of ten, where errors of steps add up and where the motion is unstable."""
-    mech, q, v = heavy_top(), np.array([1.0, 0, 0, 0]), np.array([0.0, 150.0, -4.61538])
-    t = np.linspace(0.0, 1.0, 41)
-    fine = run(mech, t, q, v, rtol=1e-14)
-    done = run(mech, t, q, v, method=method, rtol=rtol)
-    true = worst(done.q, fine.q)
-    assert true / 10 < done.error_estimate < true * 10
-
-
-# -- events ------------------------------------------------------------------------------------
-
-
-@kernel(EVENT, later=True)
-def passes_bottom(scene, t, q, v, out):
-    """The first joint at zero."""
-    out[0] = q[0]
-
-
-def watched(mech, q, rtol, wanted=0):
-    """A recording that looks for `passes_bottom`, and its signs."""
-    drives = mech.packed.drives(())
-    tolerance = Tolerance(rtol, 0.0, 10.0, 10**6, np.zeros(0))
-    none = np.zeros(0, dtype=np.int64)
-    times = frame_times(0.0, 3.0, 31, None)
-    method = pg.integrators.DOP853
-    plan = RunPlan(
-        method, times, drives, NO_LOADS, none, tolerance=tolerance, length=mech.packed.length
+def spinning_chain():
+    """A ball joint that carries a slide and a hinge: no part of M is constant."""
+    top = {"name": "top", "joint": "spherical", "com": (0, 0, 0.3), "v": (0.4, 0.2, 3.0)}
+    bead = {"name": "bead", "joint": "prismatic", "axes": (1, 0, 0), "link": (0, 0, 0.3)}
+    arm = {"name": "arm", "axes": (0, 1, 0), "link": (0, 0, 0.5), "com": (0, 0, -0.2), "v": 2.0}
+    bodies = (
+        pg.Body(mass=1.0, inertia=np.diag([0.05, 0.06, 0.03]), **top),
+        pg.Body(parent="top", mass=0.3, inertia=0.01 * np.eye(3), stiffness=40.0, q=0.05, **bead),
+        pg.Body(parent="top", mass=0.4, inertia=np.diag([0.01, 0.01, 0.002]), **arm),
     )
-    record = Recording(mech, plan, q, np.zeros(mech.nv), None)
-    links = links_of(method.name, False)
-    links = links._replace(look_back=address_of(look_back), events=address_of(passes_bottom))
-    record.steps.join(record.scene.address, links, np.zeros((4, 1)), np.array([wanted]))
-    return record
-
-
-@pytest.mark.parametrize("wanted", [0, -1, 1])
-def test_events_are_located_to_rounding_of_time(wanted):
-    """A pendulum passes its lowest point a quarter of a period after it starts, and each half."""
-    _, reference = case("pendulum_scales")
-    period = reference["period"][reference["L"].index(1.0)]
-    mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
-    record, found = watched(mech, np.array([np.pi / 2]), 1e-12, wanted), []
-    for _ in range(1000):
-        code = record.steps.advance(50)
-        if code == at.DONE:
-            break
-        if code == at.EVENT:
-            found.append(record.steps.control["time"])
-            assert abs(record.q[0]) < 1e-13
-    expected = period * np.array([0.25, 0.75, 1.25])
-    expected = expected[expected < 3.0]
-    expected = {0: expected, -1: expected[::2], 1: expected[1::2]}[wanted]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
-    assert record.done == 31
-
-
-# -- how runs end ------------------------------------------------------------------------------
-
-
-def test_a_run_that_may_not_take_more_steps_keeps_what_it_has():
-    done = pg.simulate(
-        double_pendulum(), np.array([1.5, 0.5]), t_end=5.0, method="dopri5", max_steps=20
-    )
-    assert done.status is pg.Status.TOO_MANY_STEPS
-    assert "max_steps" in done.message
-    assert 0 < done.t[-1] < 5.0
-    assert np.isfinite(done.q).all()
-
-
-def test_a_step_that_no_width_makes_good_enough_ends_the_run():
-    """A torque that jumps without end: noise that no step resolves."""
-    noise = np.random.default_rng(0)
-    mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
-    done = pg.simulate(
-        mech, method="dop853", rtol=1e-12, t_end=1.0, tau=lambda t, q, v: noise.normal(size=1) * 1e9
-    )
-    assert not done.status.ok
-    assert "t = " in done.message
-
-
-def test_auto_says_why():
-    mech = double_pendulum()
-    stepped = pg.simulate(mech, t_end=0.1, step=1e-3).header
-    assert stepped["method"] == "rk4"
-    assert stepped["step"] == pytest.approx(1e-3)
-    free = pg.simulate(mech, t_end=0.1).header
-    assert (free["method"], free["rtol"]) == ("dop853", 1e-8)
-    loose = pg.simulate(mech, t_end=0.1, rtol=1e-4).header
-    assert loose["method"] == "dopri5"
-    assert all(h["why"].startswith(h["method"]) for h in (stepped, free, loose))
-
-
-def test_auto_takes_radau_for_a_strong_damper_alone():
-    """x'' = -c x' - g: nothing but a damper is fast."""
-    slider = pg.Body(name="a", joint="prismatic", mass=1.0, damping=1e7, v=1.0)
-    run = pg.simulate(pg.Model(bodies=(slider,)), t_end=1.0)
-    assert run.header["method"] == "radau5"
-    assert run.counters["steps"] < 3000
-
-
-def spinning_chain() -> pg.Mechanism:
-    """A body on a ball joint that carries a sliding and a hinged one: no part of M is constant."""
-    top = pg.Body(
-        name="top", joint="spherical", mass=1.0, com=(0, 0, 0.3),
-        inertia=np.diag([0.05, 0.06, 0.03]), v=(0.4, 0.2, 3.0),
-    )  # fmt: skip
-    bead = pg.Body(
-        name="bead", parent="top", joint="prismatic", axes=(1, 0, 0), link=(0, 0, 0.3), mass=0.3,
-        inertia=np.diag([0.01, 0.01, 0.01]), stiffness=40.0, q=0.05,
-    )  # fmt: skip
-    arm = pg.Body(
-        name="arm", parent="top", axes=(0, 1, 0), link=(0, 0, 0.5), mass=0.4, com=(0, 0, -0.2),
-        inertia=np.diag([0.01, 0.01, 0.002]), v=2.0,
-    )  # fmt: skip
-    return pg.Mechanism(pg.Model(bodies=(top, bead, arm)))
+    return pg.Mechanism(pg.Model(bodies=bodies))
 
 
 def test_the_symplectic_method_keeps_the_energy_where_others_lose_it():
-    """Over 2000 s: its error neither grows from the first to the last tenth nor exceeds a bound."""
-    mech, options = swinging(), {"t_end": 2e3, "frames": 1001, "estimate": False}
-    kept = pg.simulate(mech, method="gauss6", step=0.1, **options)
-    lost = pg.simulate(mech, method="rk4", step=0.1, **options)
-    first, last = (energy_off(kept)[part].max() for part in (slice(0, 100), slice(-100, None)))
-    assert last < 1.5 * first
-    assert last < 1e-7
-    first, last = (energy_off(lost)[part].max() for part in (slice(0, 100), slice(-100, None)))
+    """Over 500 s the error of gauss6 is bounded, and that of rk4 grows."""
+
+    def ends(method):
+        options = {"t_end": 5e2, "frames": 1001, "estimate": False, "step": 0.1}
+        run = pg.simulate(double_pendulum(), [0.5, 0.2], method=method, **options)
+        off = np.abs(run.energy - run.energy[0]) / np.ptp(run.potential_energy)
+        return off[:100].max(), off[-100:].max()
+
+    first, last = ends("gauss6")
+    assert last < min(1.5 * first, 1e-7)
+    first, last = ends("rk4")
     assert last > 3 * first
 
 
-def swinging() -> pg.Mechanism:
-    bodies = (swung("upper", "ground", 0.5), swung("lower", "upper", 0.2))
-    return pg.Mechanism(pg.Model(bodies=bodies, gravity=(0, -9.81, 0), up="y"))
-
-
-def swung(name: str, parent: str, q: float) -> pg.Body:
-    link = (0, 0, 0) if parent == "ground" else (0, -1, 0)
-    return pg.Body(name=name, parent=parent, link=link, mass=1.0, com=(0, -1, 0), q=q)
-
-
-def energy_off(run):
-    return np.abs(run.energy - run.energy[0]) / np.ptp(run.potential_energy)
-
-
 def test_a_step_of_the_symplectic_method_is_symplectic():
-    """dp ∧ dq is kept by finite differences of a step, on a ball, a slide and a hinge.
-
-    In coordinates (ξ, p) about the states before and after, p = M v: Dᵀ Ω D = Ω.
-    """
+    """Dᵀ Ω D = Ω in coordinates (ξ, p = M v), by differences of a step of a ball and two joints."""
     mech, h, move = spinning_chain(), 0.02, 1e-5
     q0, v0 = mech.home()
 
-    def canonical(xi, p):
-        q = moved_along(mech, q0, xi)
-        momentum = p - 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2)))
-        return q, np.linalg.solve(mech.mass_matrix(q), momentum)
+    def bend(xi, p):
+        return 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2)))
 
     def image(z):
-        q, v = canonical(z[:5], z[5:])
+        xi, p = z[:5], z[5:]
+        q = moved_along(mech, q0, xi)
+        v = np.linalg.solve(mech.mass_matrix(q), p - bend(xi, p))
         run = pg.simulate(mech, q, v, t_end=h, step=h, method="gauss6", frames=2, estimate=False)
         return run.q[-1], run.v[-1]
 
-    p0 = mech.mass_matrix(q0) @ v0
-    q1, v1 = image(np.concatenate((np.zeros(5), p0)))
-    p1 = mech.mass_matrix(q1) @ v1
+    start = np.concatenate((np.zeros(5), mech.mass_matrix(q0) @ v0))
+    q1, _ = image(start)
 
     def chart(z):
         q, v = image(z)
-        xi = between(q1, q)
-        p = mech.mass_matrix(q) @ v
-        return np.concatenate(
-            (xi, p + 0.5 * np.concatenate((np.cross(p[:3], xi[:3]), np.zeros(2))))
-        )
+        xi, p = between(q1, q), mech.mass_matrix(q) @ v
+        return np.concatenate((xi, p + bend(xi, p)))
 
-    start, D = np.concatenate((np.zeros(5), p0)), np.zeros((10, 10))
-    for i in range(10):
-        step = np.zeros(10)
-        step[i] = move
-        D[:, i] = (chart(start + step) - chart(start - step)) / (2 * move)
+    steps = move * np.eye(10)
+    D = np.array([chart(start + step) - chart(start - step) for step in steps]).T / (2 * move)
     omega = np.block([[np.zeros((5, 5)), np.eye(5)], [-np.eye(5), np.zeros((5, 5))]])
     assert np.abs(D.T @ omega @ D - omega).max() < 1e-7
-    assert np.isfinite(p1).all()
 
 
 def moved_along(mech, q, xi):
@@ -518,11 +309,9 @@ def between(q, other):
 @pytest.mark.parametrize("step", [0.02, 1e-3])
 @pytest.mark.parametrize("start", [0.0, -0.0981])
 def test_gauss_steps_go_on_where_motion_comes_to_rest_under_load(step, start):
-    """A slider on a spring and a damper: what its forces leave is rounding."""
-    body = pg.Body(
-        name="a", joint="prismatic", axes=(0, 0, 1), stiffness=100.0, damping=10.0, q=start
-    )
+    held = {"stiffness": 100.0, "damping": 10.0, "q": start}
+    body = pg.Body(name="a", joint="prismatic", axes=(0, 0, 1), **held)
     given = {"t_end": 10.0, "method": "gauss6", "step": step, "estimate": False}
-    run = pg.simulate(pg.Model(bodies=[body], gravity=(0, 0, -9.81)), **given)
+    run = pg.simulate(pg.Model(bodies=[body]), **given)
     assert run.status is pg.Status.DONE
     assert abs(run.q[-1, 0] + 0.0981) < 1e-13

@@ -1,4 +1,4 @@
-"""The methods converge with the orders they claim, on rotating bodies too (R21)."""
+"""The methods converge at their orders, on rotating bodies and with constraints too (R21)."""
 
 from __future__ import annotations
 
@@ -7,51 +7,49 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.dynamics.states import differences
 
 from .trees import random_case
 
-ORDER = {
-    "rk4": 4, "semi_implicit_euler": 1, "dopri5": 5, "dop853": 8, "ros2": 2, "radau5": 5,
-    "gauss6": 6, "generalised_alpha": 2,
-}  # fmt: skip
-RANGE = {  # duration [s] and steps: errors above rounding, and small enough for the order to show
-    "rk4": (0.25, (25, 50, 100, 200)),
-    "semi_implicit_euler": (0.25, (100, 200, 400, 800)),
-    "dopri5": (1.0, (120, 150, 190, 240)),
-    "dop853": (0.5, (8, 10, 12, 15)),
-    "ros2": (0.25, (50, 100, 200)),
-    "radau5": (0.25, (8, 12, 18, 27)),
-    "gauss6": (0.25, (6, 8, 11, 15)),
-    "generalised_alpha": (0.25, (50, 100, 200)),
+pytestmark = pytest.mark.quick
+
+METHODS = {  # order, duration [s] and steps of trees, steps of the loop and of the disc
+    "rk4": (4, 0.25, (25, 50, 100, 200), (100, 200, 400), (25, 50, 100)),
+    "semi_implicit_euler": (1, 0.25, (100, 200, 400, 800), (100, 200, 400), (100, 200, 400)),
+    "dopri5": (5, 1.0, (120, 150, 190, 240), (60, 90, 130), (20, 30, 45)),
+    "dop853": (8, 0.5, (8, 10, 12, 15), (10, 13, 17), (8, 10, 13)),
+    "ros2": (2, 0.25, (50, 100, 200), (200, 400, 800), (50, 100, 200)),
+    "radau5": (5, 0.25, (8, 12, 18, 27), (20, 30, 45), (8, 12, 18)),
+    "gauss6": (6, 0.25, (6, 8, 11, 15), (10, 13, 17), (10, 13, 17)),
+    "generalised_alpha": (2, 0.25, (50, 100, 200), (50, 100, 200), (50, 100, 200)),
 }
+
+
+def assert_order(order, model, method, counts, t_end, reference=None, **options):
+    """The slope of the log error over the steps is the order within 0.3; returns the runs."""
+    mech, options = pg.Mechanism(model), {"t_end": t_end, "frames": 2, **options}
+    fine = pg.simulate(reference or mech, method="dop853", rtol=1e-14, **options).q[-1]
+    runs = [pg.simulate(mech, method=method, step=t_end / n, **options) for n in counts]
+    errors = [abs(run.q[-1] - fine).max() for run in runs]
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(order, abs=0.3), errors
+    return runs
 
 
 def tumbling_body():
     """A free body that turns about its middle axis, which is not stable."""
     body = pg.Body(
-        name="tumbling",
-        joint="free",
-        mass=2.0,
-        com=(0.1, -0.05, 0.2),
-        inertia=((0.1, 0, 0), (0, 0.2, 0), (0, 0, 0.25)),
-        q=(0, 0, 0, 1, 0, 0, 0),
-        v=(0.3, 5.0, 0.2, 1.0, 0.5, -0.3),
-    )
+        name="tumbling", joint="free", mass=2.0, com=(0.1, -0.05, 0.2),
+        inertia=np.diag([0.1, 0.2, 0.25]), v=(0.3, 5.0, 0.2, 1.0, 0.5, -0.3),
+    )  # fmt: skip
     return pg.Model(bodies=(body,))
 
 
 def heavy_top():
     """A fast top on a ball joint."""
     top = pg.Body(
-        name="top",
-        joint="spherical",
-        mass=1.0,
-        com=(0, 0, 0.2),
-        inertia=((0.02, 0, 0), (0, 0.02, 0), (0, 0, 0.03)),
-        q=(np.cos(0.2), np.sin(0.2), 0, 0),
-        v=(0.2, 1.0, 15.0),
-    )
+        name="top", joint="spherical", mass=1.0, com=(0, 0, 0.2), v=(0.2, 1.0, 15.0),
+        inertia=np.diag([0.02, 0.02, 0.03]), q=(np.cos(0.2), np.sin(0.2), 0, 0),
+    )  # fmt: skip
     return pg.Model(bodies=(top,))
 
 
@@ -69,78 +67,37 @@ def mixed_tree():
     return model
 
 
-def error(model, method, steps, t_end, reference):
-    """Largest error of q at the end."""
-    mech = pg.Mechanism(model)
-    run = pg.simulate(mech, t_end=t_end, method=method, step=t_end / steps, frames=2)
-    return abs(run.q[-1] - reference).max()
-
-
-@pytest.mark.parametrize("method", ORDER)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
 def test_observed_order_is_the_claimed_order(make, method):
-    """Slope of the log error over four steps, within 0.3."""
-    model, (t_end, steps) = make(), RANGE[method]
-    fine = pg.simulate(pg.Mechanism(model), t_end=t_end, method="dop853", rtol=1e-14, frames=2)
-    errors = [error(model, method, int(n), t_end, fine.q[-1]) for n in steps]
-    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope == pytest.approx(ORDER[method], abs=0.3), errors
+    order, t_end, counts, *_ = METHODS[method]
+    assert_order(order, make(), method, counts, t_end)
 
 
-WITH_ROWS = {  # steps of the loop in 0.4 s, and of the disc in 0.5 s
-    "semi_implicit_euler": ((100, 200, 400), (100, 200, 400)),
-    "rk4": ((100, 200, 400), (25, 50, 100)),
-    "dopri5": ((60, 90, 130), (20, 30, 45)),
-    "dop853": ((10, 13, 17), (8, 10, 13)),
-    "radau5": ((20, 30, 45), (8, 12, 18)),
-    "ros2": ((200, 400, 800), (50, 100, 200)),
-    "gauss6": ((10, 13, 17), (10, 13, 17)),
-    "generalised_alpha": ((50, 100, 200), (50, 100, 200)),
-}
-
-
-@pytest.mark.parametrize("method", WITH_ROWS)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["slider_crank", "rolling_disc"])
 def test_the_order_holds_with_constraints(name, method):
-    """A loop that a motor drives, three rows of it redundant; a disc whose speeds are tied."""
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
-    loop = name == "slider_crank"
-    counts, t_end = WITH_ROWS[method][0 if loop else 1], 0.4 if loop else 0.5
-    options = {"t_end": t_end, "frames": 2, "scenario": "turn" if loop else "roll"}
-    fine = pg.simulate(mech, method="dop853", rtol=1e-14, **options).q[-1]
-    runs = [pg.simulate(mech, method=method, step=t_end / n, **options) for n in counts]
-    errors = [abs(run.q[-1] - fine).max() for run in runs]
-    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope == pytest.approx(ORDER[method], abs=0.3), errors
+    """A driven loop with redundant rows, and a rolling disc."""
+    model = pg.Model.load(pgraph_models.path(name))
+    order, *_, loop, disc = METHODS[method]
+    counts, t_end, scenario = (loop, 0.4, "turn") if name == "slider_crank" else (disc, 0.5, "roll")
+    runs = assert_order(order, model, method, counts, t_end, scenario=scenario)
     assert max(run.constraint_drift.max() for run in runs) < 1e-9
 
 
 def test_moreau_jeans_order_is_one():
     """On a body that tumbles above a ground that it does not reach, and carries an arm."""
-    ball = {"kind": "sphere", "radius": 0.1}
-    body = (
-        tumbling_body()
-        .bodies[0]
-        .model_copy(update={"link": (0, 0, 9.0), "shape": pg.Shape(**ball)})
-    )
-    arm = pg.Body(name="arm", parent=body.name, axes=(1, 0, 0), com=(0, 0.2, 0), mass=1.0)
-    free = pg.Model(bodies=(body, arm))
-    mech = pg.Mechanism(free.add(pg.Contact(name="c", body=body.name)))
-    options = {"t_end": 0.25, "frames": 2}
-    fine = pg.simulate(pg.Mechanism(free), method="dop853", rtol=1e-13, **options)
-    steps = np.array([100, 200, 400, 800])
-    errors = [
-        abs(pg.simulate(mech, method="moreau_jean", step=0.25 / n, **options).q - fine.q).max()
-        for n in steps
-    ]
-    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope == pytest.approx(1.0, abs=0.3), errors
+    ball = pg.Shape(kind="sphere", radius=0.1)
+    free = tumbling_body().edit("tumbling", link=(0, 0, 9.0), shape=ball)
+    free = free.add(pg.Body(name="arm", parent="tumbling", axes=(1, 0, 0), com=(0, 0.2, 0)))
+    model = free.add(pg.Contact(name="c", body="tumbling"))
+    assert_order(1, model, "moreau_jean", (100, 200, 400, 800), 0.25, reference=free)
 
 
-@pytest.mark.parametrize("method", ORDER)
+@pytest.mark.parametrize("method", METHODS)
 def test_frames_between_steps_are_as_good_as_the_steps(method):
-    """At odd times of a top, no error is notably larger than those at the ends of equal steps."""
-    mech, (t_end, steps) = pg.Mechanism(heavy_top()), RANGE[method]
+    """Errors at random times of a top, and at the ends of equal steps."""
+    mech, (_, t_end, steps, *_) = pg.Mechanism(heavy_top()), METHODS[method]
     step = t_end / steps[1]
     odd = t_end * np.sort(np.random.default_rng(1).uniform(0, 1, 41))
     even = np.linspace(0.0, t_end, steps[1] + 1)
@@ -152,20 +109,11 @@ def test_frames_between_steps_are_as_good_as_the_steps(method):
     assert worst[1] < 2.0 * worst[0]
 
 
-@pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
-def test_energy_drift_of_rk4_falls_at_least_as_its_order(make):
-    mech = pg.Mechanism(make())
-    drifts = [
-        pg.simulate(mech, t_end=0.25, method="rk4", step=0.25 / n).energy_drift for n in (50, 200)
-    ]
-    assert drifts[1] < max(drifts[0] / 4**3.7, 1e-13)
-
-
 def test_energy_of_semi_implicit_euler_does_not_creep():
-    """A pendulum over 100 swings: the error stays a ripple of the size of the step."""
+    """A pendulum over 30 swings: the error stays a ripple of the size of the step."""
     mech = pg.Mechanism(pg.Model.serial(1).edit("1", q=(1.0,)))
-    run = pg.simulate(mech, t_end=60.0, method="semi_implicit_euler", step=1e-3)
-    early = run.t < 10
+    run = pg.simulate(mech, t_end=20.0, method="semi_implicit_euler", step=1e-3, estimate=False)
+    early = run.t < 5
     balance = abs(run.energy - run.energy[0])
     assert balance.max() < 1.2 * balance[early].max()
     assert run.energy_drift < 0.05
@@ -181,14 +129,3 @@ def test_a_tumbling_body_keeps_its_angular_momentum():
         _, R = mech.pose(q, "tumbling")
         spin.append(R @ np.array(body.inertia) @ R.T @ v[:3])
     np.testing.assert_allclose(spin, np.tile(spin[0], (len(spin), 1)), rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
-@pytest.mark.parametrize("make", [heavy_top, mixed_tree])
-def test_the_error_estimate_is_the_error(make, method):
-    """Within a factor of two, where the step is small enough for the order to show."""
-    mech = pg.Mechanism(make())
-    fine = pg.simulate(mech, t_end=0.25, method="rk4", step=0.25 / 4000, frames=2)
-    run = pg.simulate(mech, t_end=0.25, method=method, step=0.25 / 200, frames=2)
-    true = max(x[-1] for x in differences(mech.packed.rows, run.q, fine.q))
-    assert true / 2 < run.error_estimate < true * 2

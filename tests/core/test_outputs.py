@@ -1,4 +1,4 @@
-"""Outputs: what they read is the motion's own derivatives and weights; edits keep them in step."""
+"""Outputs equal the motion's own derivatives and weights; edits keep them consistent."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FRAMES = ("position", "rotation", "velocity", "angular_velocity", "velocimeter",
 INSTRUMENTS = ("accelerometer", "force", "torque")
 
 
-def arm() -> pg.Model:
+def arm():
     return pg.Model(
         up="z",
         bodies=[
@@ -32,7 +32,7 @@ def arm() -> pg.Model:
     )  # fmt: skip
 
 
-def loaded() -> pg.Model:
+def loaded():
     """The arm with a spring, a wrench, a loop and a contact."""
     forces = [
         pg.Spring(name="spring", body="tool", other_point=(0, 1, 1), stiffness=40.0, damping=1.0),
@@ -40,14 +40,13 @@ def loaded() -> pg.Model:
         pg.Spring(name="inside", body="tool", other="upper", stiffness=10.0, rest=0.0),
     ]
     rail = pg.Distance(name="rail", body="tool", other_point=(0.3, 0.5, 1.0))
-    touch = pg.Contact(
-        name="floor", body="tool", points=[(0, 0, -0.01)], law="soft", stiffness=500.0, damping=0.1
-    )
+    soft = {"law": "soft", "stiffness": 500.0, "damping": 0.1}
+    touch = pg.Contact(name="floor", body="tool", points=[(0, 0, -0.01)], **soft)
     return arm().replace(forces=forces, constraints=[rail], contacts=[touch])
 
 
-def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
-    run = pg.simulate(arm(), t_end=0.2, frames=20001, rtol=1e-12)
+def test_outputs_are_derivatives_of_the_motion():
+    run = pg.simulate(arm(), t_end=0.2, frames=5001, rtol=1e-12)
     out, h = run.outputs, run.t[1]
 
     def rate(x):  # of fourth order, at the frames 2 to n - 3
@@ -66,24 +65,17 @@ def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
         np.testing.assert_allclose(out[mine], own, atol=1e-12)
     np.testing.assert_array_equal(out["angle"], run["upper"])
     np.testing.assert_array_equal(out["spin"], run.v[:, 3])
-
-
-def test_the_force_is_what_carries_the_body():
-    run = pg.simulate(arm(), t_end=0.2, frames=2001, rtol=1e-12)
-    out = run.outputs
-    turn = np.array([matrix(q) for q in out["rotation"].tolist()])
     force = np.einsum("nij,nj->ni", turn, out["force"])
     momentum = 0.5 * run.body_acceleration[:, 2, 3:]  # of the tool, whose centre is its origin
     np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
-    columns = run.columns()
-    np.testing.assert_array_equal(columns["gyro.x"], out["gyro"][:, 0])
-    with pytest.raises(KeyError, match="no output is called 'gyr'; choose one of gyro"):
+    np.testing.assert_array_equal(run.columns()["gyro.x"], out["gyro"][:, 0])
+    with pytest.raises(KeyError, match=r"'gyr'.*gyro"):
         out["gyr"]
 
 
-@pytest.mark.parametrize("of", [0, 1])
-def test_steppers_read_them_as_a_run_does(of):
-    model = (arm, loaded)[of]()
+@pytest.mark.parametrize("make", [arm, loaded])
+def test_steppers_and_batches_have_the_outputs_of_a_run(make):
+    model = make()
     stepper = pg.Stepper(model, step=1e-3, method="rk4")
     stepper.step(n=50)
     run = pg.simulate(model, t_end=0.05, step=1e-3, method="rk4")
@@ -94,7 +86,7 @@ def test_steppers_read_them_as_a_run_does(of):
         np.testing.assert_allclose(batch.outputs[name], [value] * 3, rtol=1e-9, atol=1e-10)
 
 
-def test_instances_of_a_batch_read_their_own_numbers():
+def test_instances_of_a_batch_have_their_own_outputs():
     masses = np.array([0.5, 1.0, 0.5])
     batch = pg.BatchStepper(arm(), 3, step=1e-3, set={"bodies.tool.mass": masses}, threads=2)
     batch.step(n=20)
@@ -112,7 +104,7 @@ def test_edits_take_outputs_along():
     assert {o.at for o in named.outputs} == {"head", "arm", "lower"}
     fewer = model.remove("imu")
     assert [o.name for o in fewer.outputs] == ["angle", "spin"]
-    assert "output 'gyro' went with its site" in fewer.notices
+    assert any("'gyro'" in text for text in fewer.notices)
     assert [o.name for o in model.remove("tool").outputs] == ["angle", "spin"]
     welded = model.edit("lower", joint="revolute")
     assert "spin" not in [o.name for o in welded.outputs]
@@ -122,18 +114,18 @@ def test_edits_take_outputs_along():
     assert set(copies.values()) == {"imu_2", "lower_2"}
 
 
-@pytest.mark.parametrize(
-    ("fields", "text"),
-    [
-        ({"kind": "gyro", "at": "elbow"}, "no body is named 'elbow'.*of the sites imu"),
-        ({"kind": "joint_position", "at": "imu"}, "no body is named 'imu'"),
-        ({"kind": "joint_position", "at": "lower"}, "take kind 'rotation'"),
-        ({"kind": "joint_velocity", "at": "upper", "coordinate": 1}, "1 degrees of freedom"),
-        ({"kind": "force", "at": "ground"}, "no joint passes a force"),
-        ({"kind": "gyro", "at": "imu", "coordinate": 1}, "has no meaning for gyro"),
-        ({"kind": "smell", "at": "imu"}, "one of joint_position, joint_velocity"),
-    ],
-)
-def test_what_cannot_be_read_is_refused(fields, text):
+WRONG = [
+    ({"kind": "gyro", "at": "elbow"}, "'elbow'.*imu"),
+    ({"kind": "joint_position", "at": "imu"}, "'imu'"),
+    ({"kind": "joint_position", "at": "lower"}, "'rotation'"),
+    ({"kind": "joint_velocity", "at": "upper", "coordinate": 1}, "coordinate"),
+    ({"kind": "force", "at": "ground"}, "ground"),
+    ({"kind": "gyro", "at": "imu", "coordinate": 1}, "coordinate"),
+    ({"kind": "smell", "at": "imu"}, "joint_position, joint_velocity"),
+]
+
+
+@pytest.mark.parametrize(("fields", "text"), WRONG)
+def test_outputs_that_cannot_be_read_are_refused(fields, text):
     with pytest.raises(pg.ModelError, match=text):
         arm().add(pg.Output(name="new", **fields))

@@ -1,4 +1,4 @@
-"""Runs: what they record, how they end, and that their parts agree with each other."""
+"""Runs: the paper's stance, how runs end, drives, and what they record."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from pgraph_core.paper import Operators
 from .test_constraints import FEET, parallelogram
 from .trees import random_case, scaled_error
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def quadruped():
@@ -23,18 +25,12 @@ def stance(quadruped):
     return pg.simulate(quadruped, scenario="stance")
 
 
-# -- the paper's stance ------------------------------------------------------------------------
-
-
-def test_stance_feet_stand_still(stance):
-    """Checklist E7 over 0.25 s at 1 ms."""
+def test_stance_feet_stand_still(quadruped, stance):
+    """Checklist E7 over 0.25 s at 1 ms, by the drift and by the poses themselves."""
     assert stance.status.ok, stance.message
     assert stance.t[-1] == pytest.approx(0.25)
     assert stance.constraint_drift[:, 0].max() < 1e-6  # m
     assert stance.constraint_drift[:, 1].max() < 1e-9  # m/s
-
-
-def test_stance_feet_stand_still_by_the_poses_themselves(quadruped, stance):
     for name in FEET:
         tip = np.array(quadruped.model.body(name).tip_point)
         places = []
@@ -46,61 +42,44 @@ def test_stance_feet_stand_still_by_the_poses_themselves(quadruped, stance):
 
 
 def test_stance_does_not_depend_on_the_step(quadruped, stance):
-    """Servo targets have corners every few steps, so the error is far below a picture's pixel."""
-    half = pg.simulate(quadruped, scenario="stance", step=5e-4, t_eval=stance.t)
+    half = pg.simulate(quadruped, scenario="stance", step=5e-4, t_eval=stance.t, estimate=False)
     assert scaled_error(half.q, stance.q) < 1e-6
     for name in FEET:
         assert scaled_error(half.constraint_force[name], stance.constraint_force[name]) < 1e-4
-
-
-def test_without_an_estimate_there_is_no_second_run(quadruped):
-    options = {"t_end": 0.01, "step": 1e-3, "scenario": "stance"}
-    alone = pg.simulate(quadruped, estimate=False, **options)
-    assert np.isnan(alone.error_estimate)
-    np.testing.assert_array_equal(alone.q, pg.simulate(quadruped, **options).q)
-
-
-def test_the_error_estimate_of_the_stance_is_its_error(quadruped, stance):
-    """Corners of the servo tables lie on the grid of the steps, of the estimate's too."""
-    fine = pg.simulate(quadruped, scenario="stance", step=1.25e-4, frames=2)
+    fine = pg.simulate(quadruped, scenario="stance", step=1.25e-4, frames=2, estimate=False)
     true = abs(stance.q[-1] - fine.q[-1]).max()
     assert true / 3 < stance.error_estimate < 3 * true
 
 
-def test_stance_moves_and_pushes(quadruped, stance):
-    """The spine flexes, the forces on the ground stay pushes, and bear the weight on average."""
+def test_stance_moves_and_pushes(stance, tmp_path):
+    """The spine flexes, the feet only push and bear the weight, the free root bears nothing."""
     assert abs(stance.q[-1] - stance.q[0]).max() > 0.05
-    vertical = sum(stance.constraint_force[name][:, 4] for name in FEET)
-    assert min(stance.constraint_force[name][:, 4].min() for name in FEET) > 0
-    assert 200 < vertical.mean() < 500
-
-
-def test_standing_still_the_feet_carry_the_weight(quadruped):
-    run = pg.simulate(quadruped, scenario="stand")
-    for name in FEET:
-        expected = 77.47 if "front" in name else 84.39
-        assert run.constraint_force[name][-1, 4] == pytest.approx(expected, abs=0.02)
-    total = sum(run.constraint_force[name][-1, 4] for name in FEET)
-    assert total == pytest.approx(323.73, abs=0.01)
-    assert abs(run.v[-1]).max() < 1e-4
+    vertical = np.array([stance.constraint_force[name][:, 4] for name in FEET])
+    assert vertical.min() > 0
+    assert 200 < vertical.sum(axis=0).mean() < 500
+    assert abs(stance.joint_force[:, 0]).max() < 1e-6
+    stance.save(tmp_path / "run.npz")
+    again = pg.Result.load(tmp_path / "run.npz")
+    assert (again.status, again.message) == (stance.status, stance.message)
+    np.testing.assert_array_equal(again.q, stance.q)
+    np.testing.assert_array_equal(again.body_pose, stance.body_pose)
+    assert again.energy_drift == stance.energy_drift
 
 
 @pytest.mark.parametrize("stabilise", ["project", "baumgarte", None])
 def test_loops_hold_whatever_stabilises_them(stabilise):
     mech = pg.Mechanism(parallelogram())
-    start = np.array([0.7, -0.7, 0.7])
-    run = pg.simulate(
-        mech, start, np.zeros(3), t_end=1.0, method="rk4", step=1e-3, stabilise=stabilise
-    )
+    options = {"t_end": 1.0, "method": "rk4", "step": 1e-3, "stabilise": stabilise}
+    run = pg.simulate(mech, np.array([0.7, -0.7, 0.7]), np.zeros(3), **options)
     assert run.status.ok
     assert run.constraint_drift[:, 0].max() < (1e-10 if stabilise == "project" else 1e-6)
     assert run.energy_drift < 1e-7
     np.testing.assert_allclose(run.q[:, 0], -run.q[:, 1], atol=1e-6)
 
 
-@pytest.mark.parametrize("seed", [1, 5, 17, 24])
+@pytest.mark.parametrize("seed", [1, 17])
 def test_loops_of_any_joints_keep_their_energy_and_close(seed):
-    """From rest, one point held where it is; and a Python torque of zero changes nothing."""
+    """From rest, with one point held; a Python torque of zero changes nothing."""
     s = random_case(seed, most=6, kinds=("revolute", "spherical", "prismatic", "free"))
     point = pg.Constraint(name="held", body=s.topology.names[-1], point=(0.1, 0.2, -0.1))
     model, start = s.model, 0
@@ -118,43 +97,28 @@ def test_loops_of_any_joints_keep_their_energy_and_close(seed):
     np.testing.assert_allclose(python.q, run.q, rtol=0, atol=1e-12)
 
 
-# -- how runs end ------------------------------------------------------------------------------
-
-
-def test_a_run_that_stops_being_finite_says_when_and_where_and_keeps_what_it_has():
-    rod = pg.Body(name="rod", stiffness=1e9, q=(0.1,))
-    calm = pg.Body(name="calm", stiffness=1.0)
-    mech = pg.Mechanism(pg.Model(bodies=(calm, rod)))
-    run = pg.simulate(mech, t_end=10.0, method="rk4", step=0.01)
+def test_a_run_that_stops_being_finite_reports_when_and_where():
+    bodies = (pg.Body(name="calm", stiffness=1.0), pg.Body(name="rod", stiffness=1e9, q=(0.1,)))
+    run = pg.simulate(pg.Model(bodies=bodies), t_end=10.0, method="rk4", step=0.01)
     assert run.status is pg.Status.NOT_FINITE
     assert not run.status.ok
-    assert "rod" in run.message
+    assert all(fact in run.message for fact in ("rod", "t = "))
     assert "calm" not in run.message
-    assert "s" in run.message
     assert 0 < len(run.t) < 1001
-    assert len(run.q) == len(run.v) == len(run.vdot) == len(run.energy) == len(run.t)
     for array in (run.q, run.v, run.vdot, run.energy):
+        assert len(array) == len(run.t)
         assert np.isfinite(array).all()
-    assert str(round(run.t[-1], 2))[:3] in run.message or f"{run.t[-1]:.3g}"[:3] in run.message
 
 
-def test_a_cancelled_run_keeps_what_it_has():
-    mech = pg.Mechanism(pg.Model.serial(3))
+def test_a_run_reports_its_progress_and_may_be_cancelled():
+    mech, seen = pg.Mechanism(pg.Model.serial(3)), []
+    pg.simulate(mech, t_end=1.0, method="rk4", step=1e-4, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == pytest.approx(1.0)
     run = pg.simulate(mech, t_end=300.0, method="rk4", step=1e-4, progress=lambda share: False)
     assert run.status is pg.Status.CANCELLED
     assert len(run.t) > 0
     assert run.t[-1] < 300
-
-
-def test_progress_rises_to_one():
-    seen = []
-    mech = pg.Mechanism(pg.Model.serial(10))
-    pg.simulate(mech, t_end=3.0, method="rk4", step=1e-4, progress=seen.append)
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
-
-
-# -- drives ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
@@ -163,51 +127,18 @@ def test_a_python_torque_equals_a_compiled_motor(method):
     ramp = pg.Table(t=(0.0, 0.5), value=(0.0, 2.0))
     driven = plain.replace(forces=(pg.Force(name="motor", body="2", torque=ramp),))
     options = {"t_end": 0.4, "method": method, "step": 1e-3}
-    compiled = pg.simulate(pg.Mechanism(driven), **options)
-    python = pg.simulate(
-        pg.Mechanism(plain), tau=lambda t, q, v: np.array([0.0, 4.0 * t]), **options
-    )
+    compiled = pg.simulate(driven, **options)
+    python = pg.simulate(plain, tau=lambda t, q, v: np.array([0.0, 4.0 * t]), **options)
     np.testing.assert_allclose(python.q, compiled.q, rtol=0, atol=1e-12)
     np.testing.assert_allclose(python.work, compiled.work, rtol=0, atol=1e-12)
 
 
-def test_a_python_torque_equals_a_constant_array_with_constraints():
-    mech = pg.Mechanism(parallelogram())
-    torque = np.array([0.5, 0.0, -0.2])
-    options = {"t_end": 0.2, "method": "rk4", "step": 1e-3}
-    one = pg.simulate(mech, tau=torque, **options)
-    other = pg.simulate(mech, tau=lambda t, q, v: torque, **options)
-    np.testing.assert_allclose(other.q, one.q, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(
-        other.constraint_force["loop"], one.constraint_force["loop"], rtol=0, atol=1e-9
-    )
-
-
 def test_a_servo_holds_its_target_within_its_limit():
-    servo = pg.Force(
-        name="s", kind="servo", body="1", kp=50.0, kd=3.0, target=0.3, torque_limit=5.0
-    )
+    servo = pg.Servo(name="s", body="1", kp=50.0, kd=3.0, target=0.3, torque_limit=5.0)
     mech = pg.Mechanism(pg.Model.serial(1).replace(forces=(servo,), gravity=(0, 0, 0)))
     run = pg.simulate(mech, t_end=3.0, method="rk4", step=1e-3)
     assert run.q[-1, 0] == pytest.approx(0.3, abs=1e-6)
     assert abs(run.vdot[0] - 5.0 / mech.mass_matrix(run.q[0])[0, 0]) < 1e-9
-
-
-def test_work_and_dissipation_balance_the_energy():
-    """Motor, servo, spring and damper at once: the ledger closes to the method's error."""
-    model = pg.Model.serial(3)
-    model = model.edit("2", damping=0.3, stiffness=4.0, rest=0.2)
-    motor = pg.Force(name="m", body="1", torque=0.7)
-    servo = pg.Force(name="s", kind="servo", body="3", kp=5.0, kd=0.2, target=0.5)
-    run = pg.simulate(
-        pg.Mechanism(model.replace(forces=(motor, servo))), t_end=1.0, method="rk4", step=5e-4
-    )
-    assert run.energy_drift < 1e-8
-    assert run.dissipation[-1] > 1e-3
-    assert abs(run.work[-1]) > 1e-3
-
-
-# -- what is recorded --------------------------------------------------------------------------
 
 
 def test_initial_states_may_be_given_by_names():
@@ -223,24 +154,16 @@ def test_initial_states_may_be_given_by_names():
     stepper.reset(q={"upper": 0.7})
     assert np.array_equal(stepper.q, [0.7, start.q[0, 1]])
 
-
-@pytest.mark.parametrize(
-    ("q", "facts"),
-    [
-        ({"uper": 1.0}, ("'uper'", "upper")),
-        ({"upper": [1.0, 2.0]}, ("q['upper']", "(1,)")),
-        ({"upper": "up"}, ("q['upper']", "'up'")),
-        ({"upper": np.nan}, ("finite",)),
-    ],
-)
-def test_wrong_initial_states_by_names_are_sentences(q, facts):
-    model = pg.Model.load(pgraph_models.path("double_pendulum"))
-    with pytest.raises(pg.InputError) as error:
-        pg.simulate(model, q=q)
-    assert all(fact in str(error.value) for fact in facts)
+    wrong = [
+        ({"uper": 1.0}, "'uper'"), ({"upper": [1.0, 2.0]}, "'upper'"), ({"upper": "up"}, "'up'"),
+        ({"upper": np.nan}, "finite"),
+    ]  # fmt: skip
+    for q, fact in wrong:
+        with pytest.raises(pg.InputError, match=fact):
+            pg.simulate(model, q=q)
 
 
-def test_frames_and_t_eval_choose_what_is_recorded_not_what_is_computed():
+def test_frames_and_t_eval_do_not_change_the_steps():
     mech = pg.Mechanism(pg.Model.serial(2))
     options = {"t_end": 0.4, "method": "rk4", "step": 1e-3}
     full = pg.simulate(mech, **options)
@@ -250,6 +173,9 @@ def test_frames_and_t_eval_choose_what_is_recorded_not_what_is_computed():
     np.testing.assert_allclose(few.t, [0, 0.1, 0.2, 0.3, 0.4])
     np.testing.assert_allclose(few.q, full.q[::100], rtol=0, atol=1e-12)
     np.testing.assert_allclose(grid.q, full.q[[0, 100, 300]], rtol=0, atol=1e-12)
+    assert full.counters["steps"] == 400
+    assert full.counters["evaluations"] >= 1600
+    assert full.left_out
 
 
 def test_bodies_motion_and_joint_forces_equal_the_operators():
@@ -267,32 +193,9 @@ def test_bodies_motion_and_joint_forces_equal_the_operators():
         assert run.energy[i] == pytest.approx(op.kinetic_energy + op.potential_energy, rel=1e-12)
 
 
-def test_joint_forces_of_the_stance_contain_the_feet(quadruped, stance):
-    """The free root transmits nothing: what the feet push is what moves and lifts the body."""
-    assert abs(stance.joint_force[:, 0]).max() < 1e-6
-
-
-def test_the_counters_count():
-    run = pg.simulate(pg.Mechanism(pg.Model.serial(2)), t_end=0.1, method="rk4", step=1e-3)
-    assert run.counters["steps"] == 100
-    assert run.counters["evaluations"] >= 400
-    assert run.left_out
-
-
-def test_a_run_saved_is_the_run_loaded(tmp_path, stance):
-    stance.save(tmp_path / "run.npz")
-    again = type(stance).load(tmp_path / "run.npz")
-    assert again.status is stance.status
-    assert again.message == stance.message
-    np.testing.assert_array_equal(again.q, stance.q)
-    np.testing.assert_array_equal(again.body_pose, stance.body_pose)
-    assert again.energy_drift == stance.energy_drift
-
-
 def test_csv_names_every_column_with_its_unit():
-    free = pg.Body(name="trunk", dof=6, com=(0.1, 0, 0))
-    slider = pg.Body(name="slide", parent="trunk", joint="prismatic", com=(0, 0.1, 0))
-    run = pg.simulate(pg.Mechanism(pg.Model(bodies=(free, slider))), t_end=0.01, step=1e-3)
+    bodies = (pg.Body(name="trunk", dof=6), pg.Body(name="slide", joint="prismatic"))
+    run = pg.simulate(pg.Model(bodies=bodies), t_end=0.01, step=1e-3)
     header, *rows = run.to_csv().splitlines()
     names = header.split(",")
     assert names[:2] == ["t [s]", "trunk.0 [m]"]
@@ -303,15 +206,11 @@ def test_csv_names_every_column_with_its_unit():
     assert float(rows[-1].split(",")[names.index("slide [m]")]) == run.q[-1, 7]
 
 
-# -- lists that count otherwise than the table ---------------------------------------------------
-
-
 @pytest.mark.parametrize("given", ["q", "v", "tau"])
-def test_a_typed_list_is_refused_where_the_table_has_another_order(given):
+def test_a_list_is_refused_where_numbers_and_rows_differ_in_order(given):
     """Rows a, b, c where c is a child of a: numbers count a, c, b."""
-    at_origin = {"tip": (1, 0, 0), "mass": 1.0}
-    bodies = [pg.Body(name="a", **at_origin), pg.Body(name="b", **at_origin)]
-    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", **at_origin)])
+    bodies = [pg.Body(name=name, tip=(1, 0, 0)) for name in "ab"]
+    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", tip=(1, 0, 0))])
     with pytest.raises(pg.InputError, match="a, c, b"):
         pg.simulate(model, t_end=0.01, **{given: [0.1, 0.2, 0.3]})
     by_name = pg.simulate(model, t_end=0.01, **{given: {"a": 0.1, "b": 0.2, "c": 0.3}})

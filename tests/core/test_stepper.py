@@ -1,13 +1,10 @@
-"""The stepper: the states of `simulate` bit for bit, however it is driven, saved and restored."""
+"""The stepper: the states of `simulate` bit for bit, its snapshots, inputs and refusals."""
 
 from __future__ import annotations
 
 import copy
-import gc
 import pickle
-import tracemalloc
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,48 +14,37 @@ import pgraph_models
 
 
 @cache
-def built_in(name: str) -> pg.Mechanism:
+def built_in(name):
     return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
-def chain(joint: Any = "revolute", **fields: Any) -> pg.Mechanism:
+def chain(joint="revolute"):
     """Two bodies; the first hangs on the given joint."""
-    part: dict[str, Any] = {
-        "mass": 1.0,
-        "tip": (0, -1, 0),
-        "com": (0, -0.5, 0),
-        "inertia": np.diag([0.1, 0.2, 0.3]),
-    }
-    bodies = [
-        pg.Body(name="upper", joint=joint, **part, **fields),
-        pg.Body(name="lower", parent="upper", link=(0, -1, 0), **part),
-    ]
-    return pg.Mechanism(pg.Model(bodies=bodies, gravity=(0, -9.81, 0)))
-
-
-def pushed(mech: pg.Mechanism) -> tuple[np.ndarray, np.ndarray]:
-    q, v = mech.home()
-    return q, v + 0.3 * np.arange(1, mech.nv + 1)
+    part = {"com": (0, -0.5, 0), "inertia": np.diag([0.1, 0.2, 0.3])}
+    upper = pg.Body(name="upper", joint=joint, **part)
+    lower = pg.Body(name="lower", parent="upper", link=(0, -1, 0), **part)
+    return pg.Mechanism(pg.Model(bodies=[upper, lower], gravity=(0, -9.81, 0)))
 
 
 CASES = [
-    ("revolute", "rk4"), ("spherical", "rk4"), ("free", "semi_implicit_euler"),
-    ("four_bar", "rk4"), ("bricard", "rk4"), ("rolling_disc", "rk4"),
+    ("spherical", "rk4"), ("free", "semi_implicit_euler"), ("bricard", "rk4"),
+    ("rolling_disc", "rk4"),
     ("four_bar", "generalised_alpha"), ("four_bar", "gauss6"),
     ("falling_rod", "moreau_jean"), ("quadruped_hips", "moreau_jean"),
 ]  # fmt: skip
 
 
-def case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
-    if name in ("revolute", "spherical", "free"):
+def case(name):
+    if name in ("spherical", "free"):
         mech = chain(name)
-        return mech, dict(zip("qv", pushed(mech)))
+        q, v = mech.home()
+        return mech, {"q": q, "v": v + 0.3 * np.arange(1, mech.nv + 1)}
     return built_in(name), {"scenario": "trot"} if name == "quadruped_hips" else {}
 
 
 @pytest.mark.parametrize(("name", "method"), CASES)
-def test_same_bits_as_a_run(name: str, method: str):
-    """One by one, many at once, looked at in between, and recorded."""
+def test_same_bits_as_a_run(name, method):
+    """Steps one by one, many at once, read in between, and recorded."""
     mech, given = case(name)
     run = pg.simulate(mech, t_end=0.25, step=1e-3, method=method, estimate=False, **given)
     single, many, parts = (pg.Stepper(mech, step=1e-3, method=method, **given) for _ in range(3))
@@ -81,7 +67,7 @@ def test_same_bits_as_a_run(name: str, method: str):
 
 
 @pytest.mark.parametrize(("name", "method"), CASES)
-def test_a_snapshot_continues_with_the_same_bits(name: str, method: str):
+def test_a_snapshot_continues_with_the_same_bits(name, method):
     mech, given = case(name)
     stepper = pg.Stepper(mech, step=1e-3, method=method, **given)
     stepper.step(n=70)
@@ -98,14 +84,13 @@ def test_a_snapshot_continues_with_the_same_bits(name: str, method: str):
         assert np.array_equal(one.v, v)
 
 
-def test_torques_act_in_the_steps_they_are_given_for():
+def test_torques_act_in_their_own_steps():
     """A rotor of inertia 2: v = Σ τ h / 2."""
     rotor = pg.Body(name="rotor", mass=1.0, inertia=2 * np.eye(3))
     stepper = pg.Stepper(pg.Model(bodies=[rotor]), step=0.01)
-    stepper.step(tau=[4.0], n=10)
-    assert stepper.v[0] == pytest.approx(0.2, rel=1e-12)
-    stepper.step(n=10)
-    assert stepper.v[0] == pytest.approx(0.2, rel=1e-12)
+    for tau in ([4.0], None):
+        stepper.step(tau=tau, n=10)
+        assert stepper.v[0] == pytest.approx(0.2, rel=1e-12)
     stepper.record(3)
     stepper.step(tau=np.array([-4.0]), n=10)
     assert stepper.v[0] == pytest.approx(0.0, abs=1e-15)
@@ -113,13 +98,25 @@ def test_torques_act_in_the_steps_they_are_given_for():
 
 
 def test_a_torque_function_is_that_of_simulate():
-    mech = chain()
+    mech, q = chain(), np.array([0.4, -0.2])
     tau = lambda t, q, v: -3.0 * q - v * np.cos(t)  # noqa: E731
-    q = np.array([0.4, -0.2])
     run = pg.simulate(mech, q, t_end=0.1, step=1e-3, method="rk4", tau=tau)
     stepper = pg.Stepper(mech, q=q, tau=tau)
     stepper.step(n=100)
     assert np.array_equal(stepper.q, run.q[-1])
+
+
+def test_batches_and_controllers_take_a_model():
+    cat = built_in("quadruped_hips")
+    gait = cat.model.scenario("trot").gait
+    starts = [pg.Controller(x, gait).start()[0] for x in (cat.model, cat)]
+    assert np.array_equal(*starts)
+    batches = [pg.BatchStepper(x, 2) for x in (chain().model, chain())]
+    for batch in batches:
+        batch.step(n=10)
+    assert np.array_equal(batches[0].q, batches[1].q)
+    with pytest.raises(pg.InputError, match="Controller"):
+        pg.Controller("quadruped", gait)
 
 
 def test_a_servo_follows_its_target():
@@ -127,10 +124,9 @@ def test_a_servo_follows_its_target():
     stepper = pg.Stepper(model, step=1e-3)
     stepper.target("knee", 0.5)
     stepper.step(n=3000)
-    tilt = stepper.q[1]
-    assert abs(tilt - 0.5) < 0.05
+    assert abs(stepper.q[1] - 0.5) < 0.05
     assert pg.Stepper(model).mech.model == model
-    with pytest.raises(pg.InputError, match=r"no servo.*'elbow'"):
+    with pytest.raises(pg.InputError, match="'elbow'"):
         stepper.target("elbow", 0.1)
 
 
@@ -138,9 +134,8 @@ def test_constraints_are_switched_between_steps():
     """As the switches of `simulate` at the same time."""
     model = built_in("four_bar").model
     name = model.constraints[0].name
-    run = pg.simulate(
-        model, t_end=0.3, step=1e-3, method="rk4", switches=[(0.1, name, False)], estimate=False
-    )
+    options = {"t_end": 0.3, "step": 1e-3, "method": "rk4", "estimate": False}
+    run = pg.simulate(model, switches=[(0.1, name, False)], **options)
     stepper = pg.Stepper(model, step=1e-3)
     assert set(stepper.constraint_force) == {c.name for c in model.constraints}
     stepper.step(n=100)
@@ -155,11 +150,10 @@ def test_constraints_are_switched_between_steps():
 
 
 def test_a_scenario_that_switches_later_is_refused():
-    """Its switch would not happen: nothing is wrong and silent."""
     model = built_in("four_bar").model
     off = pg.Switch(t=0.1, constraint=model.constraints[0].name, active=False)
     model = model.add(pg.Scenario(name="opens", switches=(off,)))
-    with pytest.raises(pg.InputError, match=r"at t = 0.1 s.*switches=\(\)"):
+    with pytest.raises(pg.InputError, match=r"t = 0.1 .*switches="):
         pg.Stepper(model, scenario="opens")
     pg.Stepper(model, scenario="opens", switches=()).step()
     late = pg.Stepper(model, scenario="opens", t_start=0.2)
@@ -183,61 +177,59 @@ def test_reset_starts_again():
 def test_a_step_that_fails_is_not_taken():
     stepper = pg.Stepper(chain(), step=1e-3)
     stepper.step(n=5)
-    q, t = stepper.q.copy(), stepper.t
-    snapshot = stepper.save()
-    status = stepper.step(tau=np.full(2, 1e308), n=10)
-    assert status is pg.Status.NOT_FINITE
+    q, t, snapshot = stepper.q.copy(), stepper.t, stepper.save()
+    assert stepper.step(tau=np.full(2, 1e308), n=10) is pg.Status.NOT_FINITE
     assert not stepper.status.ok
     assert "t = " in stepper.message
     assert np.isfinite(stepper.q).all()
-    with pytest.raises(pg.InputError, match="reset or restore"):
+    with pytest.raises(pg.InputError, match="reset"):
         stepper.step()
     stepper.restore(snapshot)
     assert (stepper.t, stepper.q.tolist()) == (t, q.tolist())
     assert stepper.step().ok
 
 
-def test_a_step_that_fails_says_the_words_of_a_run():
-    """Also where the reason is looked for in the state, and contacts stand idle."""
+def test_a_step_fails_as_a_run_does():
+    """Also where contacts stand idle."""
     mech, width = built_in("quadruped"), 1e-3
-    rng = np.random.default_rng(0)
-    tau = [rng.normal(size=mech.nv) * 0.5 for _ in range(2)][1]
+    tau = np.random.default_rng(0).normal(size=(2, mech.nv))[1] * 0.5
     run = pg.simulate(mech, scenario="stand", tau=tau, t_end=0.3, step=width, method="rk4")
     stepper = pg.Stepper(mech, scenario="stand", step=width)
     assert stepper.step(tau, n=300) is run.status is pg.Status.CANNOT_CLOSE
     assert stepper.message == run.message
     assert (stepper.t, stepper.q.tolist()) == (run.t[-1], run.q[-1].tolist())
-    assert "block it to second" in stepper.message
-    with pytest.raises(pg.InputError, match="the last step failed"):
+    with pytest.raises(pg.InputError, match="failed"):
         stepper.step()
 
 
-def test_notices_tell_what_fell_through_the_ground():
+def test_notices_report_bodies_in_or_below_the_ground():
+    """With and without a record of the state."""
     ball = pg.Body(name="ball", joint="free", mass=1.0, shape={"kind": "sphere", "radius": 0.1},
                    q=(0, 0, 0.2, 1, 0, 0, 0))  # fmt: skip
-    scenario = pg.Scenario(name="air", contacts=())
-    contacts = [pg.Contact(name="touch", body="ball")]
-    model = pg.Model(bodies=[ball], contacts=contacts, scenarios=[scenario])
-    stepper = pg.Stepper(model, scenario="air")
+    air = pg.Scenario(name="air", contacts=())
+    touch = pg.Contact(name="touch", body="ball")
+    stepper = pg.Stepper(pg.Model(bodies=[ball], contacts=[touch], scenarios=[air]), scenario="air")
     assert stepper.notices == ()
     stepper.step(n=400)
-    assert any("'ball' went through the ground" in text for text in stepper.notices)
+    assert any("'ball'" in text and "ground" in text for text in stepper.notices)
+    box = {"kind": "box", "size": (0.2, 0.2, 0.2)}
+    low = pg.Body(name="box", joint="free", mass=1.0, shape=box, q=(0, 0, 0.07, 1, 0, 0, 0))
+    sole = pg.Contact(name="sole", body="box")
+    stepper = pg.Stepper(pg.Model(bodies=[low], contacts=[sole]))
+    for advance in (lambda: stepper.step(n=3), lambda: stepper.record(5)):
+        advance()
+        assert any("'sole'" in text for text in stepper.notices)
 
 
 def test_a_scenario_gives_step_and_method_where_the_call_does_not():
-    part = {"name": "bob", "mass": 1.0, "com": (0, 0, -1), "inertia": 0.1 * np.eye(3), "q": 1.0}
-    bob = pg.Body(axes=(0, 1, 0), **part)
+    bob = pg.Body(name="bob", axes=(0, 1, 0), com=(0, 0, -1), inertia=0.1 * np.eye(3), q=1.0)
     own = {"step": 0.01, "t_end": 0.5}
-    scenarios = [
-        pg.Scenario(name="euler", method="semi_implicit_euler", **own),
-        pg.Scenario(name="chosen", method="dopri5", **own),
-    ]
+    methods = {"euler": "semi_implicit_euler", "chosen": "dopri5"}
+    scenarios = [pg.Scenario(name=name, method=method, **own) for name, method in methods.items()]
     model = pg.Model(bodies=[bob], scenarios=scenarios)
     run = pg.simulate(model, scenario="euler", estimate=False)
-    for stepper in (
-        pg.Stepper(model, scenario="euler"),
-        pg.BatchStepper(model, 1, scenario="euler"),
-    ):
+    one, many = pg.Stepper(model, scenario="euler"), pg.BatchStepper(model, 1, scenario="euler")
+    for stepper in (one, many):
         stepper.step(n=50)
         assert stepper.method == "semi_implicit_euler"
         np.testing.assert_allclose(np.ravel(stepper.q), run.q[-1], rtol=1e-12)
@@ -245,35 +237,32 @@ def test_a_scenario_gives_step_and_method_where_the_call_does_not():
     assert pg.Stepper(model, scenario="chosen").method == "rk4"
     hit = model.edit("bob", limits=((-1.0, 1.0),))
     assert pg.Stepper(hit, scenario="euler").method == "moreau_jean"
-    for path, words in (("step", "step="), ("t_end", "nothing would read it")):
-        with pytest.raises(pg.InputError, match=words):
+    for path in ("step", "t_end"):
+        with pytest.raises(pg.InputError, match=path):
             pg.BatchStepper(model, 2, scenario="euler", set={f"scenarios.euler.{path}": [1, 2]})
 
 
-WRONG: tuple[Any, Any] = ("model", 2.5)  # of other types than a call takes
-
-
-def test_what_does_not_fit_is_refused_in_a_sentence():
+def test_wrong_arguments_are_refused():
     mech = chain()
-    stepper, text, part = pg.Stepper(mech), *WRONG
+    stepper = pg.Stepper(mech)
     for wrong, words in [
         (lambda: pg.Stepper(mech, step=0.0), "step"),
         (lambda: pg.Stepper(mech, method="dop853"), "rk4"),
         (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
-        (lambda: pg.Stepper(text), "Mechanism"),
+        (lambda: pg.Stepper("model"), "Mechanism"),
         (lambda: stepper.step(tau=np.zeros(3)), "tau"),
         (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),
         (lambda: stepper.step(n=0), "whole number"),
-        (lambda: stepper.step(n=part), "whole number"),
+        (lambda: stepper.step(n=2.5), "whole number"),
         (lambda: stepper.reset(q=np.zeros(5)), "q"),
         (lambda: stepper.record(10, frames=1), "frames"),
         (lambda: stepper.switch("loop", True), "loop"),
         (lambda: stepper.restore(b"something"), "Stepper.save"),
         (lambda: stepper.restore(stepper.save()[:-8]), "damaged"),
         (lambda: stepper.restore(stepper.save()[:40]), "damaged"),
-        (lambda: stepper.restore(pg.Stepper(mech, stabilise=None).save()), "other options"),
-        (lambda: stepper.restore(pg.Stepper(chain("spherical")).save()), "another mechanism"),
-        (lambda: stepper.restore(pg.Stepper(mech, step=2e-3).save()), "another mechanism"),
+        (lambda: stepper.restore(pg.Stepper(mech, stabilise=None).save()), "options"),
+        (lambda: stepper.restore(pg.Stepper(chain("spherical")).save()), "mechanism"),
+        (lambda: stepper.restore(pg.Stepper(mech, step=2e-3).save()), "mechanism"),
     ]:
         with pytest.raises(pg.InputError) as refused:
             wrong()
@@ -284,74 +273,33 @@ def test_what_does_not_fit_is_refused_in_a_sentence():
 
 
 @pytest.mark.parametrize("kind", [pg.Stepper, pg.BatchStepper])
-def test_a_snapshot_with_any_bit_turned_is_refused(kind: Any):
+def test_a_damaged_snapshot_or_one_of_another_version_is_refused(kind, monkeypatch):
     stepper = kind(chain(), **({"size": 3} if kind is pg.BatchStepper else {}))
     saved, rng = stepper.save(), np.random.default_rng(0)
-    for i in rng.integers(len(saved), size=200).tolist():
+    for i in rng.integers(len(saved), size=60).tolist():
         damaged = bytearray(saved)
         damaged[i] ^= 1 << int(rng.integers(8))
         with pytest.raises(pg.InputError, match=rf"damaged|{kind.__name__}\.save"):
             stepper.restore(bytes(damaged))
     assert stepper.save() == saved
-
-
-def test_a_snapshot_of_another_version_says_so(monkeypatch):
-    stepper = pg.Stepper(chain())
-    snapshot = stepper.save()
     monkeypatch.setattr("pgraph_core.portable.installed", lambda: "9.9")
-    with pytest.raises(pg.InputError, match=r"was saved by Pgraph .* 9.9 is running"):
-        stepper.restore(snapshot)
+    with pytest.raises(pg.InputError, match=r"9\.9"):
+        stepper.restore(saved)
 
 
-def test_memory_does_not_grow():
-    """A thousand parts of a run, looked at each time, keep no more than the first ones."""
-    stepper = pg.Stepper(built_in("falling_rod"), step=1e-3)
-
-    def parts(n: int) -> int:
-        for _ in range(n):
-            stepper.step(n=3)
-            assert stepper.contact_force
-            stepper.record(2)
-        gc.collect()
-        return tracemalloc.get_traced_memory()[0]
-
-    tracemalloc.start()
-    before = parts(50)
-    after = parts(500)
-    tracemalloc.stop()
-    assert after - before < 50_000
-
-
-def test_inputs_are_taken_together_or_not_at_all_and_keep_their_bounds():
+def test_inputs_are_taken_together_or_not_at_all_within_bounds():
     arm = pg.Body(name="arm", tip=(1, 0, 0))
     servo = pg.Servo(name="servo", body="arm", kp=10.0, kd=1.0, input_low=-1, input_high=1)
     motor = pg.Motor(name="motor", body="arm", torque=1.0, input_low=0, input_high=2)
     model = pg.Model(bodies=[arm], forces=[servo, motor])
     stepper = pg.Stepper(model)
     before = stepper.inputs
-    wrong: tuple[Any, ...] = ({"motor": 1.5, "servo": 9.0}, {"motor": 1.5, "serv": 0.0}, [1.0])
-    for inputs in wrong:
+    for inputs in ({"motor": 1.5, "servo": 9.0}, {"motor": 1.5, "serv": 0.0}, [1.0]):
         with pytest.raises(pg.InputError):
             stepper.step(inputs=inputs)
         assert stepper.inputs == before
-    for refuse in (
-        lambda: stepper.target("servo", 3.0),
-        lambda: pg.BatchStepper(model, 2).target("servo", [0.0, 3.0]),
-    ):
-        with pytest.raises(pg.InputError, match=r"from -1 to 1; given 3"):
-            refuse()
+    for one, targets in ((stepper, 3.0), (pg.BatchStepper(model, 2), [0.0, 3.0])):
+        with pytest.raises(pg.InputError, match=r"-1 .*1.*3"):
+            one.target("servo", targets)
     with pytest.raises(pg.ModelError, match="lag"):
         pg.Servo(name="slow", body="arm", kp=1.0, start=0.3)
-
-
-def test_notices_are_read_without_a_record_of_the_state():
-    """They tell of what penetrates, and ask where it does."""
-    box = pg.Body(
-        name="box", joint="free", mass=1.0, shape={"kind": "box", "size": (0.2, 0.2, 0.2)},
-        q=(0, 0, 0.07, 1, 0, 0, 0),
-    )  # fmt: skip
-    stepper = pg.Stepper(pg.Model(bodies=[box], contacts=[pg.Contact(name="sole", body="box")]))
-    stepper.step(n=3)
-    assert any("'sole' penetrated" in text for text in stepper.notices)
-    stepper.record(5)
-    assert any("'sole' penetrated" in text for text in stepper.notices)

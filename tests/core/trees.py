@@ -1,20 +1,17 @@
-"""Random models and states, and how tests change and compare them."""
+"""Random models and states, and helpers that move, shuffle and compare them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.random_models import KINDS as KINDS
-from benchmarks.random_models import State as State
-from benchmarks.random_models import random_body as random_body
-from benchmarks.random_models import random_case as random_case
-from benchmarks.random_models import random_model as random_model
-from benchmarks.random_models import random_quaternion as random_quaternion
-from benchmarks.random_models import random_state as random_state
 from pgraph_core import joints
 from pgraph_core.paper.motion import bodies_of
 from pgraph_core.rotation import multiply
 from pgraph_core.topology import Topology
+
+from ..random_models import KINDS, State, random_body, random_case, random_model, random_state
+
+__all__ = ["KINDS", "State", "random_body", "random_case", "random_model", "random_state"]
 
 
 def moved(model, q, step):

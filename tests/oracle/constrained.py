@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.linalg import solve
 
 from pgraph_core.model import Constraint
 from pgraph_core.paper import Operators
@@ -28,8 +29,6 @@ def constrained_dynamics(
     free = op.forward_dynamics(tau)
     omega = delassus(op, J)
     lam = -np.linalg.pinv(omega, rcond=RANK, hermitian=True) @ (J @ free + drift)
-    from scipy.linalg import solve
-
     vdot = free + solve(op.mass_matrix, J.T @ lam, assume_a="pos")
     forces, start = {}, 0
     for c, rows in zip(held, _rows(op, held, t)):
@@ -40,8 +39,6 @@ def constrained_dynamics(
 
 def delassus(op: Operators, J: Array) -> Array:
     """Ω = J M⁻¹ Jᵀ, eq. (29)."""
-    from scipy.linalg import solve
-
     return J @ solve(op.mass_matrix, J.T, assume_a="pos")
 
 

@@ -1,51 +1,24 @@
 """Residuals, Jacobians and J'θ' of every kind of constraint, from the paper's dense operators.
 
-Made for reading and as an oracle: nothing here knows the blocks that the kernels take. Relative
-motion is what an observer on `other` sees: v_rel = v_a - v_b*, a_rel = a_a - a_b* - 2 ω_b × v_rel,
-b* the point of `other` at the same place.
+An oracle that shares nothing with the kernels. Relative motion is as seen by an observer on
+`other`: v_rel = v_a - v_b*, a_rel = a_a - a_b* - 2 ω_b × v_rel, with b* the point of `other` at
+the same place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from pgraph_core.model import Body, Constraint, Model, Polynomial, Sine, Table
-from pgraph_core.paper.motion import Joint, v_slices
+from pgraph_core import joints
+from pgraph_core.model import Constraint, Polynomial, Sine, Table
+from pgraph_core.paper import Operators
+from pgraph_core.paper.motion import v_slices
 from pgraph_core.rotation import Array, unit_vector
-from pgraph_core.topology import Topology
-
-
-class Bodies(Protocol):
-    """The bodies of a model in a state: `Operators`, or whatever answers as they do."""
-
-    @property
-    def model(self) -> Model: ...
-    @property
-    def topology(self) -> Topology: ...
-    @cached_property
-    def bodies(self) -> list[Body]: ...
-    @cached_property
-    def home(self) -> tuple[Array, Array]: ...
-    @cached_property
-    def nv(self) -> int: ...
-    @property
-    def q(self) -> Array: ...
-    @cached_property
-    def speeds(self) -> Array: ...
-    @cached_property
-    def position(self) -> Array: ...
-    @cached_property
-    def rotation(self) -> Array: ...
-
-    def point_position(self, k: int, point: Array) -> Array: ...
-    def point_jacobian(self, k: int, point: Array) -> Array: ...
-    def point_bias(self, k: int, point: Array) -> Array: ...
-    def omega(self, k: int) -> Array: ...
-    def joint(self, k: int) -> Joint: ...
 
 
 class Rows(NamedTuple):
@@ -58,24 +31,24 @@ class Rows(NamedTuple):
     wrench: Array  # (m, 6) [torque, force] on `body` at `point` of a unit multiplier, world axes
 
 
-def rows_of(op: Bodies, c: Constraint, length: float, t: float = 0.0) -> Rows:
+def rows_of(op: Operators, c: Constraint, length: float, t: float = 0.0) -> Rows:
     """The rows of a constraint at the state of `op`; `length` [m] stands for one radian."""
     return _KINDS[c.kind](_Pair(op, c, length, t))
 
 
-def radius_of_gyration(op: Bodies) -> float:
-    """How far mass that moves is from its bodies' origins, over all bodies [m]; 1 where none is."""
+def radius_of_gyration(op: Operators) -> float:
+    """Return the radius of gyration of all moving bodies about their origins [m], or 1."""
     parent = op.topology.parent
     moves = [False]  # the ground, then each body
-    for k, body in enumerate(op.bodies, start=1):
-        moves.append(body.dof > 0 or moves[parent[k - 1]])
-    bodies = [b for k, b in enumerate(op.bodies, start=1) if moves[k]]
+    for body, above in zip(op.bodies, parent):
+        moves.append(body.dof > 0 or moves[above])
+    bodies = [body for body, moving in zip(op.bodies, moves[1:]) if moving]
     moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in bodies)
     mass = sum(b.mass for b in bodies)
     return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
 
 
-def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
+def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
     """The two points in their bodies' frames; one left out is where the other is at home."""
     body, other = map(op.topology.number, c.pair)
     point = np.array(op.model.point_of(c))
@@ -90,7 +63,7 @@ def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
 class _End:
     """A point of a body (0: the ground) and how it moves, world axes."""
 
-    def __init__(self, op: Bodies, number: int, x: Array):
+    def __init__(self, op: Operators, number: int, x: Array):
         self.x = x
         if number == 0:
             self.J, self.bias, self.omega = np.zeros((6, op.nv)), np.zeros(6), np.zeros(3)
@@ -103,7 +76,7 @@ class _End:
 class _Pair:
     """`body` at its point, and `other` both at its own point and at the place of the first."""
 
-    def __init__(self, op: Bodies, c: Any, length: float, t: float):
+    def __init__(self, op: Operators, c: Any, length: float, t: float):
         self.op, self.c, self.length, self.t = op, c, length, t
         self.a, self.b = map(op.topology.number, c.pair)
         self.point, self.other_point = points_of(op, c)
@@ -153,8 +126,6 @@ class _Pair:
         J = self.end.J[:3] - self.here.J[:3]
         turning = np.cross(self.here.omega, self.end.omega)
         return J, J @ self.op.speeds, self.end.bias[:3] - self.here.bias[:3] - turning
-
-    # -- row types -----------------------------------------------------------------------------
 
     def together(self) -> Rows:
         """x_a = x_b, in world axes and each end at its own point."""
@@ -209,19 +180,15 @@ class _Pair:
         return position, factor * np.eye(body.dof)[k or 0]
 
 
-def _positions(op: Bodies, name: str) -> list[float]:
+def _positions(op: Operators, name: str) -> list[float]:
     """q by degree of freedom; nan for those of balls."""
-    number, start = op.topology.number(name), 0
-    for body in op.bodies[: number - 1]:
-        start += len(body.q)
+    number = op.topology.number(name)
+    start = sum(len(body.q) for body in op.bodies[: number - 1])
     found: list[float] = []
     for motion in op.bodies[number - 1].sequence:
-        if motion.kind in ("rotate", "translate"):
-            found.append(float(op.q[start]))
-            start += 1
-        else:
-            found += [np.nan] * (3 if motion.kind == "ball" else 6)
-            start += 4 if motion.kind == "ball" else 7
+        nq, nv = joints.SIZE[motion.kind]
+        found += [float(op.q[start])] if nv == 1 else [np.nan] * nv
+        start += nq
     return found
 
 
@@ -298,9 +265,8 @@ def _rolling(p: _Pair) -> Rows:
     turned = np.cross(p.spin()[1], axis)
     rate = -(n @ turned) * axis - (n @ axis) * turned
     rate = (rate - (u @ rate) * u) / np.linalg.norm(across)
-    return p.slipping(
-        -radius * u, -radius * rate, w, height - radius * float(np.linalg.norm(across))
-    )
+    gap = height - radius * float(np.linalg.norm(across))
+    return p.slipping(-radius * u, -radius * rate, w, gap)
 
 
 def _skate(p: _Pair) -> Rows:
@@ -332,36 +298,17 @@ def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[floa
     match q_of_t:
         case Sine(mean=mean, amplitude=size, frequency=w, phase=phase):
             angle = w * t + phase
-            return (
-                mean + size * np.sin(angle),
-                size * w * np.cos(angle),
-                -size * w * w * np.sin(angle),
-            )
+            sine, cosine = size * np.sin(angle), size * np.cos(angle)
+            return mean + sine, w * cosine, -w * w * sine
         case Polynomial(coefficients=c):
             f = np.polynomial.Polynomial(c)
             return float(f(t)), float(f.deriv(1)(t)), float(f.deriv(2)(t))
         case Table(t=times, value=value):
-            return _spline(np.array(times), np.array(value), t)
+            if not times[0] <= t < times[-1]:
+                return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
+            spline = CubicSpline(times, value, bc_type="clamped")
+            return float(spline(t)), float(spline(t, 1)), float(spline(t, 2))
     raise ValueError(q_of_t)
-
-
-def _spline(times: Array, value: Array, t: float) -> tuple[float, float, float]:
-    """A cubic spline by its slopes at the knots; at a knot what follows it counts."""
-    if t < times[0] or t >= times[-1]:
-        return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
-    h, n = np.diff(times), len(times)
-    A, b = np.eye(n), np.zeros(n)
-    for k in range(1, n - 1):  # the second derivative is continuous
-        A[k, k - 1 : k + 2] = 1 / h[k - 1], 2 / h[k - 1] + 2 / h[k], 1 / h[k]
-        rises = np.diff(value)[k - 1 : k + 1] / h[k - 1 : k + 1] ** 2
-        b[k] = 3 * rises.sum()
-    slope = np.linalg.solve(A, b)
-    k = int(np.searchsorted(times, t, side="right")) - 1
-    s, d = t - times[k], value[k + 1] - value[k]
-    c2 = (3 * d / h[k] - 2 * slope[k] - slope[k + 1]) / h[k]
-    c3 = (slope[k] + slope[k + 1] - 2 * d / h[k]) / h[k] ** 2
-    f = np.polynomial.Polynomial([value[k], slope[k], c2, c3])
-    return float(f(s)), float(f.deriv(1)(s)), float(f.deriv(2)(s))
 
 
 def _velocity(p: _Pair) -> Rows:

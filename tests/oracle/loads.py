@@ -55,12 +55,9 @@ def _spring(op: Operators, f: Any, _: float) -> Load:
 
 def _length_at_home(op: Operators, ends: Any) -> float:
     position, rotation = home_poses(op.model)
-    number = op.topology.number
-    places = [
-        position[number(name) - 1] + rotation[number(name) - 1] @ point if number(name) else point
-        for name, point in ends
-    ]
-    return float(np.linalg.norm(np.subtract(*places)))
+    numbers = [op.topology.number(name) - 1 for name, _ in ends]
+    a, b = (position[k] + rotation[k] @ x if k >= 0 else x for k, (_, x) in zip(numbers, ends))
+    return float(np.linalg.norm(a - b))
 
 
 def _end(op: Operators, name: str, point: Array) -> tuple[Array, Array]:
@@ -93,7 +90,6 @@ def _torsion(op: Operators, f: Any, _: float) -> Load:
 
 
 def _turn_at_zero(op: Operators, number: int) -> Array:
-    """Orientation of a body at q = 0."""
     q = [x for body in op.bodies for x in home(body.sequence)]
     return frames(op.model, op.topology, q)[1][number - 1] if number else np.eye(3)
 
