@@ -27,12 +27,13 @@ LONGEST = 1_000_000  # characters of one attribute
 class Element:
     """An element with its attributes, children and line."""
 
-    __slots__ = ("attributes", "children", "line", "tag", "text")
+    __slots__ = ("attributes", "children", "encoding", "line", "tag", "text")
 
     def __init__(self, tag: str, attributes: dict[str, str], line: int):
         self.tag, self.attributes, self.line = tag, attributes, line
         self.children: list[Element] = []
         self.text = ""
+        self.encoding = ""  # of the root: the encoding of its file
 
     def all(self, *tags: str) -> Iterator[Element]:
         """The children with one of these tags."""
@@ -161,7 +162,7 @@ def parse_markup(content: bytes, name: str) -> Element:
     """The root element of XML text. Raises FileError."""
     source, open_elements, roots = Source(name), list[Element](), list[Element]()
     content, encoding = _in_utf8(content, source)
-    parser = expat.ParserCreate(encoding)
+    parser = expat.ParserCreate("utf-8" if encoding else None)
     count = 0
 
     def refuse(text: str) -> FileError:
@@ -207,23 +208,29 @@ def parse_markup(content: bytes, name: str) -> Element:
     except (ValueError, LookupError):  # of the codec that the file names
         told = "not XML: its encoding is unknown; save it in UTF-8"
         raise source.wrong(1, "", told) from None
+    roots[0].encoding = encoding or "utf-8"
     return roots[0]
 
 
+ASCII = bytes(range(128))  # what markup is written in
 DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 
 
-def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str | None]:
-    """XML text in UTF-8, and the encoding that its first line is not asked for.
+def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str]:
+    """XML text in UTF-8, and the encoding that its first line names.
 
-    Expat knows few encodings, and Python knows those that old files have. Raises FileError.
+    The encoding is "" where the first bytes of the file say that it is in UTF-8 or UTF-16. Expat
+    knows few others, and Python knows those that old files have. An encoding in which markup is
+    not written as in ASCII is refused. Raises FileError.
     """
     if content.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
-        return content, None  # UTF-16 and UTF-8 say what they are by their first bytes
+        return content, ""
     declared = DECLARED.match(content)
-    encoding = declared[1].decode("ascii") if declared else "utf-8"
+    encoding = declared[1].decode("ascii").lower() if declared else "utf-8"
     try:
-        return content.decode(encoding).encode(), "utf-8"
+        if ASCII.decode(encoding, errors="replace") != ASCII.decode("ascii"):
+            raise LookupError
+        return content.decode(encoding).encode(), encoding
     except LookupError:
         text = f"not XML: its encoding {shown(encoding)} is unknown; save it in UTF-8"
         raise source.wrong(1, "", text) from None

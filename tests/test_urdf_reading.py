@@ -83,7 +83,7 @@ def test_a_solid_of_size_zero_is_left_out_and_named(read, geometry, role):
     model, report = read(robot(solid(role, geometry)))
     assert model.body("a").shapes == ()
     assert any("'a'" in entry.where for entry in report.of("left out"))
-    assert report.loaded  # nothing touches it in the file either
+    assert report.loaded == (role == "visual")
 
 
 @pytest.mark.parametrize("geometry", ['<box size="-1 1 1"/>', '<sphere radius="-1"/>'])
@@ -156,6 +156,18 @@ def test_a_declared_encoding_is_read(read, encoding):
     declared = encoding.removesuffix("-sig")
     text = f'<?xml version="1.0" encoding="{declared}"?>{robot()}'.replace('"r"', f'"{letter}"')
     assert read(text.encode(encoding))[0].name == letter
+
+
+@pytest.mark.parametrize("encoding", ["utf-7", "rot13", "none", "base64", "cp037", "hz"])
+def test_an_encoding_in_which_markup_is_another_is_refused(read, encoding):
+    with pytest.raises(pg.FileError, match="line 1"):
+        read(f'<?xml version="1.0" encoding="{encoding}"?>{robot()}')
+
+
+def test_an_mjcf_file_in_letters_of_several_bytes_is_refused(read):
+    pytest.importorskip("mujoco")
+    with pytest.raises(pg.FileError, match="gb2312"):
+        read(f'<?xml version="1.0" encoding="gb2312"?>{MJCF}')
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "gb2312"])

@@ -32,6 +32,7 @@ MOST_INCLUDES = 200
 MOST_COPIED = 20_000  # elements that <replicate> makes
 MOST_HEIGHTS = 4_000_000  # of a heightfield
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+ENCODINGS = {"utf-8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "windows-1252"}
 WORLD = "world"
 INITIAL = "initial state"  # a keyframe of this name is that
 
@@ -87,13 +88,26 @@ def _whole(text: str) -> int:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
 
 
+def _readable(path: Path) -> Element:
+    """The root of an XML file that MuJoCo reads as we do. Raises FileError.
+
+    MuJoCo looks at bytes, whatever the encoding. In those of several bytes a letter may end in what
+    is a quote to MuJoCo, and the file that it opens would be another one than the one checked here.
+    """
+    root = read_markup(path)
+    if root.tag == "mujoco" and root.encoding not in ENCODINGS:
+        text = f"is in {root.encoding}, which MuJoCo does not read; save it in UTF-8"
+        raise FileError(Problem(path.name, "encoding", text))
+    return root
+
+
 class _Files:
     """The file and what it includes, looked through before MuJoCo opens anything."""
 
     def __init__(self, path: Path, folders: Folders):
         self.folders, self.lines = folders, dict[tuple[str, str], str]()
         self.newer: list[tuple[str, str]] = []  # (place, attribute) beyond MuJoCo 4.0
-        root = read_markup(path)
+        root = _readable(path)
         if root.tag != "mujoco":
             do = "; give it to read_urdf" if root.tag == "robot" else ""
             text = f"holds <{root.tag}>, not the <mujoco> of an MJCF file{do}"
@@ -134,7 +148,7 @@ class _Files:
             if len(self.roots) > MOST_INCLUDES or any(path == known for known, _ in self.roots):
                 text = f"{path.name} is included twice, or more than {MOST_INCLUDES} files are"
                 raise FileError(Problem(f"{file.name}, line {element.line}, include", "", text))
-            inside = read_markup(path)
+            inside = _readable(path)
             self.roots.append((path, inside))
             self._include(path, inside)
 

@@ -446,8 +446,8 @@ class _Reader:
             self.report.add("left out", where, f"a {role} without geometry", part=name)
             return None
         if zero := self._zero(solid, what):
-            text = f"a {role} of {zero} 0, a placeholder that nothing sees or touches"
-            self.report.add("left out", where, text, part=name)
+            text = f"a {role} of {zero} 0, which is no solid"
+            self.report.add("left out", where, text, acts=acts, part=name)
             return None
         position, rotation = self._pose(element, what)
         shape: dict[str, Any] = {"position": position, "rotation": rotation}
