@@ -307,7 +307,7 @@ class Folders:
             if root.name == package or root == self.package:
                 tries.append(root / inside)
             tries += [root / package / inside, root / inside]
-        tries += [p / inside for p in self.here.parents if p.name == package and self._inside(p)]
+        tries += [folder / inside for folder in self.here.parents if folder.name == package]
         return self._checked(tries)
 
     def _inside(self, path: Path) -> bool:

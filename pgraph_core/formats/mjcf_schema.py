@@ -74,7 +74,7 @@ ACTUATORS = (
 def _rows() -> dict[str, frozenset[str]]:
     """Attributes by element; a line that is indented goes on with the line before it."""
     rows = (row.split(":") for row in ATTRIBUTES.replace("\n    ", " ").strip().splitlines())
-    known = {tag: frozenset(names.split()) for tag, names in rows}
+    known = {tag: frozenset[str](names.split()) for tag, names in rows}
     actuator = known.pop("actuator")
     return known | dict.fromkeys(ACTUATORS, actuator)
 

@@ -661,9 +661,8 @@ class _Reader:
             effort = self._bound(limit, "effort", what)
             speeds += 0 < self._bound(limit, "velocity", what) < math.inf
             if effort > 0 and joint.element.first("mimic") is None:
-                most = {"torque_limit": effort} if math.isfinite(effort) else {}
-                body = self._body_name(joint.child)
-                found.append(Motor(name=joint.name, body=body, torque=0.0, **most))
+                body, most = self._body_name(joint.child), effort if effort < math.inf else None
+                found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if speeds:
             text = f"{speeds} limits of velocity: nothing here bounds a velocity"
             self.report.add("left out", self.source.name, text)
