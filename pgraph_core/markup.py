@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,12 +27,13 @@ LONGEST = 1_000_000  # characters of one attribute
 class Element:
     """An element with its attributes, children and line."""
 
-    __slots__ = ("attributes", "children", "line", "tag", "text")
+    __slots__ = ("attributes", "children", "encoding", "line", "tag", "text")
 
     def __init__(self, tag: str, attributes: dict[str, str], line: int):
         self.tag, self.attributes, self.line = tag, attributes, line
         self.children: list[Element] = []
         self.text = ""
+        self.encoding = ""  # of the root: the encoding of its file
 
     def all(self, *tags: str) -> Iterator[Element]:
         """The children with one of these tags."""
@@ -70,26 +72,46 @@ class Source:
         return FileError(Problem(self.at(element, what), field, text))
 
     def numbers(
-        self, element: Element | None, name: str, default: tuple[float, ...], what: str = ""
+        self,
+        element: Element | None,
+        name: str,
+        default: tuple[float, ...],
+        what: str = "",
+        *,
+        infinite: bool = False,
     ) -> tuple[float, ...]:
-        """As many finite numbers as `default` has, from an attribute. Raises FileError."""
+        """Return as many numbers as `default` has, from an attribute.
+
+        They are finite, unless they may be `infinite`. Raises FileError.
+        """
         if element is None or name not in element.attributes:
             return default
         given = element.attributes[name]
         try:
-            found = tuple(float(x) for x in given.replace(",", " ").split())
+            found = tuple(float(x) for x in given.split())
         except ValueError:
             found = ()
-        if len(found) != len(default) or not all(map(math.isfinite, found)):
-            count = f"{len(default)} finite numbers" if len(default) > 1 else "a finite number"
-            raise self.wrong(element, name, f"must be {count}; given {shown(given)}", what)
+        allowed = (x == x if infinite else math.isfinite(x) for x in found)
+        if len(found) != len(default) or not all(allowed):
+            word = "" if infinite else "finite "
+            count = f"{len(default)} {word}numbers" if len(default) > 1 else f"a {word}number"
+            why = ""
+            if "," in given:
+                why = ", which has a comma: decimals have a point, and spaces separate numbers"
+            raise self.wrong(element, name, f"must be {count}; given {shown(given)}{why}", what)
         return found
 
     def number(
-        self, element: Element | None, name: str, default: float = 0.0, what: str = ""
+        self,
+        element: Element | None,
+        name: str,
+        default: float = 0.0,
+        what: str = "",
+        *,
+        infinite: bool = False,
     ) -> float:
-        """One finite number from an attribute. Raises FileError."""
-        return self.numbers(element, name, (default,), what)[0]
+        """Return one number from an attribute. Raises FileError."""
+        return self.numbers(element, name, (default,), what, infinite=infinite)[0]
 
 
 def read_markup(path: Path) -> Element:
@@ -139,7 +161,8 @@ def reason_of(error: Exception) -> str:
 def parse_markup(content: bytes, name: str) -> Element:
     """The root element of XML text. Raises FileError."""
     source, open_elements, roots = Source(name), list[Element](), list[Element]()
-    parser = expat.ParserCreate()
+    content, encoding = _in_utf8(content, source)
+    parser = expat.ParserCreate("utf-8" if encoding else None)
     count = 0
 
     def refuse(text: str) -> FileError:
@@ -185,4 +208,35 @@ def parse_markup(content: bytes, name: str) -> Element:
     except (ValueError, LookupError):  # of the codec that the file names
         told = "not XML: its encoding is unknown; save it in UTF-8"
         raise source.wrong(1, "", told) from None
+    roots[0].encoding = encoding or "utf-8"
     return roots[0]
+
+
+ASCII = bytes(range(128))  # what markup is written in
+DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
+
+
+def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str]:
+    """XML text in UTF-8, and the encoding that its first line names.
+
+    The encoding is "" where the first bytes of the file say that it is in UTF-8 or UTF-16. Expat
+    knows few others, and Python knows those that old files have. An encoding in which markup is
+    not written as in ASCII is refused. Raises FileError.
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
+        return content, ""
+    declared = DECLARED.match(content)
+    encoding = declared[1].decode("ascii").lower() if declared else "utf-8"
+    try:
+        if ASCII.decode(encoding, errors="replace") != ASCII.decode("ascii"):
+            raise LookupError
+        return content.decode(encoding).encode(), encoding
+    except LookupError:
+        text = f"not XML: its encoding {shown(encoding)} is unknown; save it in UTF-8"
+        raise source.wrong(1, "", text) from None
+    except UnicodeError as error:
+        start = getattr(error, "start", 0)
+        line = content[:start].count(b"\n") + 1
+        text = f"is not text in {encoding} (byte {start}); save it in UTF-8, "
+        text += "or name its encoding in the first line"
+        raise source.wrong(line, "", text) from None

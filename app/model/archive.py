@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import io
+import posixpath
 import re
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
+from pgraph_core.errors import choices
 from pgraph_core.formats import READERS, read_model, write_model
 from pgraph_core.mesh_files import FORMATS
 from pgraph_core.model.files import FOLDER, user_folder
@@ -94,9 +96,12 @@ def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
         said = f"{size / 1e6:.0f} MB unpacked"
         raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")
     models = [name for name in held if _is_model(name)] or _of_others(held)
-    if len(models) != 1:
+    if not models:
         known = ", ".join((".json", *READERS))
-        raise Refusal(f"it holds {len(models)} model files ({known}), not one")
+        raise Refusal(f"it holds 0 model files ({known}), not one")
+    if len(models) > 1:
+        named = choices(sorted(map(str, models)))
+        raise Refusal(f"it holds {len(models)} model files, {named}; pack the one that is meant")
     folder = keep / hashlib.sha256(content).hexdigest()[:16]
     if not folder.exists() and _size(keep) + size > LARGEST_KEPT:
         most = f"{LARGEST_KEPT / 1e6:.0f} MB"
@@ -136,12 +141,24 @@ def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:
         return size, {name: archive.read(item) for name, item in wanted.items()}
 
 
-def _of_others(held: Iterable[PurePosixPath]) -> list[PurePosixPath]:
-    """Models of other formats: a URDF file, else the MJCF files nearest to the top."""
+NAMED = re.compile(rb"""<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["']""")
+
+
+def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
+    """Models of other formats: URDF files, else the MJCF files nearest to the top.
+
+    A file that another one includes is a part of that one.
+    """
     urdf = [name for name in held if name.suffix.lower() == ".urdf"]
     others = [n for n in held if n.suffix.lower() in READERS and n.name != "package.xml"]
-    top = min((len(name.parts) for name in others), default=0)
-    return urdf or [name for name in others if len(name.parts) == top]
+    parts = {
+        posixpath.normpath(name.parent / file.decode(errors="replace"))
+        for name in others
+        for file in NAMED.findall(held[name])
+    }
+    whole = [name for name in others if posixpath.normpath(name) not in parts]
+    top = min((len(name.parts) for name in whole), default=0)
+    return urdf or [name for name in whole if len(name.parts) == top]
 
 
 def _goes_along(name: PurePosixPath) -> bool:

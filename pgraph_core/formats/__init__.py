@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import FileError, Problem
+from ..markup import ordinary
 from ..model import Model
 from ..model.files import FOREIGN
 from .conversion import Report, nearest_inertia, why_unphysical
@@ -22,10 +25,14 @@ WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
 
 
 def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
-    """(model, report) of a file, by its suffix. Raises FileError or ModelError."""
+    """(model, report) of a file, by its suffix. Raises FileError or ModelError.
+
+    URDF and MJCF are both XML, and many files have the suffix of the other: the first element of
+    the file decides between them.
+    """
     suffix = Path(path).suffix.lower()
     if reader := READERS.get(suffix):
-        return reader(path, roots)
+        return _by_root(path, reader)(path, roots)
     model, report = Model.load(path, roots=roots), Report(Path(path).name)
     for body in model.bodies:
         inertia = np.array(body.inertia)
@@ -45,3 +52,19 @@ def write_model(model: Model, path: str | Path) -> Report:
         raise FileError(Problem(str(path), "", text))
     model.save(path)
     return Report(Path(path).name)
+
+
+ROOTS = {b"robot": read_urdf, b"mujoco": read_mjcf}  # first element -> reader
+FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
+HEAD = 65536  # bytes of a file in which its first element stands
+
+
+def _by_root(path: str | Path, otherwise: Any) -> Any:
+    """The reader for the first element of an XML file; `otherwise` where that is another one."""
+    try:
+        with ordinary(path) as file:
+            head = re.sub(rb"<!--.*?-->", b"", file.read(HEAD), flags=re.DOTALL)
+    except (OSError, ValueError):
+        return otherwise  # which says why it cannot be read
+    found = FIRST.search(head)
+    return ROOTS.get(found[1], otherwise) if found else otherwise

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
+from ..model.model import LOST
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]
 KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "read")
@@ -65,6 +66,12 @@ class Report:
     def loaded(self) -> bool:
         """Whether nothing that acts is left out."""
         return not any(entry.acts for entry in self.of("left out"))
+
+    def told_to(self, model: Model) -> Model:
+        """The model, which knows from now on what of its file is left out and acts."""
+        lost = (f"{e.where}: {e.text}" for e in self.of("left out") if e.acts)
+        vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
+        return model
 
     def repaired(self, model: Model, *names: str) -> Model:
         """The model with the inertias in `repairs`: of these bodies, or of all.
@@ -300,7 +307,7 @@ class Folders:
             if root.name == package or root == self.package:
                 tries.append(root / inside)
             tries += [root / package / inside, root / inside]
-        tries += [p / inside for p in self.here.parents if p.name == package and self._inside(p)]
+        tries += [folder / inside for folder in self.here.parents if folder.name == package]
         return self._checked(tries)
 
     def _inside(self, path: Path) -> bool:

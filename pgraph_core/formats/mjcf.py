@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
 from .mjcf_parts import Group, Parts, is_set, within_margin
+from .mjcf_schema import newer
 
 Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -32,6 +32,7 @@ MOST_INCLUDES = 200
 MOST_COPIED = 20_000  # elements that <replicate> makes
 MOST_HEIGHTS = 4_000_000  # of a heightfield
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+ENCODINGS = {"utf-8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "windows-1252"}
 WORLD = "world"
 INITIAL = "initial state"  # a keyframe of this name is that
 
@@ -48,7 +49,7 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     files = _Files(path, Folders(path, roots))
     mujoco = needed("mujoco", "mjcf")
     try:
-        compiled = mujoco.MjSpec.from_file(str(path.absolute())).compile()
+        compiled = files.spec(mujoco).compile()
     except Exception as error:  # whatever MuJoCo raises of a file that it refuses
         text = " ".join(str(error).split())
         raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
@@ -87,13 +88,26 @@ def _whole(text: str) -> int:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
 
 
+def _readable(path: Path) -> Element:
+    """The root of an XML file that MuJoCo reads as we do. Raises FileError.
+
+    MuJoCo looks at bytes, whatever the encoding. In those of several bytes a letter may end in what
+    is a quote to MuJoCo, and the file that it opens would be another one than the one checked here.
+    """
+    root = read_markup(path)
+    if root.tag == "mujoco" and root.encoding not in ENCODINGS:
+        text = f"is in {root.encoding}, which MuJoCo does not read; save it in UTF-8"
+        raise FileError(Problem(path.name, "encoding", text))
+    return root
+
+
 class _Files:
     """The file and what it includes, looked through before MuJoCo opens anything."""
 
     def __init__(self, path: Path, folders: Folders):
         self.folders, self.lines = folders, dict[tuple[str, str], str]()
-        self.meshes: dict[str, Path] = {}
-        root = read_markup(path)
+        self.newer: list[tuple[str, str]] = []  # (place, attribute) beyond MuJoCo 4.0
+        root = _readable(path)
         if root.tag != "mujoco":
             do = "; give it to read_urdf" if root.tag == "robot" else ""
             text = f"holds <{root.tag}>, not the <mujoco> of an MJCF file{do}"
@@ -113,6 +127,16 @@ class _Files:
             for element in top.inside():
                 self._look(file, element)
 
+    def spec(self, mujoco: Any) -> Any:
+        """MuJoCo's description of the file, which it reads by its suffix if it knows that."""
+        path = self.roots[0][0].absolute()
+        if path.suffix.lower() in (".xml", ".urdf"):
+            return mujoco.MjSpec.from_file(str(path))
+        included = {str(file): file.read_bytes() for file, _ in self.roots[1:]}
+        spec = mujoco.MjSpec.from_string(path.read_text(), include=included)
+        spec.modelfiledir = str(path.parent)
+        return spec
+
     def _include(self, file: Path, top: Element) -> None:
         for element in top.inside():
             if element.tag != "include":
@@ -124,7 +148,7 @@ class _Files:
             if len(self.roots) > MOST_INCLUDES or any(path == known for known, _ in self.roots):
                 text = f"{path.name} is included twice, or more than {MOST_INCLUDES} files are"
                 raise FileError(Problem(f"{file.name}, line {element.line}, include", "", text))
-            inside = read_markup(path)
+            inside = _readable(path)
             self.roots.append((path, inside))
             self._include(path, inside)
 
@@ -138,8 +162,11 @@ class _Files:
 
     def _look(self, file: Path, element: Element) -> None:
         """Note where an element stands, and refuse files that lie outside."""
+        where = f"{file.name}, line {element.line}"
         if name := element.get("name"):
-            self.lines.setdefault((element.tag, name), f"{file.name}, line {element.line}")
+            self.lines.setdefault((element.tag, name), where)
+        for key in newer(element.tag, element.attributes):
+            self.newer.append((f"{where}, {element.tag}", key))
         for key, given in element.attributes.items():
             if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
                 where = f"{file.name}, line {element.line}, {element.tag}"
@@ -157,8 +184,6 @@ class _Files:
                 where = f"{file.name}, line {element.line}, {element.tag}"
                 text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
                 raise FileError(Problem(where, key, text))
-            if element.tag == "mesh" and there:
-                self.meshes[name or Path(given).stem] = there[0].resolve()
 
 
 class _Reader:
@@ -166,6 +191,7 @@ class _Reader:
         self.m, self.files, self.path = m, files, path
         self.report = Report(path.name)
         self.names = self._body_names()
+        self.taken = {*self.names}
         self.pivot = np.zeros((m.nbody, 3))
         self.groups = [self._grouped(b) for b in range(m.nbody)]
         self.place_of_joint: dict[int, tuple[str, int]] = {}
@@ -189,18 +215,22 @@ class _Reader:
     def result(self) -> tuple[Model, Report]:
         """The model and the report."""
         m, mujoco = self.m, needed("mujoco", "mjcf")
+        for where, key in self.files.newer:
+            text = f"attribute '{key}', which is newer than this reader"
+            self.report.add("left out", where, text, acts=True)
+        self.gravity = np.array(m.opt.gravity)
+        if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+            self.gravity[:] = 0.0
         parts = Parts(self)
+        self.planes = {*parts.floors, *parts.walls}
         bodies = [fields for b in range(1, m.nbody) for fields in self._bodies(b)]
         bodies += parts.world()
-        gravity = tuple(float(x) for x in m.opt.gravity)
-        if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-            gravity = (0.0, 0.0, 0.0)
         sites = parts.sites([body["name"] for body in bodies])
         outputs = parts.outputs(sites)
         fields: dict[str, Any] = {
             "name": self._name_of_model(),
             "up": "z",
-            "gravity": gravity,
+            "gravity": tuple(self.gravity.tolist()),
             "bodies": bodies,
             "constraints": parts.constraints(),
             "contacts": list[Contact](parts.contacts(bodies)),
@@ -222,9 +252,10 @@ class _Reader:
         mujoco.mj_kinematics(m, data)
         places = {self.names[b]: tuple(data.xpos[b].tolist()) for b in range(1, m.nbody)}
         suspect_units(self.report, model, reach_of(places))
-        text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {m.nu} actuators"
+        count = len(m.actuator_trnid)
+        text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {count} actuators"
         self.report.add("read", self.path.name, text)
-        return model, self.report
+        return self.report.told_to(model), self.report
 
     def _start(self, fields: dict[str, Any]) -> None:
         """A keyframe of this name is how the model starts."""
@@ -263,18 +294,41 @@ class _Reader:
         for j in joints:
             anchor = tuple(m.jnt_pos[j]) if self._anchored(j) else anchor
             anchored.append((j, anchor))
-        runs = [(pivot, [j for j, _ in run]) for pivot, run in groupby(anchored, lambda x: x[1])]
-        runs = runs or [((0.0,) * 3, list[int]())]
+        runs: list[tuple[tuple[float, ...], list[int]]] = []
+        for j, pivot in anchored:
+            if not runs or pivot != runs[-1][0] or self._repeats(j, runs[-1][1][-1]):
+                runs.append((pivot, []))
+            runs[-1][1].append(j)
+        runs = runs or [((0.0,) * 3, [])]
         name = self.names[b]
         if len(runs) > 1:
-            text = f"hinges at {len(runs)} places are bodies without mass in between"
-            self.report.add("converted", self.where("body", m.body(b).name), text, part=name)
+            text = f"its joints, at {len(runs)} places or along one axis, are bodies without mass"
+            self.report.add(
+                "converted", self.where("body", m.body(b).name), f"{text} in between", part=name
+            )
         self.pivot[b] = runs[-1][0]
         return [
-            Group(name if k == len(runs) - 1 else f"{name}/{k + 1}", tuple(js), np.array(pivot),
-                   k == len(runs) - 1)
+            Group(
+                name if k == len(runs) - 1 else self._between(name, k + 1),
+                tuple(js), np.array(pivot), k == len(runs) - 1,
+            )
             for k, (pivot, js) in enumerate(runs)
         ]  # fmt: skip
+
+    def _between(self, name: str, k: int) -> str:
+        """A name, not taken yet, for a body without mass before body `name`."""
+        found = f"{name}/{k}"
+        while found in self.taken:
+            found += "'"
+        self.taken.add(found)
+        return found
+
+    def _repeats(self, j: int, before: int) -> bool:
+        """Whether a joint moves along the axis of the joint before it, as backlash does."""
+        m = self.m
+        if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
+            return False
+        return bool(np.linalg.norm(np.cross(m.jnt_axis[j], m.jnt_axis[before])) < PARALLEL)
 
     def _anchored(self, j: int) -> bool:
         return self.m.jnt_type[j] in (BALL, HINGE)
@@ -404,8 +458,7 @@ class _Reader:
         """The geoms of a body as shapes."""
         m = self.m
         for g in range(m.body_geomadr[b], m.body_geomadr[b] + m.body_geomnum[b]):
-            found = self.solid(g, b)
-            if found:
+            if g not in self.planes and (found := self.solid(g, b)):
                 yield found
 
     def touches(self, g: int) -> bool:
@@ -420,10 +473,25 @@ class _Reader:
         kind, acts = int(m.geom_type[g]), self.touches(g)
         turn = unit(m.geom_quat[g].tolist())
         place = m.geom_pos[g] - self.pivot[b]
+        rgba = self._rgba(g)
+        hidden = rgba is not None and rgba[3] == 0.0
+        if hidden and not acts:
+            self.left_out(
+                "geom", m.geom(g).name, "a geom that is neither seen nor touched", acts=False
+            )
+            return None
         shape: dict[str, Any] = {
-            "role": "visual" if not acts else "collision" if m.geom_group[g] > 2 else "both",
-            **self._colour(g),
+            "role": "visual"
+            if not acts
+            else "collision"
+            if hidden or m.geom_group[g] > 2
+            else "both"
         }
+        if rgba is not None:
+            shape["colour"] = rgba[:3]
+        if rgba is not None and 0.0 < rgba[3] < 1.0:
+            text = f"a colour that is {1 - rgba[3]:.0%} transparent is opaque here"
+            self.report.add("approximated", self.where("geom", m.geom(g).name), text)
         match kind:
             case 2:
                 shape |= {"kind": "sphere", "radius": x}
@@ -446,8 +514,7 @@ class _Reader:
                 place = place - matrix(turn) @ shift
                 shape |= mesh
             case _:
-                name = {0: "plane"}.get(kind, f"geom of type {kind}")
-                text = f"a {name} on a body that is not flat ground"
+                text = "a plane on a body that moves" if kind == PLANE else f"a geom of type {kind}"
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
         return shape | {"position": tuple(place.tolist()), "rotation": unit(turn)}
@@ -461,26 +528,30 @@ class _Reader:
         size = (2 * x, 2 * y, below + float(heights.min()))
         return {"kind": "heightfield", "size": size, "heights": heights.tolist()}
 
-    def _colour(self, g: int) -> dict[str, Any]:
-        """The colour of a geom or of its material; none where it has MuJoCo's own grey."""
+    def _rgba(self, g: int) -> tuple[float, float, float, float] | None:
+        """The colour of a geom or of its material; None where it has MuJoCo's own grey."""
         m = self.m
         material, own = int(m.geom_matid[g]), m.geom_rgba[g]
-        if np.allclose(own, GREY):
+        if tuple(own.tolist()) == GREY:
             if material < 0:
-                return {}
+                return None
             own = m.mat_rgba[material]
-        red, green, blue = (float(x) for x in np.clip(own[:3], 0.0, 1.0))
-        return {"colour": (red, green, blue)}
+        red, green, blue, alpha = (float(x) for x in np.clip(own, 0.0, 1.0))
+        return red, green, blue, alpha
 
     def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
         """(shape, shift, turn): compiled vertices are turnᵀ (vertices of the file - shift)."""
         m = self.m
         k = int(m.geom_dataid[g])
         name = m.mesh(k).name
-        file = self.files.meshes.get(name)
-        if file is None or file.suffix.lower().lstrip(".") not in FORMATS:
-            kept = file.name if file is not None else "its numbers stand in the file itself"
-            self.left_out("mesh", name, f"of a format that is not read: {kept}", acts=acts)
+        at = int(m.mesh_pathadr[k])
+        if at < 0:
+            text = "its vertices stand in the model file: save it as an STL or OBJ file"
+            self.left_out("mesh", name, text, acts=acts)
+            return None
+        file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
+        if file.suffix.lower().lstrip(".") not in FORMATS:
+            self.left_out("mesh", name, f"of a format that is not read: {file.name}", acts=acts)
             return None
         sizes = tuple(float(x) for x in m.mesh_scale[k])
         scale = sizes[0] if len(set(sizes)) == 1 and sizes[0] > 0 else sizes
@@ -492,4 +563,5 @@ class _Reader:
 
 
 GREY = (0.5, 0.5, 0.5, 1.0)
+PARALLEL = 1e-9  # sine of the angle below which a model refuses two successive axes
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

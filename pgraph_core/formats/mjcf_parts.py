@@ -31,7 +31,7 @@ from ..model import (
 )
 from ..model.fields import EVERY, GROUND, name_problem
 from ..model.output import Kind
-from ..rotation import matrix, multiply, unit
+from ..rotation import matrix, multiply, quaternion_of, unit
 from .conversion import Report, suspect_rings
 
 Array = np.ndarray
@@ -72,6 +72,7 @@ class Reading(Protocol):
     report: Report
     names: list[str]  # of bodies, by MuJoCo's numbers
     pivot: Array  # (nbody, 3) our origins in their axes
+    gravity: Array  # (3,) that acts [m/s^2]
     groups: list[list[Group]]
     place_of_joint: dict[int, tuple[str, int]]  # body and degree of freedom
     freedoms: dict[str, int]  # of the joint of each body
@@ -111,6 +112,7 @@ class Parts:
     def __init__(self, reader: Reading):
         self.reader, self.m, self.report = reader, reader.m, reader.report
         self.obey_flags()
+        self.placed = self._placed()
         self.floors, self.walls = self._planes()
 
     def obey_flags(self) -> None:
@@ -134,10 +136,19 @@ class Parts:
                     getattr(m, array)[:] = 0
                 text = f"the file switches off: {name.lower()}"
                 self.report.add("converted", self.reader.path.name, text)
+        if m.opt.enableflags & int(needed("mujoco", "mjcf").mjtEnableBit.mjENBL_OVERRIDE):
+            sliding, _, spinning, rolling, _ = m.opt.o_friction
+            m.geom_friction[:] = (sliding, spinning, rolling)
+            m.pair_friction[:] = m.opt.o_friction
+            text = "the file overrides the friction of all geoms by o_friction"
+            self.report.add("converted", self.reader.path.name, text)
         self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
         self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
-        if m.nu and not self.driven:
-            text = f"the file switches off: actuation, so its {m.nu} actuators are left out"
+        self.actuators = len(m.actuator_trnid)
+        if self.actuators and not self.driven:
+            text = (
+                f"the file switches off: actuation, so its {self.actuators} actuators are left out"
+            )
             self.report.add("left out", self.reader.path.name, text)
 
     # -- equalities ------------------------------------------------------------------------------
@@ -239,17 +250,17 @@ class Parts:
             first, second = data[0:3], data[3:6]
         else:
             turn = unit(data[6:10].tolist())
-            second = data[0:3]
-            first = data[3:6] + matrix(turn) @ second
+            first, second = data[3:6], data[0:3]  # as for a connect, in the other order
         pivot, names = self.reader.pivot, self.reader.names
         ends = [(names[one], first - pivot[one]), (names[two], second - pivot[two])]
         if ends[0][0] == GROUND:
             ends.reverse()
         (body, point), (other, other_point) = ends
         if kind == WELD and not self._as_at_first(one, two, turn):
-            text = "a weld at another orientation than at first: it holds the one at first here"
-            where = self.reader.where("weld", name)
-            self.report.add("approximated", where, text, part=name)
+            text = (
+                "the orientation of a weld that is not met at first: it holds the one at first here"
+            )
+            self.reader.left_out("weld", name, text, acts=bool(m.eq_active0[e]))
         return Constraint(
             name=name, kind="weld" if kind == WELD else "point", body=body, other=other,
             point=tuple(point.tolist()), other_point=tuple(other_point.tolist()),
@@ -267,13 +278,25 @@ class Parts:
     # -- actuators -------------------------------------------------------------------------------
 
     def forces(self) -> Iterator[Force]:
-        """Actuators at rest, as motors and servos; compensation of gravity as wrenches."""
+        """Actuators at rest, as motors and servos; compensation of gravity as wrenches.
+
+        MuJoCo keeps names per kind of element. Of two elements with one name the later one gets
+        another name here.
+        """
         taken: set[str] = set()
-        for a in range(self.m.nu if self.driven else 0):
-            name = self.m.actuator(a).name or f"actuator {a + 1}"
+        for one in self._forces():
+            name = one.name
             while name in taken:
                 name += "'"
             taken.add(name)
+            if name != one.name:
+                text = f"is called {shown(name)} here: another force has its name"
+                self.report.add("converted", self.reader.path.name, f"{shown(one.name)} {text}")
+            yield one if name == one.name else one.model_copy(update={"name": name})
+
+    def _forces(self) -> Iterator[Force]:
+        for a in range(self.actuators if self.driven else 0):
+            name = self.m.actuator(a).name or f"actuator {a + 1}"
             if self._switched_off(a, name):
                 continue
             if (one := self._actuator(a, name)) is not None:
@@ -282,15 +305,33 @@ class Parts:
         yield from self._drags()
         yield from self._lifts()
 
+    def _channel(self, a: int) -> tuple[int, int]:
+        """Rows of an actuator's only output and input in MuJoCo's tables of them."""
+        m = self.m
+        if not hasattr(m, "actuator_outadr"):  # before MuJoCo 4 each actuator has one of both
+            return a, a
+        return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
+
+    def _several(self, a: int) -> str:
+        """Why an actuator has not one input and one output; "" where it has."""
+        m = self.m
+        inputs, outputs = (
+            int(table[a]) if (table := getattr(m, f"actuator_{word}num", None)) is not None else 1
+            for word in ("ctrl", "out")
+        )
+        if inputs == outputs == 1:
+            return ""
+        return f"an actuator with {inputs} inputs and {outputs} outputs, not one of each"
+
     def _lifts(self) -> Iterator[Wrench]:
         """Compensation of gravity as a wrench at the centre of mass of each body that has it."""
         m, lifted = self.m, list[str]()
         for b in np.flatnonzero(m.body_gravcomp):
             name = self.reader.names[b]
-            lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
+            lift = -self.reader.gravity * m.body_mass[b] * m.body_gravcomp[b]
             if not np.any(lift):
                 continue
-            if not m.nu or not self.driven:
+            if not self.actuators or not self.driven:
                 idle = [bool(m.jnt_actgravcomp[j]) for j in self._joints_above(int(b))]
                 if any(idle):
                     text = "actuatorgravcomp, which does nothing where no actuator acts"
@@ -423,7 +464,8 @@ class Parts:
         if sums is None or why:
             self.reader.left_out("actuator", name, why)
             return None
-        gear, gain = float(m.actuator_gear[a, 0]), float(m.actuator_gainprm[a, 0])
+        output, control = self._channel(a)
+        gear, gain = float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0])
         affine = m.actuator_biastype[a] == 1
         b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
         fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, sums, name)}
@@ -432,8 +474,8 @@ class Parts:
         else:
             fields["body"], fields["coordinate"] = self.reader.place_of_joint[target]
         low, high = -np.inf, np.inf
-        if m.actuator_ctrllimited[a]:
-            low, high = (float(x) for x in m.actuator_ctrlrange[a])
+        if m.actuator_ctrllimited[control]:
+            low, high = (float(x) for x in m.actuator_ctrlrange[control])
             fields |= {"input_low": low, "input_high": high}
         u = min(max(0.0, low), high)
         if m.actuator_dyntype[a] in FILTERS:
@@ -467,13 +509,18 @@ class Parts:
     def _strange(self, a: int) -> str:
         """Why an actuator has no place here; "" where it has."""
         m = self.m
+        if several := self._several(a):
+            return several
+        output, control = self._channel(a)
         if m.actuator_trntype[a] not in (*ON_JOINT, ON_TENDON):
             return "an actuator that does not act on a joint or tendon (on a site or body)"
         if m.actuator_trntype[a] != ON_TENDON and m.jnt_type[m.actuator_trnid[a, 0]] < 2:
             return "an actuator on a ball or free joint"
-        if m.actuator_gear[a, 0] == 0:
+        if m.actuator_gear[output, 0] == 0:
             return "an actuator with gear 0"
-        low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
+        low, high = -np.inf, np.inf
+        if m.actuator_ctrllimited[control]:
+            low, high = m.actuator_ctrlrange[control]
         least, most = m.actuator_actrange[a] if m.actuator_actlimited[a] else (-np.inf, np.inf)
         filtered = m.actuator_dyntype[a] in FILTERS
         if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
@@ -491,7 +538,8 @@ class Parts:
 
     def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:
         """Least and greatest torque, before the gear."""
-        m, gear = self.m, float(self.m.actuator_gear[a, 0])
+        m, (output, _) = self.m, self._channel(a)
+        gear = float(m.actuator_gear[output, 0])
         low, high = -np.inf, np.inf
         if m.actuator_forcelimited[a]:
             low, high = (float(x) for x in m.actuator_forcerange[a])
@@ -505,7 +553,7 @@ class Parts:
         for j, x in sums.items():
             if not m.jnt_actfrclimited[j]:
                 continue
-            of_joint = [s for b in range(m.nu) if j in (s := self._moved(b) or Sums())]
+            of_joint = [s for b in range(self.actuators) if j in (s := self._moved(b) or Sums())]
             if len(sums) == 1:
                 ends = sorted(float(end) / (gear * x) for end in m.jnt_actfrcrange[j])
                 low, high = max(low, ends[0]), min(high, ends[1])
@@ -559,10 +607,10 @@ class Parts:
         floors: list[int] = []
         walls: list[int] = []
         for g in range(m.ngeom):
-            if m.geom_type[g] != 0 or m.geom_bodyid[g] != 0:
+            if m.geom_type[g] != 0 or m.body_weldid[m.geom_bodyid[g]] != 0:
                 continue
-            normal = matrix(m.geom_quat[g].tolist())[:, 2]
-            flat = normal[2] > 1 - FLAT and abs(m.geom_pos[g, 2]) < FLAT
+            place, turn = self.placed[g]
+            flat = turn[2, 2] > 1 - FLAT and abs(place[2]) < FLAT
             touches = self.reader.touches(g)
             if not touches:
                 text = "a plane that touches nothing"
@@ -572,6 +620,14 @@ class Parts:
             else:
                 walls.append(g)
         return floors, walls
+
+    def _placed(self) -> list[tuple[Array, Array]]:
+        """Place and axes of each geom in the world, in the file's initial pose."""
+        mujoco, m = needed("mujoco", "mjcf"), self.m
+        data = mujoco.MjData(m)
+        mujoco.mj_kinematics(m, data)
+        axes = data.geom_xmat.reshape(-1, 3, 3)
+        return list(zip(data.geom_xpos.copy(), axes.copy(), strict=True))
 
     def world(self) -> list[dict[str, Any]]:
         """A body on the ground with the solids of the world, if there are any."""
@@ -592,7 +648,7 @@ class Parts:
         """Boxes whose face is a plane: one that touches, and where it has a size one to look at."""
         m = self.m
         drawn = [float(s) for s in m.geom_size[g][:2]]
-        normal = matrix(m.geom_quat[g].tolist())[:, 2]
+        place, axes = self.placed[g]
         where = self.reader.where("geom", m.geom(g).name)
         wide = [max(s, WIDE) for s in drawn]
         text = f"a plane that is not z = 0 is a box {THICK} m thick and {2 * min(wide):g} m wide"
@@ -602,8 +658,8 @@ class Parts:
                 yield {
                     "kind": "box",
                     "size": (2 * x, 2 * y, thick),
-                    "position": tuple((m.geom_pos[g] - thick / 2 * normal).tolist()),
-                    "rotation": unit(m.geom_quat[g].tolist()),
+                    "position": tuple((place - thick / 2 * axes[:, 2]).tolist()),
+                    "rotation": quaternion_of(axes),
                     "role": role if all(drawn) else "both",
                 }
 
@@ -643,40 +699,43 @@ class Parts:
 
     def _laws(self) -> dict[tuple[str, str], Law]:
         """(body, other) -> friction, of all pairs that may touch; the ground's planes are one."""
-        m, names = self.m, self.reader.names
+        m = self.m
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
         able = [g for g in range(m.ngeom) if self.reader.touches(g)]
-        found: dict[tuple[str, str], dict[tuple[int, int], Law]] = {}  # and by their geoms
-        for n, g in enumerate(able):
-            for h in able[:n]:
-                a, b = sorted((int(m.geom_bodyid[h]), int(m.geom_bodyid[g])))
-                masks = (m.geom_contype[g] & m.geom_conaffinity[h]) | (
-                    m.geom_contype[h] & m.geom_conaffinity[g]
-                )
-                if not masks or (a, b) in excluded or self._related(a, b):
+        alike: dict[Any, list[int]] = {}
+        for g in able:
+            alike.setdefault(self._alike(g), []).append(g)
+        found: dict[tuple[str, str], Counter[Law]] = {}  # pairs of geoms by their friction
+        listed = self._listed()
+        classes = list(alike.values())
+        for n, these in enumerate(classes):
+            for those in classes[: n + 1]:
+                g, h = these[0], those[0]
+                pair = self._pair(g, h)
+                if pair is None or not self._masks(g, h):
                     continue
-                pair = self._pair(names, g, h, a, b)
-                if pair is not None:
-                    found.setdefault(pair, {})[self._geoms(g, h)] = self._friction(g, h)
-        for p in np.flatnonzero(m.pair_dim):
-            g, h = int(m.pair_geom1[p]), int(m.pair_geom2[p])
-            a, b = sorted((int(m.geom_bodyid[g]), int(m.geom_bodyid[h])))
-            pair = self._pair(names, g, h, a, b)
-            if pair is not None:
-                one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
-                law = _law(int(m.pair_dim[p]), one, spin, roll)
-                found.setdefault(pair, {})[self._geoms(g, h)] = law
-        mixed = [pair for pair, laws in found.items() if len(set(laws.values())) > 1]
+                a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
+                if (a, b) in excluded or self._related(a, b):
+                    continue
+                planes = (these if g in self.floors else those) if GROUND in pair else ()
+                count = len(these) * len(those) // max(len(planes), 1)
+                count -= sum(k in listed for k in self._keys(these, those)) if listed else 0
+                found.setdefault(pair, Counter())[self._friction(g, h)] += count
+        for (g, h), law in listed.items():
+            if (pair := self._pair(g, h)) is not None:
+                found.setdefault(pair, Counter())[law] += 1
+        found = {pair: +laws for pair, laws in found.items() if +laws}
+        mixed = [pair for pair, laws in found.items() if len(laws) > 1]
         if mixed:
             text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
             self.report.add("approximated", self.reader.path.name, text)
-        count = Counter(GROUND if g in self.floors else self._name(m.geom_bodyid[g]) for g in able)
+        count = Counter(self._owner(g) for g in able)
         count[GROUND] = 1
         more = [
             f"'{body}' and '{other}'"
             for (body, other), laws in found.items()
-            if len(laws) < count[body] * count[other]
+            if laws.total() < count[body] * count[other]
         ]
         if more:
             text = "touch with all of their shapes; in the file some of their geoms do not touch"
@@ -692,22 +751,53 @@ class Parts:
                 f"{wide} geoms or pairs push before they touch, by their margin: here they do not"
             )
             self.report.add("approximated", self.reader.path.name, text)
-        return {pair: max(laws.values()) for pair, laws in found.items()}
+        return {pair: max(laws) for pair, laws in found.items()}
 
-    def _pair(self, names: list[str], g: int, h: int, a: int, b: int) -> tuple[str, str] | None:
-        """(body, other); None where nothing of it can move."""
-        if self.m.body_weldid[a] == self.m.body_weldid[b]:
+    def _alike(self, g: int) -> Any:
+        """What decides with whom a geom touches and how; geoms that share it are alike."""
+        m = self.m
+        rules = (m.geom_contype[g], m.geom_conaffinity[g], m.geom_condim[g], m.geom_priority[g])
+        return self._owner(g), int(m.geom_bodyid[g]), *map(int, rules), *m.geom_friction[g].tolist()
+
+    def _masks(self, g: int, h: int) -> bool:
+        """Whether the masks of two geoms let them touch."""
+        m = self.m
+        return bool(
+            m.geom_contype[g] & m.geom_conaffinity[h] or m.geom_contype[h] & m.geom_conaffinity[g]
+        )
+
+    def _listed(self) -> dict[tuple[int, int], Law]:
+        """Friction of the pairs of geoms that the file lists, whatever their masks are."""
+        m, found = self.m, dict[tuple[int, int], Law]()
+        for p in np.flatnonzero(m.pair_dim):
+            one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
+            key = self._geoms(int(m.pair_geom1[p]), int(m.pair_geom2[p]))
+            found[key] = _law(int(m.pair_dim[p]), one, spin, roll)
+        return found
+
+    def _keys(self, these: list[int], those: list[int]) -> set[tuple[int, int]]:
+        """All pairs of geoms of two classes."""
+        return {self._geoms(g, h) for g in these for h in those}
+
+    def _pair(self, g: int, h: int) -> tuple[str, str] | None:
+        """(body, other) of two geoms; None where nothing of it can move."""
+        m = self.m
+        a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
+        if m.body_weldid[a] == m.body_weldid[b]:
             return None
-        if {g, h} & {*self.floors}:
-            return names[b], GROUND
-        return self._name(a), names[b]
+        (_, body), (_, other) = sorted(((b, self._owner(h)), (a, self._owner(g))))
+        return (other, body) if body == GROUND else (body, other)
 
-    def _name(self, b: int) -> str:
-        return "world" if b == 0 else self.reader.names[b]
+    def _owner(self, g: int) -> str:
+        """The name of what has a geom here: the ground, "world", or a body."""
+        if g in self.floors:
+            return GROUND
+        b = int(self.m.geom_bodyid[g])
+        return "world" if b == 0 or g in self.walls else self.reader.names[b]
 
     def _geoms(self, g: int, h: int) -> tuple[int, int]:
-        """Two geoms, the smaller number first; all planes of the ground are -1."""
-        one, two = sorted(-1 if x in self.floors else x for x in (g, h))
+        """Two geoms, the smaller number first; all planes of the ground count as the first."""
+        one, two = sorted(self.floors[0] if x in self.floors else x for x in (g, h))
         return one, two
 
     def _related(self, a: int, b: int) -> bool:
@@ -881,11 +971,23 @@ class Parts:
         return q, v, beyond
 
     def rest(self) -> None:
-        """What is left out as a whole."""
+        """Report what is left out as a whole."""
         m, reader = self.m, self.reader
+        for table, text in (
+            ("geom_adhesion", "adhesion: it does not stick to what it touches"),
+            ("geom_surfacevel", "surfacevel: its surface does not move"),
+        ):
+            for g in range(m.ngeom):
+                if is_set(m, table, g) and reader.touches(g):
+                    reader.left_out("geom", m.geom(g).name, text)
+        for p in np.flatnonzero(m.pair_dim):
+            if is_set(m, "pair_adhesion", int(p)):
+                reader.left_out("pair", m.pair(int(p)).name, "adhesion of a pair")
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),
             (m.nplugin, "plugins", True),
+            (m.ntex, "textures", False),
+            (m.nskin, "skins", False),
             (m.ncam, "cameras", False),
             (m.nlight, "lights", False),
         ):

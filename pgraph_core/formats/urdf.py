@@ -55,6 +55,8 @@ LOOPS = {  # types of <loop_joint> -> kinds of constraints
     "ball": "point",
 }
 WORLD = "world"  # a root link of this name without content is the ground
+ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
+XACRO = "of xacro, which has to expand the file first: xacro robot.urdf.xacro > robot.urdf"
 KNOWN = {"link", "joint", "material", "loop_joint"}  # of what stands in <robot>
 OF_LINK = {"inertial", "visual", "collision"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
@@ -94,17 +96,22 @@ class _Reader:
         self.faults: list[PgraphError] = []
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
-            do = "; give it to read_mjcf" if robot.tag == "mujoco" else ""
-            raise self.source.wrong(robot, "", text + do)
+            do = "; it is MJCF: call read_mjcf, or give it a name that ends in .xml"
+            raise self.source.wrong(robot, "", text + do * (robot.tag == "mujoco"))
+        self._refuse_macros()
         self.links: dict[str, Element] = {}
         for name, element in self._named("link"):
             self.links.setdefault(name, element)
         if not (self.links or self.faults):
             raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
         self.joints = self._joints()
-        self.colours = {
-            m.get("name"): rgba for m in robot.all("material") if (rgba := self._rgba(m))
-        }
+        self.colours: dict[str, tuple[float, ...]] = {}
+        self.wrong_colours: set[Element] = set()
+        visuals = (v for link in self.links.values() for v in link.all("visual"))
+        for owner in (robot, *visuals):  # a name is known to all links, wherever it is defined
+            for material in owner.all("material"):
+                if material.get("name") not in self.colours and (rgba := self._rgba(material)):
+                    self.colours[material.get("name")] = rgba
 
     def result(self) -> tuple[Model, Report]:
         """The model and the report."""
@@ -127,6 +134,7 @@ class _Reader:
             found = [problem for fault in self.faults for problem in fault.problems]
             raise (ModelError if of_model else FileError)(found)
         self._left_out()
+        fields["bodies"] = self._following(bodies, fields["constraints"])
         try:
             model = Model(**fields)
         except ModelError as error:
@@ -137,7 +145,7 @@ class _Reader:
         moving = sum(body.joint != "weld" for body in model.bodies)
         text = f"{len(bodies)} links, {moving} joints that move, {len(model.forces)} motors"
         self.report.add("read", self.source.name, text)
-        return model, self.report
+        return self.report.told_to(model), self.report
 
     # -- faults: all are found before the file is refused ----------------------------------------
 
@@ -159,6 +167,20 @@ class _Reader:
 
     def _number(self, element: Element | None, name: str, default: float, what: str) -> float:
         return self._numbers(element, name, (default,), what)[0]
+
+    def _bound(self, element: Element | None, name: str, what: str) -> float:
+        """A number that may be infinite, for no bound; 0 where it is not given."""
+        read = self.source.number
+        return self._noted(0.0, lambda: read(element, name, 0.0, what, infinite=True))
+
+    def _refuse_macros(self) -> None:
+        """Raise FileError where macros of xacro are left, which mean nothing in a URDF file."""
+        for element in self.robot.inside():
+            if element.tag.startswith("xacro:"):
+                raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")
+            for key, value in element.attributes.items():
+                if "${" in value or "$(" in value:
+                    raise self.source.wrong(element, key, f"holds {shown(value)} {XACRO}")
 
     # -- the tree --------------------------------------------------------------------------------
 
@@ -341,8 +363,9 @@ class _Reader:
             text = f"a {kind} joint should have limits; it has none and moves freely here"
             self.report.add("warning", where, text, part=joint.child)
             return {}
-        low = self._number(limit, "lower", 0.0, what)
-        high = self._number(limit, "upper", 0.0, what)
+        low, high = (self._bound(limit, name, what) for name in ("lower", "upper"))
+        if low == -math.inf and high == math.inf:
+            return {}
         if low == high == 0.0:
             text = "the limits 0 and 0 would hold the joint; it is taken to have none"
             self.report.add("converted", where, text, part=joint.child)
@@ -360,7 +383,8 @@ class _Reader:
         if start != 0.0:
             text = f"0 lies outside of the limits {shown((low, high))}; it starts at {start:.6g}"
             self.report.add("warning", where, text, part=joint.child)
-        return {"limits": (low, high), "q": (start,)}
+        ends = tuple(end if math.isfinite(end) else None for end in (low, high))
+        return {"limits": [ends], "q": (start,)}
 
     def _inertial(self, element: Element, what: str, name: str, still: bool) -> dict[str, Any]:
         inertial = element.first("inertial")
@@ -392,7 +416,15 @@ class _Reader:
         shapes: list[dict[str, Any]] = []
         for role in ("visual", "collision"):
             for element in link.all(role):
-                shape = self._noted(None, self._shape, element, what, name, role)
+                try:
+                    shape = self._shape(element, what, name, role)
+                except FileError as error:
+                    if role == "collision":
+                        self.faults.append(error)
+                    else:  # what is only seen moves nothing
+                        where = self.source.at(element, what)
+                        self.report.add("left out", where, f"a visual: {_said(error)}", part=name)
+                    continue
                 if shape is None:
                     continue
                 twin = next((s for s in shapes if self._same(s, shape)), None)
@@ -413,8 +445,8 @@ class _Reader:
         if solid is None:
             self.report.add("left out", where, f"a {role} without geometry", part=name)
             return None
-        if solid.tag == "sphere" and self.source.number(solid, "radius", 1.0, what) == 0:
-            text = f"a {role} of radius 0, which touches nothing here"
+        if zero := self._zero(solid, what):
+            text = f"a {role} of {zero} 0, which is no solid"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
         position, rotation = self._pose(element, what)
@@ -442,6 +474,17 @@ class _Reader:
                 self.report.add("left out", where, text, acts=acts, part=name)
                 return None
         return shape
+
+    def _zero(self, solid: Element, what: str) -> str:
+        """The dimension of a solid that is zero, so that it is a placeholder; "" for none."""
+        sizes = {"box": {"size": (1.0,) * 3}, "sphere": {"radius": (1.0,)}}
+        round_ = {"radius": (1.0,), "length": (1.0,)}
+        given = sizes.get(solid.tag, round_ if solid.tag in ("cylinder", "capsule") else {})
+        for field, default in given.items():
+            found = self.source.numbers(solid, field, default, what)
+            if min(found) >= 0 and not all(found) and not (solid.tag == "capsule" == field):
+                return field
+        return ""
 
     def _plane(
         self, solid: Element, position: Any, rotation: Any, where: str, name: str, what: str
@@ -484,7 +527,12 @@ class _Reader:
             text = f"mesh {shown(given)}: {path.suffix} files are not read; give {choices(FORMATS)}"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
-        scale = self._numbers(solid, "scale", (1.0, 1.0, 1.0), what)
+        if len(solid.get("scale").split()) == 1:
+            scale = (self.source.number(solid, "scale", 1.0, what),) * 3
+            text = f"mesh {shown(given)}: its one scale holds for all three directions"
+            self.report.add("converted", where, text, part=name)
+        else:
+            scale = self.source.numbers(solid, "scale", (1.0, 1.0, 1.0), what)
         if not all(1e-9 < abs(x) < 1e9 for x in scale):
             text = f"must be three numbers that are not zero; given {shown(scale)}"
             raise self.source.wrong(solid, "scale", text, what)
@@ -497,10 +545,16 @@ class _Reader:
         return mesh
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
+        """The colour of a material; one that is wrong is left out, since it moves nothing."""
         colour = material.first("color")
-        if colour is None:
+        if colour is None or colour in self.wrong_colours:
             return None
-        rgba = self._numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
+        try:
+            rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
+        except FileError as error:
+            self.wrong_colours.add(colour)
+            self.report.add("left out", self.source.at(colour, "material"), _said(error))
+            return None
         return tuple(min(max(x, 0.0), 1.0) for x in rgba)
 
     def _colour(self, visual: Element) -> tuple[float, ...] | None:
@@ -547,6 +601,22 @@ class _Reader:
         suspect_rings(self.report, gears)
         return found
 
+    def _following(self, bodies: list[Body], constraints: list[Constraint]) -> list[Body]:
+        """The bodies, those that follow others where their leaders put them at first."""
+        found = {body.name: body for body in bodies}
+        gears = {c.body: c for c in constraints if isinstance(c, Gear)}
+
+        def start(name: str, followers: tuple[str, ...] = ()) -> float:
+            gear = gears.get(name)
+            if gear is None or name in followers:  # a leader, or a ring of gears
+                return found[name].q[0]
+            return gear.ratio * start(gear.other, (*followers, name)) + gear.offset
+
+        for name in gears:
+            if (q := start(name)) != found[name].q[0]:
+                found[name] = found[name].model_copy(update={"q": (q,)})
+        return list(found.values())
+
     def _loops(self) -> list[Constraint]:
         """<loop_joint>s: a joint of the type holds the poses on <link1> and <link2> together."""
         found: list[Constraint] = []
@@ -588,11 +658,11 @@ class _Reader:
             if limit is None or kind not in ("revolute", "continuous", "prismatic"):
                 continue
             what = f"joint {shown(joint.name)}"
-            effort = self._number(limit, "effort", 0.0, what)
-            speeds += self._number(limit, "velocity", 0.0, what) > 0
+            effort = self._bound(limit, "effort", what)
+            speeds += 0 < self._bound(limit, "velocity", what) < math.inf
             if effort > 0 and joint.element.first("mimic") is None:
-                body = self._body_name(joint.child)
-                found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=effort))
+                body, most = self._body_name(joint.child), effort if effort < math.inf else None
+                found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=most))
         if speeds:
             text = f"{speeds} limits of velocity: nothing here bounds a velocity"
             self.report.add("left out", self.source.name, text)
@@ -618,10 +688,17 @@ class _Reader:
                 many += ", which means nothing inside of this element"
             elif close:
                 many += f"; did you mean <{close[0]}>?"
-            self.report.add("left out", self.source.at(first[tag]), many, acts=bool(close))
+            acts = bool(close) or tag in ACTING
+            self.report.add("left out", self.source.at(first[tag]), many, acts=acts)
         if count := getattr(self, "hulls", 0):
             text = f"{count} collision meshes touch by their convex hulls"
             self.report.add("approximated", self.source.name, text)
+
+
+def _said(error: FileError) -> str:
+    """The field and the text of an error's first problem, without its place."""
+    problem = error.problems[0]
+    return f"{problem.field} {problem.text}" if problem.field else problem.text
 
 
 def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:

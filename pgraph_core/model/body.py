@@ -37,8 +37,8 @@ from .fields import (
     Vec3s,
     along,
     field,
+    inertia_matrix,
     listed,
-    matrix3,
     maybe_vector,
     name_problem,
     per_motion,
@@ -128,8 +128,9 @@ class Body(Described):
         help="in body axes",
     )  # fmt: skip
     inertia: Mat3 = field(
-        "a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
-        converter=matrix3, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
+        "a symmetric 3x3 matrix of finite numbers about the centre of mass, or three principal "
+        "moments [kg m^2]",
+        converter=inertia_matrix, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
         unit="kg m²", help="in body axes; symmetric",
     )  # fmt: skip
     tip: Vec3 | None = field(

@@ -37,7 +37,8 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
         turns = any(m.kind != "translate" for m in body.sequence)
         arm = body.mass * sum(x * x for x in body.com)
         counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
-        if turns and counts and body.mass != DEFAULT_MASS and body.inertia == DEFAULT_INERTIA:
+        left = body.inertia == DEFAULT_INERTIA and "inertia" not in body.model_fields_set
+        if turns and counts and body.mass != DEFAULT_MASS and left:
             shape = "" if body.shape else "a shape and "
             yield (
                 f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "

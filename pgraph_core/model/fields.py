@@ -131,6 +131,19 @@ def _ordered(value: Any) -> Any:
     return listed(value)
 
 
+def _inertia(value: Any) -> Any:
+    """A matrix; three numbers are the moments about the axes of the body."""
+    value = _ordered(value)
+    if (
+        isinstance(value, tuple)
+        and len(value) == 3
+        and not any(isinstance(x, tuple) for x in value)
+    ):
+        a, b, c = value
+        return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+    return value
+
+
 def _per_motion(value: Any) -> Any:
     value = _ordered(value)
     return (value,) if isinstance(value, (int, float)) else value
@@ -142,7 +155,7 @@ Row3 = tuple[Finite, Finite, Finite]
 Number = Annotated[Finite, BeforeValidator(listed)]
 Vec3 = Annotated[Row3, BeforeValidator(_ordered)]
 Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(_ordered)]
-Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_ordered)]
+Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_inertia)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_ordered)]
 Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_ordered)]
 Flag = Annotated[bool, Strict(), BeforeValidator(listed)]
@@ -171,9 +184,9 @@ def quaternion(value: npt.ArrayLike) -> Quat:
     return listed(value)
 
 
-def matrix3(value: npt.ArrayLike) -> Mat3:
-    """(3, 3) numbers."""
-    return listed(value)
+def inertia_matrix(value: npt.ArrayLike) -> Mat3:
+    """(3, 3) numbers, or the (3,) of its diagonal."""
+    return _inertia(value)
 
 
 def per_motion(value: npt.ArrayLike) -> PerMotion:

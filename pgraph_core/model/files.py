@@ -33,6 +33,20 @@ NOT_JSON = {
     ".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png", ".svg", ".mp4",
     ".stl", ".obj", ".dae", ".ply", ".md", ".py", ".zip", ".pkl",
 }  # fmt: skip
+CONVERT = {  # suffix of a format that is not read -> what it is, and what to do
+    ".xacro": "holds macros of xacro; expand it first: xacro robot.urdf.xacro > robot.urdf",
+    ".sdf": "is SDF, which is not read; give a URDF or MJCF file of the model",
+    ".world": "is SDF, which is not read; give a URDF or MJCF file of the model",
+    ".usd": "is USD, which is not read; export URDF or MJCF from the program that made it",
+    ".usda": "is USD, which is not read; export URDF or MJCF from the program that made it",
+    ".usdc": "is USD, which is not read; export URDF or MJCF from the program that made it",
+    ".usdz": "is USD, which is not read; export URDF or MJCF from the program that made it",
+    ".step": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
+    ".stp": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
+    ".iges": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
+    ".igs": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
+    ".mjb": "is a compiled model of MuJoCo; give the MJCF file that it was made from",
+}
 FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
 
 LARGEST = 64_000_000  # bytes of a file
@@ -206,6 +220,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 def read(path: str | Path) -> str:
     """The text of a file. Raises FileError."""
+    if why := CONVERT.get(Path(path).suffix.lower()):
+        raise FileError(Problem(shown_path(path), "", why))
     try:
         return content_of(path, LARGEST).decode()
     except UnicodeDecodeError as error:

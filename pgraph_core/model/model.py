@@ -69,6 +69,7 @@ OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "ar
 
 Part = Body | Constraint | Contact | Force | Scenario | Site | Output
 TOLD = "edits told"  # among the attributes of a model
+LOST = "lost in reading"  # likewise
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -201,6 +202,14 @@ class Model(World):
     def told(self) -> tuple[str, ...]:
         """The notices of all edits since the model was made or read."""
         return vars(self).get(TOLD, ())
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """What acts in the file that the model was read from and is not in the model.
+
+        A sentence each, empty for files of Pgraph. Edits keep them, and a run repeats them.
+        """
+        return vars(self).get(LOST, ())
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -651,6 +660,7 @@ class Model(World):
             fields = {**fields, "formulas": still_true(self.formulas, now, self.parameters)}
         new = type(self)(**{**fields_of(self), **fields})
         vars(new)[TOLD] = self.told
+        vars(new)[LOST] = self.lost
         return new
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -679,6 +689,7 @@ class Model(World):
         model = self.unchecked_copy(fields)
         said = tuple(notices)
         vars(model)["notices"] = said  # not a field: equality ignores it
+        vars(model)[LOST] = self.lost
         if told := dict.fromkeys((*self.told, *said)):
             moot = followed_tips(model.bodies, model.row)
             vars(model)[TOLD] = tuple(text for text in told if text not in moot)

@@ -168,11 +168,13 @@ class Result(EqualByFields, Hinting):
         """
         joints = self.mechanism.joints
         if not isinstance(name, str) or name not in joints:
-            if isinstance(name, str) and name not in ARRAYS and name not in self.mechanism.names:
-                columns = columns_of(self)
-                if found := meant(columns, name):
-                    picked = [columns[c].values for c in found]
-                    return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
+            columns = columns_of(self) if isinstance(name, str) else {}
+            if name in columns:
+                return columns[name].values
+            other = not columns or name in ARRAYS or name in self.mechanism.names
+            if not other and (found := meant(columns, name)):
+                picked = [columns[c].values for c in found]
+                return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
             raise InputError(Problem("run", "name", self._no_joint(name)))
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]

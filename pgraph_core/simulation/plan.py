@@ -256,7 +256,7 @@ def _plan_with(
     }
     edits = (f"an edit of the model: {text}" for text in mech.model.told)
     told = (*_stiff(plan, rate), *_bent(plan), *_hard(plan), *_filled(plan))
-    notices = (*edits, *mech.model.doubts, *told)
+    notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts, *told)
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
@@ -709,6 +709,14 @@ def _corners_inside(bends: Array, times: Array, width: Array) -> Array:
 
 
 # -- notices -------------------------------------------------------------------------------------
+
+
+def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
+    """A notice of what the reader of a file left out of the model, which a run cannot show."""
+    if not lost:
+        return ()
+    text = "parts of the file that act are not in the model, so this is another motion than the "
+    return (f"{text}file's: {choices(lost, 3)}; model.lost has all {len(lost)}",)
 
 
 def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:

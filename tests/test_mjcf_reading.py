@@ -1,0 +1,299 @@
+"""MJCF files are read as MuJoCo reads them, and what is left out is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.formats.mjcf_schema import ACTUATORS, KNOWN, newer
+
+mujoco = pytest.importorskip("mujoco")
+
+
+def read(tmp_path, text, name="model.xml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return pg.read_mjcf(path)
+
+
+def world(inside, *, option="", rest=""):
+    return f"<mujoco><option {option}/><worldbody>{inside}</worldbody>{rest}</mujoco>"
+
+
+def left_out(report):
+    return " ".join(str(entry) for entry in report.of("left out") if entry.acts)
+
+
+ARM = '<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1"/>'
+BOX = '<geom type="box" size=".1 .1 .1" mass="1"/>'
+POSES = [  # of the first body, of the second in it, and an anchor in the second
+    ((0.0, 0.0, 0.0), (1, 0, 0, 0), (0.0, 0.0, 0.0)),
+    ((0.3, 0.0, 0.1), (1, 0, 0, 0), (0.1, 0.2, 0.3)),
+    ((0.3, -0.2, 0.1), (1, 1, 0, 0), (0.1, 0.0, -0.3)),
+    ((1.0, 2.0, 3.0), (1, 2, 3, 4), (-0.5, 0.2, 0.7)),
+    ((0.0, 0.0, 1e-3), (0, 0, 1, 0), (1e-3, 0.0, 2e-3)),
+]
+
+
+def numbers(values):
+    return " ".join(repr(float(x)) for x in values)
+
+
+@pytest.mark.parametrize("kind", ["weld", "connect"])
+@pytest.mark.parametrize(("place", "turn", "anchor"), POSES)
+def test_an_equality_that_is_met_at_first_moves_nothing(tmp_path, kind, place, turn, anchor):
+    """The anchor is a point of both bodies, so the points of the constraint coincide at first."""
+    bodies = f"""<body name="a" pos="0.1 0 0"><joint axis="0 1 0"/>{ARM}</body>
+      <body name="b" pos="{numbers(place)}" quat="{numbers(turn)}"><freejoint/>{BOX}</body>"""
+    tied = f"<equality><{kind} body1='a' body2='b' anchor='{numbers(anchor)}'/></equality>"
+    model, report = read(tmp_path, world(bodies, option='gravity="0 0 0"', rest=tied))
+    assert report.loaded
+    mech = pg.Mechanism(model)
+    q, _ = mech.home()
+    assert np.abs(mech.assemble(q)[0] - q).max() < 1e-12
+
+
+@pytest.mark.parametrize("lift", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("gravity", ["0 0 -9.81", "3 0 -9.81", "0 0 0"])
+@pytest.mark.parametrize("flag", ["enable", "disable"])
+def test_compensation_of_gravity_acts_with_gravity_only(tmp_path, lift, gravity, flag):
+    body = f'<body name="a" gravcomp="{lift}"><joint type="slide" axis="0 0 1"/>{BOX}</body>'
+    option = f'gravity="{gravity}"><flag gravity="{flag}" contact="disable"/></option><option '
+    text = world(body, option=option)
+    model, _ = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    run = pg.simulate(model, t_end=0.1, step=0.01)
+    assert run.q[-1, 0] == pytest.approx(data.qacc[0] * 0.1**2 / 2, abs=1e-12)
+
+
+CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("compiler", "expected"),
+    [
+        ('meshdir="meshes"', "meshes/part.obj"),
+        ('assetdir="meshes"', "meshes/part.obj"),
+        ('meshdir="deep/er"', "deep/er/part.obj"),
+        ("", "part.obj"),
+        ('meshdir="."', "part.obj"),
+    ],
+)
+def test_a_mesh_is_the_file_that_mujoco_takes(tmp_path, compiler, expected):
+    for folder in (".", "meshes", "deep/er"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder / "part.obj").write_text(CUBE)
+    body = '<body name="a"><joint axis="0 1 0"/><geom type="mesh" mesh="part" mass="1"/></body>'
+    text = world(body, rest='<asset><mesh name="part" file="part.obj"/></asset>')
+    model, _ = read(tmp_path, text.replace("<option", f"<compiler {compiler}/><option"))
+    (shape,) = model.bodies[0].shapes
+    assert shape.file == str((tmp_path / expected).resolve())
+
+
+@pytest.mark.parametrize("prefix", ["left_", "right/", "x"])
+def test_meshes_of_an_attached_model_are_found(tmp_path, prefix):
+    (tmp_path / "part.obj").write_text(CUBE)
+    (tmp_path / "part.xml").write_text(
+        '<mujoco><asset><mesh name="p" file="part.obj"/></asset><worldbody><body name="tip">'
+        '<joint axis="0 1 0"/><geom type="mesh" mesh="p" mass="1"/></body></worldbody></mujoco>'
+    )
+    base = f'<body name="base"><joint axis="0 1 0"/>{ARM}<frame pos=".3 0 0">'
+    base += f'<attach model="m" body="tip" prefix="{prefix}"/></frame></body>'
+    model, report = read(
+        tmp_path, world(base, rest='<asset><model name="m" file="part.xml"/></asset>')
+    )
+    assert report.loaded
+    assert model.body(f"{prefix}tip").shapes[0].file == str((tmp_path / "part.obj").resolve())
+
+
+ODD = [  # an actuator that has no place here
+    '<pid name="odd" joint="h" kp="50" kv="5" input="pos vel"/>',
+    '<orientation name="odd" joint="ball" kp="10" kv="1"/>',
+    '<dcmotor name="odd" joint="h" motorconst=".05" resistance="2" input="none"/>',
+    '<dcmotor name="odd" joint="h" motorconst=".05" resistance="2"/>',
+    '<muscle name="odd" joint="h" lengthrange="0 1"/>',
+]
+PLAIN = '<motor name="plain" joint="h" gear="3" ctrllimited="true" ctrlrange="-2 2"/>'
+
+
+@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.parametrize("first", [True, False])
+def test_actuators_are_counted_as_actuators_not_as_inputs(tmp_path, odd, first):
+    body = f"""<body name="eye"><joint name="ball" type="ball"/>{BOX}
+      <body name="lid" pos=".1 0 0"><joint name="h" axis="0 1 0"/>{ARM}</body></body>"""
+    two = f"{odd}{PLAIN}" if first else f"{PLAIN}{odd}"
+    text = world(body, rest=f"<actuator>{two}</actuator>")
+    model, report = read(tmp_path, text)
+    (motor,) = model.forces
+    assert (motor.name, motor.gear, motor.input_high) == ("plain", 3.0, 2.0)
+    assert "odd" in left_out(report)
+    assert not report.loaded
+
+
+@pytest.mark.parametrize("friction", ["1.5 1.5 .1 .01 .01", "0 0 0 0 0", ".3 .3 0 0 0"])
+def test_an_override_of_friction_holds_for_all(tmp_path, friction):
+    bodies = f'<geom type="plane" size="9 9 .1" friction=".05"/><body><freejoint/>{BOX}</body>'
+    option = f'o_friction="{friction}"><flag override="enable"/></option><option '
+    model, _ = read(tmp_path, world(bodies, option=option))
+    assert [c.friction for c in model.contacts] == [float(friction.split()[0])]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "word"),
+    [('adhesion="50"', "adhesion"), ('surfacevel=".5 0 0 0 0 0"', "surfacevel")],
+)
+@pytest.mark.parametrize("where", ["geom", "default", "class"])
+def test_what_a_surface_does_and_cannot_do_here_is_named(tmp_path, attribute, word, where):
+    own = {"geom": attribute, "default": "", "class": 'class="c"'}[where]
+    default = {
+        "geom": "",
+        "default": f"<default><geom {attribute}/></default>",
+        "class": f'<default><default class="c"><geom {attribute}/></default></default>',
+    }[where]
+    belt = f'<geom name="belt" type="box" size="2 .5 .1" pos="0 0 -.1" {own}/>'
+    text = world(f"{belt}<body><freejoint/>{BOX}</body>").replace("<option", f"{default}<option")
+    _, report = read(tmp_path, text)
+    assert not report.loaded
+    assert word in left_out(report)
+    assert "belt" in left_out(report)
+
+
+@pytest.mark.parametrize("pos", ["0 0 0", "0 0 -.5", "1 2 .3"])
+@pytest.mark.parametrize("turn", ["1 0 0 0", "0.9 0.1 0 0"])
+def test_a_plane_of_a_body_that_stands_still_carries(tmp_path, pos, turn):
+    """A box that is dropped on it stays above its surface, as on a plane of the world."""
+    floor = (
+        f'<body name="floor" pos="{pos}" quat="{turn}"><geom type="plane" size="5 5 .1"/></body>'
+    )
+    ball = '<body name="ball" pos="0 0 2"><freejoint/><geom size=".1" mass="1"/></body>'
+    for bodies in (floor + ball, ball + floor):
+        model, report = read(tmp_path, world(bodies))
+        assert report.loaded
+        gap = pg.simulate(model, t_end=1.0, step=2e-3).contact_gap
+        assert min(np.nanmin(each) for each in gap.values()) > -1e-6
+
+
+def test_parts_of_two_kinds_may_have_one_name(tmp_path):
+    body = f'<body name="x"><joint name="x" axis="0 1 0" damping=".1"/>{ARM}</body>'
+    rest = """<tendon><fixed name="x" stiffness="3"><joint joint="x" coef="1"/></fixed></tendon>
+      <actuator><motor name="x" joint="x"/></actuator>
+      <equality><joint name="x" joint1="x" active="false"/></equality>"""
+    model, report = read(tmp_path, world(body, rest=rest))
+    assert report.loaded
+    assert len({force.name for force in model.forces}) == 2
+
+
+@pytest.mark.parametrize("suffix", ["xml", "mjcf", "urdf"])
+def test_meshes_and_includes_are_found_whatever_the_suffix(tmp_path, suffix):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "part.obj").write_text(CUBE)
+    inside = '<geom type="mesh" mesh="part" mass="1"/>'
+    (tmp_path / "inside.xml").write_text(f"<mujoco>{inside}</mujoco>")
+    body = '<body name="a"><joint axis="0 1 0"/><include file="inside.xml"/></body>'
+    text = world(body, rest='<asset><mesh name="part" file="part.obj"/></asset>')
+    text = text.replace("<option", '<compiler meshdir="meshes"/><option')
+    model, report = read(tmp_path, text, f"model.{suffix}")
+    assert report.loaded
+    assert model.bodies[0].shapes[0].file == str((tmp_path / "meshes" / "part.obj").resolve())
+
+
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+@pytest.mark.parametrize("axes", [("0 1 0", "0 1 0"), ("0 1 0", "0 -2 0"), ("1 2 3", "1 2 3")])
+def test_two_joints_along_one_axis_move_as_in_mujoco(tmp_path, kind, axes):
+    """A motor and its backlash: armature makes the mass matrix regular."""
+    first, second = axes
+    body = f"""<body name="a"><joint name="motor" type="{kind}" axis="{first}" armature=".05"/>
+      <joint name="play" type="{kind}" axis="{second}" armature=".001"/>{ARM}</body>"""
+    text = world(body)
+    model, report = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    mech = pg.Mechanism(model)
+    assert report.loaded
+    np.testing.assert_allclose(mech.forward_dynamics(*mech.home()), data.qacc, rtol=1e-9)
+
+
+@pytest.mark.parametrize("child", ["arm/1", "arm/2", "arm/1'", "arm2"])
+def test_names_that_are_made_here_avoid_those_of_the_file(tmp_path, child):
+    body = f"""<body name="arm"><joint axis="0 1 0"/><joint axis="1 0 0" pos=".1 0 0"/>{ARM}
+      <body name="{child}" pos=".3 0 0"><joint axis="0 1 0"/>{ARM}</body></body>"""
+    model, _ = read(tmp_path, world(body))
+    assert len({b.name for b in model.bodies}) == 3
+    assert {"arm", child} < {b.name for b in model.bodies}
+
+
+@pytest.mark.parametrize(("alpha", "seen"), [(0.0, False), (0.3, True), (1.0, True)])
+@pytest.mark.parametrize("touches", [0, 1])
+def test_what_is_transparent_in_the_file_hides_nothing(tmp_path, alpha, seen, touches):
+    zone = f'<geom size=".5" rgba="1 0 0 {alpha}" contype="{touches}" conaffinity="{touches}"/>'
+    model, report = read(tmp_path, world(f"<body><joint/>{BOX}{zone}</body>"))
+    spheres = [s for s in model.bodies[0].shapes if s.kind == "sphere"]
+    assert [s.role != "collision" for s in spheres] == ([seen] if seen or touches else [])
+    assert ("transparent" in str(report)) == (0 < alpha < 1)
+
+
+def test_a_weld_at_another_orientation_is_not_loaded(tmp_path):
+    bodies = f'<body name="a"><joint axis="0 1 0"/>{ARM}</body>'
+    bodies += f'<body name="b" pos=".5 0 0"><freejoint/>{BOX}</body>'
+    tied = '<equality><weld name="w" body1="a" body2="b" relpose=".5 0 0 1 0 0 1"/></equality>'
+    _, report = read(tmp_path, world(bodies, rest=tied))
+    assert not report.loaded
+    assert "weld 'w'" in left_out(report)
+
+
+@pytest.mark.parametrize("count", [1, 40, 400])
+def test_pairs_of_equal_geoms_are_one_contact(tmp_path, count):
+    """The number of contacts does not grow with the number of geoms that are alike."""
+    boxes = "".join(f'<geom type="box" size=".1 .1 .1" pos="{k} 0 0"/>' for k in range(count))
+    model, report = read(tmp_path, world(f"{boxes}<body pos='0 0 9'><freejoint/>{BOX}</body>"))
+    assert len(model.contacts) == 1
+    assert "do not touch" not in str(report)
+
+
+@pytest.mark.parametrize("rule", ["<exclude body1='a' body2='b'/>", ""])
+@pytest.mark.parametrize("own", ["", 'contype="2" conaffinity="2"', 'contype="0" conaffinity="0"'])
+@pytest.mark.parametrize("listed", ["", "<pair geom1='ga' geom2='gb' friction='.7 .7 0 0 0'/>"])
+def test_who_touches_whom_is_mujocos_rule(tmp_path, rule, own, listed):
+    ball = '<freejoint/><geom size=".1" mass="1" friction=".4" name='
+    bodies = f"""<body name="a">{ball}"ga"/></body>
+      <body name="b" pos=".15 0 0">{ball}"gb" {own}/></body>"""
+    text = world(bodies, rest=f"<contact>{rule}{listed}</contact>")
+    model, _ = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    found = [c.friction for c in model.contacts]
+    assert found == [pytest.approx(x.friction[0]) for x in data.contact[: data.ncon]]
+
+
+def test_all_attributes_of_mujoco_are_known_to_the_reader():
+    """A new version's attributes fail here, until the reader takes them or names them."""
+    tag, unknown = "", set()
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        head = line[:30].split()
+        tag = head[0].replace("(world)", "") if head else tag
+        unknown |= {(tag, name) for name in newer(tag, line[30:].split())}
+    assert unknown == set()
+    assert set(ACTUATORS) <= KNOWN.keys()
+
+
+def test_an_attribute_of_a_later_version_is_reported(tmp_path, monkeypatch):
+    known = {**KNOWN, "joint": KNOWN["joint"] - {"frictionloss"}}
+    monkeypatch.setattr("pgraph_core.formats.mjcf_schema.KNOWN", known)
+    _, report = read(tmp_path, world(f'<body><joint frictionloss="1"/>{ARM}</body>'))
+    assert "frictionloss" in left_out(report)
+
+
+def test_a_run_names_what_its_file_has_and_the_model_lacks(tmp_path):
+    body = f'<body name="a"><joint name="h" axis="0 1 0"/>{ARM}</body>'
+    text = world(body, rest='<actuator><muscle name="odd" joint="h" lengthrange="0 1"/></actuator>')
+    model, _ = read(tmp_path, text)
+    assert ["odd" in line for line in model.lost] == [True]
+    for changed in (model, model.edit("a", mass=2.0), model.replace(gravity=(0, 0, 0))):
+        assert any("odd" in line for line in pg.simulate(changed, t_end=0.1).notices)
+    again = pg.Model.load(tmp_path / "model.xml")
+    assert again.lost == model.lost
