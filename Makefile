@@ -41,7 +41,7 @@ browser: $(VENV)/installed-for-tests
 # Before the tests, so that their processes do not compile the same kernels at the same time.
 kernels: $(VENV)/installed-for-tests
 	@echo "Compiling the kernels ..."
-	@$(BIN)/python -m pgraph_core.engine > /dev/null
+	@$(BIN)/python -m pgraph_core.engine --all > /dev/null
 
 site: $(VENV)/installed-for-nights ## the documents as a site with living figures, in build/site
 	@$(BIN)/sphinx-build -q -W --keep-going docs build/site

@@ -1,7 +1,8 @@
 """`python -m pgraph_core.engine`: fill the disk cache, one line `i n name` a kernel.
 
 With `--with-parent` it ends as soon as its standard input is closed, however its parent died.
-With `--second` it is the second of the two processes that share the work.
+With `--second` it is the second of the two processes that share the work. With `--all` it compiles
+the kernels that few scenes need as well.
 """
 
 import os
@@ -18,9 +19,9 @@ def main() -> None:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(10)
-    second = "--second" in sys.argv[1:]
-    with nullcontext() if second else second_process():
-        for i, n, name in warm_up(second):
+    second, everything = "--second" in sys.argv[1:], "--all" in sys.argv[1:]
+    with nullcontext() if second else second_process(everything):
+        for i, n, name in warm_up(second, everything):
             print(i, n, name, flush=True)
 
 
