@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from argparse import ArgumentParser, Namespace
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.errors import InputError, Problem
+from pgraph_core.errors import InputError, Problem, choices
 
 from .terminal import Answer, Command, aligned, count, seed
 
@@ -140,33 +141,90 @@ def facts_of_scene(find: Find) -> dict[str, Any]:
 
 
 def bench_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter chains")
-    parser.add_argument("--markdown", action="store_true", help="the text of docs/benchmarks.md")
-    parser.add_argument("--gate", action="store_true", help="exit code 1 if a ratio fell by 25 %%")
-    parser.add_argument("--update-baseline", action="store_true", help="rewrite baseline.json")
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*", help="benchmarks, or `all`; without: list them"
+    )
+    parser.add_argument("--quick", action="store_true", help="the smallest sizes: rough figures")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=".json, .csv, .md, .txt")
+    parser.add_argument(
+        "--against", type=Path, metavar="FILE",
+        help="a .json of an earlier run; exit code 1 if a ratio to a peer fell by 25 %%",
+    )  # fmt: skip
 
 
 def bench(args: Namespace) -> Answer:
-    """Raises InputError if there is no folder `benchmarks`."""
-    found: dict[str, Any] = part("suite").measured(quick=args.quick)
-    report, gate = part("report"), part("gate")
-    cpu, now, then = found["machine"]["cpu"], gate.ratios(found["rows"]), gate.load()
-    wrong = gate.verdict(now, then, cpu) if args.gate else []
-    if args.update_baseline:
-        gate.save(gate.updated(then, cpu, now))
-    text = report.markdown(found) if args.markdown else report.text(found)
-    gated = {"gate": wrong} if args.gate else {}
-    return Answer(found | gated, text, "\n".join(wrong))
+    """Raises InputError where this is no clone, or for an unknown name."""
+    folder, table, measure, machine = (part(x) for x in ("", "table", "measure", "machine"))
+    known = folder.benchmarks()
+    if not args.names:
+        return _listed(known)
+    chosen = list(known) if args.names == ["all"] else args.names
+    for name in chosen:
+        if name not in known:
+            text = f"no benchmark has this name; choose one of {choices(known, 40)}"
+            raise InputError(Problem(f"benchmark '{name}'", "", text))
+    if args.output and args.output.suffix not in table.WRITERS:
+        text = f"must end in {choices(table.WRITERS)}; given '{args.output.name}'"
+        raise InputError(Problem("--output", "", text))
+    then = _earlier(args.against) if args.against else None
+    peers = [peer for name in chosen for peer in known[name].peers]
+    about, effort = machine.machine(dict.fromkeys(peers)), measure.Effort(args.quick)
+    found: dict[str, Any] = {"machine": about, "quick": args.quick, "benchmarks": {}}
+    notes = []
+    for name in chosen:
+        one = known[name]
+        if one.lacks:
+            notes.append(f"{name}: skipped, since {', '.join(one.lacks)} is not installed")
+            continue
+        if one.without:
+            notes.append(f"{name}: not compared with {', '.join(one.without)}: not installed")
+        rows = found["benchmarks"][name] = []
+        for row in one.rows(effort):
+            rows.append(row)
+            _tell(f"{name}: {row.get('case', len(rows))}")
+        if args.output:  # after each, so that an interrupted run is not lost
+            args.output.write_text(table.WRITERS[args.output.suffix](found), encoding="utf-8")
+    _tell("")
+    wrong = table.fallen(found, then) if then else []
+    text = "\n\n".join((table.text(found), *filter(None, ["\n".join(notes)])))
+    return Answer({**found, "notes": notes, "fallen": wrong}, text, "\n".join(wrong))
+
+
+def _listed(known: dict[str, Any]) -> Answer:
+    """The benchmarks, their peers and about how long they take."""
+    rows = [
+        (one.name, f"{one.minutes:g} min", ", ".join(one.peers), one.what) for one in known.values()
+    ]
+    table = aligned(rows, ("name", "takes", "peers", "measures"))
+    data = [{"name": o.name, "minutes": o.minutes, "peers": o.peers, "what": o.what}
+            for o in known.values()]  # fmt: skip
+    lacking = sorted({x for one in known.values() for x in (*one.without, *one.lacks)})
+    notes = [f"Not installed: {', '.join(lacking)}."] if lacking else []
+    return Answer({"benchmarks": data}, "\n\n".join((table, RUN_THEM, *notes)))
+
+
+RUN_THEM = "Run some with `pgraph bench NAME ...`, every one with `pgraph bench all`."
+
+
+def _earlier(path: Path) -> dict[str, Any]:
+    """An earlier run. Raises InputError."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        found["machine"]["cpu"], found["benchmarks"].items()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        text = "must be a .json file that `pgraph bench NAME -o FILE` wrote"
+        raise InputError(Problem(f"--against '{path}'", "", text)) from None
+    return found
 
 
 def part(name: str) -> Any:
-    """A module of the folder `benchmarks` of this checkout."""
-    if not (ROOT / "benchmarks" / f"{name}.py").is_file():
-        text = "the benchmarks are not installed with the package; run it in a checkout of Pgraph"
+    """The folder `benchmarks` of this clone, or a module of it."""
+    if not (ROOT / "benchmarks" / "__init__.py").is_file():
+        text = "the package is installed without the benchmarks; run it in a clone of Pgraph"
         raise InputError(Problem("pgraph bench", "", text))
     if str(ROOT) not in sys.path:
         sys.path.insert(0, str(ROOT))
-    return import_module(f"benchmarks.{name}")
+    return import_module(f"benchmarks.{name}".removesuffix("."))
 
 
 COMMANDS = (
@@ -186,7 +244,7 @@ COMMANDS = (
     ),
     Command(
         "bench",
-        "speed compared with MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)",
+        "run benchmarks, most of them against other programs (in a clone)",
         bench_arguments,
         bench,
     ),
