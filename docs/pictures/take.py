@@ -21,8 +21,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import pgraph_core as pg
 import pgraph_models
-from benchmarks.browser import LEAST, LOOKS, SMALL
 from pgraph_app.server import serve
+from tests.app.chromium import LEAST, LOOKS, SMALL
 
 from .scenes import LONG, SCENES, Scene
 

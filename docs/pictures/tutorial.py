@@ -9,16 +9,16 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 import pgraph_core as pg
-from benchmarks.tutorial import STEPS, Person
 from docs.pictures.take import FLAGS, LONG, shot
 from pgraph_app.server import serve
+from tests.app.test_tutorial import STEPS
 
 HERE = Path(__file__).parent
 WIDTH, HEIGHT = 1200, 720
 
 
 def main() -> None:
-    """One picture a step, and the seconds that a person would have taken until then."""
+    """Take one picture per step."""
     server = serve(pg.Model.serial(1), port=18091, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
@@ -28,11 +28,8 @@ def main() -> None:
         page.set_default_timeout(LONG)
         page.goto(server.url)
         page.wait_for_selector("table.bodies tr[data-name]")
-        person = Person(page)
         for k, step in enumerate(STEPS, 1):
-            person.think()
-            step(person)
-            print(f"{step.__name__}: {person.seconds:.0f} s")
+            step(page)
             shot(page, HERE / f"tutorial_{k}.png")
         browser.close()
     server.stop()
