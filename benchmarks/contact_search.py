@@ -21,7 +21,7 @@ from pgraph_core.engine.records import (
 )
 
 from .machine import has
-from .measure import Effort, Row, compared
+from .measure import Disagreement, Effort, Row, compared
 
 MINUTES = 0.2
 PEERS = ("mujoco",)
@@ -42,7 +42,7 @@ def rows(effort: Effort) -> Iterator[Row]:
         if has("mujoco"):
             number, sides["mj_collision"] = in_mujoco(places)
             if number != found:
-                raise SystemExit(f"balls: {found} contacts here, {number} in MuJoCo")
+                raise Disagreement(f"balls: {found} contacts here, {number} in MuJoCo")
             agrees += ", mujoco as many"
         name = f"contacts of {count} balls {where}"
         yield from compared(effort, name, sides, unit="search", agrees=agrees)

@@ -197,7 +197,7 @@ FORMATS: dict[str, tuple[str, str, Callable[[str], dict[str, float]]]] = {
 
 
 def agreement(name: str, label: str) -> str:
-    """How far a format's accelerations are from ours, relative. Exits where they do not agree."""
+    """How far a format's accelerations are from ours, relative."""
     found = FORMATS[label][2](name)
     expected = after_one_step(name) if label == "script (Exudyn)" else ours(name)
     values = [np.array([x[hinge] for hinge in expected]) for x in (found, expected)]

@@ -17,7 +17,7 @@ from pgraph_core.gait.presets import FEET
 from pgraph_peers import mujoco as in_mujoco
 
 from .machine import has
-from .measure import Effort, Row, compared
+from .measure import Disagreement, Effort, Row, compared
 from .scenes import STEP, built_in
 
 MINUTES = 1.0
@@ -163,5 +163,5 @@ def walked(
         data.qfrc_applied[:] = tau
         mujoco.mj_step(model, data)
     if data.qpos[1] < 0.4:
-        raise SystemExit("the trot falls in MuJoCo; nothing is timed")
+        raise Disagreement("the trot falls in MuJoCo, so nothing is timed")
     return first, torques[late:]

@@ -17,6 +17,11 @@ import numpy as np
 
 from pgraph_core.study.measures import spread
 
+
+class Disagreement(Exception):
+    """Results of two sides that should be the same are not: their times would say nothing."""
+
+
 Row = dict[str, Any]  # column -> number or text; rows with the same columns form a table
 Sides = Mapping[str, Callable[[], object]]
 T = TypeVar("T")
@@ -118,8 +123,8 @@ def spent(call: Callable[[], T]) -> tuple[float, T]:
 
 
 def differ(found: Any, expected: Any, bound: float, what: str) -> str:
-    """The relative difference of two results. Exits if it is not below the bound."""
+    """The relative difference of two results. Raises Disagreement unless below the bound."""
     error = float(np.abs(found - expected).max() / max(1.0, np.abs(expected).max()))
     if not error < bound:
-        raise SystemExit(f"{what}: the results differ by {error:.2e}; nothing is timed")
+        raise Disagreement(f"{what}: the results differ by {error:.2e}, so nothing is timed")
     return f"{error:.0e}"
