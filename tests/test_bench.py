@@ -17,7 +17,7 @@ from benchmarks.measure import Effort, compared, in_turns
 from pgraph_app.cli import main
 
 KNOWN = benchmarks()
-SLOW = {"accelerations", "batches", "figures", "first_use", "gaits"}  # compile, walk, a browser
+SLOW = {"accelerations", "figures", "first_use"}  # a kernel is compiled, a browser, a new process
 QUICK = Effort(quick=True)
 
 
