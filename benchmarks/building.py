@@ -1,9 +1,9 @@
-"""From a description to something that can be asked, and after one edit."""
+"""From a description to a mechanism, and after one edit, against MuJoCo, Pinocchio and Drake."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,30 @@ from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
 
 from .machine import has
-from .scenes import STEP, Scene, bare, differ, quadruped, scene
-from .timing import Case
+from .measure import Effort, Row, compared, differ
+from .scenes import STEP, Scene, scene, tree_of_quadruped
 
+MINUTES = 5.0
+PEERS = ("mujoco", "pin", "drake")
 PAW, PARENTS = "left_hind_paw", ("left_femur", "left_tibia")
 
+Calls = dict[str, Callable[[], Any]]
 
-def from_columns(place: Scene, *, goal: float, small: bool) -> Case:
+
+def rows(effort: Effort) -> Iterator[Row]:
+    quadruped = tree_of_quadruped()
+    yield from from_columns(effort, quadruped)
+    yield from from_model(effort, quadruped)
+    yield from from_text(effort, quadruped)
+    n = effort.pick(1000, 20)
+    chain = scene(f"chain of {n}", pg.Model.serial(n), 0.2)
+    yield from from_columns(effort, chain)
+    yield from from_model(effort, chain)
+    yield from parent_changed(effort, quadruped.model)
+    yield from mass_changed(effort, quadruped.model)
+
+
+def from_columns(effort: Effort, place: Scene) -> Iterator[Row]:
     """Arrays in memory to a Mechanism; the peers build their models from the same numbers."""
     arrays = arrays_of(place.model)
 
@@ -30,23 +47,19 @@ def from_columns(place: Scene, *, goal: float, small: bool) -> Case:
 
     q, v = place.state.q, place.state.v
     found, expected = ours(), pg.Mechanism(place.model)
-    agreement = differ(found.bias_force(q, v), expected.bias_force(q, v), 1e-12, "columns")
-    return Case(
-        f"columns to Mechanism, {place.name}",
-        {"pgraph": ours} | builders(place, small=small),
-        "model",
-        agreement=f"from the model {agreement}",
-        goals={"MjSpec + compile": goal},
-    )
+    error = differ(found.bias_force(q, v), expected.bias_force(q, v), 1e-12, "columns")
+    sides = {"pgraph": ours, **builders(place)}
+    given = {"unit": "model", "agrees": f"from the model {error}"}
+    return compared(effort, f"columns to Mechanism, {place.name}", sides, **given)
 
 
 def arrays_of(model: pg.Model) -> dict[str, Any]:
-    """The numbers and names of a model of one motion a joint, as columns."""
-    bodies, rows = model.bodies, {"ground": 0, **{n: i + 1 for n, i in model.row.items()}}
+    """The numbers and names of a model of one motion per joint, as columns."""
+    bodies, number = model.bodies, {"ground": 0, **{n: i + 1 for n, i in model.row.items()}}
     fields = ("link", "rotation", "mass", "com", "inertia")
     columns = {field: np.array([getattr(b, field) for b in bodies], float) for field in fields}
     return {
-        "parent": np.array([rows[b.parent] for b in bodies]),
+        "parent": np.array([number[b.parent] for b in bodies]),
         "joint": np.array([pg.Columns.JOINTS.index(b.joint) for b in bodies]),
         "axis": np.array([axis for b in bodies for _, axis in b.motions], float),
         "q": np.array([x for b in bodies for x in b.q]),
@@ -56,30 +69,26 @@ def arrays_of(model: pg.Model) -> dict[str, Any]:
     }
 
 
-def construction(place: Scene, *, goal: float, small: bool) -> Case:
+def from_model(effort: Effort, place: Scene) -> Iterator[Row]:
     """A validated Model, new every time, to a Mechanism; the peers start at arrays in memory."""
     text = place.model.to_json()
 
     def ours() -> float:
         model = pg.Model.from_json(text)
-        begin = time.perf_counter()
+        begin = time.process_time()
         pg.Mechanism(model)
-        return time.perf_counter() - begin
+        return time.process_time() - begin
 
-    return Case(
-        f"Model to Mechanism, {place.name}",
-        {"pgraph": ours} | builders(place, small=small),
-        "model",
-        goals={"MjSpec + compile": goal},
-        clocked=frozenset({"pgraph"}),
-    )
+    sides = {"pgraph": ours, **builders(place)}
+    name = f"Model to Mechanism, {place.name}"
+    return compared(effort, name, sides, unit="model", clocked={"pgraph"})
 
 
-def from_text(place: Scene) -> Case:
-    """The text of a file to something that runs: reading and validation included."""
+def from_text(effort: Effort, place: Scene) -> Iterator[Row]:
+    """The text of a file to something that runs, reading and validation included."""
     text = place.model.to_json()
     data = {k: v for k, v in files.parse(text, "bench").items() if k[0] != "$"}
-    sides: dict[str, Callable[[], Any]] = {
+    sides: Calls = {
         "pgraph": lambda: pg.Mechanism(pg.Model.from_json(text)),
         "pgraph, validation alone": lambda: pg.Model(**data),
     }
@@ -90,7 +99,7 @@ def from_text(place: Scene) -> Case:
         spec.compile()
         theirs = spec.to_xml()
         sides["MjModel.from_xml_string"] = lambda: mujoco.MjModel.from_xml_string(theirs)
-    return Case(f"text to Mechanism, {place.name}", sides, "model")
+    return compared(effort, f"text to Mechanism, {place.name}", sides, unit="model")
 
 
 def spec_builder(place: Scene) -> Callable[[], Any]:
@@ -98,9 +107,10 @@ def spec_builder(place: Scene) -> Callable[[], Any]:
     return in_mujoco.spec_builder(place.rows, place.model.gravity, STEP, "semi_implicit_euler")
 
 
-def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
-    """MjSpec filled and compiled, Drake's plant; for small models also with MjData and pin.Data."""
-    found: dict[str, Callable[[], object]] = {}
+def builders(place: Scene) -> Calls:
+    """MjSpec filled and compiled, Drake's plant; of small models also MjData and pin.Data."""
+    found: Calls = {}
+    small = len(place.model.bodies) < 100
     if has("mujoco"):
         import mujoco
 
@@ -115,21 +125,21 @@ def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
     return found
 
 
-def parent_changed() -> Case:
-    """One body of the quadruped hung elsewhere and back: two edits a call.
+def parent_changed(effort: Effort, plain: pg.Model) -> Iterator[Row]:
+    """One body of the quadruped hung elsewhere and back.
 
-    Ours edits a mechanism, or a model; MuJoCo compiles a spec in which the body hangs there
-    already, Pinocchio builds from its rows: neither edits what it has built.
+    MuJoCo compiles a spec in which the body hangs there already, Pinocchio builds from its rows:
+    neither edits what it has built.
     """
-    model = bare(quadruped()).edit(PAW, parent=PARENTS[0])
+    model = plain.edit(PAW, parent=PARENTS[0])
     mech = pg.Mechanism(model)
-    there, back = PARENTS[1], PARENTS[0]
+    back, there = PARENTS
     places = [scene("", model.edit(PAW, parent=parent)) for parent in PARENTS]
 
     def ours() -> pg.Mechanism:
         return mech.edit(PAW, parent=there).edit(PAW, parent=back)
 
-    def looked_at() -> None:
+    def with_matrices() -> None:
         now = mech
         for parent in (there, back):
             now = now.edit(PAW, parent=parent)
@@ -141,28 +151,12 @@ def parent_changed() -> Case:
             now = now.edit(PAW, parent=parent)
             pg.Mechanism(now)
 
-    looked_at()  # what it compiles shall not pass for a long call
-    sides: dict[str, Callable[[], Any]] = {
+    with_matrices()  # compiles, so that it does not pass for a long call
+    sides: Calls = {
         "pgraph, mech.edit": ours,
-        "pgraph, mech.edit, Pgraph, jdof and M": looked_at,
+        "pgraph, mech.edit, Pgraph, jdof and M": with_matrices,
         "pgraph, model.edit and Mechanism": by_model,
     }
-    q, v = places[1].state.q, places[1].state.v
-    expected = pg.Mechanism(places[1].model).bias_force(q, v)
-    agreement = differ(mech.edit(PAW, parent=there).bias_force(q, v), expected, 1e-15, "edit")
-    return Case(
-        "parent changed, quadruped",
-        sides | recompiled(places),
-        "edit",
-        per_call=2,
-        agreement=f"rebuilt {agreement}",
-        goals={"compile + MjData": 200.0},
-    )
-
-
-def recompiled(places: list[Scene]) -> dict[str, Callable[[], Any]]:
-    """The peers' models, rebuilt from prepared specs or rows, one after the other."""
-    sides: dict[str, Callable[[], Any]] = {}
     if has("mujoco"):
         import mujoco
 
@@ -171,19 +165,21 @@ def recompiled(places: list[Scene]) -> dict[str, Callable[[], Any]]:
     if has("pin"):
         built = [in_pinocchio.builder(place) for place in places]
         sides["pin.Model + Data"] = lambda: [build() for build in built]
-    return sides
+    q, v = places[1].state.q, places[1].state.v
+    expected = pg.Mechanism(places[1].model).bias_force(q, v)
+    error = differ(mech.edit(PAW, parent=there).bias_force(q, v), expected, 1e-15, "edit")
+    given = {"unit": "edit", "per_call": 2, "agrees": f"rebuilt {error}"}
+    return compared(effort, "parent changed, quadruped", sides, **given)
 
 
-def mass_changed() -> Case:
+def mass_changed(effort: Effort, model: pg.Model) -> Iterator[Row]:
     """Another mass of one body of the quadruped; MuJoCo's own way is mj_setConst."""
-    model = bare(quadruped())
-    mech = pg.Mechanism(model)
-    turns = iter(range(10**12))
+    mech, turns = pg.Mechanism(model), iter(range(10**12))
 
     def mass() -> float:
         return 0.4 + 0.1 * (next(turns) % 2)
 
-    sides: dict[str, Callable[[], Any]] = {
+    sides: Calls = {
         "pgraph, mech.edit": lambda: mech.edit(PAW, mass=0.5 + mass()),
         "pgraph, model.edit and Mechanism": lambda: pg.Mechanism(model.edit(PAW, mass=0.5)),
     }
@@ -198,4 +194,4 @@ def mass_changed() -> Case:
             mujoco.mj_setConst(compiled, data)
 
         sides["body_mass + mj_setConst"] = set_const
-    return Case("mass changed, quadruped", sides, "edit")
+    return compared(effort, "mass changed, quadruped", sides, unit="edit")

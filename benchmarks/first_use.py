@@ -1,7 +1,7 @@
-"""From the wheel to a moving mechanism in a bare environment: `python -m benchmarks.first_use`.
+"""From the wheel to a moving mechanism in a bare environment: two commands of a stranger.
 
-Two commands of a stranger: `pip install` of the wheel, then `pgraph export ... --live`, whose file
-moves in any browser. Kernels are compiled again, into a cache of their own.
+`pip install` of the wheel, then `pgraph export ... --live`, whose file moves in any browser.
+Kernels are compiled again, into a cache of their own.
 """
 
 from __future__ import annotations
@@ -13,44 +13,44 @@ import sys
 import tempfile
 import time
 import venv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from .machine import ROOT, machine
+from .machine import ROOT
+from .measure import Effort, Row
 
+MINUTES = 2.0
 PIP = ("--disable-pip-version-check", "--quiet")
 
 
-def taken(words: Sequence[str | Path], folder: Path) -> tuple[float, float]:
-    """(seconds by the clock, of processor time) of a command. Raises CalledProcessError."""
-    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    environment = {**os.environ, "PGRAPH_CACHE": str(folder / "kernels")}
-    subprocess.run(words, cwd=folder, env=environment, check=True, stdout=subprocess.DEVNULL)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return time.perf_counter() - began, spent
-
-
-def main() -> None:
-    """Print a table."""
-    print(", ".join(f"{name}: {value}" for name, value in machine().items()))
-    print("| command | by the clock [s] | processor [s] |\n|---|---|---|")
+def rows(effort: Effort) -> Iterator[Row]:
+    """Quick: the export alone, by this environment and with the kernels that it has."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        arguments = ("export", "double_pendulum", "--live", "-o", "a.html")
+        if effort.quick:
+            words = (sys.executable, "-m", "pgraph_app", *arguments)
+            yield taken("pgraph export --live", words, folder, dict(os.environ))
+            return
         pip = [sys.executable, "-m", "pip", *PIP]
-        taken([*pip, "wheel", "--no-deps", "-w", folder, ROOT], folder)
+        environment = {**os.environ, "PGRAPH_CACHE": str(folder / "kernels")}
+        taken("", [*pip, "wheel", "--no-deps", "-w", folder, ROOT], folder, environment)
         (wheel,) = folder.glob("*.whl")
         venv.create(folder / "bare", with_pip=True)
         there = folder / "bare" / "bin"
-        export = (there / "pgraph", "export", "double_pendulum", "--live", "-o", "a.html")
+        export = (there / "pgraph", *arguments)
         for label, words in (
             ("pip install", (there / "python", "-m", "pip", *PIP, "install", wheel)),
             ("pgraph export --live", export),
-            ("again", export),
+            ("pgraph export --live again", export),
         ):
-            clock, processor = taken(words, folder)
-            print(f"| {label} | {clock:.1f} | {processor:.1f} |", flush=True)
+            yield taken(label, words, folder, environment)
 
 
-if __name__ == "__main__":
-    main()
+def taken(label: str, words: Sequence[str | Path], folder: Path, environment: dict) -> Row:
+    """Seconds by the clock and of processor time. Raises CalledProcessError."""
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(words, cwd=folder, env=environment, check=True, stdout=subprocess.DEVNULL)
+    after, ended = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"case": label, "by the clock [s]": ended - began, "processor [s]": processor}

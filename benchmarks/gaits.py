@@ -1,193 +1,167 @@
-"""Writes docs/gaits.md: `python -m benchmarks.gaits`. Compares with MuJoCo if it is installed."""
+"""The quadrupeds' walks in numbers, and the time of a trot against MuJoCo's."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
 
-from .gait_checks import RTOL, Walked, ladder, to_a_tolerance, under_law, walked
-from .gait_robustness import PUSH_FOR, SECONDS, table
-from .machine import has, machine
+import numba
+import numpy as np
+from numba import types
 
-PAGE = Path(__file__).parent.parent / "docs" / "gaits.md"
+import pgraph_core as pg
+from pgraph_core.engine.compiler.address import caller
+from pgraph_core.engine.compiler.jit import OPTIONS
+from pgraph_core.gait.presets import FEET
+from pgraph_peers import mujoco as in_mujoco
+
+from .machine import has
+from .measure import Disagreement, Effort, Row, compared
+from .scenes import STEP, built_in
+
+MINUTES = 1.0
+PEERS = ("mujoco",)
 WALKS = (
-    ("quadruped_hips", "trot", 30.0),
-    ("quadruped_hips", "crawl", 30.0),
-    ("quadruped_hips", "gallop", 30.0),
-    ("quadruped", "bound", 10.0),
-)
-TO_RTOL = (
-    ("quadruped_hips", "trot", 30.0),
-    ("quadruped_hips", "crawl", 30.0),
-    ("quadruped_hips", "gallop", 5.0),
-)
-LAWS = (
-    ("soft", "rk4", {"step": 1e-4}),
-    ("soft", "dopri5", {"rtol": 1e-6}),
-    ("soft", "dopri5", {"rtol": 1e-8}),
-    ("penalty", "rk4", {"step": 2.5e-4}),
-    ("penalty", "rk4", {"step": 1.25e-4}),
-)
-START = "<!-- figures: python -m benchmarks.gaits -->"
+    ("trot", "quadruped_hips", 30.0), ("crawl", "quadruped_hips", 30.0),
+    ("gallop", "quadruped_hips", 30.0), ("bound", "quadruped", 10.0),
+)  # fmt: skip
+SETTLED = 1.0  # s: before it a run starts from a stand
+SOLE = 1e-3  # m: MuJoCo's feet are balls of this radius
+RECORDED = 3.0  # s of torques for MuJoCo
+CALLS = 100  # of the controller in one sample
+
+_call = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
 
 
-def main() -> None:
-    text = PAGE.read_text(encoding="utf-8").split(START)[0]
-    parts = [
-        *walks(),
-        *ladders(),
-        *tolerances(),
-        *laws(),
-        *beside_mujoco(),
-        "## Robustness",
-        "",
-        *robustness(),
-    ]
-    PAGE.write_text(text + START + "\n\n" + "\n".join(parts) + "\n", encoding="utf-8")
-    print("\n".join(parts))
+@numba.njit(**OPTIONS)
+def call_controller(address, q, v, tau, step, n):
+    """A controller n times, as runs call it; q, v and tau are addresses."""
+    for k in range(n):
+        _call(address, (k * step, q, v, tau))
 
 
-def walks() -> list[str]:
-    found = [walked(*walk) for walk in WALKS]
-    return [
-        f"Measured on {machine()['cpu']}.",
-        "",
-        "## Walks on flat ground",
-        "",
-        "Time stepping at 1 ms, friction 0.7, from a stand. Slip is the farthest way of a sole in",
-        "one stance, depth the deepest foot, torque the largest asked for and its limit.",
-        "",
-        "| gait | model | time [s] | speed [m/s] | aside [m] | tilt [deg] | slip [mm] | "
-        "depth [mm] | touches a stride | largest push [weights] | leg [N m] | "
-        "spine [N m] | ledger | same bits again |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-        *(_row(w) for w in found),
-        "",
-    ]
+@cache
+def mechanism(name: str) -> pg.Mechanism:
+    """A built-in model."""
+    return pg.Mechanism(built_in(name))
 
 
-def _row(w: Walked) -> str:
-    torque = [f"{w.torque[part]:.0f} of {w.limit[part]:.0f}" for part in ("leg", "spine")]
-    return (
-        f"| {w.gait} | {w.model} | {w.seconds:g}{' ' + w.fell if w.fell else ''} | {w.speed:.3f} | "
-        f"{w.aside:.3f} | {w.tilt:.1f} | {1e3 * w.slip:.1f} | {1e3 * w.depth:.1f} | "
-        f"{w.touches:.2f} | {w.push:.2f} | {torque[0]} | "
-        f"{torque[1]} | {w.energy:.1e} | {'yes' if w.again else 'no'} |"
-    )
+def rows(effort: Effort) -> Iterator[Row]:
+    for gait, model, seconds in effort.pick(WALKS, WALKS[:1]):
+        yield walk(gait, model, effort.pick(seconds, 1.2))
+    for solids in effort.pick((False, True), (False,)):
+        yield from trot(effort, solids)
 
 
-def ladders() -> list[str]:
-    lines = [
-        "## Event-driven and time stepping",
-        "",
-        "1.5 s of each. Touchdown times and the position of the trunk are compared with the finest",
-        "event-driven run (rk4); both differences shrink with the step. The energy "
-        "balance is off by",
-        "O(h) in time stepping, and by O(h⁴), the order of rk4, in event-driven runs.",
-        "",
-    ]
-    for name, gait in (("quadruped_hips", "trot"), ("quadruped", "bound")):
-        rungs, ledgers = ladder(name, gait)
-        exact = dict(ledgers)
-        lines += [
-            f"| {gait}: step [ms] | touchdowns apart, median [ms] | trunk apart [mm] | ledger | "
-            "ledger, event-driven |",
-            "|---|---|---|---|---|",
-        ]
-        lines += [
-            f"| {1e3 * r.step:g} | {1e3 * r.touchdowns:.2f} | {1e3 * r.place:.2f} | "
-            + f"{r.energy:.1e} | "
-            + (f"{exact[r.step]:.1e} |" if r.step in exact else "too wide for rk4 |")
-            for r in rungs
-        ] + [""]
-    return lines
+def walk(gait: str, name: str, t_end: float) -> Row:
+    """A walk on flat ground by time stepping at 1 ms."""
+    mech = mechanism(name)
+    frames = round(t_end / STEP) + 1
+    run = pg.simulate(mech, scenario=gait, t_end=t_end, frames=frames, estimate=False)
+    late = run.t >= SETTLED
+    up = 1 - 2 * (run.q[late, 4] ** 2 + run.q[late, 6] ** 2)
+    weight = sum(body.mass for body in mech.model.bodies) * -mech.model.gravity[1]
+    push = max(float(run.contact_normal[foot][late].max()) for foot in FEET)
+    distance, seconds = run.q[-1, 0] - run.q[late, 0][0], run.t[-1] - run.t[late][0]
+    return {
+        "case": gait,
+        "model": name,
+        "time [s]": float(run.t[-1]),
+        "fell": next((text for text in run.notices if "fell" in text), "no"),
+        "speed [m/s]": float(distance / seconds),
+        "aside [m]": float(run.q[-1, 2]),
+        "tilt [deg]": float(np.degrees(np.arccos(np.clip(up.min(), -1, 1)))),
+        "slip [mm]": 1e3 * max(max(slips(run, foot)) for foot in FEET),
+        "depth [mm]": -1e3 * min(float(run.contact_gap[foot].min()) for foot in FEET),
+        "largest push [weights]": push / weight,
+        "energy balance": float(run.energy_drift),
+        "times real time": float(run.t[-1]) / run.timing["step_processor"],
+    }
 
 
-def tolerances() -> list[str]:
-    found = [to_a_tolerance(*walk) for walk in TO_RTOL]
-    return [
-        "## To a tolerance",
-        "",
-        f"From event to event with dop853 at rtol {RTOL:g}: steps and events of the whole run,",
-        "and the error of the energy balance relative to its range.",
-        "",
-        "| gait | model | time [s] | steps | changes of phase | impacts | ledger |",
-        "|---|---|---|---|---|---|---|",
-        *(
-            f"| {gait} | {model} | {seconds:g} | {run.counters['steps']} | "
-            f"{run.counters['phase_switches']} | {run.counters['impacts']} | "
-            f"{run.energy_drift:.1e} |"
-            for (model, gait, seconds), run in zip(TO_RTOL, found)
-        ),
-        "",
-        "The model with the paper's planar hinges is not in the table. Its two hind feet "
-        "cannot move",
-        "sideways relative to each other, so in the bound they alternate between stick "
-        "and slip more",
-        "than a hundred times a millisecond from about 1.87 s on; time stepping passes over that.",
-        "",
-    ]
+def slips(run: pg.Result, foot: str) -> list[float]:
+    """The path of a foot's sole on the ground, stance by stance [m]."""
+    contact = next(c for c in run.mechanism.model.contacts if c.name == foot)
+    pose = run.body_pose[:, run.mechanism.topology.number(contact.body) - 1]
+    w, xyz, p = pose[:, 3:4], pose[:, 4:], np.array(contact.points[0])
+    sole = pose[:, :3] + p + 2 * (w * np.cross(xyz, p) + np.cross(xyz, np.cross(xyz, p)))
+    paths = np.linalg.norm(np.diff(sole[:, [0, 2]], axis=0), axis=1)
+    on = run.phases[foot] != "swing"
+    ends = np.flatnonzero(np.diff(np.concatenate(([False], on, [False])).astype(int)))
+    return [float(paths[a + 1 : b - 1].sum()) for a, b in zip(ends[::2], ends[1::2])]
 
 
-def laws() -> list[str]:
-    lines = [
-        "## The energy balance under soft and penalty laws",
-        "",
-        "1.5 s of the trot. The friction of `soft` is regularised at 1 mm/s and "
-        "therefore stiff. At",
-        "0.1 ms rk4 does not resolve it, as its energy balance shows, although the walk "
-        "is the same;",
-        "a method with a tolerance does.",
-        "",
-        "| law | method | setting | steps | ledger |",
-        "|---|---|---|---|---|",
-    ]
-    for law, method, setting in LAWS:
-        run = under_law(law, method, setting)
-        said = ", ".join(f"{name} {value:g}" for name, value in setting.items())
-        lines.append(
-            f"| {law} | {method} | {said} | {run.counters['steps']} | {run.energy_drift:.1e} |"
+def trot(effort: Effort, solids: bool) -> Iterator[Row]:
+    """Steps of half a stride. Ours include the controller; MuJoCo replays recorded torques."""
+    mech = mechanism("quadruped_hips")
+    if not solids:  # only the four points may touch
+        model = mech.model
+        feet = tuple(c for c in model.contacts if c.points)
+        scenario = model.scenario("trot").model_copy(
+            update={"contacts": tuple(c.name for c in feet)}
         )
-    return [*lines, ""]
+        mech = pg.Mechanism(model.replace(contacts=feet, scenarios=(scenario,)))
+    gait = mech.model.scenario("trot").gait
+    assert gait is not None
+    walk, steps = pg.Controller(mech, gait), round(gait.stride / STEP / 2)
+    late = round(SETTLED / gait.stride) * gait.stride
+    start = pg.simulate(mech, scenario="trot", t_end=late, frames=2, estimate=False)
 
+    def ours() -> float:
+        run = pg.simulate(
+            mech, start.q[-1], start.v[-1], scenario="trot", t_start=late, frames=2,
+            t_end=late + steps * STEP, step=STEP, estimate=False,
+        )  # fmt: skip
+        return run.timing["step_processor"]
 
-def beside_mujoco() -> list[str]:
-    if not has("mujoco"):
-        return []
-    from .gait_in_mujoco import controller_call, times
+    sides: dict[str, Any] = {"pgraph": ours, "pgraph, controller alone": controller(walk, steps)}
+    if has("mujoco"):
+        import mujoco.rollout
 
-    call = controller_call()
-    lines = [
-        "## Speed",
-        "",
-        "The trot, one thread, 1 ms, minimum of many interleaved rounds of half a stride. Ours is",
-        "with the controller; MuJoCo's step has its own contacts and the recorded torques of the",
-        f"same controller, whose {1e6 * call:.1f} us are added to it.",
-        "",
-        "| what may touch the ground | us a step | times real time | MuJoCo [us] | ratio |",
-        "|---|---|---|---|---|",
-    ]
-    for solids, what in ((False, "four points"), (True, "points, boxes and capsules")):
-        found = times(solids)
-        ours, theirs = found["pgraph"], found["mujoco"] + call
-        lines.append(
-            f"| {what} | {1e6 * ours:.1f} | {1e-3 / ours:.0f} | {1e6 * theirs:.1f} | "
-            f"{theirs / ours:.2f} |"
+        theirs = in_mujoco.walker(mech.model, STEP, SOLE)
+        first, torques = walked(theirs, mech, walk, round(late / STEP))
+        spec, data = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.MjData(theirs)
+        options = {"control": torques[None, :steps], "control_spec": int(spec), "nstep": steps}
+        sides["mujoco.rollout"] = lambda: mujoco.rollout.rollout(
+            theirs, [data], first[None], **options
         )
-    return [*lines, ""]
+    what = "points, boxes and capsules touch" if solids else "four points touch"
+    given: dict[str, Any] = {"unit": "step", "per_call": steps, "clocked": {"pgraph"}}
+    return compared(effort, f"trot, {what}", sides, rounds=effort.pick(100, 2), **given)
 
 
-def robustness() -> list[str]:
-    return [
-        "The largest disturbance with which, and with all smaller ones, the model never fell in",
-        f"{SECONDS:g} s and did at least four fifths of what was asked for. Pushes act on the",
-        f"pelvis for {PUSH_FOR:g} s. Kerbs: platforms of 0.8 m every 1.6 m. Rough ground: cells of",
-        "25 cm, three fields, heights up to this above and below. Masses, slopes and friction are",
-        "never told: the controller feels them only through the feet.",
-        "`python -m benchmarks.gait_robustness` prints this table.",
-        "",
-        *table(),
-    ]
+def controller(walk: pg.Controller, number: int) -> Any:
+    """Calls of the controller without Python in between."""
+    at_work, state = walk.acting(), walk.start()
+    at_work.torque(0.0, *state)
+    places = [row.ctypes.data for row in at_work.exchange[:3]]
+    return lambda: call_controller(at_work.address, *places, STEP, number)
 
 
-if __name__ == "__main__":
-    main()
+def walked(
+    model: Any, mech: pg.Mechanism, walk: pg.Controller, late: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(MuJoCo's state after `late` steps, torques of each later one) of its own walk."""
+    import mujoco
+
+    data, at_work = mujoco.MjData(model), walk.acting()
+    q, v = walk.start()
+    origin = np.array(mech.model.bodies[0].link)
+    data.qpos[:] = q
+    data.qpos[:3] += origin
+    first, torques = np.zeros(1 + model.nq + model.nv), np.zeros((round(RECORDED / STEP), mech.nv))
+    for k, tau in enumerate(torques):
+        if k == late:
+            first[1:] = np.concatenate((data.qpos, data.qvel))
+        q[:] = data.qpos
+        q[:3] -= origin
+        mujoco.mj_kinematics(model, data)
+        turn = data.xmat[1].reshape(3, 3)
+        v[:3], v[3:6], v[6:] = turn @ data.qvel[3:6], data.qvel[:3], data.qvel[6:]
+        tau[6:] = at_work.torque(k * STEP, q, v)[6:]
+        data.qfrc_applied[:] = tau
+        mujoco.mj_step(model, data)
+    if data.qpos[1] < 0.4:
+        raise Disagreement("the trot falls in MuJoCo, so nothing is timed")
+    return first, torques[late:]

@@ -1,55 +1,53 @@
-"""Environments for learning next to Gymnasium's MuJoCo Ant: `python -m benchmarks.learning`.
+"""Environments for learning against Gymnasium's MuJoCo Ant: random actions, resets, rewards.
 
-Random actions, resets and rewards included, alternating in one process; minima over rounds. An
-action of ours is 20 steps of 1 ms, one of the Ant's 5 steps of 10 ms by RK4. Gymnasium steps its
-Ants one after the other in Python; two threads of ours work, so that processor time is compared.
+An action of ours is 20 steps of 1 ms, one of the Ant's 5 steps of 10 ms by RK4. Gymnasium steps its
+Ants one after the other in Python; two threads of ours work, so processor time is compared.
 """
 
 from __future__ import annotations
 
-import time
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
-import gymnasium
+from .machine import has
+from .measure import Effort, Row, compared
 
-import pgraph_core.gym
-
-from .machine import machine
-
-ROUNDS, SHORTEST = 9, 0.5
-SIZE, ANTS = 512, 16
-
-
-def rate(env: Any, count: int) -> tuple[float, float]:
-    """Actions a second of processor time and of the clock."""
-    clock, processor = time.perf_counter(), time.process_time()
-    for _ in range(count):
-        env.step(env.action_space.sample())
-    spent = time.process_time() - processor, time.perf_counter() - clock
-    return tuple(env.num_envs * count / x for x in spent)  # type: ignore[return-value]
+MINUTES = 1.0
+PEERS = ("mujoco",)
+NEEDS = ("gymnasium",)
+ANT = "Ant-v5"
+SECONDS = {ANT: 0.05}  # simulated by an action; ours: 0.02
 
 
-def main() -> None:
-    """A row for each environment."""
-    names = list(pgraph_core.gym.ENVIRONMENTS)
-    envs = {name: (gymnasium.make_vec(name, num_envs=SIZE, threads=2), 3, 0.02) for name in names}
-    ant = gymnasium.make_vec("Ant-v5", num_envs=ANTS, vectorization_mode="sync")
-    sides: dict[str, tuple[Any, int, float]] = {**envs, "Ant-v5": (ant, 20, 0.05)}
-    for env, count, _ in sides.values():
+def rows(effort: Effort) -> Iterator[Row]:
+    import gymnasium
+
+    import pgraph_core.gym
+
+    size, ants = effort.pick((512, 16), (4, 1))
+    envs: dict[str, Any] = {
+        name: gymnasium.make_vec(name, num_envs=size, threads=2)
+        for name in list(pgraph_core.gym.ENVIRONMENTS)[: effort.pick(None, 1)]
+    }
+    if has("mujoco"):
+        envs[ANT] = gymnasium.make_vec(ANT, num_envs=ants, vectorization_mode="sync")
+    for env in envs.values():
         env.reset(seed=0)
         env.action_space.seed(0)
-        rate(env, 2 * count)
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in sides}
-    for _ in range(ROUNDS):
-        for name, (env, count, _) in sides.items():
-            found[name].append(rate(env, count))
-    print(machine())
-    print("| environment | actions a processor second | a second | simulated s a processor s |")
-    print("|---|---|---|---|")
-    for name, (_, _, seconds) in sides.items():
-        processor, clock = (max(x) for x in zip(*found[name]))
-        print(f"| {name} | {processor:.0f} | {clock:.0f} | {processor * seconds:.0f} |")
+    sides, found = {name: partial(act, env) for name, env in envs.items()}, {}
+    for row in compared(effort, "actions", sides, unit="call", rounds=effort.pick(9, 2)):
+        found[row["by"]] = row["seconds"] / envs[row["by"]].num_envs
+    for name, seconds in found.items():
+        yield {
+            "case": name,
+            "actions per processor second": round(1 / seconds),
+            "simulated s per processor s": round(SECONDS.get(name, 0.02) / seconds),
+        }
+    for env in envs.values():
+        env.close()
 
 
-if __name__ == "__main__":
-    main()
+def act(env: Any) -> None:
+    """A random action of every instance."""
+    env.step(env.action_space.sample())

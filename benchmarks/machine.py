@@ -1,8 +1,9 @@
-"""The machine of a measurement, and the peers that are installed."""
+"""The machine of a measurement, and the packages that are installed on it."""
 
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,36 +11,31 @@ from pgraph_core.engine.compiler.lane import LANE_WIDTH
 from pgraph_core.study import measures
 
 ROOT = Path(__file__).parent.parent
-PEERS = {  # package: what it imports
-    "mujoco": "mujoco",
-    "pin": "pinocchio",
-    "drake": "pydrake",
-    "exudyn": "exudyn",
-}
-PACKAGES = ("pgraph-dynamics", "numpy", "numba", *PEERS)
+IMPORTED = {"pin": "pinocchio", "drake": "pydrake", "scikit-sundae": "sksundae"}  # else alike
+PACKAGES = ("pgraph-dynamics", "numpy", "numba")
 
 
-def machine() -> dict[str, str | int]:
-    """CPU model, cores, doubles in a vector register, Python and package versions, our commit."""
-    found = measures.machine(PACKAGES)
+def machine(peers: Iterable[str] = ()) -> dict[str, str | int]:
+    """CPU, cores, doubles in a vector register, versions of Python and packages, our commit."""
+    found = measures.machine((*PACKAGES, *peers))
     return {"cpu": found.pop("cpu"), "lanes": LANE_WIDTH, **found, "commit": commit()}
 
 
-def has(peer: str) -> bool:
-    """Whether a peer can be imported."""
-    return find_spec(PEERS[peer]) is not None
+def has(package: str) -> bool:
+    """Whether a package can be imported."""
+    return find_spec(IMPORTED.get(package, package)) is not None
 
 
-def absent() -> list[str]:
-    """Packages of peers that are not installed."""
-    return [peer for peer in PEERS if not has(peer)]
+def absent(packages: Iterable[str]) -> list[str]:
+    """Those that cannot be imported."""
+    return [package for package in packages if not has(package)]
 
 
 def commit() -> str:
-    """Short hash of the commit, with a plus where kernels or core differ from it."""
+    """Short hash of the commit, with a plus where the package differs from it."""
     try:
-        head = _git("rev-parse", "--short", "HEAD")
-        return head + ("+" if _git("status", "--porcelain", "--", "pgraph_core") else "")
+        changed = _git("status", "--porcelain", "--", "pgraph_core")
+        return _git("rev-parse", "--short", "HEAD") + ("+" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
 

@@ -1,70 +1,58 @@
-"""Errors of forward dynamics, ours and the peers', against 50 digits.
+"""Errors of accelerations of long chains against 50 digits, ours and the peers'.
 
-`python -m benchmarks.precision` prints a table; `--write` rewrites docs/precision.md (a minute),
-`--quick` leaves out chains of 1000.
+Each number is relative to the largest acceleration, the worst of three random chains. In turned
+frames the whole chain and every body frame are rotated at random, so that no program gains from
+axes that lie along a rod.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.rotation import matrix, multiply, unit
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
 from pgraph_peers.rows import rows_of
 
-from . import fifty_digits
-from .machine import ROOT, has, machine
-from .precision_cases import LONG, SHORT, turned
-from .random_models import State
-from .report import piped
-from .scenes import STEP, Scene
+from .machine import has
+from .measure import Effort, Row
+from .scenes import STEP, Scene, State, random_state
 
-SEEDS = 3  # of chains below 1000
+MINUTES = 2.0
+PEERS = ("mujoco", "pin", "drake")
+NEEDS = ("mpmath",)
+SEEDS = 3
 CUBIC = 300  # bodies: beyond, Pinocchio's data on a chain does not fit into memory
-SIDES = {"pgraph": "Pgraph", "mujoco": "MuJoCo", "pin": "Pinocchio", "drake": "Drake"}
-NAMED = ("pgraph-dynamics", *SIDES)
-DOCUMENT = ROOT / "docs" / "precision.md"
-TEXT = """# Precision compared with MuJoCo, Pinocchio and Drake
 
-Made by `python -m benchmarks.precision --write` with {machine}.
 
-Each number is the largest error of an acceleration, relative to the largest acceleration, against
-forward dynamics in 50 digits (`benchmarks/fifty_digits.py`, confirmed by inverse dynamics to
-1e-30). It is the worst of {seeds} random chains, or of one chain with 1000 bodies. Every chain has
-hinges, velocities, torques and gravity.
+def rows(effort: Effort) -> Iterator[Row]:
+    cases = effort.pick(CASES, {"10 at random": CASES["10 at random"]})
+    for name, make in cases.items():
+        seeds = 1 if name.startswith("1000") or effort.quick else SEEDS
+        states = [make(np.random.default_rng(seed)) for seed in range(seeds)]
+        for frames in ("turned", "original"):
+            found = [
+                errors(turned(s, k) if frames == "turned" else s) for k, s in enumerate(states)
+            ]
+            worst = {by: max(error[by] for error in found) for by in found[0]}
+            yield {"case": name, "frames": frames, **dict.fromkeys(("pgraph", *PEERS)), **worst}
 
-## Rotated frames
 
-The whole chain and every body frame are rotated at random, so that no program gains from axes that
-lie along a rod. Rotations that are rounded in a program's own input format count as its error.
-*Bound* is the bound of our test: 1e-13, or 10 eps times the mass ratio if that is larger. Two cases
-have a number that acts like a mass ratio: 1e8 for an arm of 1e4 m between other bodies, and n³/3
-for a straight chain, whose inertia against bending out of its plane exceeds that of one rod by that
-factor. `tests/core/test_precision.py` holds the bounds.
-
-{turned}
-
-Pinocchio keeps arrays that grow with the cube of a chain's length: 1000 bodies do not fit into
-memory.
-
-## Original frames
-
-The same chains in the frames in which they are written. Those of the straight chains lie along the
-world's axes and the rods, so that no components mix.
-
-{built}
-"""
+def errors(state: State) -> dict[str, float]:
+    """Largest error relative to the largest acceleration, by engine."""
+    expected = in_fifty_digits(state.model, state.q, state.v, state.tau)
+    scale = max(abs(expected))
+    return {by: float(max(abs(found - expected)) / scale) for by, found in accelerations(state)}
 
 
 def accelerations(state: State) -> Iterator[tuple[str, np.ndarray]]:
     """v' by every installed engine, in our coordinates."""
     place = Scene("", state, rows_of(state.model, state.topology))
-    n = state.topology.nb
     yield "pgraph", pg.Mechanism(state.model).forward_dynamics(state.q, state.v, state.tau)
     if has("mujoco"):
         import mujoco
@@ -72,49 +60,147 @@ def accelerations(state: State) -> Iterator[tuple[str, np.ndarray]]:
         model, data, T = in_mujoco.loaded(place, STEP)
         mujoco.mj_forward(model, data)
         yield "mujoco", T.T @ data.qacc
-    if has("pin") and n <= CUBIC:
+    if has("pin") and state.topology.nb <= CUBIC:
         yield "pin", in_pinocchio.forward_dynamics(place)[1]
     if has("drake"):
         yield "drake", in_drake.forward_dynamics(place)[1]
 
 
-def errors(state: State) -> dict[str, float]:
-    """Largest error relative to the largest acceleration, by side."""
-    expected = fifty_digits.forward_dynamics(state.model, state.q, state.v, state.tau)
-    scale = max(abs(expected))
-    return {side: float(max(abs(found - expected)) / scale) for side, found in accelerations(state)}
+# -- the chains ------------------------------------------------------------------------------------
 
 
-def row(name: str, bound: float, states: list[State]) -> tuple[str, ...]:
-    """A line of the table: the worst of the states."""
-    each = [errors(state) for state in states]
-    worst = {side: max(error[side] for error in each) for side in each[0]}
-    cells = (f"{worst[side]:.0e}" if side in worst else "-" for side in SIDES)
-    return name, f"{bound:.0e}", *cells
+def chain(
+    rng: np.random.Generator, n: int, masses: Any = None, speed: float = 1.0, **fields: Any
+) -> State:
+    """Hinged bodies one after another, at random but for the given fields.
+
+    `masses` scales mass and inertia; `far` is the number of a body that hangs 1e4 m away.
+    """
+    bodies, far = [], fields.pop("far", -1)
+    for i in range(n):
+        points = rng.normal(size=(6, 3)) * rng.uniform(0.1, 0.5, 3)
+        spread = np.cov(points.T, bias=True)
+        mass = float(rng.uniform(0.5, 3)) * (1.0 if masses is None else masses[i])
+        given: dict[str, Any] = {
+            "axes": tuple(rng.normal(size=3)), "link": tuple(rng.normal(0, 0.5, 3)),
+            "rotation": tuple(unit(rng.normal(size=4))), "com": tuple(rng.normal(0, 0.2, 3)),
+            "inertia": mass * (np.trace(spread) * np.eye(3) - spread), **fields,
+        }  # fmt: skip
+        if i == far:
+            given["link"] = (1e4, -3e3, 2e3)
+        bodies.append(
+            pg.Body(name=f"b{i}", parent=f"b{i - 1}" if i else "ground", mass=mass, **given)
+        )
+    state = random_state(rng, pg.Model(bodies=tuple(bodies), gravity=tuple(rng.normal(0, 6, 3))))
+    return state._replace(v=speed * state.v)
 
 
-def tables(*, quick: bool) -> tuple[str, str]:
-    """The tables of rotated and of original frames."""
-    listed = [(name, case, SEEDS) for name, case in SHORT.items()]
-    listed += [] if quick else [(name, case, 1) for name, case in LONG.items()]
-    askew, built = [], []
-    for name, case, seeds in listed:
-        states = [case.state(seed) for seed in range(seeds)]
-        askew.append(row(name, case.turned_bound, [turned(s, i) for i, s in enumerate(states)]))
-        built.append(row(name, case.bound, states))
-    head = ("chain", "bound", *SIDES.values())
-    return piped(head, askew), piped(head, built)
+def straight(rng: np.random.Generator, n: int) -> State:
+    """A planar chain stretched out: the worst posture for a mass matrix."""
+    flat = {"axes": (0, 1, 0), "link": (0.2, 0, 0), "rotation": (1, 0, 0, 0), "com": (0.1, 0, 0)}
+    state = chain(rng, n, **flat)
+    return state._replace(q=0 * state.q)
 
 
-def main(*words: str) -> None:
-    """Print the tables, or write the document."""
-    askew, built = tables(quick="--quick" in words)
-    print(f"rotated frames\n\n{askew}\n\noriginal frames\n\n{built}")
-    if "--write" in words:
-        versions = ", ".join(f"{key} {x}" for key, x in machine().items() if key in NAMED)
-        text = TEXT.format(machine=versions, seeds=SEEDS, turned=askew, built=built)
-        DOCUMENT.write_text(text, encoding="utf-8")
+CASES: dict[str, Callable[[np.random.Generator], State]] = {
+    "10 at random": lambda rng: chain(rng, 10),
+    "100 at random": lambda rng: chain(rng, 100),
+    "10, speeds x 100": lambda rng: chain(rng, 10, speed=100),
+    "100, speeds x 100": lambda rng: chain(rng, 100, speed=100),
+    "100 at rest": lambda rng: chain(rng, 100, speed=0),
+    "straight planar 10": lambda rng: straight(rng, 10),
+    "straight planar 100": lambda rng: straight(rng, 100),
+    "10, tip mass x 1e6": lambda rng: chain(rng, 10, (*np.ones(9), 1e6)),
+    "100, tip mass x 1e6": lambda rng: chain(rng, 100, (*np.ones(99), 1e6)),
+    "10, masses to 1e-8": lambda rng: chain(rng, 10, np.geomspace(1, 1e-8, 10)),
+    "100, masses to 1e-8": lambda rng: chain(rng, 100, np.geomspace(1, 1e-8, 100)),
+    "root 1e4 m away": lambda rng: chain(rng, 10, far=0),
+    "chain on an arm of 1e4 m": lambda rng: chain(rng, 10, far=1),
+    "arm of 1e4 m inside": lambda rng: chain(rng, 10, far=5),
+    "1000 at random": lambda rng: chain(rng, 1000),
+    "1000 at rest": lambda rng: chain(rng, 1000, speed=0),
+    "straight planar 1000": lambda rng: straight(rng, 1000),
+}
 
 
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+def turned(state: State, seed: int) -> State:
+    """The same chain as a whole in another orientation, and every body frame turned at random."""
+    rng = np.random.default_rng(seed)
+    turn = {"ground": unit(rng.normal(size=4))}
+    bodies = []
+    for body in state.model.bodies:
+        turn[body.name] = unit(rng.normal(size=4))
+        base, own = matrix(turn[body.parent]).T, matrix(turn[body.name]).T
+        w, *u = turn[body.parent]
+        back = (w, -u[0], -u[1], -u[2])
+        inertia = own @ np.array(body.inertia) @ own.T
+        bodies.append(
+            pg.Body(
+                name=body.name, parent=body.parent, mass=body.mass,
+                axes=tuple(own @ body.axes[0]), link=tuple(base @ body.link),
+                com=tuple(own @ body.com), inertia=(inertia + inertia.T) / 2,
+                rotation=multiply(multiply(back, body.rotation), turn[body.name]),
+            )
+        )  # fmt: skip
+    gravity = tuple(matrix(turn["ground"]).T @ state.model.gravity)
+    return state._replace(model=pg.Model(bodies=tuple(bodies), gravity=gravity))
+
+
+# -- 50 digits -------------------------------------------------------------------------------------
+
+
+def in_fifty_digits(model: pg.Model, q: Any, v: Any, tau: Any) -> np.ndarray:
+    """v' of a chain of hinges by mpmath, by articulated bodies.
+
+    All spatial vectors are taken at the world's origin, so nothing is shared with the kernels. The
+    digits that a body far away costs are there to spend.
+    """
+    import mpmath
+
+    mp = mpmath.mp.clone()
+    mp.dps = 50
+
+    def exact(x: Any) -> np.ndarray:
+        return np.vectorize(mp.mpf, otypes=[object])(np.asarray(x, dtype=float))
+
+    def skew(x: Any) -> np.ndarray:
+        return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]], dtype=object)
+
+    def across(V: np.ndarray) -> np.ndarray:
+        w, u = skew(V[:3]), skew(V[3:])
+        return np.block([[w, np.zeros((3, 3), object)], [u, w]])
+
+    one = np.eye(3, dtype=object)
+    q, v, tau = exact(q), exact(v), exact(tau)
+    R, p, V = one, exact(np.zeros(3)), exact(np.zeros(6))
+    S, c, inertia, force = [], [], [], []
+    for i, body in enumerate(model.bodies):
+        w, *u = exact(body.rotation) / mp.sqrt(sum(exact(body.rotation) ** 2))
+        k = skew(u)
+        home = one + 2 * w * k + 2 * k @ k
+        p = p + R @ exact(body.link)
+        h = home @ exact(body.axes[0])
+        h = h / mp.sqrt(sum(h * h))
+        h, k = R @ h, skew(h)
+        R = R @ (one + mp.sin(q[i]) * k + (1 - mp.cos(q[i])) * (k @ k)) @ home
+        S.append(np.concatenate((h, skew(p) @ h)))
+        c.append(across(V) @ S[i] * v[i])
+        V = V + S[i] * v[i]
+        m, com = mp.mpf(body.mass), skew(p + R @ exact(body.com))
+        central = R @ exact(body.inertia) @ R.T
+        inertia.append(np.block([[central - m * com @ com, m * com], [-m * com, m * one]]))
+        force.append(-across(V).T @ (inertia[i] @ V))
+    U, D, u = [None] * len(S), [None] * len(S), [None] * len(S)
+    for i in range(len(S) - 1, -1, -1):
+        U[i] = inertia[i] @ S[i]
+        D[i], u[i] = S[i] @ U[i], tau[i] - S[i] @ force[i]
+        if i:
+            left = inertia[i] - np.outer(U[i], U[i]) / D[i]
+            inertia[i - 1] = inertia[i - 1] + left
+            force[i - 1] = force[i - 1] + force[i] + left @ c[i] + U[i] * (u[i] / D[i])
+    A, vdot = np.concatenate((exact(np.zeros(3)), -exact(model.gravity))), []
+    for i in range(len(S)):
+        A = A + c[i]
+        vdot.append((u[i] - U[i] @ A) / D[i])
+        A = A + S[i] * vdot[i]
+    return np.array(vdot)

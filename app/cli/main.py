@@ -20,11 +20,13 @@ import pgraph_models
 from pgraph_core.engine import second_process
 from pgraph_core.errors import InputError, PgraphError, Problem, plain
 
-from . import models, run, study, verify
+from . import bench, models, run, study, verify
 from .terminal import open_model, port, print_answer, print_problems
 
 COMMANDS = {
-    command.name: command for module in (models, run, study, verify) for command in module.COMMANDS
+    command.name: command
+    for module in (models, run, study, verify, bench)
+    for command in module.COMMANDS
 }
 
 

@@ -1,17 +1,15 @@
-"""Commands that check Pgraph itself: `pgraph verify`, `hunt` and `bench`."""
+"""Commands that check Pgraph itself: `pgraph verify` and `pgraph hunt`."""
 
 from __future__ import annotations
 
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.errors import InputError, Problem
 
 from .terminal import Answer, Command, aligned, count, seed
 
@@ -21,10 +19,9 @@ if TYPE_CHECKING:
 HEADER = (
     "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
 )  # fmt: skip
-ROOT = Path(__file__).parent.parent.parent
 
 
-def _tell(text: str) -> None:
+def tell(text: str) -> None:
     """Progress on a terminal, over the last line; nothing in a pipe."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
@@ -47,9 +44,9 @@ def verify(args: Namespace) -> Answer:
     began = time.perf_counter()
     rows = []
     for i, case in enumerate(chosen):
-        _tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
+        tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
         rows.append(facts(pg.verify(case)))
-    _tell("")
+    tell("")
     missed = [row["case"] for row in rows if not row["ok"]]
     summary = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
     table = aligned((_cells(row) for row in rows), HEADER)
@@ -106,7 +103,7 @@ def hunt(args: Namespace) -> Answer:
     from pgraph_core.verification import hunt as scenes  # other commands need no kernels
 
     began = time.perf_counter()
-    given = args.scenes, args.seed, lambda number: _tell(f"scene {number + 1}"), args.first
+    given = args.scenes, args.seed, lambda number: tell(f"scene {number + 1}"), args.first
     finds = list(scenes.hunt(*given))
     seconds = time.perf_counter() - began
     silent = [find for find in finds if find.verdict == "silent"]
@@ -136,39 +133,6 @@ def facts_of_scene(find: Find) -> dict[str, Any]:
     }
 
 
-# -- bench -----------------------------------------------------------------------------------------
-
-
-def bench_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter chains")
-    parser.add_argument("--markdown", action="store_true", help="the text of docs/benchmarks.md")
-    parser.add_argument("--gate", action="store_true", help="exit code 1 if a ratio fell by 25 %%")
-    parser.add_argument("--update-baseline", action="store_true", help="rewrite baseline.json")
-
-
-def bench(args: Namespace) -> Answer:
-    """Raises InputError if there is no folder `benchmarks`."""
-    found: dict[str, Any] = part("suite").measured(quick=args.quick)
-    report, gate = part("report"), part("gate")
-    cpu, now, then = found["machine"]["cpu"], gate.ratios(found["rows"]), gate.load()
-    wrong = gate.verdict(now, then, cpu) if args.gate else []
-    if args.update_baseline:
-        gate.save(gate.updated(then, cpu, now))
-    text = report.markdown(found) if args.markdown else report.text(found)
-    gated = {"gate": wrong} if args.gate else {}
-    return Answer(found | gated, text, "\n".join(wrong))
-
-
-def part(name: str) -> Any:
-    """A module of the folder `benchmarks` of this checkout."""
-    if not (ROOT / "benchmarks" / f"{name}.py").is_file():
-        text = "the benchmarks are not installed with the package; run it in a checkout of Pgraph"
-        raise InputError(Problem("pgraph bench", "", text))
-    if str(ROOT) not in sys.path:
-        sys.path.insert(0, str(ROOT))
-    return import_module(f"benchmarks.{name}")
-
-
 COMMANDS = (
     Command(
         "verify",
@@ -183,11 +147,5 @@ COMMANDS = (
         hunt_arguments,
         hunt,
         simulates=True,
-    ),
-    Command(
-        "bench",
-        "speed compared with MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)",
-        bench_arguments,
-        bench,
     ),
 )

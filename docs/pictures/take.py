@@ -21,12 +21,13 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import pgraph_core as pg
 import pgraph_models
-from benchmarks.browser import LEAST, LOOKS, SMALL
 from pgraph_app.server import serve
 
 from .scenes import LONG, SCENES, Scene
 
 HERE = Path(__file__).parent
+LOOKS = (HERE.parent.parent / "tests" / "app" / "looks.js").read_text(encoding="utf-8")
+LEAST, SMALL = 4.5, 8.0  # contrast of text (WCAG 2.2, AA); height of letters [px]
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 Size = tuple[int, int]
 LAPTOP, DESK = (1280, 800), (1920, 1080)

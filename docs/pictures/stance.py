@@ -1,6 +1,6 @@
 """The paper's case study (sec. 5), by our solver and two others, and its figures.
 
-`python -m benchmarks.stance_study` prints how far the solvers differ and writes
+`python -m docs.pictures.stance` prints how far the solvers differ and writes
 docs/pictures/stance_*.svg; `--check` prints alone. Needs mujoco, pin and matplotlib.
 """
 
@@ -15,13 +15,15 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks.scenes import State
 from pgraph_peers import mujoco as in_mujoco
-
-from . import stance_in_pinocchio as stance
+from pgraph_peers import pinocchio as in_pinocchio
+from pgraph_peers.rows import rows_of
 
 SCENARIO = "stance"
 PAW = "left_hind_paw"  # body 13: the first branch of each girdle is taken for the left one
-PICTURES = Path(__file__).parent.parent / "docs" / "pictures"
+PICTURES = Path(__file__).parent
+SETTINGS = (1e-13, 1e-9, 50)  # of Pinocchio's solver: accuracy, mu, iterations
 FINE = 5  # steps of the peers in one of ours
 SETTLE = 500  # steps of MuJoCo's before the first
 MIRRORED = (8, 9, 10, 14, 15, 16)  # right legs, which move like the left ones
@@ -54,16 +56,70 @@ def summed(topology: pg.Topology, root: np.ndarray, hinges: np.ndarray) -> np.nd
 
 def by_pinocchio(model: pg.Model, t: np.ndarray) -> Curves:
     """pin.constraintDynamics in a plain RK4; no position or velocity is projected."""
-    acceleration = stance.constrained(model, model.scenario(SCENARIO))
+    acceleration = constrained(model, model.scenario(SCENARIO))
     topology = pg.Topology.of(model)
     q, v = np.concatenate([model.body(name).q for name in topology.names]), np.zeros(21)
     h, found = (t[1] - t[0]) / FINE, []
     for time in t:
         found.append(acceleration(time, q, v))
         for n in range(FINE):
-            q, v = stance.rk4(acceleration, time + n * h, h, q, v)
+            q, v = rk4(acceleration, time + n * h, h, q, v)
     vdot, force = (np.array(column) for column in zip(*found))
     return Curves(summed(topology, vdot[:, 2], vdot[:, 6:]), force)
+
+
+def rk4(acceleration: Callable, t: float, h: float, q: np.ndarray, v: np.ndarray) -> tuple:
+    """One step of the classical method on q, quaternion included, and v."""
+
+    def rate(s: float, q: np.ndarray, v: np.ndarray) -> tuple:
+        return velocity(q, v), acceleration(t + s, q, v)[0]
+
+    k1 = rate(0, q, v)
+    k2 = rate(h / 2, q + h / 2 * k1[0], v + h / 2 * k1[1])
+    k3 = rate(h / 2, q + h / 2 * k2[0], v + h / 2 * k2[1])
+    k4 = rate(h, q + h * k3[0], v + h * k3[1])
+    q, v = (x + h / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip((q, v), k1, k2, k3, k4))
+    q[3:7] /= np.linalg.norm(q[3:7])
+    return q, v
+
+
+def velocity(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """q' of a free root and hinges: ½ [0, ω] times the quaternion."""
+    w, x = q[3], q[4:7]
+    turn = np.concatenate(([-v[:3] @ x], w * v[:3] + np.cross(v[:3], x))) / 2
+    return np.concatenate((v[3:6], turn, v[6:]))
+
+
+def constrained(model: pg.Model, scenario: pg.Scenario) -> Callable:
+    """(t, q, v) -> (v', forces (4, 3)) with the scenario's servos, by pin.constraintDynamics."""
+    state = at_home(model)
+    rows = rows_of(model, state.topology)
+    acceleration, forces = in_pinocchio.constrained(state, SETTINGS)
+    servo = [(state.topology.names.index(f.body) + 5, f) for f in scenario.forces]
+
+    def rate(t: float, q: np.ndarray, v: np.ndarray) -> tuple:
+        unit = np.concatenate((q[:3], q[3:7] / np.linalg.norm(q[3:7]), q[7:]))
+        tau = np.zeros(21)
+        for j, f in servo:
+            tau[j] = f.kp * (value(f.target, t) - q[j + 1]) - f.kd * v[j] + value(f.torque, t)
+        p, T, Tdot_v = in_pinocchio.coordinates(rows, unit, v)
+        a = acceleration(p, T @ v, np.linalg.solve(T.T, tau))
+        return np.linalg.solve(T, a - Tdot_v), forces()
+
+    return rate
+
+
+def at_home(model: pg.Model) -> State:
+    """The model's own initial state, without torques."""
+    topology = pg.Topology.of(model)
+    q = np.concatenate([model.body(name).q for name in topology.names])
+    v = np.concatenate([model.body(name).v for name in topology.names])
+    return State(model, topology, q, v, 0 * v, v, np.zeros((0, 6)))
+
+
+def value(table: float | pg.Table, t: float) -> float:
+    """A constant, or straight lines between knots."""
+    return table if isinstance(table, float) else float(np.interp(t, table.t, table.value))
 
 
 def by_mujoco(model: pg.Model, t: np.ndarray) -> Curves:
@@ -75,15 +131,13 @@ def by_mujoco(model: pg.Model, t: np.ndarray) -> Curves:
 
     topology, scenario = pg.Topology.of(model), model.scenario(SCENARIO)
     servos = [(topology.names.index(f.body) + 5, f) for f in scenario.forces]
-    robot, data = in_mujoco.stance(
-        stance.at_home(model), in_mujoco.STIFF, (t[1] - t[0]) / FINE, rk4=True
-    )
+    robot, data = in_mujoco.stance(at_home(model), in_mujoco.STIFF, (t[1] - t[0]) / FINE, rk4=True)
 
     def drive(_: Any, data: Any) -> None:
         for j, f in servos:
             time = data.time - SETTLE * robot.opt.timestep
-            gap = stance.value(f.target, time) - data.qpos[j + 1]
-            data.qfrc_applied[j] = f.kp * gap - f.kd * data.qvel[j] + stance.value(f.torque, time)
+            gap = value(f.target, time) - data.qpos[j + 1]
+            data.qfrc_applied[j] = f.kp * gap - f.kd * data.qvel[j] + value(f.torque, time)
 
     found = []
     mujoco.set_mjcb_control(drive)

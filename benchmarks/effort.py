@@ -1,7 +1,9 @@
-"""The effort to write and to start three machines, in our formats and those of the peers.
+"""The effort to write and to start three machines, in our formats and in those of the peers.
 
-`python -m benchmarks.construction` prints docs/construction.md; with the names of a machine and a
-format it takes that from its file to the first accelerations, and no more.
+The files are in `machines/`, written as their users would, without values that equal the defaults.
+All formats of a machine give the same accelerations of its hinges before anything is timed; of
+Exudyn the velocities after one RK4 step are compared. `values` are what a person has to know and
+type; on the page they are cells. `characters` leave out white space and comments.
 """
 
 from __future__ import annotations
@@ -11,17 +13,22 @@ import json
 import os
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .machine import ROOT, has, machine
+import pgraph_core as pg
 
+from .machine import ROOT, has
+from .measure import Effort, Row, differ, in_turns
+
+MINUTES = 3.0
+PEERS = ("mujoco", "pin", "drake", "exudyn")
 HERE = Path(__file__).parent / "machines"
 MACHINES = {
     "double_pendulum": "double pendulum",
@@ -30,30 +37,51 @@ MACHINES = {
 }
 ANGLE, SPEED = 0.2, 1.0  # of every hinge [rad, rad/s]
 STEP = 1e-3  # Exudyn's first [s]
-FRESH = 5  # processes
-TEXT = """# Modelling effort and start-up time
+FRESH = 5  # new processes
 
-Made by `python -m benchmarks.construction`. Three machines, in Pgraph's formats and in those of the
-peers, written as their users would, without values that equal the defaults
-(`benchmarks/machines/`). All formats of a machine give the same accelerations of its hinges before
-anything is timed (last column: largest relative difference from Pgraph; for Exudyn, of the
-velocities after one RK4 step).
 
-* *values*: what a person has to know and type: names, numbers, choices. On the page these are
-  cells: the number of bodies, then every cell of the default table that has to change.
-* *characters*: of the file, without white space and comments.
-* *running*: from the file to the first accelerations, everything imported: least processor time of
-  20.
-* *from nothing*: the same in a new process, imports included: least processor time of {fresh}, with
-  the formats taking turns, so that other work on the machine does not decide.
+def rows(effort: Effort) -> Iterator[Row]:
+    labels = [label for label, (peer, *_) in FORMATS.items() if not peer or has(peer)]
+    for name, title in list(MACHINES.items())[: effort.pick(None, 1)]:
+        calls = {label: partial(FORMATS[label][2], name) for label in labels}
+        running = in_turns(calls, effort.pick(20, 2), 1e-3)
+        new = {label: partial(fresh, name, label) for label in labels}
+        started = {} if effort.quick else in_turns(new, FRESH, 0.0, clocked=set(new))
+        yield row(title, "Pgraph, page", cells(name))
+        for label in labels:
+            path = HERE / f"{name}{FORMATS[label][1]}" if FORMATS[label][1] else own_file(name)
+            agrees = agreement(name, label) if label != "Pgraph" else ""
+            from_nothing = min(started[label]) if started else None
+            found = *written(path), 1e3 * min(running[label]), from_nothing, agrees
+            yield row(title, label, *found)
 
-A machine close to the default table takes a few cells. If every number is its own, as for the
-quadruped, defaults save little; the table then saves nesting, tags and the repeated names of
-bodies. From nothing Pgraph is the slowest: Python imports numba and pydantic, and loads compiled
-kernels.
 
-Measured on {machine}.
-"""
+def row(
+    title: str, form: str, values: int, characters: int | None = None,
+    milliseconds: float | None = None, seconds: float | None = None, agrees: str = "",
+) -> Row:  # fmt: skip
+    """A line of the table; a person who fills in the page types no file."""
+    return {
+        "case": title, "in": form, "values": values, "characters": characters,
+        "from file to accelerations [ms]": milliseconds, "in a new process [s]": seconds,
+        "differs": agrees,
+    }  # fmt: skip
+
+
+def fresh(name: str, label: str) -> float:
+    """Processor time [s] of a new process that gets as far as the first accelerations."""
+    script = f"from benchmarks.effort import FORMATS; FORMATS[{label!r}][2]({name!r})"
+    before = os.times()
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True, capture_output=True)
+    after = os.times()
+    used = after.children_user + after.children_system
+    return used - before.children_user - before.children_system
+
+
+def own_file(name: str) -> Path:
+    """Our own file of a machine."""
+    path = HERE / f"{name}.json"
+    return path if path.exists() else HERE / f"{name}_pgraph.py"
 
 
 # -- from a file to the first accelerations --------------------------------------------------------
@@ -69,8 +97,6 @@ def ours(name: str) -> dict[str, float]:
 
 def mechanism(name: str) -> Any:
     """Ours, from its script or its file."""
-    import pgraph_core as pg
-
     path = HERE / f"{name}.json"
     return pg.Mechanism(pg.Model.load(path)) if path.exists() else _script(f"{name}_pgraph")
 
@@ -161,8 +187,8 @@ def _script(module: str) -> Any:
 
 
 # format, the peer it needs, its file's ending, how it starts
-FORMATS: dict[str, tuple[str | None, str, Callable[[str], dict[str, float]]]] = {
-    "Pgraph": (None, "", ours),
+FORMATS: dict[str, tuple[str, str, Callable[[str], dict[str, float]]]] = {
+    "Pgraph": ("", "", ours),
     "MJCF (MuJoCo)": ("mujoco", ".xml", mjcf),
     "URDF (Pinocchio)": ("pin", ".urdf", urdf),
     "script (Drake)": ("drake", "_drake.py", drake),
@@ -170,23 +196,16 @@ FORMATS: dict[str, tuple[str | None, str, Callable[[str], dict[str, float]]]] = 
 }
 
 
-def differ(name: str, label: str) -> float:
-    """How far a format's accelerations are from ours, relative. Exits where they do not agree."""
-    found, expected = FORMATS[label][2](name), ours(name)
-    if label == "script (Exudyn)":
-        expected = after_one_step(name)
-    assert found.keys() == expected.keys(), (label, name, found.keys(), expected.keys())
-    size = max(map(abs, expected.values()))
-    error = max(abs(found[hinge] - expected[hinge]) for hinge in expected) / size
-    if not error < 1e-6:
-        raise SystemExit(f"{name}, {label}: differs by {error:.2e}; nothing is timed")
-    return error
+def agreement(name: str, label: str) -> str:
+    """How far a format's accelerations are from ours, relative."""
+    found = FORMATS[label][2](name)
+    expected = after_one_step(name) if label == "script (Exudyn)" else ours(name)
+    values = [np.array([x[hinge] for hinge in expected]) for x in (found, expected)]
+    return differ(*values, 1e-6, f"{name}, {label}")
 
 
 def after_one_step(name: str) -> dict[str, float]:
     """Our velocities of the hinges after one RK4 step."""
-    import pgraph_core as pg
-
     mech = mechanism(name)
     run = pg.simulate(mech, *at_angles(mech), t_end=STEP, step=STEP, method="rk4")
     return {hinge: float(run.v[-1][mech.joints[hinge].v][0]) for hinge in hinges(mech)}
@@ -220,8 +239,6 @@ def leaves(data: Any) -> int:
 
 def cells(name: str) -> int:
     """Cells to fill in on the page: the number of bodies, and values that differ from defaults."""
-    import pgraph_core as pg
-
     model = mechanism(name).model
     default = pg.Model.serial(len(model.bodies))
     count = 1 + (model.gravity != default.gravity)  # that one is the choice of what is up
@@ -238,75 +255,3 @@ def flat(body: Any) -> list[float]:
     inertia = [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
     axis = [hash(body.axes)] if body.joint == "revolute" else [0.0]
     return [*axis, *body.link, body.mass, *body.com, *inertia]
-
-
-# -- the document ----------------------------------------------------------------------------------
-
-
-def running(name: str, label: str) -> float:
-    """Least processor time [s] to the first accelerations in this process."""
-    times = []
-    for _ in range(20):
-        begin = time.process_time()
-        FORMATS[label][2](name)
-        times.append(time.process_time() - begin)
-    return min(times)
-
-
-def from_nothing(name: str, labels: list[str]) -> dict[str, float]:
-    """Least processor time [s] of new processes that get as far, by format, in turns."""
-    return {
-        label: min(times)
-        for label, *times in zip(labels, *([_fresh(name, x) for x in labels] for _ in range(FRESH)))
-    }
-
-
-def _fresh(name: str, label: str) -> float:
-    """Processor time [s] of a new process."""
-    before = os.times()
-    command = [sys.executable, "-m", "benchmarks.construction", name, label]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
-    after = os.times()
-    used = (after.children_user, after.children_system)
-    return sum(used) - before.children_user - before.children_system
-
-
-def lines() -> Iterator[tuple[str, ...]]:
-    """The rows of the table."""
-    labels = [x for x, (peer, *_) in FORMATS.items() if peer is None or has(peer)]
-    for name, title in MACHINES.items():
-        yield title, "Pgraph, page", str(cells(name)), "", "", "", ""
-        fresh = from_nothing(name, labels)
-        for label in labels:
-            peer, ending, _ = FORMATS[label]
-            path = HERE / f"{name}{ending}" if ending else _ours(name)
-            values, characters = written(path)
-            error = differ(name, label)
-            times = f"{1e3 * running(name, label):.2g} ms", f"{fresh[label]:.2f} s"
-            shown = f"{error:.0e}" if label != "Pgraph" else ""
-            label = (
-                f"Pgraph, {'file' if path.suffix == '.json' else 'script'}" if not peer else label
-            )
-            yield "", label, str(values), str(characters), *times, shown
-
-
-def _ours(name: str) -> Path:
-    path = HERE / f"{name}.json"
-    return path if path.exists() else HERE / f"{name}_pgraph.py"
-
-
-def document() -> str:
-    """docs/construction.md."""
-    from .report import machine as shown
-    from .report import piped
-
-    head = TEXT.format(fresh=FRESH, machine=shown({"machine": machine()}))
-    columns = ("machine", "in", "values", "characters", "running", "from nothing", "differs")
-    return f"{head}\n{piped(columns, list(lines()))}\n"
-
-
-if __name__ == "__main__":
-    if len(sys.argv) == 3:
-        FORMATS[sys.argv[2]][2](sys.argv[1])
-    else:
-        print(document(), end="")
