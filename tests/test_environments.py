@@ -1,4 +1,4 @@
-"""Where else it must work: no home, odd folders, damaged and closed caches, other ways to start."""
+"""Runs without a home, in odd folders, with damaged and closed caches, and started otherwise."""
 
 from __future__ import annotations
 
