@@ -58,18 +58,6 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdout.close()
 
 
-@pytest.mark.nightly
-def test_the_second_process_compiles_what_a_run_needs_last(tmp_path):
-    command = [sys.executable, *engine.SECOND]
-    environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
-    ) as child:
-        assert child.stdout.readline().split()[2:] == [engine.LATE[0].encode()]
-        child.kill()
-    assert list(tmp_path.rglob("*advance_run*.kernel"))
-
-
 def test_a_filled_cache_is_not_cold(monkeypatch, tmp_path):
     from pgraph_core.engine.stepping.run import advance_run
 

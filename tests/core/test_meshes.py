@@ -72,58 +72,49 @@ def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
     np.testing.assert_allclose(solid.vertices.max(axis=0), (1, 2, 3))
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_hulls_of_rounded_meshes_are_closed(seed):
-    """STL files hold single precision: points of one plane or line are off it by 1e-7.
-
-    A vertex on an edge of one face then belongs to that face too, or to no edge of either.
-    """
+def grid(seed):
+    """Single precision, as in STL files: points of one plane or line are off it by 1e-7."""
     rng = np.random.default_rng(seed)
-    grid = rng.integers(-1, 2, (40, 3)) * rng.choice([1.0, 0.5], (40, 1))
+    corners = rng.integers(-1, 2, (40, 3)) * rng.choice([1.0, 0.5], (40, 1))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    places = (grid @ turn).astype(np.float32).astype(float)
-    solid = solids.hull(places)
+    return (corners @ turn).astype(np.float32).astype(float)
+
+
+def plate(seed):
+    """Two discs: between corners in one plane there are facets whose normals are anything."""
+    rng = np.random.default_rng(seed)
+    angle, far = rng.uniform(0, 2 * np.pi, 100), np.sqrt(rng.uniform(0, 1, 100))
+    disc = np.column_stack((0.1 * far * np.cos(angle), 0.07 * far * np.sin(angle)))
+    places = np.array([(x, y, z) for x, y in disc for z in (-0.01, 0.01)])
+    return Rotation.random(random_state=seed).apply(places).astype(np.float32)
+
+
+def cloud(count):
+    return np.random.default_rng(count).normal(size=(count, 3)) + 5
+
+
+@pytest.mark.parametrize(
+    ("points", "tolerance", "slack"),
+    [*((grid(seed), 1e-6, 1e-7) for seed in range(8)),
+     *((plate(seed), 1e-6, 1e-9) for seed in range(5)),
+     *((cloud(count), 1e-12, 1e-9) for count in (4, 5, 30, 200))],
+)  # fmt: skip
+def test_hulls_are_closed_and_convex(points, tolerance, slack):
+    """A vertex on an edge of one face belongs to that face too, or to no edge of either."""
+    solid = solids.hull(points)
     edges, normals = solids.edges_of(solid), solids.normals_of(solid)
     assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
     for ring, normal in zip(solid.rings, normals):
+        corners = solid.vertices[list(ring)]
         assert np.linalg.norm(normal) == pytest.approx(1.0)
-        assert ((places - solid.vertices[ring[0]]) @ normal).max() < 1e-6
+        assert ((points - corners[0]) @ normal).max() < tolerance
+        for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+            inside = (corners - start) @ np.cross(normal, end - start)
+            assert inside.min() > -slack * np.linalg.norm(end - start)
     for u, v, f, g in edges:
         along = np.cross(normals[g], normals[f]) @ (solid.vertices[v] - solid.vertices[u])
-        assert along > -1e-6
-
-
-@pytest.mark.parametrize("count", [4, 5, 30, 200])
-def test_faces_of_a_hull_look_outward(count):
-    rng = np.random.default_rng(count)
-    points = rng.normal(size=(count, 3)) + 5
-    solid = solids.hull(points)
-    normals, edges = solids.normals_of(solid), solids.edges_of(solid)
-    for ring, n in zip(solid.rings, normals):
-        assert ((solid.vertices - solid.vertices[ring[0]]) @ n).max() < 1e-12
-    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
-    for u, v, f, g in edges:
-        along = solid.vertices[v] - solid.vertices[u]
-        assert along @ np.cross(normals[g], normals[f]) > 0
-    for p in points:
-        assert signed_distance(p[None], solid.vertices) < 1e-10
-
-
-def test_faces_of_hulls_in_single_precision_have_no_corner_inwards():
-    """Between corners in one plane there are facets whose normals are anything."""
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        angle, far = rng.uniform(0, 2 * np.pi, 100), np.sqrt(rng.uniform(0, 1, 100))
-        plate = np.column_stack((0.1 * far * np.cos(angle), 0.07 * far * np.sin(angle)))
-        places = np.array([(x, y, z) for x, y in plate for z in (-0.01, 0.01)])
-        turned = Rotation.random(random_state=seed).apply(places).astype(np.float32)
-        solid = solids.hull(turned)
-        assert max(map(len, solid.rings)) > 12  # each side is one face
-        for ring, normal in zip(solid.rings, solids.normals_of(solid)):
-            corners = solid.vertices[list(ring)]
-            for start, end in zip(corners, np.roll(corners, -1, axis=0)):
-                inside = (corners - start) @ np.cross(normal, end - start)
-                assert inside.min() > -1e-9 * np.linalg.norm(end - start), seed
+        assert along > (0.0 if tolerance < 1e-9 else -tolerance)
+    assert all(signed_distance(p[None], solid.vertices) < max(tolerance, 1e-10) for p in points)
 
 
 @pytest.mark.parametrize(
