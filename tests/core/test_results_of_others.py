@@ -111,23 +111,6 @@ def test_parts_of_runs_are_equal_by_their_arrays(run):
             hash(value)
 
 
-@pytest.mark.parametrize(
-    ("call", "wanted"),
-    [
-        (pg.Mechanism, r"Mechanism, model: .*pg\.Model.*'arm'.*load\('arm'\)"),
-        (lambda x: pg.BatchStepper(x, 3), r"BatchStepper, mechanism: .*pg\.Mechanism"),
-        (pg.stability_map, r"stability_map, mechanism: .*pg\.Mechanism.*pg\.Model"),
-        (pg.verify, r"verify, case: .*pg\.Case.* 'arm'$"),
-        (pg.footprints, r"footprints, run: .*pg\.Result.* 'arm'$"),
-    ],
-)
-def test_a_wrong_type_is_refused(call, wanted):
-    with pytest.raises(pg.InputError, match=wanted):
-        call("arm")
-    with pytest.raises(pg.InputError, match="None"):
-        call(None)
-
-
 def test_the_error_of_a_run_with_torques_by_a_function_is_not_estimated(run):
     torque = {"tau": lambda t, q, v: -v, "t_end": 0.01, "frames": 5}
     done = pg.simulate(ROD, **torque)
