@@ -20,9 +20,15 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.batches.paths import Path
+from pgraph_core.sweeps import tasks
 from pgraph_core.sweeps.sweep import points_of
 
 SHORT = {"t_end": 0.1, "step": 1e-3}
+
+
+@pytest.fixture(autouse=True)
+def schedulers_answer_soon(monkeypatch):
+    monkeypatch.setattr(tasks, "ANSWER", 1)
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +257,7 @@ def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
     assert go(written["a"]["metric"], resume=True).status == ("DONE",) * 3
 
 
-@pytest.mark.parametrize("workers", [None, 2])
+@pytest.mark.parametrize("workers", [None, pytest.param(2, marks=pytest.mark.nightly)])
 def test_a_script_without_a_guard_is_told_what_to_do(workers, tmp_path):
     """Spawned processes run the script again, which would start processes again."""
     script = tmp_path / "script.py"
@@ -259,8 +265,8 @@ def test_a_script_without_a_guard_is_told_what_to_do(workers, tmp_path):
         "import numpy as np, pgraph_core as pg\n"
         "from pgraph_core.sweeps import tasks\n"
         "tasks.PATIENCE = 0.0\n"
-        "masses = {'bodies.2.mass': np.linspace(1, 2, 200)}\n"
-        f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=2.0, workers={workers})\n"
+        "masses = {'bodies.2.mass': np.linspace(1, 2, 20)}\n"
+        f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=0.2, workers={workers})\n"
         "print('table')\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
@@ -301,8 +307,6 @@ def alone() -> pg.Sweep:
 
 
 def test_processes_give_the_same_bits(alone, monkeypatch):
-    from pgraph_core.sweeps import tasks
-
     monkeypatch.setattr(tasks, "PATIENCE", 0.0)
     table = pg.sweep(pg.Model.serial(3), MASSES, ["final 2", "energy_drift"], workers=2, t_end=1.0)
     assert table.to_csv() == alone.to_csv()
@@ -333,9 +337,8 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_dies(alone):
     assert table.to_csv() == alone.to_csv()
 
 
-def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum, monkeypatch):
+def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pgraph_core.sweeps.tasks.ANSWER", 1)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
@@ -345,11 +348,9 @@ def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum, monkeypatch):
 
 
 def test_a_worker_of_another_version_is_refused(pendulum):
-    from pgraph_core.sweeps.tasks import Task, run_points
-
-    task = Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
+    task = tasks.Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
     with pytest.raises(pg.InputError, match=r"0\.0\.1"):
-        run_points(task, [(0, (1.0,))])
+        tasks.run_points(task, [(0, (1.0,))])
 
 
 def test_a_csv_is_read_back_bit_for_bit(alone, tmp_path):
@@ -469,16 +470,16 @@ def test_values_that_cannot_be_read(capsys, given, facts):
 
 
 def test_metrics_see_an_oscillation_of_one_frame_per_period():
-    """A mass that swings by 0.1 m at 10 Hz for 20 s: 201 frames show it at rest."""
+    """A mass that swings by 0.1 m at 10 Hz for 100 s: 1001 frames show it at rest."""
     spring = (2 * np.pi * 10.0) ** 2
     body = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, stiffness=spring)
     model = pg.Model(bodies=(body,), gravity=(0, 0, 0))
     given = model, {"bodies.x.stiffness.0": [spring]}, ["peak v.x", "range x"]
-    table = pg.sweep(*given, t_end=20.0)
+    table = pg.sweep(*given, t_end=100.0)
     assert table["peak v.x"][0] == pytest.approx(2 * np.pi, rel=0.02)
     assert table["range x"][0] == pytest.approx(0.2, rel=0.01)
     assert table.status == ("DONE",)
     assert table.reason == ("",)
-    table = pg.sweep(*given, t_end=20.0, frames=201)
+    table = pg.sweep(*given, t_end=100.0, frames=1001)
     assert table.status == ("DONE",)
     assert "frames=" in table.reason[0]
