@@ -261,7 +261,7 @@ def test_wrong_usage_exits_with_2(capsys, words, facts):
 
 
 @pytest.mark.parametrize(("words", "facts"), REFUSED)
-def test_what_cannot_be_done_exits_with_1(capsys, words, facts, tmp_path, monkeypatch):
+def test_a_refused_command_exits_with_1(capsys, words, facts, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     _, err = printed(capsys, *words, code=1)
     assert [fact for fact in facts if fact not in err] == []
@@ -344,9 +344,9 @@ def test_json_has_no_nan_and_no_arrays_and_tables_line_up():
 @pytest.mark.parametrize(
     ("commands", "heavy"),
     [
-        (["info fig1_tree", "models"], {"numba", "viser", "trimesh"}),
+        (["info fig1_tree", "models"], {"numba", "scipy", "viser", "trimesh"}),
         (["info quadruped"], {"viser", "trimesh", "websockets"}),  # mobility: kernels
-        (["run pendulum --t-end 0.1"], {"viser", "trimesh", "websockets"}),
+        (["run pendulum --t-end 0.1"], {"scipy.optimize", "viser", "trimesh", "websockets"}),
     ],
 )
 def test_commands_load_only_the_packages_that_they_need(commands, heavy):

@@ -75,7 +75,7 @@ def test_a_folder_that_the_user_allows_may_hold_meshes(folders, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["id_rsa", "key.stl"])
-def test_what_is_no_mesh_is_neither_opened_nor_saved(folders, name, tmp_path):
+def test_a_file_without_a_mesh_is_neither_opened_nor_saved(folders, name, tmp_path):
     _, mine = folders
     with pytest.raises(pg.FileError):
         load_mesh(mine / name)
@@ -92,7 +92,7 @@ def test_what_is_no_mesh_is_neither_opened_nor_saved(folders, name, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off", "glb"])
 def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
-    """To the digits of its format, without what else the file holds."""
+    """Equal to the digits of its format, without other content of the file."""
     solid = trimesh.creation.icosphere(subdivisions=1, radius=0.7)
     solid.apply_scale([1, 1 / 3, 1])
     solid.metadata["note"] = "secret"
@@ -133,7 +133,7 @@ def test_a_hundred_levels_are_read_and_brackets_in_strings_nest_nothing():
 
 
 @pytest.mark.parametrize("encoding", ["utf-7", "rot13", "none", "base64"])
-def test_an_encoding_that_no_reader_knows_is_a_sentence(encoding):
+def test_an_unknown_encoding_is_refused(encoding):
     text = f'<?xml version="1.0" encoding="{encoding}"?><robot name="r"/>'
     with pytest.raises(pg.FileError, match=r"^a\.urdf, line 1"):
         parse_markup(text.encode(), "a.urdf")
@@ -169,7 +169,7 @@ def opened_in_a_page(data: dict):
     "data", [{"bodies": 1}, {"bodies": [1, {"shape": 1}, {"shapes": [1, {"heights": [1]}]}]},
              {"ground": 1}, {"ground": {"steps": 1}}, {"forces": "x" * 9000}]
 )  # fmt: skip
-def test_what_is_counted_may_be_anything(data):
+def test_counting_takes_any_data(data):
     assert too_many(data) == ""
 
 

@@ -95,7 +95,7 @@ def test_numbers_of_the_description_differ_from_start_to_start():
 
 @pytest.mark.parametrize("seeds", [5, [7, 3]])
 def test_each_robot_of_many_is_the_single_one_of_its_seed(seeds):
-    """Also where an episode ends as a push begins: the generator of each draws for it alone."""
+    """Each robot has its own random generator, also where an episode ends in a push."""
     action = np.random.default_rng(3).uniform(-1, 1, (110, 2, 12)).astype(np.float32)
     options = {"variants": 4, "max_episode_steps": 50}
     many = gymnasium.make_vec("pgraph/QuadrupedPush-v0", num_envs=2, **options)

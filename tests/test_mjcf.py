@@ -358,7 +358,7 @@ LIMITED = """<mujoco><worldbody><body><joint name="x" type="slide" actuatorfrcra
         ('tendon="two"', None),
     ],
 )
-def test_limits_of_joints_and_tendons_bound_what_drives_them(tmp_path, motor, torques):
+def test_limits_of_joints_and_tendons_bound_their_drives(tmp_path, motor, torques):
     model, report = read(tmp_path, LIMITED.format(motor))
     assert report.loaded == (torques is not None)
     if torques is None:
@@ -384,7 +384,7 @@ SENSED = """<mujoco><option gravity="1 2 -9"/><default><geom contype="0" conaffi
 </sensor></mujoco>"""  # fmt: skip
 
 
-def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
+def test_outputs_equal_the_sensors_of_mujoco(tmp_path):
     given = [f'objtype="site" objname="{s}"' for s in ("imu", "hand", "s", "w")]
     given += ['objtype="body" objname="a"', 'objtype="xbody" objname="f"']  # a's inertial frame
     given += ['objtype="geom" objname="box"']

@@ -218,7 +218,7 @@ def test_nothing_outside_is_opened_by_any_name_of_a_mesh(folders, opened, way):
 
 
 def is_outside(path: Path, mine: Path) -> bool:
-    """Whether it is one of the private files, a device, or one of the system's secrets."""
+    """Return whether a path is a private file, a device, or a secret of the system."""
     private = (mine, mine.with_name("priv\u00e9"), Path("/dev"), Path("/proc"), Path("/etc"))
     return any(path.is_relative_to(place) for place in private)
 

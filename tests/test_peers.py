@@ -97,7 +97,7 @@ def test_parts_that_no_engine_gets_are_named(change: dict):
 @pytest.mark.parametrize("name", ["sundials", "scipy"])
 @pytest.mark.parametrize("model", ["double_pendulum", "heavy_top", "four_bar", "stiff_pendulum"])
 def test_an_integrator_of_our_equations_finds_the_motion(name: str, model: str):
-    """By each of its methods: on hinges, a ball, a loop and a stiff spring."""
+    """Hinges, a ball, a loop and a stiff spring, by each of its methods."""
     pytest.importorskip("sksundae")
     if name not in installed_peers():
         pytest.skip("installed before this peer was there")

@@ -107,7 +107,7 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(package, e
 
 @pytest.mark.parametrize("leaves", [False, True])
 def test_the_camera_of_an_animation_sees_the_whole_motion(leaves: bool):
-    """Of a pendulum that swings to the other side, and of a box that is thrown far away."""
+    """A pendulum swings to the other side, and a box is thrown far away."""
     viser = pytest.importorskip("viser")
     box = pg.Shape(kind="box", size=(0.2, 0.2, 0.2))
     thrown = pg.Body(name="a", joint="free", v=(0, 3, 0, 4, 0, 2), link=(0, 0, 1), shape=box)
@@ -215,7 +215,7 @@ def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
         assert fills == pytest.approx(1, abs=1e-9) or np.linalg.norm(at.position - at.target) < 0.03
 
 
-def test_the_floor_is_below_what_hangs_and_at_the_plane_where_something_may_touch_it():
+def test_the_floor_is_below_hanging_bodies_and_at_the_plane_of_contacts():
     hanging = pg.Model.serial(4)
     top = pg.Topology.of(hanging)
     positions, _ = pg.home_poses(hanging)

@@ -44,7 +44,7 @@ def pendulum() -> pg.Model:
 
 @pytest.mark.parametrize("name", ["stance", "tree"])
 def test_points_that_are_stepped_together_have_the_bits_of_single_runs(name):
-    """Also metrics over all frames; a point that cannot run says why and affects no other."""
+    """Metrics over all frames are equal too, and a point that cannot run affects no other."""
     if name == "stance":
         model, path = pg.Model.load(pgraph_models.path("quadruped")), "bodies.pelvis.mass"
         joint, options = "lumbar", {"scenario": "stance", "t_end": 0.05}
@@ -105,7 +105,7 @@ def test_paths_name_one_number(pendulum, path, value, read):
 
 
 @pytest.mark.parametrize("path", ["bodies.ball.shape.radius", "bodies.ball.shapes.0.radius"])
-def test_a_path_into_a_shape_moves_what_follows_from_it(path):
+def test_a_path_into_a_shape_changes_the_derived_mass(path):
     """The mass of a ball of given density, as the cube of its radius; in sweeps and batches."""
     ball = pg.Body(
         name="ball", joint="prismatic", axes=(0, 0, 1), density=1000.0,
@@ -230,7 +230,7 @@ def test_faults_of_a_sweep_are_refused_before_the_first_run(
 
 
 def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
-    """Also where only a number that it holds was edited; the same function goes on."""
+    """The sweep goes on with the same function only, also where it closes over another number."""
 
     def metric(scale):
         return lambda run: scale * run["my.bob"][-1]
@@ -258,7 +258,7 @@ def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
 
 
 @pytest.mark.parametrize("workers", [None, pytest.param(2, marks=pytest.mark.nightly)])
-def test_a_script_without_a_guard_is_told_what_to_do(workers, tmp_path):
+def test_a_script_without_a_guard_is_warned(workers, tmp_path):
     """Spawned processes run the script again, which would start processes again."""
     script = tmp_path / "script.py"
     script.write_text(

@@ -223,12 +223,6 @@ def test_constraints_in_lanes_have_the_bits_of_single_runs(name, scenario, path,
     equal_bits(built_in(name), WIDE, go(40, 10), given, again=2, lanes=LoopLanes, **options)
 
 
-def test_the_last_state_of_a_trace_is_the_state_of_the_batch():
-    batch = pg.BatchStepper(built_in("slider_crank"), 2, scenario="turn", method="rk4")
-    states = batch.trace(n=10)
-    assert np.array_equal(states[-1], np.concatenate((batch.q, batch.v), axis=1))
-
-
 @pytest.mark.parametrize(
     ("law", "method"), [("complementarity", "moreau_jean"), ("soft", "rk4"), ("penalty", "rk4"),
                         ("penalty", "moreau_jean")]
@@ -368,7 +362,7 @@ def test_an_instance_that_fails_stays_is_named_and_goes_on_after_a_reset():
 
 
 @pytest.mark.parametrize("law", ["penalty", "soft"])
-def test_a_contact_with_a_stiffness_of_its_own_makes_a_reset_the_start_of_a_stepper(law: str):
+def test_with_a_given_contact_stiffness_a_reset_equals_a_new_stepper(law: str):
     """Without one it fits the speed at the start, which a batch knows only from its models."""
     model = box(law=law, stiffness=2e4)
     stepper, rng = pg.Stepper(model), np.random.default_rng(4)
@@ -385,7 +379,7 @@ def test_a_contact_with_a_stiffness_of_its_own_makes_a_reset_the_start_of_a_step
         assert np.array_equal(batch.v[i], single.v)
 
 
-def test_a_notice_about_the_start_names_the_instances_of_which_it_is_true():
+def test_a_notice_about_the_start_lists_its_instances():
     model = pendulum().edit("rod", limits=((-0.5, 0.8),))
     batch = pg.BatchStepper(model, 3, set={"bodies.rod.q.0": [0.0, 0.9, 0.7, 0.9]})
     (text,) = (x for x in pg.Stepper(model.edit("rod", q=0.9)).notices if "starts" in x)
@@ -560,10 +554,6 @@ def test_arrays_without_numbers_are_refused_wherever_they_are_given(wrong):
     assert batch.q.tolist() == pg.BatchStepper(pendulum(), 3).q.tolist()
 
 
-def test_a_path_reads_a_default_value():
-    assert Path(box(), "bodies.box.shape.position.0").present == 0.0
-
-
 AGAIN = """
 import sys, numpy as np, pickle
 import pgraph_core as pg
@@ -661,7 +651,7 @@ def test_a_query_of_the_acceleration_changes_nothing_that_outputs_read():
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
 def test_a_trace_of_trees_has_the_states_of_single_steps(method: str):
-    """In one call; also of one whose angle is far, one that fails and one that has failed."""
+    """Also of an instance whose angle is far, one that fails and one that has failed."""
     drive = pg.Servo(name="drive", body="rod", kp=3.0, target=pg.Table(t=(0, 0.02), value=(0, 1)))
     model = pendulum().replace(forces=[drive])
     given = {"bodies.rod.stiffness.0": [1.0, 2.0, 1e9, 1e12, 3.0]}
@@ -675,3 +665,9 @@ def test_a_trace_of_trees_has_the_states_of_single_steps(method: str):
     assert batches[0].t.tolist() == batches[1].t.tolist()
     assert batches[0].failures == batches[1].failures
     assert 3 in batches[0].failures
+
+
+def test_a_trace_of_loops_ends_with_the_state_of_the_batch():
+    batch = pg.BatchStepper(built_in("slider_crank"), 2, scenario="turn", method="rk4")
+    states = batch.trace(n=10)
+    assert np.array_equal(states[-1], np.concatenate((batch.q, batch.v), axis=1))

@@ -59,7 +59,7 @@ def test_auto_chooses_a_method_that_suits_and_gives_the_reason(make, options, me
         ({"stiffness": 3948.0, "damping": 5000.0}, "stiff:", ["radau5"]),
     ],
 )
-def test_a_notice_names_what_is_too_fast_for_a_step(method, drive, begins, facts):
+def test_a_notice_names_the_rate_that_is_too_fast_for_a_step(method, drive, begins, facts):
     """A spring of 10 Hz needs a smaller step; a damper that settles at once a stiff method."""
     slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, **drive)
     model = pg.Model(bodies=[slider], gravity=(0, 0, 0))
@@ -90,7 +90,7 @@ def excited(k):
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
-    """Of a rod of 1e8 N/m at a step fifty times too wide; the cause was said before."""
+    """A rod of 1e8 N/m at a step fifty times too wide. A notice warned before."""
     mech, q = excited(1e8)
     run = pg.simulate(mech, q, t_end=1.0, method=method, step=5e-3)
     assert run.status is pg.Status.NOT_FINITE
@@ -110,7 +110,7 @@ def test_steps_too_wide_for_newtons_method_are_divided_with_a_notice():
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "ros2"])
-def test_a_step_that_falls_below_what_time_resolves_is_named(method):
+def test_a_step_below_the_resolution_of_time_ends_the_run(method):
     """A torque that grows without bound towards t = 0.3."""
     mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
 

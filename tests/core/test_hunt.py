@@ -34,7 +34,7 @@ def test_scenes_depend_on_seed_and_number_only():
     assert [scene.what for scene in scenes(8, 5, 12)] == [scene.what for scene in two[12:]]
 
 
-def test_the_judge_sees_what_is_wrong():
+def test_the_judge_finds_a_wrong_closed_form():
     """A closed form that is off by a thousandth makes every run of it wrong."""
     scene = FAMILIES["pendulum"](np.random.default_rng(3))
     known = scene.known

@@ -117,19 +117,6 @@ def test_hulls_are_closed_and_convex(points, tolerance, slack):
     assert all(signed_distance(p[None], solid.vertices) < max(tolerance, 1e-10) for p in points)
 
 
-@pytest.mark.parametrize(
-    "solid", [solids.box((1, 2, 3)), solids.cylinder(0.5, 2), solids.capsule(0.3, 1)]
-)
-def test_packed_sizes(solid):
-    packed = solids.packed([solids.Placed(solid, 3, 2, (1, 2, 3))]).shapes[0]
-    half, middle = solid.box
-    assert (packed["row"], packed["body"]) == (3, 2)
-    np.testing.assert_allclose(packed["position"], (1, 2, 3))
-    np.testing.assert_allclose(middle, 0)
-    assert (np.abs(solid.vertices) <= half + 1e-15).all()
-    assert np.linalg.norm(half) >= solid.reach - 1e-15
-
-
 def open_box(folder: Path) -> Path:
     """A box of which one facet lacks."""
     box = trimesh.creation.box((1, 1, 1))
@@ -175,8 +162,8 @@ def test_meshes_that_cannot_be_used_are_refused(tmp_path):
             call()
 
 
-def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
-    """By its convex hull, which is the box's; else the contact is refused by name."""
+def test_an_open_mesh_touches_by_its_hull_on_request(tmp_path):
+    """Its convex hull is that of the box. Without a request the contact is refused."""
     file = open_box(tmp_path)
     rests = np.zeros(6)
     for hull in (None, "convex"):
@@ -234,7 +221,7 @@ def test_collada_has_the_scene_in_metres(tmp_path):
     ("kind", "radius", "end", "length"),
     [("capsule", 0.05, 0.03, 0.2), ("capsule", 0.02, 0.06, 0.1), ("cylinder", 0.05, 0.01, 0.2)],
 )
-def test_a_tapered_solid_weighs_what_its_profile_encloses(kind, radius, end, length):
+def test_a_tapered_solid_has_the_mass_of_its_profile(kind, radius, end, length):
     """Against the surface that is drawn, whose polygons lose less than 3 % of it."""
     shape = pg.Shape(
         kind=kind, radius=radius, end_radius=end, length=length, role="visual",

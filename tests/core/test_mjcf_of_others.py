@@ -144,7 +144,7 @@ def test_models_are_equal_to_mujoco_and_the_same_out_and_in_again(package, tmp_p
 
 
 def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
-    """What a model says but for its shapes, by part and field; a drag's box by its tensor."""
+    """Collect the fields of all parts except shapes; a drag's box by its tensor."""
     found = {}
     for key in ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs"):
         for part in getattr(model, key):
@@ -157,7 +157,7 @@ def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
 
 
 def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
-    """What two models say differently, by part and field."""
+    """List the fields in which two models differ, by part."""
     mine, other = said_of(one), said_of(two)
 
     def same(x: object, y: object) -> bool:

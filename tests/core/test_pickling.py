@@ -161,7 +161,7 @@ def test_a_scene_refuses_to_travel() -> None:
         pickle.dumps(scene)
 
 
-def test_a_run_whose_contacts_nobody_has_read_pickles() -> None:
+def test_a_run_with_unread_contacts_pickles() -> None:
     """The record of contacts is made when it is first read."""
     ball = pg.Shape(kind="sphere", radius=0.1)
     body = pg.Body(name="b", joint="free", q=(0, 0, 0.2, 1, 0, 0, 0), shape=ball)

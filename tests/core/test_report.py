@@ -95,11 +95,8 @@ def top_held_by_a_constraint() -> pg.Model:
     ("make", "method", "t_end", "counts"),  # durations [s] at which the order shows
     [
         (heavy_top, "semi_implicit_euler", 0.25, (100, 200, 400, 800)),
-        (tumbling_body, "rk4", 0.25, (24, 48, 100, 200)),
         (top_held_by_a_constraint, "rk4", 0.25, (24, 48, 100, 200)),
-        (heavy_top, "dopri5", 1.0, (120, 150, 190, 240)),
         (tumbling_body, "dop853", 3.0, (32, 40, 48, 64)),
-        (top_held_by_a_constraint, "dop853", 0.5, (16, 20, 24, 28)),
         (heavy_top, "ros2", 0.25, (50, 100, 200)),
         (top_held_by_a_constraint, "radau5", 0.25, (8, 12, 18, 28)),
     ],
@@ -169,7 +166,7 @@ def test_given_states_are_a_reference():
 
 
 def test_chaotic_motion_is_cut_where_two_references_part():
-    """And its rate of growth is the one of two runs that begin 1e-10 apart."""
+    """The rate of growth is the one of two runs that begin 1e-10 apart."""
     apart = np.full((50, 2), 1e-12)
     apart[30:] = 1e-3
     assert horizon(apart) == 30

@@ -107,7 +107,7 @@ def test_every_verdict_has_its_numbers(stiff):
 
 @pytest.mark.parametrize("k", [1e3, 1e6, 1e12])
 def test_radau_is_right_at_every_stiffness(k):
-    """At a step of 1e-2 s: θ to 1e-8, and r to what a step near its period resolves."""
+    """θ is right to 1e-8 at a step of 1e-2 s."""
     mech, q = stiff_pendulum(k)
     options = {"values": [k], "methods": ["radau5"], "steps": [1e-2]}
     assert one_cell(mech, q, target=1e-7, t_end=2.0, **options).status == "OK"
@@ -117,7 +117,7 @@ def test_radau_is_right_at_every_stiffness(k):
 
 
 def test_the_limit_of_rk4_is_where_it_is_predicted():
-    """By bisection of the step, with the fast mode under way, so that it can grow."""
+    """Bisect the step, with the fast mode excited so that it can grow."""
     mech, q = stiff_pendulum(1e4)
     low, high, predicted = 1e-2, 6e-2, np.nan
     for _ in range(5):
@@ -170,7 +170,7 @@ def test_too_many_steps_are_slow_and_not_run():
     assert cell.evaluations < budget / len(model.bodies)
 
 
-def test_a_refused_run_has_failed_and_says_why():
+def test_a_refused_run_has_failed_with_a_reason():
     """A penalty contact remembers, which steps to events cannot undo."""
     ball = pg.Body(name="ball", joint="free", q=(0, 0, 0, 1, 0, 0, 0))
     contacts = (
