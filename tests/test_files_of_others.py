@@ -20,6 +20,8 @@ from pgraph_core.markup import parse_markup
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 
+pytestmark = pytest.mark.quick
+
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY-----\nsecret\n"
 ME = 1
 

@@ -20,6 +20,8 @@ from tests.core.test_mjcf_of_others import (  # noqa: E402 (it needs mujoco too)
     start_of,
 )
 
+pytestmark = pytest.mark.quick
+
 ARM = """<mujoco model="arm">
 <compiler angle="degree"/><option gravity="0 0 -1.6"/>
 <default><geom friction="0.7 0.01 0.001"/><joint damping="0.3"/></default>

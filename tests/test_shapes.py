@@ -10,6 +10,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.show import shapes
 
+pytestmark = pytest.mark.quick
+
 BOX = {"kind": "box", "size": (1.0, 0.2, 0.2), "position": (0.5, 0.0, 0.0)}
 BALL = {"kind": "sphere", "radius": 0.3, "position": (1.0, 0.0, 0.0)}
 

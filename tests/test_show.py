@@ -17,6 +17,8 @@ from pgraph_core import show
 from pgraph_core.show import animation, bodies, notebook, shapes, stage
 from pgraph_core.show.stage import GRID, Viewpoint, in_picture
 
+pytestmark = pytest.mark.quick
+
 
 @pytest.fixture(scope="module")
 def run() -> pg.Result:

@@ -13,6 +13,8 @@ from pgraph_app.cli.main import main
 from pgraph_core.formats.conversion import nearest_inertia
 from pgraph_core.rotation import matrix
 
+pytestmark = pytest.mark.quick
+
 INERTIAL = (
     '<inertial><origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/><mass value="2"/>'
     '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"/></inertial>'

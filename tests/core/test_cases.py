@@ -14,6 +14,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 
+pytestmark = pytest.mark.quick
+
 DOWN = {"gravity": (0.0, -9.81, 0.0), "up": "y"}
 NONE = ((0.0,) * 3,) * 3
 

@@ -10,6 +10,8 @@ import pgraph_models
 
 from .test_cases import mass
 
+pytestmark = pytest.mark.quick
+
 
 def chain() -> pg.Model:
     """Six rods 100 m above the ground, and a welded one at their end."""

@@ -11,6 +11,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core import show
 
+pytestmark = pytest.mark.quick
+
 ROD = pg.Model(bodies=[pg.Body(name="rod", mass=1.0, tip=(1, 0, 0))])
 
 

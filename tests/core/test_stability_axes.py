@@ -13,6 +13,8 @@ from pgraph_core.study.stability import in_scenario
 
 from .test_cases import DOWN, mass
 
+pytestmark = pytest.mark.quick
+
 
 def built_in(name):
     return pg.Model.load(pgraph_models.path(name))

@@ -13,6 +13,8 @@ from pgraph_core.paper import Operators
 
 from .trees import scaled_error
 
+pytestmark = pytest.mark.quick
+
 GOLDEN = Path(__file__).parents[1] / "golden"
 ENTRIES = json.loads((GOLDEN / "third_party.json").read_text(encoding="utf-8"))["models"]
 NUMBERS = np.load(GOLDEN / "third_party.npz")

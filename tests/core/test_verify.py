@@ -12,7 +12,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_models import build_cases, case_models
 
-LONG = ("a02_n_four_bar_10", "a02_n_four_bar_40", "chain_n_links_1000")  # seconds each
+LONG = ("a02_n_four_bar_10", "a02_n_four_bar_40", "chain_n_links_1000",
+        "hanging_chain_frequencies_1000")  # seconds each  # fmt: skip
 
 
 @pytest.mark.parametrize(
