@@ -1,4 +1,4 @@
-"""Where else it must work: no home, odd folders, damaged and closed caches, other ways to start."""
+"""Runs without a home, in odd folders, with damaged and closed caches, and started otherwise."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if __name__ == "__main__":
 
 
 def printed(*arguments: str, folder: Path | None = None, **environment: str | None) -> str:
-    """What a new process prints; a variable that is None is not set."""
+    """Return the output of a new process. A variable that is None is not set."""
     values = {k: v for k, v in {**os.environ, **environment}.items() if v is not None}
     command = [sys.executable, *arguments]
     return subprocess.run(
@@ -125,7 +125,7 @@ def test_two_processes_that_begin_at_once_share_an_empty_cache(tmp_path, here):
 
 @pytest.mark.nightly
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, here, monkeypatch):
-    """As root every folder can be written: here one that is a file cannot."""
+    """Root can write every folder, so the cache folder is a file."""
     closed = tmp_path / "a file"
     closed.write_text("")
     closed_cache = (

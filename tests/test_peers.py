@@ -22,7 +22,7 @@ def builder(name: str):
     return import_module(f"pgraph_peers.{name}")
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engine_and_a_mechanism_agree(name: str, seed: int):
     state = random_case(seed)
@@ -38,38 +38,24 @@ def test_an_engine_and_a_mechanism_agree(name: str, seed: int):
         assert scaled_error(value, expected[quantity]) < bound, quantity
 
 
+MOTIONS = {  # scenario, duration and step [s], largest error
+    "double_pendulum": (None, 0.2, 1e-3, 1e-6),
+    "quadruped": ("stance", 0.02, 5e-4, 1e-5),  # actuators and pinned points
+    "four_bar": ("turn", 0.3, 1e-3, 1e-6),  # closed between two of its bodies
+}
+
+
+@pytest.mark.parametrize("model", MOTIONS)
 @pytest.mark.parametrize("name", ENGINES)
-def test_an_engine_makes_the_motion_of_a_tree_without_actuators(name: str):
+def test_an_engine_makes_the_motion(name: str, model: str):
     pytest.importorskip(name)
-    model = pg.Model.load(pgraph_models.path("double_pendulum"))
-    options = {"t_end": 0.2, "steps": 1e-3, "tolerances": 1e-8, "rounds": 1, "frames": 5}
-    found = pg.work_precision(model, methods="dop853", peers=name, **options)
-    theirs = [row for row in found.rows if row.peer]
-    assert theirs
-    assert all(row.ok and row.error < 1e-6 for row in theirs), theirs
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_an_engine_makes_the_motion_of_actuators_and_pinned_points(name: str):
-    pytest.importorskip(name)
-    model = pg.Model.load(pgraph_models.path("quadruped"))
-    options = {"t_end": 0.02, "steps": 5e-4, "tolerances": 1e-8, "rounds": 1, "frames": 3}
-    found = pg.work_precision(model, scenario="stance", methods="rk4", peers=name, **options)
-    theirs = [row for row in found.rows if row.peer]
-    assert theirs
-    assert all(row.ok and row.error < 1e-5 for row in theirs), theirs
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_an_engine_makes_the_motion_of_a_loop(name: str):
-    """A four-bar that turns, closed between two of its bodies."""
-    pytest.importorskip(name)
-    model = pg.Model.load(pgraph_models.path("four_bar"))
-    options = {"t_end": 0.3, "steps": 1e-3, "tolerances": 1e-9, "rounds": 1, "frames": 4}
-    found = pg.work_precision(model, scenario="turn", methods="rk4", peers=name, **options)
+    scenario, t_end, step, bound = MOTIONS[model]
+    options = {"t_end": t_end, "steps": step, "tolerances": 1e-9, "rounds": 1, "frames": 4}
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(model)))
+    found = pg.work_precision(mech, scenario=scenario, methods="rk4", peers=name, **options)
     theirs = [row for row in found.rows if row.peer]
     assert theirs, found.notes
-    assert all(row.ok and (row.error or 1.0) < 1e-6 for row in theirs), theirs
+    assert all(row.ok and (row.error or 1.0) < bound for row in theirs), theirs
 
 
 @pytest.mark.parametrize(("name", "bound"), [("mujoco", 3.0), ("pinocchio", 1e-2)])
@@ -92,16 +78,6 @@ def test_forces_of_a_stance(name: str, bound: float):
     assert abs(theirs - vertical).max() < bound, (theirs, vertical)
 
 
-def test_a_walker_stands_on_the_plane():
-    """Balls at the contact points, one body each, and gravity pulls it down onto the ground."""
-    mujoco = builder("mujoco")
-    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
-    compiled = mujoco.walker(model, 1e-3, 1e-3)
-    assert compiled.ngeom == 1 + len(model.contacts)
-    assert compiled.nbody == 1 + len(model.bodies)
-    assert compiled.nv == sum(body.dof for body in model.bodies)
-
-
 def test_hinges_of_one_joint_share_a_body_of_mujoco():
     mujoco = builder("mujoco")
     model = pg.Model(bodies=(pg.Body(name="a", joint="universal"), pg.Body(name="b", parent="a")))
@@ -110,25 +86,18 @@ def test_hinges_of_one_joint_share_a_body_of_mujoco():
     assert (compiled.nbody, compiled.njnt) == (1 + 2, 3)
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"limits": ((-3.0, 3.0),)}, "it has joint limits (body 'upper')"),
-        ({"friction": 0.1}, "it has joint friction (body 'upper')"),
-    ],
-)
-def test_parts_that_no_engine_gets_are_named(change: dict, sentence: str):
+@pytest.mark.parametrize("change", [{"limits": ((-3.0, 3.0),)}, {"friction": 0.1}])
+def test_parts_that_no_engine_gets_are_named(change: dict):
     model = pg.Model.load(pgraph_models.path("double_pendulum")).edit("upper", **change)
     mech = pg.Mechanism(model)
-    with pytest.raises(Exception, match="it has joint") as refused:
+    with pytest.raises(Exception, match=f"{next(iter(change))}.*body 'upper'"):
         pgraph_peers.MUJOCO.run(mech, *mech.home(), np.linspace(0, 1, 3), None, None)
-    assert str(refused.value) == sentence
 
 
 @pytest.mark.parametrize("name", ["sundials", "scipy"])
 @pytest.mark.parametrize("model", ["double_pendulum", "heavy_top", "four_bar", "stiff_pendulum"])
 def test_an_integrator_of_our_equations_finds_the_motion(name: str, model: str):
-    """By each of its methods: on hinges, a ball, a loop and a stiff spring."""
+    """Hinges, a ball, a loop and a stiff spring, by each of its methods."""
     pytest.importorskip("sksundae")
     if name not in installed_peers():
         pytest.skip("installed before this peer was there")

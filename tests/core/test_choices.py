@@ -1,4 +1,4 @@
-"""What `auto` chooses and says, bad input of runs, and how runs that fail end."""
+"""The choice of `auto`, bad input of runs, and the end of runs that fail."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import pgraph_models
 
 from .test_cases import DOWN, mass
 from .test_methods import chain, double_pendulum, stiff_pendulum
-
-# -- auto ------------------------------------------------------------------------------------------
 
 
 def free_body():
@@ -29,91 +27,60 @@ def loop():
     return pg.Mechanism(pg.Model.load(pgraph_models.path("bricard")))
 
 
-SMOOTH = "dop853: smooth motion, to a tight tolerance, at steps of its own choice"
-STEPPED = "rk4: the most accurate of the methods for smooth motion at a fixed step"
-
-
 @pytest.mark.parametrize(
-    ("make", "options", "why"),
+    ("make", "options", "method", "why"),
     [
-        (free_body, {}, SMOOTH),
-        (free_body, {"step": 1e-2}, STEPPED),
-        (free_body, {"rtol": 1e-4}, "dopri5: smooth motion, to a loose tolerance"),
-        (loop, {}, SMOOTH),
-        (loop, {"step": 1e-3}, STEPPED),
-        (lambda: chain(1000), {"t_end": 0.01}, SMOOTH),
-        (ball_on_the_ground, {}, "moreau_jean: the scene has rigid contacts or joint limits"),
-        (lambda: stiff_pendulum(1e12)[0], {},
-         "radau5: springs or dampers make rates of 1e+06/s, the rest 3.57/s"),
-        (lambda: stiff_pendulum(1e12)[0], {"step": 1e-2},
-         "radau5: the fastest rate, 1e+06/s, times the step is too much for rk4"),
-        (lambda: stiff_pendulum(1e4)[0], {"step": 1e-3}, STEPPED),
+        (free_body, {}, "dop853", "tight"),
+        (free_body, {"step": 1e-2}, "rk4", "fixed step"),
+        (free_body, {"rtol": 1e-4}, "dopri5", "loose"),
+        (loop, {}, "dop853", "tight"),
+        (loop, {"step": 1e-3}, "rk4", "fixed step"),
+        (lambda: chain(1000), {"t_end": 0.01}, "dop853", "tight"),
+        (ball_on_the_ground, {}, "moreau_jean", "rigid contacts"),
+        (lambda: stiff_pendulum(1e12)[0], {}, "radau5", "1e+06/s"),
+        (lambda: stiff_pendulum(1e12)[0], {"step": 1e-2}, "radau5", "1e+06/s"),
+        (lambda: stiff_pendulum(1e4)[0], {"step": 1e-3}, "rk4", "fixed step"),
     ],
-)  # fmt: skip
-def test_auto_chooses_what_suits_and_says_why(make, options, why):
-    """And it does suit: the run reaches its end with an error that can be lived with."""
+)
+def test_auto_chooses_a_method_that_suits_and_gives_the_reason(make, options, method, why):
+    """The run reaches its end with a small error."""
     run = pg.simulate(make(), frames=11, **({"t_end": 0.2} | options))
     assert run.status.ok, run.message
-    assert run.header["why"].split("/s, the rest")[0] == why.split("/s, the rest")[0]
-    assert run.header["method"] == why.split(":")[0]
-    assert run.error_estimate < (1e-2 if run.header["method"] == "moreau_jean" else 1e-3)
+    assert why in run.header["why"]
+    assert run.header["method"] == method
+    assert run.error_estimate < (1e-2 if method == "moreau_jean" else 1e-3)
 
 
 @pytest.mark.parametrize("method", ["rk4", "gauss6"])
 @pytest.mark.parametrize(
-    ("drive", "begins", "says"),
+    ("drive", "begins", "facts"),
     [
         ({"stiffness": 3948.0, "damping": 2.0}, "too wide:", ["62.8 rad/s", "0.0048 s"]),
         ({"stiffness": 3948.0, "damping": 5000.0}, "stiff:", ["radau5"]),
     ],
 )
-def test_too_wide_a_step_is_told_by_what_is_too_fast_for_it(method, drive, begins, says):
+def test_a_notice_names_the_rate_that_is_too_fast_for_a_step(method, drive, begins, facts):
     """A spring of 10 Hz needs a smaller step; a damper that settles at once a stiff method."""
     slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, **drive)
     model = pg.Model(bodies=[slider], gravity=(0, 0, 0))
     options = {"t_end": 2.0, "step": 0.05, "method": method, "estimate": False}
     notice = next(n for n in pg.simulate(model, **options).notices if n.startswith(begins))
-    for fact in says:
-        assert fact in notice
-
-
-# -- bad input -------------------------------------------------------------------------------------
+    assert all(fact in notice for fact in facts)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "facts"),
     [
-        ({"method": "rk5"}, "method: no method is called 'rk5'; choose one of auto, "
-         "semi_implicit_euler, rk4, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, "
-         "moreau_jean"),
-        ({"method": "moreau_jean"}, "method: moreau_jean is for impulses, and no contact and no "
-         "limit acts here; use 'auto', or 'semi_implicit_euler', which also takes fixed steps of "
-         "order 1"),
-        ({"step": 0.0}, "step: must be a finite number > 0 [s]; given 0.0"),
-        ({"step": -1e-3, "method": "rk4"}, "step: must be a finite number > 0 [s]; given -0.001"),
-        ({"step": float("nan")}, "step: must be a finite number > 0 [s]; given nan"),
-        ({"rtol": 0.0}, "rtol: must be a finite number > 0; given 0.0"),
-        ({"rtol": 1e-17}, "rtol: must lie within 1e-15, rounding, and 0.1; given 1e-17"),
-        ({"rtol": 1e-6, "method": "rk4"}, "rtol: rk4 takes a step, not a tolerance; for one "
-         "choose dopri5, dop853, ros2, radau5"),
-        ({"atol": -1.0}, "atol: must be a finite number > 0; given -1.0"),
-        ({"t_end": 0.0}, "t_end: must be a finite number > 0 [s]; given 0.0"),
-        ({"t_start": 2.0}, "t_end: must be a finite number > t_start = 2 [s]; given 1.0"),
-        ({"t_eval": [0.0, 1.5]}, "t_eval: must ascend within 0 to t_end = 1 s"),
-        ({"t_eval": [-0.1, 0.5]}, "t_eval: must ascend within 0 to t_end = 1 s"),
-        ({"t_eval": [0.5, 0.2]}, "t_eval: must ascend within 0 to t_end = 1 s"),
-        ({"t_eval": ["now"]}, "t_eval: must be a list of finite times [s]"),
-        ({"frames": 1}, "frames: must be a whole number >= 2; given 1"),
-        ({"max_steps": 0}, "max_steps: must be a whole number >= 1; given 0"),
+        ({"method": "moreau_jean"}, ["method", "moreau_jean", "'auto'", "'semi_implicit_euler'"]),
+        ({"rtol": 1e-6, "method": "rk4"}, ["rtol", "rk4", "dopri5, dop853, ros2, radau5"]),
+        ({"t_start": 2.0}, ["t_end", "t_start = 2", "1.0"]),
+        *(({"t_eval": t}, ["t_eval", "1 s"]) for t in ([0.0, 1.5], [-0.1, 0.5], [0.5, 0.2])),
     ],
-)  # fmt: skip
-def test_bad_input_is_one_sentence(options, said):
+)
+def test_bad_input_names_its_field(options, facts):
     with pytest.raises(pg.InputError) as refused:
         pg.simulate(double_pendulum(), **({"t_end": 1.0} | options))
-    assert str(refused.value) == f"simulate, {said}"
-
-
-# -- failures --------------------------------------------------------------------------------------
+    assert all(fact in str(refused.value) for fact in facts)
 
 
 def excited(k):
@@ -123,28 +90,27 @@ def excited(k):
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
-    """Of a rod of 1e8 N/m at a step fifty times too wide; the cause was said before."""
+    """A rod of 1e8 N/m at a step fifty times too wide. A notice warned before."""
     mech, q = excited(1e8)
     run = pg.simulate(mech, q, t_end=1.0, method=method, step=5e-3)
     assert run.status is pg.Status.NOT_FINITE
     assert 0 < run.t[-1] < 0.5
     assert np.isfinite(run.q).all()
     assert len(run.q) == len(run.t) == len(run.energy)
-    assert run.message.startswith("the motion stopped being finite at t = ")
-    assert "body 'a' moved fastest; try a step of 0.0025 s" in run.message
-    assert any("try radau5" in notice for notice in run.notices)
+    assert all(fact in run.message for fact in ("t = ", "body 'a'", "0.0025 s"))
+    assert any("radau5" in notice for notice in run.notices)
 
 
-def test_steps_too_wide_for_newtons_method_are_parted_and_said():
+def test_steps_too_wide_for_newtons_method_are_divided_with_a_notice():
     """Steps of 2 s on a double pendulum that takes 1.5 s for a swing."""
     q = np.array([2.5, 1.0])
     run = pg.simulate(double_pendulum(), q, t_end=20.0, method="radau5", step=2.0)
     assert run.status.ok
-    assert any("steps of 2 s could not be solved at once" in said for said in run.notices)
+    assert any("steps of 2 s" in notice for notice in run.notices)
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "ros2"])
-def test_a_step_that_falls_below_what_time_resolves_is_named(method):
+def test_a_step_below_the_resolution_of_time_ends_the_run(method):
     """A torque that grows without bound towards t = 0.3."""
     mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
 
@@ -155,12 +121,11 @@ def test_a_step_that_falls_below_what_time_resolves_is_named(method):
     assert not run.status.ok
     assert 0.29 < run.t[-1] <= 0.3 + 1e-12
     assert np.isfinite(run.q).all()
-    assert "body 'a' moved fastest" in run.message
-    assert "may" in run.message or "try" in run.message
+    assert "body 'a'" in run.message
 
 
 def test_too_many_steps_are_named():
     run = pg.simulate(excited(1e8)[0], excited(1e8)[1], t_end=1.0, method="dop853", max_steps=100)
     assert run.status is pg.Status.TOO_MANY_STEPS
     assert run.counters["steps"] + run.counters["rejected_steps"] == 100
-    assert "give a larger max_steps or rtol, or try radau5 if it is stiff" in run.message
+    assert all(fact in run.message for fact in ("max_steps", "rtol", "radau5"))

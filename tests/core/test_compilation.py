@@ -1,6 +1,5 @@
-"""What is compiled, and when: once, for one signature, and never again."""
+"""Kernels are compiled once, for one signature, when one of their sources has changed."""
 
-import contextlib
 import os
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from pgraph_core.engine import MODULES
 from pgraph_core.engine.compiler.jit import KERNELS
 for module in MODULES:
     import_module(f"pgraph_core.engine.{module}")
-warm = dict(KERNELS)  # others, as those of contacts, are compiled where a scene first needs them
+warm = dict(KERNELS)  # others are compiled where a scene first needs them
 for name in pgraph_models.names():
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     q, v = mech.home()
@@ -36,46 +35,8 @@ many = {n: len(d.signatures) for n, (d, _) in KERNELS.items() if len(d.signature
 print(missed, many)
 """
 
-LATER = """
-import numpy as np, pgraph_core as pg, pgraph_models
-from pgraph_core.engine.tree.dynamics import forward_dynamics
-mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
-pg.simulate(mech, t_end=0.01)
-before, (q, v) = len(forward_dynamics.signatures), mech.home()
-try:
-    mech.forward_dynamics(q, "fast")
-except pg.InputError:
-    between = len(forward_dynamics.signatures)
-first = mech.forward_dynamics(list(q), v)
-again = mech.forward_dynamics(q, v)
-print(before, between, len(forward_dynamics.signatures), np.array_equal(first, again))
-"""
-COLD = """
-import sys, time
-from pathlib import Path
-from pgraph_core.engine import warm_up
-from pgraph_core import engine
-from pgraph_core.engine.compiler import jit
-jit.cache_folder = lambda: Path(sys.argv[1])
-import pgraph_core.engine.tree.dynamics
-jit.compile_kernel("forward_dynamics")
-alone = time.process_time()
-for _ in warm_up():
-    pass
-print(alone, time.process_time())
-"""
 
-
-@pytest.mark.timed
 @pytest.mark.nightly
-def test_all_kernels_compile_within_nine_times_of_one(tmp_path):
-    """CPU time, by that of the dynamics of a tree with the import of numba: 7.7 when measured."""
-    command = [sys.executable, "-c", COLD, str(tmp_path)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    alone, everything = map(float, done.stdout.split())
-    assert everything < 9 * alone
-
-
 def test_warmed_up_kernels_are_all_that_a_session_needs():
     """The cache that `python -m pgraph_core.engine` fills is the one that calls look in."""
     subprocess.run([sys.executable, "-m", "pgraph_core.engine"], check=True, capture_output=True)
@@ -83,57 +44,18 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
     assert done.stdout.strip() == "{} {}"
 
 
-def test_a_simulation_does_not_compile_the_dynamics_of_single_states():
-    done = subprocess.run(
-        [sys.executable, "-c", LATER], check=True, capture_output=True, text=True
-    )  # fmt: skip
-    assert done.stdout.split() == ["0", "0", "1", "True"]
-
-
+@pytest.mark.nightly
 def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
-    """A killed parent closes the pipe; the cold cache would take much longer than the wait."""
+    """A killed parent closes the pipe."""
     command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent"]
     environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
     child = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
     )
-    assert child.stdout is not None
-    assert child.stdin is not None
     child.stdout.readline()  # it compiles
     child.stdin.close()
-    assert child.wait(timeout=10) == 1
+    assert child.wait(timeout=120) == 1  # 0 after the compilation
     child.stdout.close()
-
-
-def test_the_second_process_compiles_what_a_run_needs_last(tmp_path):
-    command = [sys.executable, *engine.SECOND]
-    environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
-    ) as child:
-        assert child.stdout is not None
-        assert child.stdout.readline().split()[2:] == [engine.LATE[0].encode()]
-        child.kill()
-    assert list(tmp_path.rglob("*advance_run*.kernel"))
-
-
-@pytest.mark.parametrize("cold", [True, False])
-def test_the_second_process_is_there_for_a_cold_cache_and_ends(cold, monkeypatch):
-    began = []
-    begin = subprocess.Popen
-
-    def popen(*args, **options):
-        began.append(begin(*args, **options))
-        return began[-1]
-
-    monkeypatch.setattr(engine, "_cold", lambda: cold)
-    monkeypatch.setattr(engine.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(engine.subprocess, "Popen", popen)
-    with contextlib.suppress(KeyboardInterrupt), engine.second_process():
-        assert [process.poll() for process in began] == [None] * cold
-        raise KeyboardInterrupt
-    assert len(began) == cold
-    assert all(process.poll() is not None for process in began)
 
 
 def test_a_filled_cache_is_not_cold(monkeypatch, tmp_path):
@@ -155,21 +77,18 @@ def test_no_two_modules_have_a_kernel_of_one_name():
     jit.register(KERNELS, dispatcher, signature)  # again, as a module that is loaded again does
 
     other = SimpleNamespace(__name__="advance_run", __module__="another")
-    with pytest.raises(RuntimeError, match=r"another and .*stepping\.run both"):
+    with pytest.raises(RuntimeError, match=r"another.*stepping\.run"):
         jit.register(jit.LATER, other, signature)
     assert KERNELS["advance_run"][0] is dispatcher
 
 
-def test_a_module_that_moves_has_kernels_of_its_own(tmp_path):
-    """What is saved of a kernel names its module: another version may not load it."""
+def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
+    """Its name counts as well: what is saved of a kernel names its module."""
     for folder in ("here", "there"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "tree.py").write_text("def advance(): ...")
     here, there = (jit.source_hash(tmp_path / x / "tree.py") for x in ("here", "there"))
     assert here != there
-
-
-def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
     tree, moving, contact = (tmp_path / name for name in ("tree.py", "moving.py", "contact.py"))
     sizes = tmp_path / "rows" / "sizes.py"
     sizes.parent.mkdir()
@@ -197,7 +116,7 @@ def test_a_kernel_depends_on_every_engine_module_that_python_loads_for_it():
     """Python's own list of loaded modules is the oracle; packages' own files hold no code."""
     code = "import sys, {0}; print(*[m for m in sys.modules if m.startswith('{1}')])"
     engine = "pgraph_core.engine"
-    for name in ("tree.dynamics", "constraints.constraints", "stepping.run", "contact.contacts"):
+    for name in ("tree.dynamics", "stepping.run"):
         command = [sys.executable, "-c", code.format(f"{engine}.{name}", engine)]
         loaded = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
         files = {Path(ENGINE, *module.split(".")[2:]).with_suffix(".py") for module in loaded}

@@ -1,4 +1,4 @@
-"""The hunt for runs that are wrong and silent: its judge, and a small slice of it."""
+"""The fuzz test for runs that are wrong without a notice: its judge, and a slice of it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ import pytest
 from pgraph_core.verification.hunt import FAMILIES, SMOOTH, hunt, judged, scenes, told
 
 EXPLORE = "PGRAPH_EXPLORE" in os.environ
+REST = [name for k, name in enumerate(FAMILIES) if k % 4]
+NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in REST]
 
 
 def silent(finds):
     return [find for find in finds if find.verdict == "silent"]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_slice_of_the_hunt_finds_nothing_wrong_and_silent(family):
+@pytest.mark.parametrize("family", [*list(FAMILIES)[::4], *NIGHTLY])
+def test_no_run_of_a_slice_is_wrong_without_a_notice(family):
     finds = []
     for number in range(2):
         scene = FAMILIES[family](np.random.default_rng([number, 77]))
@@ -32,7 +34,7 @@ def test_scenes_depend_on_seed_and_number_only():
     assert [scene.what for scene in scenes(8, 5, 12)] == [scene.what for scene in two[12:]]
 
 
-def test_the_judge_sees_what_is_wrong():
+def test_the_judge_finds_a_wrong_closed_form():
     """A closed form that is off by a thousandth makes every run of it wrong."""
     scene = FAMILIES["pendulum"](np.random.default_rng(3))
     known = scene.known
@@ -40,7 +42,7 @@ def test_the_judge_sees_what_is_wrong():
     wrong = scene._replace(known=lambda t: 1.001 * known(t))
     default = next(judged(wrong, np.random.default_rng(0)))
     assert default.verdict == "silent"
-    assert "SILENT pendulum" in told([default], 0.0)
+    assert "pendulum" in told([default], 0.0)
 
 
 @pytest.mark.nightly

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,28 +20,21 @@ from .convex import signed_distance
 TURN = (0.5, 0.5, -0.5, 0.5)
 FINE = 2e-3  # of a round shape's mesh with many facets
 
-SHAPES = [
-    ({"kind": "box", "size": (1, 2, 3)}, trimesh.creation.box((1, 2, 3)), 1e-12),
-    (
-        {"kind": "sphere", "radius": 0.7},
-        trimesh.creation.icosphere(subdivisions=5, radius=0.7),
-        FINE,
-    ),
-    (
-        {"kind": "cylinder", "radius": 0.5, "length": 2},
-        trimesh.creation.cylinder(0.5, 2, sections=300),
-        FINE,
-    ),
-    (
-        {"kind": "capsule", "radius": 0.5, "length": 2},
-        trimesh.creation.capsule(2, 0.5, count=(200, 200)),
-        2e-3,
-    ),
-]
+SHAPES = [  # with half of the size
+    ({"kind": "box", "size": (1, 2, 3)}, trimesh.creation.box((1, 2, 3)), 1e-12, (0.5, 1, 1.5)),
+    ({"kind": "sphere", "radius": 0.7}, trimesh.creation.icosphere(5, 0.7), FINE, (0.7, 0.7, 0.7)),
+    ({"kind": "cylinder", "radius": 0.5, "length": 2},
+     trimesh.creation.cylinder(0.5, 2, sections=300), FINE, (0.5, 0.5, 1)),
+    ({"kind": "capsule", "radius": 0.5, "length": 2},
+     trimesh.creation.capsule(2, 0.5, count=(200, 200)), FINE, (0.5, 0.5, 1.5)),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("fields", "mesh", "tolerance"), SHAPES)
-def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
+@pytest.mark.parametrize(("fields", "mesh", "tolerance", "half"), SHAPES)
+def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance, half):
+    found, middle = solids.solid_of(pg.Shape(**fields)).box
+    np.testing.assert_allclose(found, half)
+    np.testing.assert_allclose(middle, 0)
     shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
     found = solids.mass_properties(shape, 1000.0)
     turn = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
@@ -51,20 +43,6 @@ def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
     np.testing.assert_allclose(found.com, shape.position, atol=1e-12)
     expected = turn @ mesh.moment_inertia @ turn.T
     np.testing.assert_allclose(found.inertia, expected, rtol=0, atol=2 * tolerance * expected.max())
-
-
-@pytest.mark.parametrize("fields", [fields for fields, _, _ in SHAPES])
-def test_what_touches_has_the_size_of_the_shape(fields):
-    solid = solids.solid_of(pg.Shape(**fields))
-    half, middle = solid.box
-    expected = {
-        "box": (0.5, 1, 1.5),
-        "sphere": (0.7, 0.7, 0.7),
-        "cylinder": (0.5, 0.5, 1),
-        "capsule": (0.5, 0.5, 1.5),
-    }
-    np.testing.assert_allclose(half, expected[fields["kind"]])
-    np.testing.assert_allclose(middle, 0)
 
 
 @pytest.mark.parametrize("inside_out", [False, True])
@@ -94,133 +72,99 @@ def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
     np.testing.assert_allclose(solid.vertices.max(axis=0), (1, 2, 3))
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_hulls_of_rounded_meshes_are_closed(seed):
-    """STL files hold single precision: points of one plane or line are off it by 1e-7.
-
-    A vertex on an edge of one face then belongs to that face too, or to no edge of either.
-    """
+def grid(seed):
+    """Single precision, as in STL files: points of one plane or line are off it by 1e-7."""
     rng = np.random.default_rng(seed)
-    grid = rng.integers(-1, 2, (40, 3)) * rng.choice([1.0, 0.5], (40, 1))
+    corners = rng.integers(-1, 2, (40, 3)) * rng.choice([1.0, 0.5], (40, 1))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    places = (grid @ turn).astype(np.float32).astype(float)
-    solid = solids.hull(places)
-    edges, normals = solids.edges_of(solid), solids.normals_of(solid)
-    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
-    for ring, normal in zip(solid.rings, normals):
-        assert np.linalg.norm(normal) == pytest.approx(1.0)
-        assert ((places - solid.vertices[ring[0]]) @ normal).max() < 1e-6
-    for u, v, f, g in edges:
-        along = np.cross(normals[g], normals[f]) @ (solid.vertices[v] - solid.vertices[u])
-        assert along > -1e-6
+    return (corners @ turn).astype(np.float32).astype(float)
 
 
-@pytest.mark.parametrize("count", [4, 5, 30, 200])
-def test_faces_of_a_hull_look_outward(count):
-    rng = np.random.default_rng(count)
-    points = rng.normal(size=(count, 3)) + 5
-    solid = solids.hull(points)
-    normals, edges = solids.normals_of(solid), solids.edges_of(solid)
-    for ring, n in zip(solid.rings, normals):
-        assert ((solid.vertices - solid.vertices[ring[0]]) @ n).max() < 1e-12
-    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
-    for u, v, f, g in edges:
-        along = solid.vertices[v] - solid.vertices[u]
-        assert along @ np.cross(normals[g], normals[f]) > 0
-    for p in points:
-        assert signed_distance(p[None], solid.vertices) < 1e-10
+def plate(seed):
+    """Two discs: between corners in one plane there are facets whose normals are anything."""
+    rng = np.random.default_rng(seed)
+    angle, far = rng.uniform(0, 2 * np.pi, 100), np.sqrt(rng.uniform(0, 1, 100))
+    disc = np.column_stack((0.1 * far * np.cos(angle), 0.07 * far * np.sin(angle)))
+    places = np.array([(x, y, z) for x, y in disc for z in (-0.01, 0.01)])
+    return Rotation.random(random_state=seed).apply(places).astype(np.float32)
 
 
-def test_faces_of_hulls_in_single_precision_have_no_corner_inwards():
-    """Between corners in one plane there are facets whose normals are anything."""
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        angle, far = rng.uniform(0, 2 * np.pi, 100), np.sqrt(rng.uniform(0, 1, 100))
-        plate = np.column_stack((0.1 * far * np.cos(angle), 0.07 * far * np.sin(angle)))
-        places = np.array([(x, y, z) for x, y in plate for z in (-0.01, 0.01)])
-        turned = Rotation.random(random_state=seed).apply(places).astype(np.float32)
-        solid = solids.hull(turned)
-        assert max(map(len, solid.rings)) > 12  # each side is one face
-        for ring, normal in zip(solid.rings, solids.normals_of(solid)):
-            corners = solid.vertices[list(ring)]
-            for start, end in zip(corners, np.roll(corners, -1, axis=0)):
-                inside = (corners - start) @ np.cross(normal, end - start)
-                assert inside.min() > -1e-9 * np.linalg.norm(end - start), seed
+def cloud(count):
+    return np.random.default_rng(count).normal(size=(count, 3)) + 5
 
 
 @pytest.mark.parametrize(
-    "solid", [solids.box((1, 2, 3)), solids.cylinder(0.5, 2), solids.capsule(0.3, 1)]
-)
-def test_packed_sizes(solid):
-    packed = solids.packed([solids.Placed(solid, 3, 2, (1, 2, 3))]).shapes[0]
-    half, middle = solid.box
-    assert (packed["row"], packed["body"]) == (3, 2)
-    np.testing.assert_allclose(packed["position"], (1, 2, 3))
-    np.testing.assert_allclose(middle, 0)
-    assert (np.abs(solid.vertices) <= half + 1e-15).all()
-    assert np.linalg.norm(half) >= solid.reach - 1e-15
+    ("points", "tolerance", "slack"),
+    [*((grid(seed), 1e-6, 1e-7) for seed in range(8)),
+     *((plate(seed), 1e-6, 1e-9) for seed in range(5)),
+     *((cloud(count), 1e-12, 1e-9) for count in (4, 5, 30, 200))],
+)  # fmt: skip
+def test_hulls_are_closed_and_convex(points, tolerance, slack):
+    """A vertex on an edge of one face belongs to that face too, or to no edge of either."""
+    solid = solids.hull(points)
+    edges, normals = solids.edges_of(solid), solids.normals_of(solid)
+    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
+    for ring, normal in zip(solid.rings, normals):
+        corners = solid.vertices[list(ring)]
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        assert ((points - corners[0]) @ normal).max() < tolerance
+        for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+            inside = (corners - start) @ np.cross(normal, end - start)
+            assert inside.min() > -slack * np.linalg.norm(end - start)
+    for u, v, f, g in edges:
+        along = np.cross(normals[g], normals[f]) @ (solid.vertices[v] - solid.vertices[u])
+        assert along > (0.0 if tolerance < 1e-9 else -tolerance)
+    assert all(signed_distance(p[None], solid.vertices) < max(tolerance, 1e-10) for p in points)
 
 
-def broken(folder: Path) -> dict[str, Path]:
-    """A file of every kind of trouble."""
-    files = {name: folder / name for name in ("open.stl", "cut.glb", "part.xyz9", "flat.obj")}
+def open_box(folder: Path) -> Path:
+    """A box of which one facet lacks."""
     box = trimesh.creation.box((1, 1, 1))
     box.update_faces(np.arange(12) != 3)
-    box.export(files["open.stl"])
-    files["cut.glb"].write_bytes(b"glTF damaged")
-    files["part.xyz9"].write_bytes(b"")
-    files["flat.obj"].write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
-    return files
+    box.export(folder / "open.stl")
+    return folder / "open.stl"
 
 
 @pytest.mark.parametrize("kind", ["glb", "obj", "off", "ply", "stl"])
-def test_a_damaged_mesh_is_refused_in_words_for_a_person(kind, tmp_path):
-    """Cut anywhere, and with a byte changed; no message of a reader's own."""
+def test_a_damaged_mesh_is_read_or_refused_with_its_file(kind, tmp_path):
+    """Cut anywhere, and with a byte changed."""
     whole = trimesh.creation.box((1, 1, 1)).export(file_type=kind)
     whole = whole.encode() if isinstance(whole, str) else whole
-    rng, said = np.random.default_rng(0), set()
-    for place in rng.integers(4, len(whole), 60):
+    rng, file, refused = np.random.default_rng(0), tmp_path / f"part.{kind}", []
+    for place in rng.integers(4, len(whole), 30):
         for content in (whole[:place], whole[:place] + b"\xff" + whole[place + 1 :]):
-            file = tmp_path / f"part.{kind}"
             file.write_bytes(content)
             try:
-                load_mesh(file)
+                assert np.isfinite(load_mesh(file).vertices).all()
             except pg.PgraphError as error:
-                said.add(str(error).split(": ", 1)[1])
-    known = ("cannot be read", "holds no", "has faces of", "has coordinates", "its content")
-    assert said
-    assert all(text.startswith(known) for text in said)
-    ours = ("its content is damaged or cut short", f"its content is no {kind.upper()} mesh")
-    reasons = {text.split(f" as {kind}: ")[1] for text in said if " as " in text}
-    assert reasons <= set(ours)
+                refused.append(str(error))
+    assert refused
+    assert all(str(file) in text for text in refused)
 
 
-def test_sentences(tmp_path):
-    files = broken(tmp_path)
-    shape = pg.Shape(kind="mesh", file=str(files["open.stl"]))
-    with pytest.raises(pg.ModelError) as error:
-        solids.mass_properties(shape, 1000)
-    assert str(error.value) == (
-        f"mesh {files['open.stl']}: is not closed: 3 of its edges do not have two faces; mend the "
-        "file, or give the body mass, com and inertia of its own"
-    )
-    with pytest.raises(pg.ModelError, match="must be a number > 0"):
-        solids.mass_properties(shape, 0)
-    with pytest.raises(pg.ModelError, match="must be one of m, cm, mm, in, ft; given 'inch'"):
-        load_mesh(files["open.stl"], unit="inch")
-    with pytest.raises(pg.FileError, match="there is no such file"):
-        load_mesh(tmp_path / "none.stl")
-    with pytest.raises(pg.FileError, match="cannot be read as glb: "):
-        load_mesh(files["cut.glb"])
-    with pytest.raises(pg.FileError, match=r"no mesh is read from \.xyz9 files; give one of glb, "):
-        load_mesh(files["part.xyz9"])
-    with pytest.raises(pg.ModelError, match="is flat: a shape that touches must span a volume"):
-        solids.convex_hull(files["flat.obj"])
+def test_meshes_that_cannot_be_used_are_refused(tmp_path):
+    file = open_box(tmp_path)
+    shape = pg.Shape(kind="mesh", file=str(file))
+    (tmp_path / "cut.glb").write_bytes(b"glTF damaged")
+    (tmp_path / "part.xyz9").write_bytes(b"")
+    flat = tmp_path / "flat.obj"
+    flat.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    for call, fact in (
+        (lambda: solids.mass_properties(shape, 1000), f"{re.escape(str(file))}.* 3 "),
+        (lambda: solids.mass_properties(shape, 0), "> 0"),
+        (lambda: load_mesh(file, unit="inch"), "m, cm, mm, in, ft.*'inch'"),
+        (lambda: load_mesh(tmp_path / "none.stl"), "none.stl"),
+        (lambda: load_mesh(tmp_path / "cut.glb"), "cut.glb"),
+        (lambda: load_mesh(tmp_path / "part.xyz9"), r"\.xyz9.* glb"),
+        (lambda: solids.convex_hull(flat), "flat"),
+    ):
+        with pytest.raises(pg.PgraphError, match=fact):
+            call()
 
 
-def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
-    """By its convex hull, which is the box's; else the contact is refused by name."""
-    file = broken(tmp_path)["open.stl"]
+def test_an_open_mesh_touches_by_its_hull_on_request(tmp_path):
+    """Its convex hull is that of the box. Without a request the contact is refused."""
+    file = open_box(tmp_path)
     rests = np.zeros(6)
     for hull in (None, "convex"):
         shape = pg.Shape(kind="mesh", file=str(file), hull=hull)
@@ -228,26 +172,11 @@ def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
         model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="floor", body="part"),))
         mech = pg.Mechanism(model)
         if hull is None:
-            with pytest.raises(pg.ModelError) as refused:
+            with pytest.raises(pg.ModelError, match=r"contact 'floor'.*'part'.*'convex'"):
                 pg.simulate(mech, t_end=0.01)
-            assert str(refused.value) == (
-                f"contact 'floor': the shape of 'part': mesh {file}: is not closed: 3 of its edges "
-                "do not have two faces; give a closed mesh, or hull 'convex' to let its convex "
-                "hull touch"
-            )
         else:
             rests = pg.simulate(mech, t_end=0.1).contact_force["floor"][-1]
     assert rests[5] == pytest.approx(9.81, rel=1e-6)
-
-
-def test_trimesh_is_imported_for_files_only():
-    code = (
-        "import sys, pgraph_core as pg; from pgraph_core.contact import solids;"
-        "solids.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
-        "assert 'trimesh' not in sys.modules"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 COLLADA = """<?xml version="1.0"?>
@@ -277,9 +206,9 @@ def test_collada_has_the_scene_in_metres(tmp_path):
     mirrored = load_mesh(tmp_path / "pyramid.dae", scale=(1, -1, 1))
     np.testing.assert_allclose(mirrored.volume, mesh.volume)  # still turned outside
     for old, new, text in (
-        ("3 2 1 0", "3 2 1 7", "vertices that are not there"),
-        ("<vcount>4", "<vcount>9", "more corners"),
-        ("0 0 100", "0 0", "must hold 3 numbers"),
+        ("3 2 1 0", "3 2 1 7", "vertices"),
+        ("<vcount>4", "<vcount>9", "corners"),
+        ("0 0 100", "0 0", " 3 "),
         ("<node><rotate>", NODE, "circle"),
         ("<COLLADA>", "<!DOCTYPE a><COLLADA>", "document type"),
     ):  # fmt: skip
@@ -292,7 +221,7 @@ def test_collada_has_the_scene_in_metres(tmp_path):
     ("kind", "radius", "end", "length"),
     [("capsule", 0.05, 0.03, 0.2), ("capsule", 0.02, 0.06, 0.1), ("cylinder", 0.05, 0.01, 0.2)],
 )
-def test_a_tapered_solid_weighs_what_its_profile_encloses(kind, radius, end, length):
+def test_a_tapered_solid_has_the_mass_of_its_profile(kind, radius, end, length):
     """Against the surface that is drawn, whose polygons lose less than 3 % of it."""
     shape = pg.Shape(
         kind=kind, radius=radius, end_radius=end, length=length, role="visual",
@@ -306,14 +235,10 @@ def test_a_tapered_solid_weighs_what_its_profile_encloses(kind, radius, end, len
     assert found.mass == pytest.approx(solid.mass, rel=0.03)
     np.testing.assert_allclose(found.com, solid.center_mass, atol=0.003 * length)
     np.testing.assert_allclose(found.inertia, solid.moment_inertia, atol=0.03 * found.inertia.max())
-
-
-def test_a_taper_of_equal_radii_weighs_what_the_plain_solid_weighs():
-    for kind in ("capsule", "cylinder"):
-        plain = pg.Shape(kind=kind, radius=0.05, length=0.2)
-        tapered = plain.model_copy(update={"end_radius": 0.05, "role": "visual"})
-        for a, b in zip(solids.mass_properties(plain, 800), solids.mass_properties(tapered, 800)):
-            np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-16)  # zero is a sum to rounding
+    plain = pg.Shape(kind=kind, radius=radius, length=length)
+    same = plain.model_copy(update={"end_radius": radius, "role": "visual"})
+    for a, b in zip(solids.mass_properties(plain, 800), solids.mass_properties(same, 800)):
+        np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-16)  # zero is a sum to rounding
 
 
 @pytest.mark.parametrize("given", [
@@ -333,5 +258,5 @@ def test_meshes_of_mujoco_are_read(tmp_path):
     (tmp_path / "box.msh").write_bytes(content)
     np.testing.assert_allclose(load_mesh(tmp_path / "box.msh").volume, 6.0)
     (tmp_path / "cut.msh").write_bytes(content[:-4])
-    with pytest.raises(pg.FileError, match="no MSH mesh"):
+    with pytest.raises(pg.FileError, match="MSH"):
         load_mesh(tmp_path / "cut.msh")

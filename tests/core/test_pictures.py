@@ -1,18 +1,16 @@
-"""Pictures and films: they show the mechanism where it is, with its colours, at the asked size."""
+"""Pictures and films: the mechanism where it is, with its colours, at the requested size."""
 
 from __future__ import annotations
 
 import re
 import struct
 import zlib
-from typing import Any
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
 from pgraph_core.show.drawing import Drawing
-from pgraph_core.show.pictures import png
 from pgraph_core.show.raster import NOTHING, cover
 
 RED = pg.Shape(kind="sphere", radius=0.1, colour=(0.9, 0.05, 0.05))
@@ -86,9 +84,6 @@ def test_the_ball_throws_a_shadow_where_the_sun_is_behind_it():
     assert picture[int(y), int(x)] < 0.85 * picture[int(y_beside), int(beside)]
 
 
-ENDLESS: Any = (float("inf"), 100)
-
-
 def test_a_picture_has_its_size_and_is_the_same_every_time(tmp_path):
     model, path = ball((0, 0, 1.0)), tmp_path / "a.png"
     model.to_image(path, size=(200, 120))
@@ -100,8 +95,6 @@ def test_a_picture_has_its_size_and_is_the_same_every_time(tmp_path):
     assert path.read_bytes() == first
     model.to_image(path, size=(200, 120), dark=True)
     assert pixels(path).mean() < 0.5 * light.mean()
-    with pytest.raises(pg.InputError, match="pixels each"):
-        model.to_image(path, size=ENDLESS)
 
 
 def test_a_moment_of_a_run_shows_the_body_there(tmp_path):
@@ -114,8 +107,6 @@ def test_a_moment_of_a_run_shows_the_body_there(tmp_path):
         pictures.append(pixels(tmp_path / "a.png"))
     assert all(red(picture).any() for picture in pictures)
     assert not np.array_equal(*pictures)
-    with pytest.raises(pg.InputError, match=r"0 to 0\.8 s"):
-        run.to_image(tmp_path / "a.png", t=2.0)
 
 
 def test_svg_holds_an_outline_around_the_projected_centre(tmp_path):
@@ -181,35 +172,24 @@ def test_slow_motion_and_a_stop(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "fact"),
     [
-        (lambda run: run.to_image("a.jpg"), "ends in .png or .svg"),
-        (lambda run: run.to_film("a.avi"), "ends in .mp4 or .gif"),
-        (lambda run: run.to_image("a.png", size=(0, 10)), "given (0, 10)"),
-        (lambda run: run.to_image("a.png", size=100), "given 100"),
-        (lambda run: run.to_image("a.png", view="back"), "given 'back'"),
+        (lambda run: run.to_image("a.jpg"), r"\.png.*\.svg"),
+        (lambda run: run.to_film("a.avi"), r"\.mp4.*\.gif"),
+        (lambda run: run.to_image("a.png", size=(0, 10)), r"\(0, 10\)"),
+        (lambda run: run.to_image("a.png", size=(float("inf"), 100)), "inf"),
+        (lambda run: run.to_image("a.png", size=100), "100"),
+        (lambda run: run.to_image("a.png", view="back"), "'back'"),
+        (lambda run: run.to_image("a.png", t=2.0), r"0 to 0\.1 s"),
         (lambda run: run.to_film("a.mp4", fps=0), "fps"),
         (lambda run: run.to_film("a.gif", fps=240, speed=1e-6), "speed"),
-        (lambda run: run.mechanism.model.to_image("a.png", what="run"), "given 'run'"),
+        (lambda run: run.to_film("a.gif", size=(8192, 8192), fps=200, speed=0.01), "pixels"),
+        (lambda run: run.to_film("a.mp4", size=(8192, 8192), fps=200, speed=0.01), "pixels"),
+        (lambda run: run.mechanism.model.to_image("a.png", what="run"), "'run'"),
     ],
 )
-def test_what_is_no_picture_is_a_sentence(call, said, tmp_path, monkeypatch):
+def test_pictures_that_cannot_be_are_refused(call, fact, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(pg.PgraphError, match=re.escape(said)):
+    with pytest.raises(pg.PgraphError, match=fact):
         call(pg.simulate(pg.Model.serial(1), t_end=0.1))
     assert not any(tmp_path.iterdir())
-
-
-def test_pixels_come_back_from_a_png(tmp_path):
-    given = np.random.default_rng(1).integers(0, 256, (7, 5, 3)).astype(np.uint8)
-    (tmp_path / "a.png").write_bytes(png(given))
-    assert np.array_equal(pixels(tmp_path / "a.png"), given)
-
-
-@pytest.mark.parametrize(("name", "size"), [("a.gif", (1920, 1080)), ("a.mp4", (8192, 8192))])
-def test_films_that_no_memory_holds_are_refused(tmp_path, name, size):
-    pytest.importorskip("av")
-    run = pg.simulate(pg.Model(bodies=[pg.Body(name="a", tip=(1, 0, 0))]), t_end=60.0)
-    with pytest.raises(pg.InputError, match="pixels"):
-        run.to_film(tmp_path / name, size=size, fps=50)
-    assert not (tmp_path / name).exists()

@@ -33,11 +33,8 @@ print(hashlib.sha256(many.acceleration().tobytes()).hexdigest())
 
 
 def bits(**environment):
-    environment = {**os.environ, **environment}
-    command = [sys.executable, "-c", RUNS]
-    return subprocess.run(
-        command, env=environment, check=True, capture_output=True, text=True
-    ).stdout
+    options = {"env": {**os.environ, **environment}, "capture_output": True, "text": True}
+    return subprocess.run([sys.executable, "-c", RUNS], check=True, **options).stdout
 
 
 @pytest.mark.nightly

@@ -1,4 +1,4 @@
-"""The stability map: every verdict, what it says, and that no cell is wrong and silent."""
+"""The stability map: every verdict, its text, and the axes that it varies."""
 
 from __future__ import annotations
 
@@ -13,24 +13,29 @@ from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.study.axes import AXES
 from pgraph_core.study.map import Verdict
 
 from .test_cases import DOWN, case, mass, worst
 from .test_methods import slider_crank, stiff_pendulum, swing
 
-STIFFNESSES = AXES["stiffness"].values
+STIFFNESSES = (1e2, 1e4, 1e6, 1e8)
+STEPS = (1e-1, 1e-2, 1e-3)
 METHODS = (
     "semi_implicit_euler", "rk4", "dopri5", "dop853", "gauss6", "ros2", "generalised_alpha",
     "radau5",
 )  # fmt: skip
 
 
+def one_cell(mech, q=None, **options):
+    (cell,) = pg.stability_map(mech, q, **options).cells
+    return cell
+
+
 @pytest.fixture(scope="module")
 def stiff():
-    """The whole map of the stiff pendulum, two seconds: eight stiffnesses, four steps."""
+    """A map of the stiff pendulum by all methods."""
     mech, q = stiff_pendulum(1e6)
-    return pg.stability_map(mech, q, t_end=2.0)
+    return pg.stability_map(mech, q, values=STIFFNESSES, steps=STEPS, t_end=1.0)
 
 
 def exact(k, t):
@@ -61,8 +66,9 @@ def exact(k, t):
 
 def test_no_cell_is_bounded_wrong_and_silent(stiff):
     """Every cell that is called OK is right, by equations that this package does not know."""
-    t = np.linspace(0.0, 2.0, 21)
-    assert len(stiff.cells) == 8 * 4 * len(METHODS)
+    t = np.linspace(0.0, 1.0, 21)
+    found = {(c.value, c.method, c.step) for c in stiff.cells}
+    assert found == set(itertools.product(STIFFNESSES, METHODS, STEPS))
     wrong = []
     for k in STIFFNESSES:
         theta, r = exact(k, t)
@@ -70,45 +76,25 @@ def test_no_cell_is_bounded_wrong_and_silent(stiff):
         for cell in stiff.cells:
             if cell.value == k and cell.status == "OK":
                 options = {"method": cell.method, "step": cell.step, "estimate": False}
-                run = pg.simulate(mech, q, t_end=2.0, t_eval=t, **options)
+                run = pg.simulate(mech, q, t_end=1.0, t_eval=t, **options)
                 error = max(worst(run.q[:, 0], theta), worst(1.0 + run.q[:, 1], r))
                 if not error < 1.1 * stiff.target:
                     wrong.append((cell, error))
     assert wrong == []
-    assert sum(cell.status == "OK" for cell in stiff.cells) > 60
+    assert sum(cell.status == "OK" for cell in stiff.cells) > 20
 
 
-def test_every_cell_has_one_verdict_and_says_why(stiff):
-    found = {(c.value, c.method, c.step) for c in stiff.cells}
-    assert found == set(itertools.product(STIFFNESSES, METHODS, (1e-1, 1e-2, 1e-3, 1e-4)))
+def test_every_verdict_has_its_numbers(stiff):
+    """RK4 grows where a step is ten rates or more, within ten steps; 2.83 is its limit."""
+    seen = 0
     for cell in stiff.cells:
         assert isinstance(cell.status, Verdict)
         assert cell.text
         if cell.status == "UNSTABLE":
             assert cell.body == "a"
-            assert cell.time <= 2.0
-        if cell.status == "INACCURATE":
-            assert cell.step_needed < cell.step or "does not shrink" in cell.text
-
-
-def test_radau_is_right_at_every_stiffness():
-    """At a step of 1e-2 s: θ to 1e-8, and r to what a step near its period resolves."""
-    mech, q = stiff_pendulum(1e6)
-    options = {"methods": ["radau5"], "steps": [1e-2], "target": 1e-7, "t_end": 2.0}
-    found = pg.stability_map(mech, q, **options)
-    assert [cell.status for cell in found.cells] == [Verdict.OK] * 8
-    t, reference = case("stiff_spring_pendulum")
-    for k in STIFFNESSES[1:]:
-        if k == 1e5:
-            continue  # not among the stored ones
-        mech, q = stiff_pendulum(k)
-        run = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", step=1e-2)
-        assert worst(run.q[:, 0], swing(reference, k)) < 1e-8
-
-
-def test_rk4_is_unstable_within_ten_steps_where_the_step_is_ten_rates(stiff):
-    seen = 0
-    for cell in stiff.cells:
+            assert cell.time <= 1.0
+        if cell.status == "INACCURATE" and cell.step_needed is not None:
+            assert cell.step_needed < cell.step
         rate = np.sqrt(cell.value)
         if cell.method == "rk4" and cell.step * rate >= 9.999:
             seen += 1
@@ -116,22 +102,28 @@ def test_rk4_is_unstable_within_ten_steps_where_the_step_is_ten_rates(stiff):
             assert cell.time <= 10 * cell.step + 1e-12, cell
             assert cell.step_limit == pytest.approx(2.83 / rate, rel=0.1)
             assert "radau5" in cell.text
-    assert seen == 15
+    assert seen == 6
 
 
-@pytest.mark.parametrize("k", [1e4, 1e6])
-def test_the_limit_of_rk4_is_where_it_is_predicted(k):
-    """By bisection of the step, with the fast mode under way, so that it can grow."""
+@pytest.mark.parametrize("k", [1e3, 1e6, 1e12])
+def test_radau_is_right_at_every_stiffness(k):
+    """θ is right to 1e-8 at a step of 1e-2 s."""
     mech, q = stiff_pendulum(k)
-    q = q + np.array([0.0, 1e-6])
-    low, high = 1.0 / np.sqrt(k), 6.0 / np.sqrt(k)
-    predicted = np.nan
+    options = {"values": [k], "methods": ["radau5"], "steps": [1e-2]}
+    assert one_cell(mech, q, target=1e-7, t_end=2.0, **options).status == "OK"
+    t, reference = case("stiff_spring_pendulum")
+    run = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", step=1e-2)
+    assert worst(run.q[:, 0], swing(reference, k)) < 1e-8
+
+
+def test_the_limit_of_rk4_is_where_it_is_predicted():
+    """Bisect the step, with the fast mode excited so that it can grow."""
+    mech, q = stiff_pendulum(1e4)
+    low, high, predicted = 1e-2, 6e-2, np.nan
     for _ in range(5):
         step = np.sqrt(low * high)
-        found = pg.stability_map(
-            mech, q, values=[k], methods=["rk4"], steps=[step], t_end=500 / np.sqrt(k)
-        )
-        (cell,) = found.cells
+        options = {"values": [1e4], "methods": ["rk4"], "steps": [step], "t_end": 5.0}
+        cell = one_cell(mech, q + np.array([0.0, 1e-6]), **options)
         predicted = cell.step_limit
         low, high = (low, step) if cell.status == "UNSTABLE" else (step, high)
     assert predicted == pytest.approx(np.sqrt(low * high), rel=0.2)
@@ -144,43 +136,41 @@ def test_semi_implicit_euler_is_inaccurate_and_the_step_it_names_does(stiff):
     assert cell.status == "INACCURATE"
     assert cell.order == pytest.approx(1.0, abs=0.3)
     mech, q = stiff_pendulum(1e2)
-    again = pg.stability_map(
-        mech, q, values=[1e2], methods=[cell.method], steps=[cell.step_needed / 1.2], t_end=2.0
-    )
-    assert again.cells[0].status == "OK"
+    options = {"values": [1e2], "methods": [cell.method], "t_end": 1.0}
+    assert one_cell(mech, q, steps=[cell.step_needed / 1.2], **options).status == "OK"
 
 
 def test_lost_energy_is_damping():
     """A spring whose period the step does not resolve, under way: ROS2 takes its energy."""
     mech, q = stiff_pendulum(1e4)
-    q = q + np.array([0.0, 0.02])
-    found = pg.stability_map(mech, q, values=[1e4], methods=["ros2"], steps=[0.02], t_end=1.0)
-    (cell,) = found.cells
+    options = {"values": [1e4], "methods": ["ros2"], "steps": [0.02], "t_end": 1.0}
+    cell = one_cell(mech, q + np.array([0.0, 0.02]), **options)
     assert cell.status == "DAMPED"
     assert cell.energy_lost > 0.01
-    assert "of the energy is lost" in cell.text
 
 
 def test_constraints_that_are_left_are_drift():
     q = np.array([0.5, -0.5 - np.arcsin(0.4 * np.sin(0.5)), 0.0])
     q[2] = 0.2 * np.cos(0.5) + 0.5 * np.sqrt(1 - (0.4 * np.sin(0.5)) ** 2)
     options = {"axis": "step", "methods": ["semi_implicit_euler"], "values": [2e-2], "t_end": 1.0}
-    (loose,) = pg.stability_map(slider_crank(), q, stabilise=None, **options).cells
-    assert loose.status == "DRIFT"
-    (kept,) = pg.stability_map(slider_crank(), q, **options).cells
-    assert kept.status != "DRIFT"
+    assert one_cell(slider_crank(), q, stabilise=None, **options).status == "DRIFT"
+    assert one_cell(slider_crank(), q, **options).status != "DRIFT"
 
 
 def test_too_many_steps_are_slow_and_not_run():
+    """Radau divides every step of 0.1 s of Andrews' squeezer, which turns 60 times a second."""
     mech, q = stiff_pendulum(1e6)
-    found = pg.stability_map(mech, q, values=[1e6], methods=["rk4"], steps=[1e-9])
-    (cell,) = found.cells
+    cell = one_cell(mech, q, values=[1e6], methods=["rk4"], steps=[1e-9])
     assert cell.status == "SLOW"
     assert cell.evaluations == 4_000_000_000
-    assert "budget" in cell.text
+    model, budget = pg.Model.load(pgraph_models.path("andrews")), 2_000_000
+    options = {"values": (1e3,), "methods": "radau5", "steps": (0.1,), "t_end": 0.5}
+    cell = one_cell(model, budget=budget, **options)
+    assert cell.status == "SLOW"
+    assert cell.evaluations < budget / len(model.bodies)
 
 
-def test_what_is_refused_or_ends_early_has_failed_and_says_why():
+def test_a_refused_run_has_failed_with_a_reason():
     """A penalty contact remembers, which steps to events cannot undo."""
     ball = pg.Body(name="ball", joint="free", q=(0, 0, 0, 1, 0, 0, 0))
     contacts = (
@@ -188,34 +178,27 @@ def test_what_is_refused_or_ends_early_has_failed_and_says_why():
         pg.Contact(name="rail", body="ball", points=((0.1, 0, 0),)),
     )
     model = pg.Model(bodies=(ball,), contacts=contacts)
-    found = pg.stability_map(model, axis="step", values=[1e-3], methods=["rk4"], t_end=0.01)
-    assert found.cells[0].status == "FAILED"
-    assert "remembers" in found.cells[0].text
+    cell = one_cell(model, axis="step", values=[1e-3], methods=["rk4"], t_end=0.01)
+    assert cell.status == "FAILED"
+    assert "penalty" in cell.text or "floor" in cell.text
 
 
 def test_a_motion_that_nobody_knows_is_never_called_right():
-    """A double pendulum at speeds where two runs to the last digit differ."""
+    """A double pendulum that tumbles until two runs to the last digit differ."""
     mech = pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", above=1.0)), **DOWN))
-    found = pg.stability_map(
-        mech, axis="speed", values=[100.0], methods=["dop853"], steps=[1e-3], t_end=1.0
-    )
-    (cell,) = found.cells
-    if cell.status == "INACCURATE":
-        assert "known to" in cell.text or cell.error > found.target
+    options = {"axis": "speed", "values": [3.0], "methods": ["dop853"], "steps": [1e-3]}
+    assert one_cell(mech, t_end=60.0, **options).status != "OK"
 
 
 def test_contacts_are_compared_with_steps_from_event_to_event():
     ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0))
     floor = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
     model = pg.Model(bodies=(ball,), contacts=(floor,))
-    found = pg.stability_map(model, axis="step", values=[1e-2, 1e-3, 1e-4], t_end=0.5)
+    found = pg.stability_map(model, axis="step", values=[1e-2, 1e-3], t_end=0.5)
     assert set(found.methods) == {"semi_implicit_euler", "rk4", "dopri5", "dop853", "moreau_jean"}
     done = {(c.method, c.step): c for c in found.cells}
     assert done["moreau_jean", 1e-2].status == "OK"  # it locates impacts
     assert done["rk4", 1e-2].status == "OK"
-
-
-# -- what a map says, and how it ends -----------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -225,18 +208,10 @@ def small():
     return pg.stability_map(mech, q, t_end=0.5, **options)
 
 
-def test_the_text_map(small):
+def test_a_map_as_text_and_in_files(small, tmp_path):
     lines = str(small).splitlines()
-    assert lines[0].startswith("model: stiffness of the stiffest spring [N/m or N m/rad], 0.5 s")
     assert lines[2].split() == ["rk4", "radau5"]
     assert [line.split() for line in lines[3:5]] == [["10000", ".", "."], ["1e+08", "U", "."]]
-    assert "U  UNSTABLE    the method makes the motion grow" in lines
-    assert any(
-        line.startswith("rk4 UNSTABLE, as at stiffness 1e+08, step 0.01 s") for line in lines
-    )
-
-
-def test_files(small, tmp_path):
     for suffix in ("json", "svg", "html"):
         small.save(tmp_path / f"map.{suffix}")
     data = json.loads((tmp_path / "map.json").read_text())
@@ -249,8 +224,26 @@ def test_files(small, tmp_path):
     html = (tmp_path / "map.html").read_text()
     assert "<svg" in html
     assert "http" not in html.replace("http://www.w3.org/2000/svg", "")
-    with pytest.raises(pg.FileError, match=r"must end in .html, .svg, .json"):
+    with pytest.raises(pg.FileError, match=r"\.html.*\.svg.*\.json"):
         small.save(tmp_path / "map.txt")
+
+
+@pytest.mark.parametrize("narrow", [True, False])
+def test_the_heads_of_a_map_end_before_the_next_method_and_the_edge(small, narrow):
+    """They are turned by 40 degrees, of letters some 5.3 px wide."""
+    steps = (0.1, 0.01, 0.001, 0.0001)
+    found = replace(small, methods=(*small.methods, "ros2", "dop853"), steps=steps)
+    svg = found.figure(narrow=narrow)
+    heads = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*rotate\(-40[^>]*>([^<]+)<', svg)
+    places = [(float(x), float(y), 5.3 * 0.77 * len(text)) for x, y, text in heads]
+    edge = float(re.findall(r'width="([\d.]+)"', svg)[0])
+    assert (edge <= 480) == narrow
+    assert len(places) == len(steps) * len(found.methods)
+    assert all(x + wide <= edge for x, _, wide in places)
+    groups = [places[i : i + len(steps)] for i in range(0, len(places), len(steps))]
+    for one, after in itertools.pairwise(groups):
+        if one[0][1] == after[0][1]:  # side by side
+            assert one[-1][0] + one[-1][2] <= after[0][0] + 1.0
 
 
 def test_progress_and_cancel():
@@ -261,152 +254,67 @@ def test_progress_and_cancel():
         seen.append(fraction)
         return fraction < 0.6
 
-    found = pg.stability_map(
-        mech, q, values=[1e2, 1e3], methods=["rk4"], steps=[1e-2, 1e-3], progress=stop
-    )
+    options = {"values": [1e2, 1e3], "methods": ["rk4"], "steps": [1e-2, 1e-3], "t_end": 1.0}
+    found = pg.stability_map(mech, q, progress=stop, **options)
     assert seen == sorted(seen)
     assert not found.complete
     assert len(found.cells) < 4
     assert "cancelled" in str(found)
-    assert found.advice.startswith(f"Cancelled after {len(found.cells)} of 4 runs")
-    nothing = replace(found, cells=found.cells[:1])
-    failed = replace(nothing.cells[0], status=Verdict.FAILED)
-    told = replace(nothing, cells=(failed,)).advice
-    assert told == "Cancelled after 1 of 4 runs, which say too little."
+    assert f"{len(found.cells)} of 4" in found.advice
+    failed = replace(found.cells[0], status=Verdict.FAILED)
+    assert "Take" not in replace(found, cells=(failed,)).advice
 
 
-@pytest.mark.parametrize("name", [n for n in AXES if n.endswith("_scale")])
-def test_no_threshold_has_a_unit(name):
-    """The same mechanism in other units: the same verdicts, errors alike."""
-    top = pg.Body(
-        name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
-        inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0),
-    )  # fmt: skip
-    bob = mass("bob", "top", damping=0.01, stiffness=2.0)
-    model = pg.Model(bodies=(top, bob), **DOWN)
-    found = pg.stability_map(
-        model, axis=name, values=[1e-9, 1.0, 1e9], methods=["rk4"], steps=[1e-2], t_end=0.3
-    )
-    errors = [cell.error for cell in found.cells]
-    assert len({cell.status for cell in found.cells}) == 1
-    np.testing.assert_allclose(errors, errors[1], rtol=1e-3)
-
-
-# -- bad input ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (
-            {"axis": "mood"},
-            "stability_map, axis: no axis is called 'mood'; choose one of stiffness, ",
-        ),
-        ({"values": ()}, "stability_map, values: must be finite numbers, at least one; given ()"),
-        (
-            {"values": [1.0, float("nan")]},
-            "stability_map, values: must be finite numbers, at least one; given [1.0, nan]",
-        ),
-        ({"steps": [0.0]}, "stability_map, steps: steps must be > 0 [s]; given 0"),
-        (
-            {"axis": "step", "steps": [1e-3]},
-            "stability_map, steps: the values of axis 'step' are the steps; leave steps out",
-        ),
-        ({"t_end": -1.0}, "stability_map, t_end: must be a finite number > 0; given -1.0"),
-        ({"target": 0.0}, "stability_map, target: must be a finite number > 0; given 0.0"),
-        ({"methods": ()}, "stability_map, methods: give at least one of semi_implicit_euler, "),
-        (
-            {"methods": ["rk5"]},
-            "stability_map, methods: no method is called 'rk5'; choose one of semi_implicit_",
-        ),
-        (
-            {"axis": "friction"},
-            "stability_map, axis: friction varies contacts; the model has none",
-        ),
-    ],
-)
-def test_bad_input(options, sentence):
-    mech, q = stiff_pendulum(1e6)
-    with pytest.raises(pg.InputError) as refused:
-        pg.stability_map(mech, q, **options)
-    assert str(refused.value).startswith(sentence)
-
-
-def test_a_map_without_an_axis_takes_one_that_the_model_has_and_says_what_to_take():
-    """A double pendulum has no spring: its mass is varied; what is advised is right at the most."""
+def test_a_map_without_an_axis_takes_one_that_the_model_has_and_gives_advice():
+    """A double pendulum has no spring: its mass is varied."""
     model = pg.Model.load(pgraph_models.path("double_pendulum"))
     found = pg.stability_map(model, methods=["rk4", "dopri5"], steps=[1e-2, 1e-3], t_end=0.2)
     assert found.axis == "mass_ratio"
     ((method, step),) = re.findall(r"^Take (\w+) at a step of (\S+) s", found.advice)
-    right = [c for c in found.cells if c.status == "OK"]
-    count = sum((c.method, c.step) == (method, float(step)) for c in right)
-    others = {(c.method, c.step) for c in right}
-    assert all(sum((c.method, c.step) == other for c in right) <= count for other in others)
-    assert found.advice in str(found)
+    right = [(c.method, c.step) for c in found.cells if c.status == "OK"]
+    assert right.count((method, float(step))) == max(map(right.count, right))
 
 
-def test_the_own_value_of_a_model_is_marked_and_what_is_right_most_often_comes_first():
+def test_the_own_value_of_a_model_is_marked_and_the_best_method_comes_first():
     mech, q = stiff_pendulum(2.5e5)
-    options = {"steps": [1e-2], "t_end": 0.5}
-    found = pg.stability_map(mech, q, **options)
+    found = pg.stability_map(mech, q, steps=[1e-2], t_end=0.5)
     assert found.own == 2.5e5
     assert 2.5e5 in found.values
     assert any(line.startswith("250000 ◂") for line in str(found).splitlines())
-    assert "this model's own 250000" in found.advice
+    assert "250000" in found.advice
     assert found.figure().count("250000 ◂") == 1
     right = [sum(c.status == "OK" for c in found.cells if c.method == m) for m in found.methods]
     assert right == sorted(right, reverse=True)
     assert METHODS.index(found.methods[0]) >= METHODS.index("ros2")  # an implicit one: it is stiff
     ((method, step),) = re.findall(r"^Take (\w+) at a step of (\S+) s", found.advice)
-    assert any(
-        (c.method, c.step, c.value, c.status) == (method, float(step), 2.5e5, "OK")
-        for c in found.cells
-    )
-
-
-def test_a_narrow_map_is_as_wide_as_a_column(small):
-    many = replace(small, methods=(*small.methods, "ros2", "dopri5", "dop853", "gauss6"))
-
-    def width(svg):
-        return float(re.findall(r'width="([\d.]+)"', svg)[0])
-
-    assert width(many.figure(narrow=True)) <= 480
-    assert width(many.figure()) >= 640
-
-
-def test_the_heads_of_a_map_end_before_the_next_method_and_the_edge(small):
-    """They are turned by 40 degrees, of letters some 5.3 px wide."""
-    steps = (0.1, 0.01, 0.001, 0.0001)
-    found = replace(small, methods=(*small.methods, "ros2"), steps=steps)
-    for narrow in (False, True):
-        svg = found.figure(narrow=narrow)
-        heads = re.findall(r'<text x="([\d.]+)" y="([\d.]+)"[^>]*rotate\(-40[^>]*>([^<]+)<', svg)
-        places = [(float(x), float(y), 5.3 * 0.77 * len(text)) for x, y, text in heads]
-        edge = float(re.findall(r'width="([\d.]+)"', svg)[0])
-        assert len(places) == len(steps) * len(found.methods)
-        assert all(x + wide <= edge for x, _, wide in places)
-        groups = [places[i : i + len(steps)] for i in range(0, len(places), len(steps))]
-        for one, after in itertools.pairwise(groups):
-            if one[0][1] == after[0][1]:  # side by side
-                assert one[-1][0] + one[-1][2] <= after[0][0] + 1.0
+    best = [c for c in found.cells if (c.method, c.step) == (method, float(step))]
+    assert any((c.value, c.status) == (2.5e5, "OK") for c in best)
 
 
 def test_a_map_of_speeds_ends():
-    """A run that fails at once, again and again, made the number of steps overflow."""
+    """A run that failed at once, again and again, made the number of steps overflow."""
+    options = {"values": [1e4], "methods": ["dopri5", "radau5"], "steps": [1e-2], "t_end": 0.1}
     model = pg.Model.load(pgraph_models.path("heavy_top"))
-    found = pg.stability_map(
-        model, axis="speed", values=[1e4], methods=["dopri5", "radau5"], steps=[1e-2], t_end=0.1
-    )
-    assert found.complete
+    assert pg.stability_map(model, axis="speed", **options).complete
 
 
-def test_implicit_steps_that_are_divided_without_end_are_slow():
-    """At 0.1 s Radau divides every step of Andrews' squeezer, which turns 60 times a second."""
-    model = pg.Model.load(pgraph_models.path("andrews"))
-    budget = 2_000_000
-    found = pg.stability_map(
-        model, values=(1e3,), methods="radau5", steps=(0.1,), t_end=0.5, budget=budget
-    )
-    (cell,) = found.cells
-    assert cell.status is Verdict.SLOW
-    assert cell.evaluations < budget / len(model.bodies)
+@pytest.mark.parametrize(
+    ("options", "facts"),
+    [
+        ({"axis": "mood"}, ["axis", "'mood'", "stiffness"]),
+        ({"values": ()}, ["values"]),
+        ({"values": [1.0, float("nan")]}, ["values", "nan"]),
+        ({"steps": [0.0]}, ["steps", "> 0"]),
+        ({"axis": "step", "steps": [1e-3]}, ["steps", "'step'"]),
+        ({"t_end": -1.0}, ["t_end", "-1.0"]),
+        ({"target": 0.0}, ["target", "0.0"]),
+        ({"methods": ()}, ["methods", "semi_implicit_euler"]),
+        ({"methods": ["rk5"]}, ["methods", "'rk5'", "rk4"]),
+        ({"axis": "friction"}, ["axis", "friction"]),
+    ],
+)
+def test_bad_input(options, facts):
+    mech, q = stiff_pendulum(1e6)
+    with pytest.raises(pg.InputError) as refused:
+        pg.stability_map(mech, q, **options)
+    assert all(fact in str(refused.value) for fact in ["stability_map", *facts])

@@ -1,4 +1,4 @@
-"""URDF files of example-robot-data and robosuite, beside Pinocchio: nightly, downloaded."""
+"""URDF files of example-robot-data and robosuite, compared with Pinocchio."""
 
 from __future__ import annotations
 
@@ -87,6 +87,5 @@ def test_robots_are_loaded_and_equal_pinocchio(package):
         assert max(errors.values(), default=0.0) < SAME, (path.name, errors)
     if not count:
         pytest.skip(f"{package} cannot be downloaded here")
-    print(f"{package}: {count} files, refused {refused}, not whole {left_out}")
     assert all(".urdf" in text for text in refused)
     assert len(refused) + len(left_out) <= 0.03 * count, (refused, left_out)
