@@ -89,6 +89,8 @@ def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind)
     assert form[0]["fields"]
     if part == "constraints":
         assert item.name in now.derived.constraints["3"]
+        assert now.derived.constraints["2"] == ()
+        assert (item.name in now.derived.constraints["1"]) == (getattr(item, "other", "") == "1")
 
 
 @pytest.mark.parametrize("kind", list(KINDS["constraints"]))

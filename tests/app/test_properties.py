@@ -17,16 +17,7 @@ from pgraph_app.core.cells import Display
 from pgraph_app.core.state import Client, initial
 from pgraph_app.model import Found
 from pgraph_app.model.worker import Errands
-from pgraph_app.properties.body_cells import (
-    axis_of,
-    euler_of,
-    from_axis,
-    from_euler,
-    held,
-    moments,
-    possible,
-    shifted,
-)
+from pgraph_app.properties import body_cells as forms
 from pgraph_app.properties.view import physical, properties
 from pgraph_core.model.shape import mass_properties_of
 from pgraph_core.rotation import matrix
@@ -114,7 +105,7 @@ def test_display_units_never_reach_the_file(state):
 @settings(max_examples=60)
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_an_orientation_is_the_same_in_every_form(q):
-    for there, back in ((euler_of, from_euler), (axis_of, from_axis)):
+    for there, back in ((forms.euler_of, forms.from_euler), (forms.axis_of, forms.from_axis)):
         assert np.allclose(matrix(back(there(q))), matrix(q), atol=1e-7)
 
 
@@ -130,10 +121,10 @@ def test_several_bodies_are_edited_at_once_in_one_undo_step(state):
 def test_an_inertia_about_the_origin_is_kept_about_the_centre_of_mass(state):
     state = display(state, about="origin")
     body = state.model.body("2")
-    seen = held(state.model, body, "inertia", state.clients[ME].display)
+    seen = forms.held(state.model, body, "inertia", state.clients[ME].display)
     assert seen[1][1] == pytest.approx(body.inertia[1][1] + body.mass * body.com[0] ** 2)
     now = edit(state, "inertia", ((0, 1), "1e-5"))
-    back = shifted(now.model.body("2").inertia, body.mass, body.com, 1.0)
+    back = forms.shifted(now.model.body("2").inertia, body.mass, body.com, 1.0)
     assert back[0][1] == back[1][0] == pytest.approx(1e-5)
 
 
@@ -141,8 +132,8 @@ def test_an_inertia_about_the_origin_is_kept_about_the_centre_of_mass(state):
 @given(st.lists(st.floats(-10, 10), min_size=9, max_size=9))
 def test_a_repair_is_possible_and_leaves_what_is_possible(values):
     given_ = np.reshape(values, (3, 3))
-    new = possible(given_ + given_.T)
-    assert np.allclose(possible(new), new, atol=1e-12)
+    new = forms.possible(given_ + given_.T)
+    assert np.allclose(forms.possible(new), new, atol=1e-12)
     pg.Body(name="rod", inertia=new)
 
 
@@ -297,7 +288,7 @@ def test_derived_mass_properties_follow_the_shapes_until_they_are_typed(state):
     ratio = 0.5 / body.shape.size[2]
     now = longer.model.body("2")
     assert now.mass == pytest.approx(ratio * body.mass)
-    assert moments(now.inertia)[2] > moments(body.inertia)[2] * ratio
+    assert forms.moments(now.inertia)[2] > forms.moments(body.inertia)[2] * ratio
     heavy = edit(longer, "mass", ((), "2 t")).model.body("2")
     assert heavy.mass == 2000
     assert heavy.derived == ("com", "inertia")
@@ -313,7 +304,7 @@ def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
     now = edit(state, "derived", ((), "inertia")).model.body("2")
     assert now.shape.kind == "capsule"
     assert now.derived == ("inertia",)
-    m, (a, b, c) = now.mass, moments(now.inertia)
+    m, (a, b, c) = now.mass, forms.moments(now.inertia)
     length = now.shape.length + 2 * now.shape.radius
     assert m * length**2 / 14 < c < m * length**2 / 11  # a rod with round ends
     assert b == pytest.approx(c)

@@ -41,6 +41,7 @@ def test_a_selection_follows_renames_and_deletions(state):
     state = after(state, do.SelectBodies(ME, "5", ("3", "5")))
     renamed = after(state, do.Edit(OTHER, 1, "5", "name", (), "knee"))
     assert (renamed.clients[ME].selection, renamed.clients[ME].selected) == ("knee", ("3", "knee"))
+    assert after(renamed, do.Undo(OTHER)).clients[ME].selection == "5"
     gone = after(state, do.DeleteBodies(OTHER, ("5",), "delete"))
     assert (gone.clients[ME].selection, gone.clients[ME].selected) == ("3", ("3",))
 
