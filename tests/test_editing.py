@@ -134,43 +134,6 @@ def test_names_can_be_exchanged_and_a_tree_turned_round_in_one_edit():
     assert [b.parent for b in turned.bodies] == ["2", "3", "ground"]
 
 
-def test_an_edit_of_several_bodies_is_all_or_nothing():
-    model = pg.Model.serial(3)
-    with pytest.raises(pg.ModelError, match="body '2', mass: must be"):
-        model.edit_all({"1": {"mass": 2.0}, "2": {"mass": -1.0}})
-    with pytest.raises(pg.ModelError, match="closes a cycle"):
-        model.edit_all({"1": {"parent": "3"}})
-    joints = model.edit_all({"1": {"dof": 3}, "2": {"dof": 0}})
-    assert [b.joint for b in joints.bodies] == ["spherical", "weld", "revolute"]
-    assert len(joints.notices) == 2
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (
-            lambda m: m.mirror("1", plane="w"),
-            "body '1', plane: must be 'x', 'y' or 'z', the axis that it is normal to; given 'w'",
-        ),
-        (lambda m: m.mirror("9"), "body '9': no body has this name; choose one of 1, 2, 3"),
-        (lambda m: m.duplicate("9"), "body '9': no body has this name; choose one of 1, 2, 3"),
-        (lambda m: m.move(["1", "2"], 2), "body '1', to: must be a row from 0 to 1; given 2"),
-        (
-            lambda m: m.remove(["1"], children="keep"),
-            "body '1', children: must be 'attach' or 'delete'; given 'keep'",
-        ),
-        (
-            lambda m: m.edit_all({"9": {"mass": 1.0}}),
-            "body '9': no body has this name; choose one of 1, 2, 3",
-        ),
-    ],
-)
-def test_sentences(call, sentence):
-    with pytest.raises(pg.ModelError) as refused:
-        call(pg.Model.serial(3))
-    assert str(refused.value) == sentence
-
-
 def test_other_motions_of_a_compound_joint_are_another_joint():
     """As `joint` and `dof` do: what belonged to the old motions is reset, and said."""
     slide, turn = ("translate", (1.0, 0.0, 0.0)), ("rotate", (0.0, 0.0, 1.0))

@@ -136,38 +136,6 @@ def test_a_cut_joint_leaves_a_constraint_of_its_kind(joint, kind):
     assert [(c.name, c.kind, c.point) for c in model.constraints] == [("cut", kind, (0, 0, 1))]
 
 
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (
-            lambda m: m.close_loop("3", "1", joint="planar"),
-            "body '3', joint: a loop is not cut at a planar joint; choose one of weld, revolute, "
-            "prismatic, cylindrical, universal, spherical",
-        ),
-        (
-            lambda m: m.close_loop("3", "3"),
-            "constraint '3-3', other: a body cannot be constrained to itself; given '3' twice",
-        ),
-        (
-            lambda m: m.close_loop("3", "9"),
-            "constraint '3-9', other: no body is named '9'; choose one of ground, 1, 2, 3",
-        ),
-        (lambda m: m.edit("3", parent=()), "body '3', parent: give at least one; given []"),
-        (
-            lambda m: m.edit("3", joint="universal", axes=((1, 0, 0), (0, 0, 1))).close_loop(
-                "3", "1"
-            ),
-            "body '3', axes: its axes do not say where the second parent's stands; "
-            "give axis and other_axis",
-        ),
-    ],
-)
-def test_loops_that_are_refused(call, sentence):
-    with pytest.raises(pg.ModelError) as refused:
-        call(pg.Model.serial(3))
-    assert str(refused.value) == sentence
-
-
 ARM = pg.Body(name="arm", mass=1.2, axes=(0, 1, 0))
 SPRING = pg.Spring(name="s", body="arm", stiffness=5.0)
 

@@ -190,50 +190,6 @@ def test_adjacency_laws_of_eq_1(parent: list[int]):
     assert not np.linalg.matrix_power(S, topology.nb).any()
 
 
-# -- bad input -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("parent", "sentence"),
-    [
-        ([1], "body 1, parent: its path does not lead to the ground (a cycle)"),
-        ([0, 3, 2], "body 2, parent: its path does not lead to the ground (a cycle)"),
-        ([0, 5], "body 2, parent: must be from 0 to 2; given 5"),
-        ([0, -1], "body 2, parent: must be from 0 to 2; given -1"),
-        ([0.0, 1.0], "parent: must be a list of whole numbers, 0 for the ground"),
-        (["a"], "parent: must be a list of whole numbers, 0 for the ground"),
-        ([[0, 1]], "parent: must be a list of whole numbers, 0 for the ground"),
-        (3, "parent: must be a list of whole numbers, 0 for the ground"),
-        (None, "parent: must be a list of whole numbers, 0 for the ground"),
-        ([[0], [0, 1]], "parent: must be a list of whole numbers, 0 for the ground"),
-    ],
-)
-def test_what_is_no_forest_is_refused(parent, sentence: str):
-    with pytest.raises(pg.InputError) as refused:
-        pg.pgraph_of(parent)
-    assert str(refused.value) == sentence
-
-
-@pytest.mark.parametrize(
-    ("pgraph", "sentence"),
-    [
-        ([1, 2, 5], "pgraph: must hold every number from 1 to 3; given [1, 2, 5]"),
-        ([-1, 1], "pgraph: must hold every number from 1 to 2; given [-1, 1]"),
-        ([1.5], "pgraph: must be a list of whole numbers, 0 for the ground"),
-    ],
-)
-def test_what_is_no_pgraph_is_refused(pgraph, sentence: str):
-    with pytest.raises(pg.InputError) as refused:
-        pg.parent_of(pgraph)
-    assert str(refused.value) == sentence
-
-
-def test_jdof_needs_one_dof_a_body():
-    with pytest.raises(pg.InputError) as refused:
-        pg.jdof_of([1, 2, 1, 3], [1, 1])
-    assert str(refused.value) == "dof: needs one whole number a body: 3; given 2"
-
-
 # -- the long ones, `make nightly` ---------------------------------------------------------------
 
 

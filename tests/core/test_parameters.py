@@ -155,43 +155,6 @@ def test_formulas_in_constraints_shapes_and_forces():
     assert bigger.cells(bigger.constraints[0], "constraints")["length"] == "=10*r"
 
 
-@pytest.mark.parametrize(
-    ("fields", "sentence"),
-    [
-        (
-            {"parameters": {"sin": 1.0}},
-            "model, parameters: 'sin' has a meaning of its own in formulas; choose another name",
-        ),
-        (
-            {"parameters": {"a b": 1.0}},
-            "model, parameters: a parameter's name is one word of letters, digits and _; "
-            "given 'a b'",
-        ),
-        (
-            {"parameters": {"lambda": 1.0}},
-            "model, parameters: a parameter's name is one word of letters, digits and _; "
-            "given 'lambda'",
-        ),
-        (
-            {"bodies": ({"name": "knee", "mass": "=m/2"},)},
-            "body 'knee', mass: no parameter is named 'm'; the model has none yet",
-        ),
-        (
-            {"parameters": {"m": -1.0}, "bodies": ({"name": "knee", "mass": "=m"},)},
-            "body 'knee', mass: must be a finite number >= 0 [kg]; given -1.0",
-        ),
-        (
-            {"bodies": ({"name": "knee", "axes": (("=1", 0, 0),)},)},
-            "body 'knee', axes: a direction takes numbers; given '=1'",
-        ),
-    ],
-)
-def test_refusals_are_sentences(fields, sentence):
-    with pytest.raises(pg.ModelError) as error:
-        pg.Model(**fields)
-    assert sentence in str(error.value)
-
-
 def test_a_parameter_in_use_cannot_go(legs):
     with pytest.raises(pg.ModelError, match="no parameter is named 'thigh'"):
         legs.replace(parameters={"heavy": 1.0})
