@@ -37,8 +37,6 @@ MECH = pg.Mechanism(BASE)
 HINGES = pg.Mechanism(pg.Model.serial(2))
 TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
 Q, V = MECH.home()
-HOLE = np.array([0.0, NAN, 0.0])
-LONG = np.zeros(4)
 EVERY = "1, 2, 3"
 
 
@@ -153,45 +151,21 @@ EDITS = [
 ]  # fmt: skip
 
 CALLS = [
-    # numbers of a mechanism
-    (lambda: MECH.mass_matrix(LONG), "q", "3", "4"),
-    (lambda: MECH.mass_matrix(HOLE), "q", "finite"),
-    (lambda: MECH.mass_matrix([1j, 0, 0]), "q", "numbers"),
+    # a mechanism
     (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
     (lambda: TOP.forward_dynamics(np.zeros(4), np.zeros(3)), "q", "quaternion"),
-    (lambda: MECH.bias_force(Q, LONG), "v", "3", "4"),
-    (lambda: MECH.bias_force(Q, HOLE), "v", "finite"),
-    (lambda: MECH.bias_force("abc", V), "q", "numbers"),
-    (lambda: MECH.inverse_dynamics(Q, V, LONG), "vdot", "3", "4"),
-    (lambda: MECH.inverse_dynamics(Q, V, HOLE), "vdot", "finite"),
-    (lambda: MECH.forward_dynamics(Q, V, LONG), "tau", "3", "4"),
-    (lambda: MECH.forward_dynamics(HOLE, V), "q", "finite"),
-    (lambda: MECH.forward_dynamics(Q, V, HOLE), "tau", "finite"),
     (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
-    (
-        lambda: MECH.forward_dynamics(Q, V, external=np.zeros((2, 6))),
-        "external", "(3, 6)", "(2, 6)",
-    ),
+    (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
-    (lambda: MECH.constrained_dynamics(Q, LONG), "v", "3", "4"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
-    (lambda: MECH.jacobian(HOLE, "3"), "q", "finite"),
-    (lambda: MECH.tip_jacobian(HOLE), "q", "finite"),
     (lambda: MECH.pose(Q, "paw"), "'paw'", EVERY),
-    (lambda: MECH.pose(LONG, "1"), "q", "3", "4"),
-    (lambda: MECH.pose(HOLE, "1"), "q", "finite"),
-    (lambda: MECH.kernel_operator(LONG), "q", "3", "4"),
     (lambda: MECH.inverse_kinematics({"1": (0, 0)}), "three numbers"),
     (lambda: MECH.plan(method="rk5"), "plan, method", "'rk5'", "rk4"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),
     (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
     # runs
-    (lambda: run(q=LONG), "q", "3", "4"),
-    (lambda: run(q=HOLE), "q", "finite"),
-    (lambda: run(v=HOLE), "v", "finite"),
-    (lambda: run(tau=LONG), "tau", "3", "4"),
-    (lambda: run(tau=lambda t, q, v: LONG), "tau", "3", "4"),
+    (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
     (lambda: run(tau=lambda t, q, v: None), "None"),
     (lambda: run(method="rk5"), "rk5", "rk4"),
     (lambda: run(method="RK4"), "did you mean rk4?"),

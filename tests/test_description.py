@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
+from tests.worlds import NEEDS
 
-pytestmark = pytest.mark.fast
+pytestmark = pytest.mark.quick
 
 TEXT = (Path(__file__).parent.parent / "docs" / "description.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", TEXT, flags=re.M | re.S))
@@ -49,18 +50,7 @@ def test_the_number_of_rows_of_each_kind_is_that_of_its_blocks():
     kinds = SECTIONS["Constraint"].split("| kind | rows")[1]
     rows = dict(re.findall(r"^\| `(\w+)` `\w+` \| (\d) \|", kinds, flags=re.M))
     assert set(rows) == set(pg.Constraint.KINDS)
-    own = {
-        "distance": {"other_point": (0, 0, 9)},
-        "line": {"axis": (0, 0, 1)},
-        "plane": {"axis": (0, 0, 1)},
-        "gear": {"other": "1"},
-        "motion": {"q_of_t": pg.Sine()},
-        "rolling": {"radius": 1.0},
-        "skate": {"axis": (0, 0, 1)},
-        "velocity": {"coefficients": {"2": 1.0}},
-        "coupling": {"coefficients": {"2": 1.0}},
-    }
     for kind, count in rows.items():
-        c = pg.Constraint(name="c", kind=kind, body="2", **own.get(kind, {}))
+        c = pg.Constraint(name="c", kind=kind, body="2", **NEEDS.get(kind, {}))
         mech = pg.Mechanism(pg.Model.serial(2).replace(constraints=(c,)))
         assert mech.packed.blocks.blocks_i[:, 3].sum() == int(count), kind

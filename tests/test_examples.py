@@ -34,16 +34,9 @@ PROMISED = {
     "22_design": "cheaper: True",
     "23_living_figure": "open it in a browser",
 }
-LONG = {"12_stability", "17_four_processes"}  # they start other processes
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        pytest.param(file, marks=pytest.mark.nightly if file.stem in LONG else (), id=file.stem)
-        for file in EXAMPLES
-    ],
-)
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_an_example_prints_what_it_promises(file: Path, capsys, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setattr("sys.argv", [str(file)])

@@ -1,4 +1,4 @@
-"""One class for each kind of force and constraint, edits of parts, sites, and warnings of models."""
+"""One class for each kind of force and constraint, edits of parts, sites, warnings of models."""
 
 from __future__ import annotations
 
@@ -66,6 +66,10 @@ def test_fields_may_be_lists_arrays_and_dictionaries():
     )
     assert model.part("f", "force") == pg.Spring(name="f", body="a", point=(0, 0, 1))
     assert len(model.part("floor", "contact").points) == 3
+    lists = pg.Body(name="a", com=[0, 0, 1], axes=[[0, 1, 0]], inertia=np.eye(3).tolist())
+    arrays = pg.Body(name="a", com=np.array([0.0, 0, 1]), axes=(0, 1, 0), inertia=np.eye(3))
+    assert lists == arrays
+    assert hash(lists) == hash(arrays)
 
 
 def test_files_of_schema_1_may_name_fields_of_other_kinds():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 import sys
@@ -45,20 +44,13 @@ def test_links_and_figures_of_the_site_are_there_and_nothing_loads_from_outside(
                 assert f'id="{anchor}"' in pages[there], f"{page.name}: {link}"
 
 
-def test_the_reference_has_each_public_name_and_the_theory_its_equations(site):
+def test_the_site_has_the_reference_the_equations_and_the_figures(site):
     text = (site / "api.html").read_text()
     assert [name for name in dir(pg) if f'id="pgraph_core.{name}"' not in text] == []
     assert (site / "theory.html").read_text().count("<math") > 20  # drawn without a script
-
-
-def test_the_notebooks_ran_and_their_runs_are_figures(site):
     for file in (ROOT / "examples" / "notebooks").glob("*.ipynb"):
         text = (site / "notebooks" / f"{file.stem}.html").read_text()
-        assert "<iframe srcdoc=" in text
-        assert "pgraphEngine" in text
-        assert 'src="http' not in text
-        cells = json.loads(file.read_text())["cells"]
-        assert not any(cell.get("outputs") for cell in cells)  # kept small: they are run here
+        assert [x for x in ("<iframe srcdoc=", "pgraphEngine") if x not in text] == []
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ NEEDS: dict[str, dict[str, Any]] = {
     "plane": {"axis": (0, 0, 1)},
     "gear": {"other": "1"},
     "motion": {"q_of_t": {"kind": "sine"}},
+    "rolling": {"radius": 1.0},
     "skate": {"axis": (0, 0, 1)},
     "velocity": {"coefficients": {"2": 1.0}},
     "coupling": {"coefficients": {"2": 1.0}},

@@ -157,6 +157,24 @@ def test_an_argument_of_no_known_type_is_refused_by_its_name(name):
         assert p.name in str(called(CALLS[name], {**base, p.name: object()})), p.name
 
 
+STATES = (  # wrong values of q, v, vdot and tau, and the facts that are named
+    (np.zeros(3), ("2", "3")),
+    (np.array([0.0, np.nan]), ("finite",)),
+    ([1j, 0], ("numbers",)),
+    ("ab", ("numbers",)),
+)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_state_of_the_wrong_size_or_type_is_refused(name):
+    taken = parameters(CALLS[name])
+    base = {p.name: RIGHT.get(p.name, "zz") for p in taken if p.default is p.empty}
+    for field in {p.name for p in taken} & {"q", "v", "vdot", "tau"}:
+        for value, facts in STATES if "other" not in base else ():
+            text = str(called(CALLS[name], {**base, field: value}))
+            assert [fact for fact in (field, *facts) if fact not in text] == [], text
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", CALLS)
 def test_every_wrong_argument_never_ends_in_an_error_of_python_s(name, tmp_path, monkeypatch):
