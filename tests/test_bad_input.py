@@ -111,7 +111,6 @@ HINGE = ("'arm'", "1", "given")
 
 ROWS = [
     named("name", "''", name=""),
-    named("name", "'  '", name="  "),
     named("name", "3", name=3),
     named("name", "None", name=None),
     named("name", "missing"),
@@ -206,12 +205,10 @@ ROWS = [
     contact("other", "'puck'", "itself", other="puck"),
     contact("other", "'leg'", "ground, *, arm, ball, puck", other="leg"),
     contact("other", "'arm'", "shape", other="arm"),
-    contact("law", "'hard'", "soft, penalty, complementarity", law="hard"),
     contact("static_friction", "0.5", "0.4", friction=0.5, static_friction=0.4),
     contact("stiffness", "rigid", "'soft'", "'penalty'", stiffness=10),
     contact("restitution", "damping", law="soft", damping=1, restitution=0.5),
     # forces
-    force("pull", "kind", "'pull'", *pg.Force.KINDS),
     force("motor", "stiffness", "'motor'", "spring", "torsion", stiffness=1),
     force("motor", "kp", "'servo'", kp=2),
     force("motor", "torque", "table", "[0, 0, 1]", torque=[0, 0, 1]),
@@ -222,7 +219,6 @@ ROWS = [
     force("wrench", "kp", "'wrench'", "servo", "actuator", kp=1),
     force("wrench", "force", "three", "[0, 0]", force=[0, 0]),
     force("wrench", "force", "2 times", "1 value", force={"t": [0, 1], "value": [[0, 0, 1]]}),
-    force("wrench", "frame", "'world'", "'body'", "'tip'", frame="tip"),
     force("spring", "other", "'arm'", "itself", other="arm"),
     force("spring", ("rest", "-1"), ("other", "'leg'", "arm, ball, puck"), other="leg", rest=-1),
     force("spring", "stifness", "did you mean stiffness", stifness=1),
@@ -244,7 +240,6 @@ ROWS = [
          "contacts": [{"name": "c", "body": "puck", "static_friction": 0.5}]},
         ("contact 'c', static_friction", "0.6", "0.5", "ground"),
     ),
-    model("up", "'x'", "'y'", "'z'", "'w'", up="w"),
     model("bodies", "3", bodies=3),
     model("gravity", "(0, 0, -9.81)", gravity=-9.81),
     model("gravty", "did you mean gravity?", *pg.Model.model_fields, gravty=[0, 0, 0]),
@@ -408,6 +403,8 @@ def test_every_field_refuses_values_of_the_wrong_type_and_size(cls):
             texts = [str(p) for p in whole]
             facts = (shown(value), shown(leaf), "missing", "'zz'", "zz: ")
             assert any(fact in text for fact in facts for text in texts), (given, texts)
+            if get_origin(bare(info.annotation)) is Literal and field != "kind":
+                holds(texts[0], *get_args(bare(info.annotation)))  # the choices
             assert not any("\n" in text for text in texts), given
 
 

@@ -110,6 +110,9 @@ def test_children_of_several_removed_bodies_stay_where_they_are():
     assert names(left) == ["1", "4"]
     one_by_one = model.remove("2").remove("3").body("4")
     assert left.body("4").parent == one_by_one.parent == "1"
+    # 3 was at (0.2, 0, 0) in a frame turned by 90 degrees at (0.2, 0, 0)
+    assert model.remove("2").body("3").link == pytest.approx((0.2, 0.2, 0.0), abs=1e-15)
+    assert model.remove("2").body("3").rotation == pytest.approx(turn)
     assert np.allclose(left.body("4").link, one_by_one.link, atol=1e-15)
     assert np.allclose(left.body("4").rotation, one_by_one.rotation, atol=1e-15)
     assert names(model.remove(["2", "4"], children="delete")) == ["1"]

@@ -12,7 +12,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_models import build
-from pgraph_models.quadruped import FEET, holding_torques, origins, push
+from pgraph_models.quadruped import FEET, origins
 
 pytestmark = pytest.mark.quick
 
@@ -98,32 +98,6 @@ def test_boxes_have_the_inertia_of_their_bodies():
         moments = body.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
         # the table gives inertias to 1e-5 kg m², the sizes are rounded to 1 mm
         assert moments == pytest.approx(np.diag(np.array(body.inertia)), abs=2e-5, rel=2e-3)
-
-
-def test_left_and_right_hold_alike():
-    torque = holding_torques(model("quadruped").bodies)
-    for name in (n for n in torque if n.startswith("left")):
-        assert torque[name] == pytest.approx(torque[name.replace("left", "right")], abs=1e-9)
-
-
-def test_the_push_ends_with_all_feet_in_place():
-    """Forward kinematics of the goal, the pelvis where the push wants it."""
-    from pgraph_models.quadruped import PELVIS, TRUNK
-
-    quadruped = model("quadruped")
-    mech = pg.Mechanism(quadruped)
-    q, _ = mech.home()
-    q = np.array(q)
-    goal = push(quadruped.bodies)
-    hinges = [goal[name] for name in mech.names if name != "pelvis"]
-    turn = TRUNK["pelvis"]
-    root = [PELVIS.real, PELVIS.imag, 0, math.cos(turn / 2), 0, 0, math.sin(turn / 2)]
-    q[:] = root + hinges
-    at = origins(quadruped.bodies)
-    for foot in quadruped.constraints:
-        position, rotation = mech.pose(q, foot.body)
-        sole = position + rotation @ np.asarray(foot.point)
-        assert sole == pytest.approx(at[foot.body] + foot.point, abs=1e-12)
 
 
 def vertical(result: pg.Result) -> np.ndarray:

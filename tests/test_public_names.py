@@ -7,7 +7,6 @@ import copy
 import pickle
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -49,10 +48,6 @@ def test_type_checkers_see_the_same_names_in_the_same_modules():
         for alias in node.names
     }
     assert seen == pg._HOME
-
-
-def test_the_version_is_that_of_the_distribution():
-    assert pg.__version__ == version("pgraph-dynamics")
 
 
 def test_a_validated_copy_of_a_body_moves_as_its_fields_say():

@@ -6,8 +6,11 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import pgraph_core as pg
 import pgraph_models
+from tests.worlds import WHOLE
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
@@ -17,7 +20,7 @@ def test_version_is_the_top_of_the_changelog():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     top = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert top is not None
-    assert top[1] == project["version"]
+    assert top[1] == project["version"] == pg.__version__
     assert f"version: {top[1]}\n" in (ROOT / "CITATION.cff").read_text()
 
 
@@ -42,3 +45,16 @@ def test_links_pictures_and_files_of_the_documents_are_there():
     contents = (ROOT / "docs" / "index.md").read_text()
     files = [file.stem for file in (ROOT / "docs").glob("*.md") if file.stem != "index"]
     assert [file for file in files if f" <{file}>\n" not in contents] == []
+
+
+@pytest.mark.parametrize("part", [*[*WHOLE][:13], pg.Constraint, pg.Force, pg.Shape])
+def test_every_field_and_kind_is_described_once(part):
+    text = (ROOT / "docs" / "description.md").read_text(encoding="utf-8")
+    section = text.split(f"\n## {part.__name__}\n")[1].split("\n## ")[0]
+    blocks = [block.strip().splitlines() for block in section.split("\n\n")]
+    tables = [block[2:] for block in blocks if block and block[0].startswith("|")]
+    named = [[x for row in t for x in re.findall(r"`(\w+)`", row.split("|")[1])] for t in tables]
+    kinds = getattr(part, "KINDS", {})
+    assert sorted(named[0]) == sorted(part.fields_of_kinds() if kinds else part.model_fields)
+    if kinds:
+        assert named[1] == [x for kind, own in kinds.items() for x in (kind, own.__name__)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -55,13 +54,6 @@ def test_serial_is_the_default_table_of_the_paper():
 
 
 # -- edits
-
-
-def test_an_edit_is_a_new_model():
-    model = pg.Model.serial(3)
-    heavy = model.edit("2", mass=2.5)
-    assert (model.body("2").mass, heavy.body("2").mass) == (1.0, 2.5)
-    assert model == pg.Model.serial(3)
 
 
 @pytest.mark.parametrize(
@@ -125,15 +117,6 @@ def test_dof_picks_the_joint(dof: int, joint: str, nq: int):
 
 
 # -- rows
-
-
-def test_children_of_a_removed_body_stay_where_they_are():
-    turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # 90 degrees about z
-    left = pg.Model.serial(3).edit("2", rotation=turn).remove("2")
-    # 3 was at (0.2, 0, 0) in a frame turned by 90 degrees at (0.2, 0, 0).
-    assert left.body("3").parent == "1"
-    assert left.body("3").link == pytest.approx((0.2, 0.2, 0.0), abs=1e-15)
-    assert left.body("3").rotation == pytest.approx(turn)
 
 
 def test_the_order_of_rows_is_the_order_of_left_children():
