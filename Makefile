@@ -31,6 +31,7 @@ check: $(VENV)/installed-for-tests
 	@.ci/browser $(BIN)/python
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
+	@mkdir -p build && sed -n '/^```python/,/^```/{/^```/!p;}' README.md > build/readme.py
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
 
