@@ -302,8 +302,7 @@ MISSING = [  # names of other programs: the error also is an AttributeError, or 
 
 @pytest.mark.parametrize(("typed", "facts"), [(call, facts) for call, *facts in MISSING])
 def test_a_name_of_another_program_is_answered_with_ours(typed, facts):
-    text = str(refusal(typed, pg.PgraphError, AttributeError))
-    holds(text, *facts)
+    holds(str(refusal(typed, pg.PgraphError, AttributeError)), *facts)
 
 
 def test_an_attribute_that_nothing_reads_is_refused():
@@ -409,8 +408,7 @@ def test_velocities_that_a_switch_contradicts_end_the_run():
     done = pg.simulate(
         held("velocity", slow=1.0, fast=2.0), t_end=0.2, switches=switches, estimate=False
     )
-    facts = ("constraint 'fast'", "0.1 s", "0.5")
-    holds(done.message, *facts)
+    holds(done.message, "constraint 'fast'", "0.1 s", "0.5")
 
 
 def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():

@@ -117,6 +117,7 @@ def test_a_model_without_bodies():
     topology = pg.Topology.of(pg.Model())
     assert topology.nb == 0
     assert topology.pgraph.tolist() == topology.tips.tolist() == []
+    assert pg.Mechanism(pg.Model()).mass_matrix([]).shape == (0, 0)
 
 
 # -- laws

@@ -57,14 +57,6 @@ def test_a_joint_that_moves_no_inertia_is_named():
         mech.forward_dynamics(*mech.home())
 
 
-def test_a_model_without_bodies_is_refused_or_runs():
-    try:
-        mech = pg.Mechanism(pg.Model())
-    except pg.PgraphError:
-        return
-    assert mech.mass_matrix(np.zeros(0)).shape == (0, 0)
-
-
 # -- every argument of every public call, from the signatures
 
 MODEL = pg.Model(

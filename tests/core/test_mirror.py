@@ -64,10 +64,6 @@ def test_two_reflections_are_none(plane):
 
 def test_the_right_legs_of_the_quadruped_are_the_mirror_image_of_its_left_ones():
     model = pg.Model.load(pgraph_models.path("quadruped"))
-    for side in ("left", "right"):
-        for root in ("femur", "humerus"):
-            half = model.remove(f"{side}_{root}", children="delete")
-            assert len(half.bodies) == 13
     made = model
     for root in ("femur", "humerus"):
         made = made.remove(f"right_{root}", children="delete").mirror(f"left_{root}", plane="z")
