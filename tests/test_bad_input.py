@@ -215,6 +215,13 @@ ROWS = [
         "torsion", ("damping", ">= 0", "-1"), ("axis", "zero", "[0.0, 0.0, 0.0]"),
         axis=[0, 0, 0], damping=-1,
     ),
+    force("drag", "size", "> 0", "[1.0, 0.0, 1.0]", size=[1, 0, 1]),
+    force("motor", "gear", "zero", gear=0),
+    force("motor", "coefficients", "zero", coefficients={"arm": 0}),
+    force("motor", "torque_low", "torque_limit", "2", torque_low=2, torque_limit=1),
+    force("actuator", "start", "lag", "integrates", start=1),
+    force("actuator", "state_low", "integrates", state_low=1),
+    force("actuator", "lag", "0", lag=1, integrates=True),
     # the ground and the model
     ground("slope", "pi/2", "given 2", slope=2),
     ground("friction", ">= 0", "-1", friction=-1),
@@ -252,6 +259,23 @@ ROWS = [
     scenario(("t_end", "> 0", "given 0"), ("q", "'leg'", "arm"), t_end=0, q={"leg": 1}),
     scenario("method", "'rk5'", "auto", "rk4", "moreau_jean", method="rk5"),
     scenario("contacts", "'u'", contacts=["u"]),
+    several(
+        {"bodies": BODIES, "constraints": [{"name": "pin", "body": "arm"}],
+         "scenarios": [{"name": "s", "constraints": ["pin", "pin"]}]},
+        ("scenario 's', constraints", "'pin'", "twice"),
+    ),
+    several(
+        {"bodies": BODIES, "sites": [{"name": "t", "body": "leg"}],
+         "outputs": [
+             {"name": "o", "kind": "joint_position", "at": "leg"},
+             {"name": "p", "kind": "joint_position", "at": "arm", "coordinate": 1},
+             {"name": "q", "kind": "joint_position", "at": "ball"},
+             {"name": "r", "kind": "force", "at": "ground"},
+         ]},
+        ("site 't', body", "'leg'"), ("output 'o', at", "'leg'"),
+        ("output 'p', coordinate", "'arm'", "1"), ("output 'q', coordinate", "rotation"),
+        ("output 'r', at", "ground"),
+    ),
     several(
         {"bodies": BODIES, "constraints": [{"name": "pin", "body": "arm"}],
          "scenarios": [{"name": "s", "switches": [

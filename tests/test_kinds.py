@@ -150,6 +150,8 @@ def test_an_edit_of_one_of_two_parts_with_a_name_is_noticed():
     assert 'kind="force"' in edited.notices[0]
     assert twins.edit("s", mass=5.0).notices == ()  # a spring has none
     assert twins.edit("s", kind="force", stiffness=5.0).notices == ()
+    with pytest.raises(pg.ModelError, match='kind="force"'):
+        twins.edit("s", other_point=(0, 0, 2))  # a body has none
 
 
 def test_an_edit_takes_formulas_in_every_part(model):
