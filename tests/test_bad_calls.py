@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -265,7 +266,11 @@ def test_a_refused_call_names_the_argument_and_what_would_do(call, facts):
     assert (BASE.to_json(), TWO.to_json()) == (BEFORE, before)
 
 
-RUN = pg.simulate(BASE, t_end=0.01, frames=3)
+@cache
+def recorded() -> pg.Result:
+    return pg.simulate(BASE, t_end=0.01, frames=3)
+
+
 MISSING = [  # names of other programs: the error also is an AttributeError, or a TypeError
     (lambda: pg.load, "Model.load"),
     (lambda: pg.Mecanism, "did you mean Mechanism"),
@@ -276,18 +281,18 @@ MISSING = [  # names of other programs: the error also is an AttributeError, or 
     (lambda: BASE.rename("1", "2"), "model.edit(name, name='new')"),
     (lambda: getattr(BASE, "2"), "model['2']"),
     (lambda: BASE["1"].edit(mass=2), "model.edit(name, field=value)"),
-    (lambda: RUN.names, "run.mechanism.names"),
-    (lambda: RUN.to_dataframe(), "run.to_pandas()"),
-    (lambda: RUN.energyy, "did you mean energy"),
-    (lambda: RUN.animate, "run.show"),
-    (lambda: getattr(RUN, "2"), "run['2']"),
-    (lambda: RUN[5:10], "run.q"),
-    (lambda: RUN[0], "run.q"),
-    (lambda: RUN["q"], "run.q"),
-    (lambda: len(RUN), "len(run.t)"),
-    (lambda: list(RUN), "run.to_pandas()"),
-    (lambda: RUN.at("0.05"), "'0.05'"),
-    (lambda: pytest.importorskip("pandas").DataFrame(RUN), "run.to_pandas()"),
+    (lambda: recorded().names, "run.mechanism.names"),
+    (lambda: recorded().to_dataframe(), "run.to_pandas()"),
+    (lambda: recorded().energyy, "did you mean energy"),
+    (lambda: recorded().animate, "run.show"),
+    (lambda: getattr(recorded(), "2"), "run['2']"),
+    (lambda: recorded()[5:10], "run.q"),
+    (lambda: recorded()[0], "run.q"),
+    (lambda: recorded()["q"], "run.q"),
+    (lambda: len(recorded()), "len(run.t)"),
+    (lambda: list(recorded()), "run.to_pandas()"),
+    (lambda: recorded().at("0.05"), "'0.05'"),
+    (lambda: pytest.importorskip("pandas").DataFrame(recorded()), "run.to_pandas()"),
     (lambda: sweep("bodies.arm.mass").failures, "table.failed"),
     (lambda: sweep("bodies.arm.mass").best, "argmax()"),
     (lambda: MECH.simulate(), "pg.simulate(mech"),
@@ -311,7 +316,7 @@ def test_an_attribute_that_nothing_reads_is_refused():
         (MECH, ("gravity", "q", "nq", "nonsense")),
         (stepper, ("dt", "q", "tau", "status", "gravity")),
         (lanes, ("q", "step_size", "threads")),
-        (RUN, ("q",)),
+        (recorded(), ("q",)),
     ):
         for name in names:
             with pytest.raises(pg.InputError, match=f"{type(value).__name__}, {name}: ") as found:
