@@ -5,19 +5,17 @@ One size and one theme here; all scenes, sizes, zooms and themes at night.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.model.update import OpenBuiltIn
 from pgraph_app.plots.update import Plot
 from pgraph_app.server import Server
 
 from .chromium import LEAST, LOOKS, SMALL
-from .conftest import LIMIT, NOBODY, SIZE, opened, until
+from .conftest import LIMIT, SIZE, opened, until
 from .on_page import choose_body, frames, row, typed
 
 TABS = (  # what is in front below the table, and below the model
@@ -279,62 +277,17 @@ def test_what_viser_says_of_software_gl_is_said_once(browser, served):
         context.close()
 
 
-# -- at night: thirty scenes in both themes, at four sizes of the window and three zooms -----------
-
-SIZES, ZOOMS = ((1280, 800), (1440, 900), (1920, 1080), (900, 700)), (1.0, 1.25, 1.5)
-Scene = tuple[str, Callable[[Any], None]]  # a built-in model, and what a person does with it
-
-
-def first_body(page: Any) -> None:
-    page.locator("table.bodies tr[data-name] td.number").first.click()
-
-
-def tab(*names: str) -> Callable[[Any], None]:
-    def show(page: Any) -> None:
-        first_body(page)
-        page.evaluate("(tabs) => tabs.forEach(pgraph.front)", list(names))
-
-    return show
-
-
-def pressed(selector: str, then: str) -> Callable[[Any], None]:
-    def press(page: Any) -> None:
-        page.locator(selector).first.click()
-        page.locator(then).first.wait_for()
-
-    return press
-
-
-SCENES: dict[str, Scene] = {
-    **{name: (name, lambda page: None) for name in pgraph_models.names()},
-    "a body": ("quadruped", first_body),
-    "constraints": ("andrews", tab("Constraints", "Pose")),
-    "scenario": ("quadruped", tab("Scenario", "Show")),
-    "operators": ("quadruped", tab("Operators", "Gait")),
-    "plots": ("double_pendulum", tab("Plots", "Properties")),
-    "report": ("slider_crank", tab("Report", "Properties")),
-    "a run": ("double_pendulum", pressed("button.simulate", ".summary dd")),
-    "new": ("four_bar", pressed("button.new", ".asked .gallery")),
-    "open": ("four_bar", pressed("button.open", ".asked .gallery")),
-    "save": ("four_bar", pressed("button.save", ".asked")),
-    "keys": ("four_bar", pressed("button.keys", "dialog")),
-    "steps": ("four_bar", pressed("button:text-is('Step through')", ".steps button.next")),
-}
+# -- at night: all built-in models in both themes, at four sizes of the window and three zooms -----
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("zoom", ZOOMS)
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", SCENES)
-def test_a_scene_is_in_order_in_both_themes(page: Any, served: Server, compiled, name, size, zoom):
-    model, act = SCENES[name]
-    before = served.store.state.framed
+@pytest.mark.parametrize("zoom", [1.0, 1.25, 1.5])
+@pytest.mark.parametrize("size", [(1280, 800), (1440, 900), (1920, 1080), (900, 700)])
+@pytest.mark.parametrize("name", pgraph_models.names())
+def test_a_model_is_in_order_in_both_themes(page: Any, served: Server, name, size, zoom):
     sized(page, *(round(x / zoom) for x in size))
-    served.send(OpenBuiltIn(NOBODY, model))
-    until(lambda: served.store.state.framed > before, "the model")
-    shows(page, "([n]) => pgraph.latest.table.rows.length === n",
-          len(served.store.state.model.bodies))  # fmt: skip
-    act(page)
+    opened(page, served, pg.Model.load(pgraph_models.path(name)))
+    page.locator("table.bodies tr[data-name] td.number").first.click()
     for dark in (True, False):
         theme(page, dark)
         in_order(page, f"{name}, {'dark' if dark else 'light'}")
