@@ -56,7 +56,7 @@ def test_a_trot_is_steered_while_it_plays_then_looked_at_and_kept(walker, served
 
     page.locator("button.play").click()
     until(lambda: not served.store.state.live.running, "a pause")
-    page.wait_for_function("document.querySelectorAll('canvas.bars').length")
+    page.locator("canvas.bars").wait_for()
     # so that no picture of it waits for the 3D view
     assert page.evaluate(
         "pgraph.pen(document.querySelector('canvas.bars')).getContextAttributes()"

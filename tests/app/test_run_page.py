@@ -112,7 +112,10 @@ def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     until(lambda: served.store.state.job, "the run under way")
     page.locator("button.cancel").click()
     until(lambda: served.store.state.job is None, "the run cancelled")
-    notice(page, "cancelled")
+    page.wait_for_function(
+        "[...document.querySelectorAll('[data-view=run]')].some((one) =>"
+        " one.textContent.includes('cancelled'))"
+    )
     page.locator("button.simulate").wait_for()
 
 
