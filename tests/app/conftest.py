@@ -21,7 +21,7 @@ from pgraph_app.session.update import Select, SetDisplay
 
 from .chromium import FLAGS, browser_path
 
-LIMIT = 60.0  # [s] reached only where something is broken
+LIMIT = 120.0  # [s] reached only where something is broken
 SIZE = {"width": 1150, "height": 660}
 UNCOVERED = """setInterval(() => { // viser's own panel seen before ours
   if (document.body && !document.querySelector("#pgraph-loading, table.bodies tr[data-name]"))

@@ -29,6 +29,12 @@ def walker(page: Any, served: Server, compiled: Server) -> Iterator[Any]:
     served.send(StopLive(NOBODY))
 
 
+OVER = """() => { const found = [];
+  window.__viserMutable.nodeRefFromName["/forces"]?.traverse(({ material }) => {
+    if (material) found.push([material.depthTest, material.transparent]); });
+  return found.length > 1 && found.every(([tests, last]) => !tests && last); }"""
+
+
 def slide(page: Any, speed: float) -> None:
     """The speed slider to a place, as a hand does it."""
     page.locator('[aria-label="speed slider"]').evaluate(
@@ -79,6 +85,9 @@ def test_a_trot_is_steered_while_it_plays_then_looked_at_and_kept(walker, served
     assert float(rows[-1][0]) == pytest.approx(end)
     page.wait_for_function("pgraph.latest.phases.feet.length === 4")
     agree(page.evaluate("pgraph.latest.phases"), head, rows)
+    page.get_by_role("tab", name="Show").click()
+    page.locator('[data-what="forces"]').check()
+    page.wait_for_function(OVER)  # arrows that no body hides
 
 
 def agree(shown: dict[str, Any], head: list[str], rows: list[list[str]]) -> None:
