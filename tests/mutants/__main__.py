@@ -1,8 +1,8 @@
-"""`python -m tests.mutants`: how many of two hundred small faults the tests notice.
+"""`python -m tests.mutants`: measure how many of 200 small faults the tests catch.
 
-One copy of the repository holds every mutant behind a switch, so that its kernels are compiled
-once. First every test is run without mutants, and what it reaches is written down; then the tests
-that reach a mutant are run with it, until one fails. `docs/testing.md` tells more.
+One copy of the repository contains every mutant behind a switch, so its kernels are compiled once.
+A first run of all tests records the mutants that each test reaches. Then, for each mutant, the
+tests that reach it run until one fails. See `docs/testing.md`.
 """
 
 from __future__ import annotations
@@ -20,23 +20,27 @@ from .sites import AREAS, Site, draw, found_again, rewritten
 
 HERE = Path(__file__).resolve().parent
 NOT_RUN = "not (browser or timed or nightly)"
-# They test compilers, benchmarks and the repository.
+# Tests of compilers, benchmarks and the repository.
 LEFT_OUT = "core/test_compilation test_benchmarks test_site test_packages test_repository"
 
 
 def main() -> None:
-    """Copy, trace and run, as the command line says."""
+    """Parse the command line, make the copy, trace it and run the mutants."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     here = HERE.parent.parent
-    parser.add_argument("--tree", type=Path, default=here, help="the repository whose tests run")
-    parser.add_argument("--at", type=Path, help="where its copy is made: build/mutants")
-    parser.add_argument("--seed", type=int, default=32, help="of the draw of mutants")
-    parser.add_argument("--count", type=int, default=200, help="of mutants")
-    parser.add_argument("--trace", action="store_true", help="only see what tests reach, anew")
-    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="run these mutants again")
-    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
-    parser.add_argument("--again", type=Path, help="results whose mutants to run, and compare with")
-    parser.add_argument("--list", action="store_true", help="only show the mutants")
+    parser.add_argument(
+        "--tree", type=Path, default=here, help="repository to test (default: this one)"
+    )
+    parser.add_argument("--at", type=Path, help="working folder (default: build/mutants)")
+    parser.add_argument("--seed", type=int, default=32, help="seed of the draw")
+    parser.add_argument("--count", type=int, default=200, help="number of mutants")
+    parser.add_argument("--trace", action="store_true", help="only trace the tests again")
+    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="run only these mutants")
+    parser.add_argument("--jobs", type=int, default=1, help="parallel processes")
+    parser.add_argument(
+        "--again", type=Path, help="earlier results: run the same mutants and compare"
+    )
+    parser.add_argument("--list", action="store_true", help="only list the mutants")
     given = parser.parse_args()
     tree = given.tree.resolve()
     known = json.loads(given.again.read_text()) if given.again else []
@@ -77,7 +81,7 @@ def main() -> None:
 
 
 def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
-    """The tree's files with all mutants in their places; compiled kernels there are kept."""
+    """Write the tree's files with all mutants into `copied`, keeping its compiled kernels."""
     listed = (
         "git",
         "-C",
@@ -113,7 +117,7 @@ def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
 def python(
     at: Path, *args: str, mode: str = "", output: object = None, check: bool = False
 ) -> None:
-    """A process whose packages are those of the copy."""
+    """Run Python with the packages of the copy."""
     paths = (at / "tree", at / "tree" / "typings", HERE)  # `typings` links packages to folders
     here = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PGRAPH_MUTANTS": f"{mode}:{at}"}
     if mode == "trace":
@@ -124,14 +128,14 @@ def python(
 
 
 def pytest(at: Path, mode: str, *more: str) -> None:
-    """The tests of the copy, with the plugin beside this file in this mode."""
+    """Run the tests of the copy with the plugin in the given mode."""
     left_out = (f"--ignore=tests/{name}.py" for name in LEFT_OUT.split())
     plain = ("-p", "mutant_plugin", "-p", "no:cacheprovider", "-q", "--no-header", "-s")
     python(at, "-m", "pytest", *plain, "--tb=no", "-m", NOT_RUN, *left_out, *more, mode=mode)
 
 
 def table(results: list[dict]) -> str:
-    """How many of each area were caught, survived, or were not reached."""
+    """Return a table of the results by area."""
     counts = {area: Counter(r["result"] for r in results if r["area"] == area) for area in AREAS}
     kinds = ("caught", "survived", "not reached")
     lines = [f"{'area':<12} {'mutants':>8}" + "".join(f"{kind:>13}" for kind in kinds)]

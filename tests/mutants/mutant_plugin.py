@@ -1,8 +1,8 @@
-"""The pytest plugin that `python -m tests.mutants` loads: traces tests, and runs them with mutants.
+"""Pytest plugin of `python -m tests.mutants`: trace the tests, or run them against mutants.
 
-Traced, a line is written for each test: what it reached, whether it passed, and how long it took.
-With mutants, this process imports and collects everything once; for each mutant a forked child runs
-the tests that reach it until one fails.
+A trace writes one line per test: the mutants whose sites it executes, its result and duration.
+A run imports and collects everything once. For each mutant a forked child then runs the tests that
+reach it, until one fails.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ import mutant_switch as switch
 import pytest
 from hypothesis import Phase, settings
 
-BUDGET = 20.0  # s of recorded test time a mutant, at most,
-LEAST = 15  # but never fewer tests
-PATIENCE = 30.0, 8.0  # s of processor time a test, and times what it took: then it is endless
-STUCK = 900  # s that a child may wait for something
+BUDGET = 20.0  # seconds of recorded test time per mutant
+LEAST = 15  # tests per mutant, even if they exceed the budget
+PATIENCE = 30.0, 8.0  # processor time allowed per test: seconds, plus a multiple of its duration
+STUCK = 900  # seconds until a child that waits for something is killed
 MODE, _, PLACE = os.environ["PGRAPH_MUTANTS"].partition(":")
 AT = Path(PLACE)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Choose what this process does."""
+    """Register the plugin of the chosen mode."""
     config.pluginmanager.register({"trace": Trace, "run": Run}[MODE]())
 
 
 class Trace:
-    """Writes down what each test reaches, with the fixtures that it shares with others."""
+    """Record the mutants reached by each test, including those reached by its shared fixtures."""
 
     def __init__(self):
         worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
@@ -46,12 +46,12 @@ class Trace:
         self.seconds, self.passed = 0.0, False
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """What importing and collecting reaches, no test of its own."""
+        """Record what import and collection reach, under an empty test name."""
         self.write(test="", passed=True, seconds=0.0, reached=sorted(switch.reached()))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef):
-        """Every test that uses a fixture reaches what its set-up does."""
+        """Record what the set-up of a fixture reaches, for every test that uses it."""
         before = switch.reached()
         switch.forget()
         try:
@@ -63,7 +63,7 @@ class Trace:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item):
-        """One line a test."""
+        """Write the line of one test."""
         switch.forget()
         self.seconds, self.passed = 0.0, False
         try:
@@ -76,39 +76,39 @@ class Trace:
             self.write(**line, reached=sorted(found))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Adds up set-up, call and clean-up."""
+        """Add up set-up, call and teardown."""
         self.seconds += report.duration
         self.passed = report.passed and (self.passed or report.when == "call")
 
     def write(self, **line: object) -> None:
-        """One line of JSON."""
+        """Append one line of JSON."""
         with self.path.open("a") as file:
             file.write(json.dumps(line) + "\n")
 
 
 class Run:
-    """Runs for each mutant the tests that reach it."""
+    """Run, for each mutant, the tests that reach it."""
 
     def __init__(self):
         lines = [json.loads(line) for line in (AT / "trace.jsonl").read_text().splitlines()]
         self.tests = {line["test"]: line for line in lines if line["passed"] and line["test"]}
-        self.sound: dict[str, bool] = {}  # whether a test passes in a child without a mutant
+        self.sound: dict[str, bool] = {}  # whether a test passes without a mutant
         self.failed: list[str] = []
         self.found: dict[int, dict] = {}
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """No shrinking of examples that fail: that one fails is enough."""
+        """Turn off Hypothesis' shrinking of failing examples."""
         profile = settings(settings.default, phases=[Phase.explicit, Phase.generate])
         settings.register_profile("mutants", profile)
         settings.load_profile("mutants")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Notes a failure."""
+        """Record a failure."""
         if report.failed:
             self.failed.append(report.nodeid)
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """All mutants, some at a time; results are written as they come."""
+        """Run all mutants, `jobs` at a time, and write each result when it is known."""
         _load_kernels()
         items = {item.nodeid: item for item in session.items}
         given = json.loads((AT / "wanted.json").read_text())
@@ -123,7 +123,7 @@ class Run:
                 continue
             k, chosen = running.pop(pid)
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(pid, signal.SIGKILL)  # what its tests have started
+                os.killpg(pid, signal.SIGKILL)  # subprocesses of its tests
             result = self.result(pid, status, len(chosen))
             killer = result.get("test")
             if killer and not self.is_sound(items[killer]):
@@ -135,7 +135,7 @@ class Run:
         return True
 
     def chosen(self, k: int) -> list[str]:
-        """Sound tests that reach a mutant, within the budget: short ones of many files."""
+        """Select sound tests within the budget, preferring short ones and many files."""
         by_file = defaultdict(list)
         for name, line in self.tests.items():
             if k in line["reached"] and self.sound.get(name, True):
@@ -149,7 +149,7 @@ class Run:
                 continue
             spent += seconds
             taken.append((seconds, name))
-        cost = defaultdict(float)  # of a file: tests of one file follow each other
+        cost = defaultdict(float)  # per file, so that tests of one file stay together
         for seconds, name in taken:
             cost[name.split("::")[0]] += seconds
         return [
@@ -160,7 +160,7 @@ class Run:
         ]
 
     def start(self, k: int, items: list[pytest.Item]) -> int:
-        """A child that runs tests with a mutant until one fails; its process."""
+        """Fork a child that runs tests against mutant k until one fails; return its process id."""
         if pid := os.fork():
             return pid
         try:
@@ -169,7 +169,7 @@ class Run:
             os._exit(0)
 
     def run(self, k: int, items: list[pytest.Item]) -> None:
-        """In the child: a line for each test begun, then `end` or `failed`, into its file."""
+        """In the child: write a line per test begun, then `end` or `failed`, into its file."""
         os.setsid()
         place = tempfile.mkdtemp(prefix="mutant")
         os.environ["PYTEST_DEBUG_TEMPROOT"] = place
@@ -195,7 +195,7 @@ class Run:
         shutil.rmtree(place, ignore_errors=True)
 
     def result(self, pid: int, status: int, count: int) -> dict:
-        """What a child found; killed by a signal, the test that it was in caught the mutant."""
+        """Read a child's result. If a signal killed it, the current test caught the mutant."""
         path = AT / f"child.{pid}"
         *tests, last = path.read_text().split("\n")[:-1] or [""]
         path.unlink()
@@ -216,7 +216,7 @@ class Run:
         return {"result": "caught", "tests": len(ran) + 1, "how": how, "test": last}
 
     def is_sound(self, item: pytest.Item) -> bool:
-        """Whether a test passes in a child without a mutant; tried once."""
+        """Return whether a test passes in a child without a mutant, tried once per test."""
         if item.nodeid not in self.sound:
             pid = self.start(switch.NONE, [item])
             _, status = os.waitpid(pid, 0)
@@ -227,7 +227,7 @@ class Run:
 
 
 def _load_kernels() -> None:
-    """All kernels into this process, so that no child has to."""
+    """Load all kernels before forking."""
     from pgraph_core.engine import warm_up
 
     for _ in warm_up():

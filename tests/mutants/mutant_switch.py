@@ -1,8 +1,9 @@
-"""Which mutant is active, in Python, in compiled kernels and in processes that tests start.
+"""The switch between mutants, for Python code, compiled kernels and subprocesses of tests.
 
-The rewritten sources ask `mutant(k)` at the place of mutant k. One block of memory holds the number
-of the active one and a byte for each mutant that was asked for. Kernels find it as an external
-symbol, so their machine code, also from the disk cache, serves all mutants.
+The rewritten sources call `mutant(k)` at the site of mutant k. One block of memory holds the number
+of the active mutant and one byte per mutant that records whether its site was executed. Compiled
+kernels refer to the block by an external symbol, so their cached machine code works for all mutants
+and in every process.
 """
 
 import ctypes
@@ -23,7 +24,7 @@ SYMBOL = "pgraph_mutants"
 
 
 def _memory() -> mmap.mmap:
-    """A block of this process; while tests are traced, a file that its children share."""
+    """Allocate the block, in a trace as a file shared with subprocesses."""
     path = os.environ.get(TRACED)
     if path is None:
         return mmap.mmap(-1, SIZE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
@@ -40,23 +41,23 @@ binding.add_symbol(SYMBOL, ctypes.addressof(KEPT))
 
 
 def activate(k: int) -> None:
-    """Make mutant k the active one, here and in processes started from now on."""
+    """Activate mutant k in this process and in subprocesses started later."""
     BLOCK[:START] = struct.pack("<q", k)
     os.environ[ACTIVE] = str(k)
 
 
 def reached() -> set[int]:
-    """The mutants asked for since the last `forget`."""
+    """Return the mutants whose sites were executed since the last `forget`."""
     return {k for k, byte in enumerate(BLOCK[START:]) if byte}
 
 
 def forget() -> None:
-    """Forget which mutants were asked for."""
+    """Clear the record of executed sites."""
     BLOCK[START:] = bytes(SIZE - START)
 
 
 def mutant(k: int) -> bool:
-    """Whether mutant k is active."""
+    """Record that the site of mutant k is executed; return whether the mutant is active."""
     BLOCK[START + k] = 1
     return struct.unpack_from("<q", BLOCK)[0] == k
 
@@ -69,7 +70,7 @@ class _Mutant(AbstractTemplate):
 
 @lower_builtin(mutant, types.int64)
 def _mutant(context, builder, sig, args):
-    """`mutant` in a kernel."""
+    """Generate code for `mutant` in a compiled kernel."""
     byte, word = ir.IntType(8), ir.IntType(64)
     block = builder.module.globals.get(SYMBOL)
     if block is None:

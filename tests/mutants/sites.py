@@ -1,7 +1,7 @@
-"""Where mutants are: small faults drawn from the sources, and the sources that hold them all.
+"""Draw mutants from the sources, and write sources that contain all of them.
 
-A site is named by file, line, column and kind of the fault, so that the same draw gives the same
-mutants as long as the product stays as it is, whatever becomes of the tests.
+A site is identified by its file, line, column and kind of fault. The draw depends only on the
+sources and the seed, so changes of the tests do not change the mutants.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ENGINE = "pgraph_core/engine/"
-AREAS = {  # how many of two hundred, and where
+AREAS = {  # number of mutants out of 200, and files
     "tree": (35, "engine/tree/*.py", "engine/motion.py", "engine/inverse.py"),
     "constraints": (25, "engine/constraints/*.py", "packing/constraints.py"),
     "contact": (35, "engine/contact/*.py"),
@@ -41,15 +41,22 @@ OPPOSITES = {
 }
 PAIRS = "add sub, min max, mul mul_t, more most, larger smaller, both either, any all, sin cos"
 FUNCTIONS = {a: b for pair in PAIRS.split(", ") for a, b in (pair.split(), pair.split()[::-1])}
-ORDERED = {"cross", "sub", "atan2"}  # of the helpers in kernels: arguments of one type
-TYPED = {"isinstance", "getattr", "setattr", "cast", "array_equal", "allclose"}  # whose never are
-LEFT_OUT = {"couple"}  # kernels of `Three`, which does not know every operation
+ORDERED = {"cross", "sub", "atan2"}  # kernel helpers with two arguments of one type
+TYPED = {
+    "isinstance",
+    "getattr",
+    "setattr",
+    "cast",
+    "array_equal",
+    "allclose",
+}  # functions never mutated this way
+LEFT_OUT = {"couple"}  # kernel on the type `Three`, which has no division
 CHOSEN = "_mutant"
 
 
 @dataclass(frozen=True)
 class Site:
-    """One mutant: what stands at a place, and what is to stand there; None: nothing."""
+    """One mutant: source text at a place and its replacement, None for a dropped statement."""
 
     area: str
     file: str
@@ -63,23 +70,23 @@ class Site:
 
     @property
     def key(self) -> str:
-        """What names the mutant as long as its file stays as it is."""
+        """Identifier of the mutant while its file does not change."""
         return f"{self.file}:{self.line}:{self.column}:{self.kind}"
 
     @property
     def description(self) -> str:
-        """The change, as a reader wants it."""
+        """The change on one line, for reports."""
         new = "(dropped)" if self.new is None else self.new
         return " ".join(f"{self.old} -> {new}".split())
 
     def overlaps(self, other: Site) -> bool:
-        """Whether the two places share text."""
+        """Return whether two sites share source text."""
         start, other_start = (self.line, self.column), (other.line, other.column)
         return self.file == other.file and start < other.end and other_start < self.end
 
 
 def draw(tree: Path, seed: int, count: int) -> list[Site]:
-    """Sites spread over areas by quota, in an area over kinds in turn, in a kind at random."""
+    """Draw sites: a quota per area, kinds of faults in turn, sites of one kind at random."""
     chosen: list[Site] = []
     for area, (quota, *patterns) in AREAS.items():
         kinds: dict[str, list[Site]] = defaultdict(list)
@@ -103,7 +110,7 @@ def draw(tree: Path, seed: int, count: int) -> list[Site]:
 
 
 def found_again(tree: Path, known: list[dict]) -> list[Site]:
-    """The sites of earlier results in a tree that may have changed: the nearest of equal ones."""
+    """Locate the mutants of earlier results in a changed tree, by text and nearest line."""
     sites: list[Site] = []
     for old in known:
         text = (tree / old["file"]).read_text(encoding="utf-8")
@@ -121,7 +128,7 @@ def found_again(tree: Path, known: list[dict]) -> list[Site]:
 
 
 def sites_of(area: str, file: str, text: str) -> Iterator[Site]:
-    """All sites within the functions of a file."""
+    """Yield all sites within the functions of a file."""
     compiled, module = file.startswith(ENGINE), ast.parse(text)
     known = {a.name for n in module.body if isinstance(n, ast.ImportFrom) for a in n.names}
     known |= {n.name for n in module.body if isinstance(n, ast.FunctionDef)} | set(dir(builtins))
@@ -135,7 +142,7 @@ def sites_of(area: str, file: str, text: str) -> Iterator[Site]:
 
 
 def _functions(node: ast.AST) -> Iterator[ast.FunctionDef]:
-    """The functions of a module and methods of its classes, without those inside others."""
+    """Yield functions and methods that are not inside another function."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.FunctionDef):
             yield child
@@ -144,7 +151,7 @@ def _functions(node: ast.AST) -> Iterator[ast.FunctionDef]:
 
 
 def _indices(function: ast.FunctionDef) -> set[str]:
-    """Names that kernels use in an index or as a bound: a wrong one writes anywhere in memory."""
+    """Return names used in indices and loop bounds: mutants there would corrupt memory."""
     places = [n.slice for n in ast.walk(function) if isinstance(n, ast.Subscript)]
     places += [n for n in ast.walk(function) if _is_range(n)]
     places += [n.test for n in ast.walk(function) if isinstance(n, ast.While)]
@@ -158,7 +165,7 @@ def _is_range(node: ast.AST) -> bool:
 
 
 def _inside(function: ast.FunctionDef, compiled: bool, indices: set[str]) -> Iterator[ast.AST]:
-    """Statements and expressions that are run, but for messages, and for indices in kernels."""
+    """Yield executed nodes, except error messages and, in kernels, indices and loop bounds."""
     left: list[ast.AST] = [*reversed(function.body)]
     while left:
         node = left.pop()
@@ -185,7 +192,7 @@ def _inside(function: ast.FunctionDef, compiled: bool, indices: set[str]) -> Ite
 
 
 def _faults(node: ast.AST, compiled: bool, known: set[str]) -> Iterator[tuple[str, ast.expr]]:
-    """(kind, changed expression) of an expression; in kernels only what keeps its type."""
+    """Yield (kind, replacement) of an expression. In kernels the replacement keeps the type."""
     match node:
         case ast.BinOp(op=op) if type(op) in ARITHMETIC:
             values = [getattr(n, "value", None) for n in (node.left, node.right)]
@@ -220,7 +227,7 @@ def _faults(node: ast.AST, compiled: bool, known: set[str]) -> Iterator[tuple[st
 
 
 def _drops(node: ast.AST) -> Iterator[tuple[str, None]]:
-    """A statement that may be left out, names set only by it aside."""
+    """Yield a fault for a statement that can be left out without leaving a name undefined."""
     call = isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
     store = isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Subscript)
     if call or store or isinstance(node, ast.AugAssign):
@@ -235,7 +242,7 @@ def _with(node: ast.expr, **fields: object) -> ast.expr:
 
 
 def rewritten(text: str, sites: list[tuple[int, Site]]) -> str:
-    """A source with mutants (number, site) in it, line for line."""
+    """Return the source with switches for the numbered sites; line numbers do not change."""
     lines = text.encode().splitlines(keepends=True)
     for k, site in sorted(sites, key=lambda item: (item[1].line, item[1].column), reverse=True):
         (row, column), (last, end) = (site.line - 1, site.column), (site.end[0] - 1, site.end[1])
@@ -254,7 +261,7 @@ def rewritten(text: str, sites: list[tuple[int, Site]]) -> str:
 
 
 def _is_import(node: ast.stmt) -> bool:
-    """An import after those from `__future__`."""
+    """Return whether a statement is an import, other than from `__future__`."""
     return (
         isinstance(node, (ast.Import, ast.ImportFrom))
         and getattr(node, "module", "") != "__future__"
