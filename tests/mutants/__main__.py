@@ -62,7 +62,8 @@ def main() -> None:
     if given.trace:
         return
     wanted = given.only or [*range(len(sites))]
-    (at / "wanted.json").write_text(json.dumps({"mutants": wanted, "jobs": given.jobs}))
+    task = {"mutants": wanted, "jobs": given.jobs, "budget": given.budget}
+    (at / "wanted.json").write_text(json.dumps(task))
     pytest(at, "run")
     found = json.loads((at / "found.json").read_text())
     results = [

@@ -22,7 +22,6 @@ import mutant_switch as switch
 import pytest
 from hypothesis import Phase, settings
 
-BUDGET = 20.0  # seconds of recorded test time per mutant
 LEAST = 15  # tests per mutant, even if they exceed the budget
 PATIENCE = 30.0, 8.0  # processor time allowed per test: seconds, plus a multiple of its duration
 STUCK = 900  # seconds until a child that waits for something is killed
@@ -95,6 +94,7 @@ class Run:
         self.sound: dict[str, bool] = {}  # whether a test passes without a mutant
         self.failed: list[str] = []
         self.found: dict[int, dict] = {}
+        self.budget = 0.0  # seconds of recorded test time per mutant
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Turn off Hypothesis' shrinking of failing examples."""
@@ -112,6 +112,7 @@ class Run:
         _load_kernels()
         items = {item.nodeid: item for item in session.items}
         given = json.loads((AT / "wanted.json").read_text())
+        self.budget = given["budget"]
         waiting, running = list(given["mutants"]), {}
         while waiting or running:
             while waiting and len(running) < given["jobs"]:
@@ -145,7 +146,7 @@ class Run:
             ranked += [(s * rank, s, name) for rank, (s, name) in enumerate(sorted(tests), start=1)]
         spent, taken = 0.0, []
         for _, seconds, name in sorted(ranked):
-            if len(taken) >= LEAST and spent + seconds > BUDGET:
+            if len(taken) >= LEAST and spent + seconds > self.budget:
                 continue
             spent += seconds
             taken.append((seconds, name))
