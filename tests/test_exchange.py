@@ -117,3 +117,19 @@ def test_a_shape_that_urdf_lacks_is_left_out_by_name(tmp_path):
     report = pg.write_urdf(pg.Model(bodies=[body]), tmp_path / "m.urdf")
     assert "egg" in [entry.part for entry in report.of("left out")]
     assert not pg.Model.load(tmp_path / "m.urdf").bodies[0].shapes
+
+
+@pytest.mark.parametrize(("turn", "reported"), [(0.4, False), (0.5, True)])
+def test_a_weld_of_turned_sites_is_reported_only_if_they_do_not_agree(
+    mujoco, tmp_path, turn, reported
+):
+    """The second body is turned by 0.8 rad about y, and its site back by twice `turn`."""
+    half, back = (np.cos(0.4), np.sin(0.4)), (np.cos(turn), -np.sin(turn))
+    _, report = from_mjcf(
+        tmp_path,
+        f"""<worldbody><body name="a"><freejoint/><geom size="1"/><site name="s"/></body>
+        <body name="b" quat="{half[0]} 0 {half[1]} 0"><freejoint/><geom size="1"/>
+        <site name="t" quat="{back[0]} 0 {back[1]} 0"/></body></worldbody>
+        <equality><weld name="tie" site1="s" site2="t"/></equality>""",
+    )
+    assert ("tie" in [entry.part for entry in report.of("approximated")]) == reported

@@ -28,3 +28,16 @@ def test_a_light_slider_with_a_large_inertia_moves(back_end):
     mech = pg.Mechanism(pg.Model(bodies=[body], gravity=(0, 0, 0)))
     found = mech.forward_dynamics([0.0], [0.0], [3e-18], back_end=back_end)
     assert found == pytest.approx([3.0], rel=1e-12)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_massless_base_that_slides_under_its_load_is_named(axis):
+    """The load has mass, but none along the axis on which it slides."""
+    base = pg.Body(name="base", joint="free", mass=0.0, inertia=np.eye(3))
+    load = pg.Body(
+        name="load", parent="base", joint="prismatic", axes=(np.eye(3)[axis],), mass=1.0,
+        inertia=np.eye(3),
+    )  # fmt: skip
+    mech = pg.Mechanism(pg.Model(bodies=[base, load]))
+    with pytest.raises(pg.InputError, match="'base'"):
+        mech.forward_dynamics(*mech.home())

@@ -1,0 +1,28 @@
+"""Constraints that are switched on while something rests on the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+
+@pytest.mark.parametrize("method", ["rk4", "moreau_jean"])
+def test_the_ground_takes_the_impulse_of_a_falling_body_that_is_tied_to_a_resting_one(method):
+    def slider(name, height):
+        return pg.Body(
+            name=name, joint="prismatic", axes=((0, 0, 1),), mass=1.0, inertia=np.eye(3), q=height
+        )
+
+    foot = pg.Contact(name="foot", body="box", points=((0, 0, 0),), friction=0.5)
+    tie = pg.Constraint(name="tie", body="hammer", other="box", point=(0, 0, 0), active=False)
+    model = pg.Model(
+        bodies=[slider("box", 0.0), slider("hammer", 1.0)], contacts=[foot], constraints=[tie]
+    )
+    run = pg.simulate(model, method=method, t_end=0.3, step=1e-3, switches=((0.2, "tie", True),))
+    assert run.status.ok, run.message
+    fall = 9.81 * 0.2
+    assert run.v[run.t < 0.2][-1] == pytest.approx([0.0, -fall], abs=0.05)
+    np.testing.assert_allclose(run.v[run.t > 0.2 + 1e-9], 0.0, atol=1e-9)
+    assert run.q[-1] == pytest.approx([0.0, 1.0 - fall * 0.1], abs=2e-3)
