@@ -13,13 +13,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
 
 from .sites import AREAS, Site, draw, found_again, rewritten
 
 HERE = Path(__file__).resolve().parent
-NOT_RUN = "not (browser or timed or nightly)"
+NOT_RUN = ("browser", "timed", "nightly")  # markers, where the repository has them
 # Tests of compilers, benchmarks and the repository.
 LEFT_OUT = "core/test_compilation test_benchmarks test_site test_packages test_repository"
 
@@ -130,9 +131,14 @@ def python(
 
 def pytest(at: Path, mode: str, *more: str) -> None:
     """Run the tests of the copy with the plugin in the given mode."""
+    settings = tomllib.loads((at / "tree" / "pyproject.toml").read_text())
+    markers = settings["tool"]["pytest"]["ini_options"]["markers"]
+    not_run = " or ".join(name for name in NOT_RUN if any(m.startswith(name) for m in markers))
     left_out = (f"--ignore=tests/{name}.py" for name in LEFT_OUT.split())
     plain = ("-p", "mutant_plugin", "-p", "no:cacheprovider", "-q", "--no-header", "-s")
-    python(at, "-m", "pytest", *plain, "--tb=no", "-m", NOT_RUN, *left_out, *more, mode=mode)
+    python(
+        at, "-m", "pytest", *plain, "--tb=no", "-m", f"not ({not_run})", *left_out, *more, mode=mode
+    )
 
 
 def table(results: list[dict]) -> str:
