@@ -339,8 +339,6 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
         return along(given)
     if name == "rotation" and getattr(given, "shape", ()) == (3, 3):
         return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
-    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 3:
-        return "; write np.diag([...]) for three principal moments"
     if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
         return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
     if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
