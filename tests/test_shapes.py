@@ -107,16 +107,6 @@ def test_mass_follows_from_shapes_and_density_until_it_is_given():
     assert through.body("arm") == heavy
 
 
-def test_several_shapes_have_the_mass_of_those_that_touch():
-    half = {"kind": "box", "size": (0.5, 0.2, 0.2), "role": "collision"}
-    halves = [{**half, "position": (x, 0, 0)} for x in (0.25, 0.75)]
-    whole = body(shape=BOX, density=10.0, derived=["mass", "com", "inertia"])
-    parts = body(shapes=[*halves, {**BALL, "role": "visual"}], density=10.0, derived=whole.derived)
-    assert parts.mass == pytest.approx(whole.mass)
-    np.testing.assert_allclose(parts.com, whole.com)
-    np.testing.assert_allclose(parts.inertia, whole.inertia)
-
-
 @pytest.mark.parametrize(
     ("fields", "facts"),
     [

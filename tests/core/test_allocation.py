@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numba
 import numpy as np
 import pytest
@@ -42,14 +40,3 @@ def test_the_machine_code_of_no_kernel_calls_an_allocator():
         for code in (path.read_bytes() for path in files):
             assert RUNTIME not in code, name
             assert not any(symbol in code for symbol in HEAP), name
-
-
-@compiled_only
-def test_the_search_would_find_an_allocation():
-    @numba.njit
-    def allocating(x):
-        return np.full(3, x)
-
-    allocating(1.0)
-    library = allocating.overloads[allocating.signatures[0]].library
-    assert RUNTIME in pickle.dumps(library.serialize_using_object_code())

@@ -58,13 +58,6 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdout.close()
 
 
-def test_a_filled_cache_is_not_cold(monkeypatch, tmp_path):
-    from pgraph_core.engine.stepping.run import advance_run
-
-    jit.compile_kernel("advance_run")
-    assert not engine._cold()
-    monkeypatch.setattr(advance_run._cache, "_cache_file", jit._Files(tmp_path / "none"))
-    assert engine._cold()
 
 
 def test_no_two_modules_have_a_kernel_of_one_name():

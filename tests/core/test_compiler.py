@@ -31,16 +31,6 @@ def test_lanes_compute_place_by_place():
     assert np.array_equal(out, wanted)
 
 
-def test_triples_go_from_and_to_memory():
-    @JITTED
-    def move(a, out):
-        x = load_triple(a, 0, 1) + 2.0 * triple(1.0, 2.0, 3.0)
-        store_triple(out, 1, 0, x)
-        return numbers(x)
-
-    a, out = np.arange(8.0).reshape(2, 4), np.zeros((2, 4))
-    assert move(a, out) == (3.0, 6.0, 9.0)
-    assert out.tolist() == [[0, 0, 0, 0], [3, 6, 9, 0]]
 
 
 def test_nothing_is_contracted():

@@ -276,72 +276,9 @@ def test_the_same_pairs_may_touch_at_the_same_distances(package, monkeypatch):
     assert max(worst for *_, worst in found.values()) < NEAR
 
 
-STILL = 3e-3  # rad/s, m/s: MuJoCo's friction creeps
-ABOVE = 5e-3  # m: from where objects fall
-LOOSE = 1e-4  # m: from where what lies in MuJoCo is let go here
-AT_REST = {
-    "robosuite": [f"objects/{name}.xml" for name in (
-        "bottle", "bread", "can", "cereal", "lemon", "milk", "plate-with-hole", "round-nut",
-        "square-nut")],
-    "gymnasium": [f"assets/{name}.xml" for name in (
-        "ant", "half_cheetah", "hopper", "humanoid", "humanoidstandup", "walker2d", "walker2d_v5")],
-    "dm-control": [f"suite/{name}.xml" for name in ("cheetah", "hopper", "walker")],
-    "gymnasium-robotics": ["assets/ant.xml", "assets/coupled_half_cheetah.xml"],
-}  # fmt: skip
 
 
-def on_a_floor(path: Path, place: Path) -> Path:
-    """A file whose model can fall: one without joints gets a free one, and a floor."""
-    spec = mujoco.MjSpec.from_file(str(path))
-    if spec.joints:
-        return path
-    spec.worldbody.first_body().add_freejoint()
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
-    for kind in ("meshdir", "texturedir"):
-        setattr(spec, kind, str((path.parent / getattr(spec, kind)).resolve()))
-    spec.compile()
-    (place / path.name).write_text(spec.to_xml())
-    return place / path.name
 
 
-def rest_of_mujoco(m, data) -> float:
-    """Let it come to rest: the largest distance of what pushes from just touching [m]."""
-    while data.time < 1 or np.abs(data.qvel).max() > STILL:
-        assert data.time < 60
-        mujoco.mj_step(m, data, 100)
-    mujoco.mj_kinematics(m, data)
-    return max(abs(float(c.dist)) for c in data.contact if c.efc_address >= 0)
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("package", AT_REST)
-def test_models_come_to_rest_where_mujoco_has_them_but_for_its_compression(package, tmp_path):
-    """Objects fall from the same place; what has joints is let go where it lies in MuJoCo."""
-    if folder(package) is None:
-        pytest.skip(f"{package} cannot be downloaded here")
-    for name in AT_REST[package]:
-        path = next(p for p in files(package, ".xml") if str(p).endswith(name))
-        file = on_a_floor(path, tmp_path)
-        m = mujoco.MjModel.from_xml_path(str(file))
-        data = mujoco.MjData(m)
-        model, _ = quietly(pg.read_mjcf, file, roots=[folder(package)])
-        mech, rng = pg.Mechanism(model), np.random.default_rng(0)
-        free = m.jnt_type == mujoco.mjtJoint.mjJNT_FREE
-        lifts = free | ((m.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE) & (m.jnt_axis[:, 2] > 0.99))
-        height = int((m.jnt_qposadr + 2 * free)[lifts][0])
-        mujoco.mj_kinematics(m, data)
-        data.qpos[height] += ABOVE - min(pairs_of_mujoco(m, data).values())
-        begin = data.qpos.copy()
-        deep = rest_of_mujoco(m, data)
-        rest, *_ = start_of(mech, m, rng, data.qpos)
-        if file == path:
-            begin = data.qpos.copy()
-            begin[height] += deep + LOOSE
-        run = pg.simulate(mech, t_end=3.0, q=start_of(mech, m, rng, begin)[0])
-        moved = np.array([
-            mech.pose(run.q[-1], body.name)[0] - mech.pose(rest, body.name)[0]
-            for body in model.bodies
-        ])  # fmt: skip
-        up, off = np.abs(moved[:, 2]).max(), np.linalg.norm(moved, axis=1).max()
-        assert up < 1.5 * deep, name
-        assert off < 3 * deep, name

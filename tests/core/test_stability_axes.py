@@ -145,14 +145,6 @@ def test_a_rescaled_model_moves_the_same(factors):
     np.testing.assert_allclose(runs[1].energy, energy, rtol=1e-9)
 
 
-def test_a_scenario_becomes_part_of_the_model():
-    quadruped = built_in("quadruped")
-    model, t_end = in_scenario(quadruped, "stance")
-    options = {"t_end": 0.02, "step": 1e-3, "method": "rk4", "estimate": False}
-    a = pg.simulate(quadruped, scenario="stance", **options)
-    b = pg.simulate(model, **options)
-    np.testing.assert_array_equal(a.q, b.q)
-    assert t_end == quadruped.scenario("stance").t_end
 
 
 def test_every_shape_of_a_body_is_rescaled():
