@@ -287,36 +287,6 @@ def test_each_instance_has_the_bits_of_its_single_run(name):
         assert singles[2].q == 0.0
 
 
-@pytest.mark.parametrize(("method", "varied"), [("rk4", True), ("semi_implicit_euler", False)])
-def test_free_trees_equal_single_ones_to_rounding(method: str, varied: bool):
-    """In lanes; 1e-9 after 1000 steps of a chain that does not tumble. Threads change no bit."""
-    model = pg.Model.serial(3).edit("3", stiffness=1.0, damping=0.01)
-    given = {"bodies.3.mass": np.linspace(0.2, 0.8, WIDE)} if varied else None
-    rng = np.random.default_rng(1)
-    q, tau = rng.uniform(-0.3, 0.3, (WIDE, 3)), rng.uniform(-0.01, 0.01, (WIDE, 3))
-    batches = [pg.BatchStepper(model, WIDE, method=method, set=given, threads=n) for n in (1, 2)]
-    for batch in batches:
-        batch.reset(q)
-        batch.inverse_dynamics(np.zeros((WIDE, 3)))  # of lanes alone
-        batch.step(tau, n=400)
-        batch.step(tau, n=600)
-    assert np.array_equal(batches[0].q, batches[1].q)
-    for i in range(WIDE):
-        stepper = alone(model, given or {}, i, method=method)
-        stepper.reset(q[i])
-        stepper.step(tau[i], n=1000)
-        np.testing.assert_allclose(batches[0].q[i], stepper.q, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(batches[0].v[i], stepper.v, rtol=0, atol=1e-8)
-        assert batches[0].t[i] == stepper.t
-    if varied:
-        batches[0].reset(q, numbers=np.full(WIDE, 2))
-        batches[0].step(n=10)
-        stepper = alone(model, given, 2, method=method)
-        stepper.reset(q[0])
-        stepper.step(n=10)
-        np.testing.assert_allclose(batches[0].q[0], stepper.q, rtol=0, atol=1e-12)
-
-
 def test_numbers_of_a_part_change_together():
     """A thin rod of another length: either moment alone would belong to no rigid body."""
     length = np.array([1.0, 0.3, 2.0])
