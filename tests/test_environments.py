@@ -19,20 +19,6 @@ import hashlib, pgraph_core as pg
 run = pg.simulate(pg.Model.serial(3), t_end=0.1)
 print(hashlib.sha256(run.q.tobytes() + run.v.tobytes()).hexdigest())
 """
-PROCESSES = """
-import concurrent.futures, multiprocessing, sys
-import pgraph_core as pg
-
-def last(model):
-    return pg.simulate(model, t_end=0.1).q[-1].tobytes()
-
-if __name__ == "__main__":
-    model = pg.Model.serial(3)
-    here, way = last(model), multiprocessing.get_context(sys.argv[1])
-    with concurrent.futures.ProcessPoolExecutor(2, mp_context=way) as pool:
-        assert set(pool.map(last, [model] * 4)) == {here}
-    print("equal")
-"""
 
 
 def printed(*arguments: str, folder: Path | None = None, **environment: str | None) -> str:
@@ -107,13 +93,6 @@ def closed(folder):
 def test_it_gives_the_same_bits_in_every_environment(given, tmp_path, here):
     given = given if isinstance(given, dict) else given(tmp_path)
     assert printed("-c", RUN, **given) == here
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("way", ["fork", "spawn", "forkserver"])
-def test_processes_started_any_way_give_the_same_bits(way, tmp_path):
-    (tmp_path / "many.py").write_text(PROCESSES, "utf-8")
-    assert printed(str(tmp_path / "many.py"), way) == "equal\n"
 
 
 @pytest.mark.nightly

@@ -285,6 +285,12 @@ def test_a_scheduler_that_takes_the_call_and_is_silent(pendulum):
             pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler=address, **SHORT)
 
 
+def test_a_worker_of_another_version_is_refused(pendulum):
+    task = tasks.Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
+    with pytest.raises(pg.InputError, match=r"0\.0\.1"):
+        tasks.run_points(task, [(0, (1.0,))])
+
+
 def test_a_csv_is_read_back_bit_for_bit(alone, tmp_path):
     import pandas
 

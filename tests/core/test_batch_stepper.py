@@ -271,9 +271,13 @@ CASES = {
     **{f"divided {law}": partial(stiff_and_far, law) for law in ("soft", "penalty")},
     **{f"stiffness {law}": partial(given_stiffness, law) for law in ("soft", "penalty")},
     **{method: partial(remembering, method) for method in ("generalised_alpha", "gauss6")},
+    "left out": lambda: (box(), 3, go(250), {"given": {"bodies.box.v.3": np.ones(3)} | {
+        f"contacts.sole.{field}": np.array(values) for field, values in {
+            "friction": [0.3, 0.5, 0.9], "restitution": [0.4, 0.2, 0.0],
+            "static_friction": [1.0, 1.2, 1.6]}.items()}}),
     "compiled torques": pushed,
     "targets": targets,
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -302,6 +306,17 @@ def test_numbers_of_a_part_change_together():
     batch = pg.BatchStepper(pg.Model(bodies=[rod]), 3, set=numbers)
     swing = -9.81 * length / 2 * np.sin(0.3) / (length**2 / 3)
     assert batch.acceleration()[:, 0] == pytest.approx(swing, rel=1e-12)
+
+
+def test_a_path_into_the_first_shape_leaves_the_others():
+    """The mass of two boxes of 500 kg/m^3, one of which has another length."""
+    boxes = [{"kind": "box", "size": (0.2, 0.2, 0.2), "position": (0, 0, z)} for z in (0, 1)]
+    body = pg.Body(name="b", joint="prismatic", axes=(1, 0, 0), shapes=boxes, density=500,
+                   derived=("mass", "com", "inertia"))  # fmt: skip
+    motor = pg.Motor(name="m", body="b", torque=3.0)
+    model = pg.Model(bodies=[body], gravity=(1, 0, 0), forces=[motor])
+    batch = pg.BatchStepper(model, 2, set={"bodies.b.shape.size.0": [0.2, 0.4]})
+    assert batch.acceleration()[:, 0] == pytest.approx([1 + 3 / 8, 1 + 3 / 12], rel=1e-12)
 
 
 def test_gears_and_coefficients_of_each_instance():
