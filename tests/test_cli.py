@@ -137,34 +137,24 @@ def test_a_model_that_is_not_there(capsys):
     assert "'horse'" in printed(capsys, "horse", code=1)[1]
 
 
-def test_run_of_the_stance(capsys, tmp_path):
+def test_runs_for_programs(capsys, tmp_path):
+    """With the scenario of the model, with a tolerance, without a scenario, and one that fails."""
     file = tmp_path / "run.npz"
     answer = answered(capsys, "run", "quadruped", "-o", file)
     assert (answer["scenario"], answer["status"], answer["method"]) == ("stance", "DONE", "rk4")
-    assert answer["t"] == pytest.approx(0.25)
-    assert answer["counters"]["steps"] == 250
+    assert (answer["counters"]["steps"], answer["output"]) == (250, str(file))
     assert answer["constraint_drift"][0] < 1e-6
     assert answer["constraint_drift"][1] < 1e-9
-    assert answer["output"] == str(file)
-    assert pg.Result.load(file).t[-1] == pytest.approx(0.25)
-
-
-def test_runs_with_a_tolerance_a_step_and_without_a_scenario(capsys, tmp_path):
-    words = ("run", "pendulum", "--t-end", "0.5", "--rtol", "1e-10")
-    answer = answered(capsys, *words)
+    assert pg.Result.load(file).t[-1] == answer["t"] == pytest.approx(0.25)
+    answer = answered(capsys, "run", "pendulum", "--t-end", "0.5", "--rtol", "1e-10")
     assert (answer["method"], answer["step"], answer["header"]["rtol"]) == ("dop853", None, 1e-10)
     assert answer["error_estimate"] < 1e-8
     pg.Model.serial(2).save(tmp_path / "m.json")
-    answer = answered(capsys, "run", tmp_path / "m.json", "--method", "semi_implicit_euler")
-    assert (answer["scenario"], answer["t"]) == (None, 1.0)
-    assert answer["method"] == "semi_implicit_euler"
-
-
-def test_a_run_that_fails_exits_with_1_and_its_message(capsys):
+    answer = answered(capsys, "run", tmp_path / "m.json", "--method", "ros2")
+    assert (answer["scenario"], answer["t"], answer["method"]) == (None, 1.0, "ros2")
     out, err = printed(capsys, "run", "chain_10", "--step", "0.1", "--json", code=1)
     answer = json.loads(out)
-    assert answer["status"] == "NOT_FINITE"
-    assert answer["error_estimate"] is None
+    assert (answer["status"], answer["error_estimate"]) == ("NOT_FINITE", None)
     assert err == answer["message"] + "\n"
 
 

@@ -79,11 +79,11 @@ def test_no_two_modules_have_a_kernel_of_one_name():
 
 def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
     """Its name counts as well: what is saved of a kernel names its module."""
-    for folder in ("here", "there"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "tree.py").write_text("def advance(): ...")
-    here, there = (jit.source_hash(tmp_path / x / "tree.py") for x in ("here", "there"))
-    assert here != there
+    here, there = tmp_path / "here" / "tree.py", tmp_path / "there" / "tree.py"
+    for file in (here, there):
+        file.parent.mkdir()
+        file.write_text("def advance(): ...")
+    assert jit.source_hash(here) != jit.source_hash(there)
     tree, moving, contact = (tmp_path / name for name in ("tree.py", "moving.py", "contact.py"))
     sizes = tmp_path / "rows" / "sizes.py"
     sizes.parent.mkdir()

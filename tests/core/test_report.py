@@ -137,8 +137,7 @@ def test_errors_below_the_limit_of_the_reference_are_marked():
     mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
     rough = pg.simulate(mech, t_end=0.3, t_eval=t, method="rk4", step=0.01)
     options = {"methods": "dop853", "tolerances": 1e-9, "rounds": 1}
-    found = pg.work_precision(mech, t_end=0.3, reference=rough, **options)
-    (row,) = found.rows
+    (row,) = pg.work_precision(mech, t_end=0.3, reference=rough, **options).rows
     assert row.limited
     assert row.error == pytest.approx(3 * rough.error_estimate)
 
