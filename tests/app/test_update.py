@@ -457,7 +457,7 @@ def test_what_a_run_asks_for_otherwise_than_its_scenario_is_told():
 def test_a_drift_is_bad_where_it_is_for_its_method(method, drift, good, said):
     result = SimpleNamespace(
         energy_drift=drift, error_estimate=drift, accuracy=f"{drift} rad", message="done",
-        status=pg.Status.DONE, header={"method": method}, counters={}, timing={}, left_out=(),
+        status=pg.Status.DONE, header={"method": method}, counters={}, timing={},
         notices=(), constraint_drift=(),
     )  # fmt: skip
     lines = {line[0]: line[1:] for line in summary(Run(pg.Model.serial(1), Request(), result))}

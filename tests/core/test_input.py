@@ -228,7 +228,6 @@ def test_what_cannot_be_meant_is_a_sentence_never_an_error_of_python_s(name, tmp
         (lambda: MODEL.edit(name="a"), ("name", "goes first")),
         (lambda: MODEL.edit("flor", friction=1.0), ("'flor'", "choose one of floor")),
         (lambda: pg.simulate(MECH, estimate="no"), ("estimate", "True, False or None", "'no'")),
-        (lambda: MECH.plan(method="rk5"), ("plan, method", "'rk5'", "rk4")),
         (lambda: pg.Stepper(MECH).record_over(-1.0), ("dt", "> 0", "-1")),
         (lambda: MODEL.close_loop("b", None), ("body 'b', parent", "None")),
         (lambda: pg.gaits("paws"), ("feet", "four contacts", "'paws'")),

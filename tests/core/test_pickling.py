@@ -87,7 +87,6 @@ def public_objects() -> dict[str, Any]:
     q, v = mech.home()
     run = pg.simulate(mech, t_end=0.02)
     assert run.body_pose.size
-    assert run.plan.parts
     walk = pg.Walk(cat, scenario="trot")
     part = walk.step(0.01)
     controller = walk.controller
@@ -102,7 +101,6 @@ def public_objects() -> dict[str, Any]:
         "Mechanism": mech,
         "Topology": mech.topology,
         "Columns": pg.Columns.of(model),
-        "Plan": mech.plan(),
         "Assembly": mech.assemble(q + 1e-3, v)[2],
         "Mobility": mech.mobility(),
         "Result": run,
@@ -130,7 +128,7 @@ def test_public_objects_travel(objects, how: str) -> None:
 
 
 def compare(kind: str, sent: Any, value: Any) -> None:
-    if kind in ("Model", "Body", "Plan", "Assembly", "Mobility", "footprints", "Status"):
+    if kind in ("Model", "Body", "Assembly", "Mobility", "footprints", "Status"):
         assert sent == value
     if kind.startswith("Result"):
         assert np.array_equal(sent.q, value.q)
