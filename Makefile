@@ -32,6 +32,7 @@ check: $(VENV)/installed-for-tests ## format, lint, types and the direction of i
 	@echo "Checking format, types and imports ..."
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
+	@mkdir -p build && sed -n '/^```python/,/^```/{/^```/!p;}' README.md > build/readme.py
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
 

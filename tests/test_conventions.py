@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core import rotation
 
-pytestmark = pytest.mark.fast
+pytestmark = pytest.mark.quick
 
 X, SLANTED = (1.0, 0.0, 0.0), (0.0, 0.6, 0.8)
 TURNED = rotation.unit((0.9, 0.1, -0.3, 0.2))

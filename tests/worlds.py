@@ -30,3 +30,41 @@ def on_ground(*bodies: pg.Body, model: dict[str, Any] | None = None, **law: Any)
         pg.Contact(name="floor" if len(bodies) == 1 else b.name, body=b.name, **law) for b in bodies
     )
     return pg.Model(bodies=bodies, contacts=contacts, **(model or {}))
+
+
+# -- messages: the fields that a part of each kind cannot do without
+
+NEEDS: dict[str, dict[str, Any]] = {
+    "distance": {"other_point": (0, 0, 9)},
+    "line": {"axis": (0, 0, 1)},
+    "plane": {"axis": (0, 0, 1)},
+    "gear": {"other": "1"},
+    "motion": {"q_of_t": {"kind": "sine"}},
+    "rolling": {"radius": 1.0},
+    "skate": {"axis": (0, 0, 1)},
+    "velocity": {"coefficients": {"2": 1.0}},
+    "coupling": {"coefficients": {"2": 1.0}},
+    "tendon": {"coefficients": {"2": 1.0}},
+    "drag": {"size": (1, 2, 3)},
+}
+KINDS = [(part, kind) for part in (pg.Constraint, pg.Force) for kind in part.KINDS]
+FOOTFALLS = [{"foot": foot, "offset": 0.0, "duty": 0.5} for foot in "abcd"]
+WHOLE: dict[type, dict[str, Any]] = {
+    pg.Model: {},
+    pg.Body: {"name": "x"},
+    pg.Contact: {"name": "x", "body": "2"},
+    pg.Scenario: {"name": "x"},
+    pg.Site: {"name": "x", "body": "2"},
+    pg.Output: {"name": "x", "kind": "force", "at": "2"},
+    pg.Gait: {"name": "x", "feet": FOOTFALLS},
+    pg.Footfall: FOOTFALLS[0],
+    pg.Gains: {},
+    pg.Ground: {},
+    pg.Step: {"low": (0, 0), "high": (1, 1), "height": 1},
+    pg.Switch: {"t": 1, "constraint": "c", "active": True},
+    pg.Table: {"t": (0, 1), "value": (0, 1)},
+    pg.VectorTable: {"t": (0,), "value": ((0, 0, 0),)},
+    pg.Sine: {},
+    pg.Polynomial: {"coefficients": (1,)},
+    **{part.KINDS[kind]: {"name": "x", "body": "2", **NEEDS.get(kind, {})} for part, kind in KINDS},
+}

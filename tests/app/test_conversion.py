@@ -3,90 +3,79 @@
 from __future__ import annotations
 
 import base64
-import io
-import zipfile
 
 import pytest
 import trimesh
 
 import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
-from pgraph_app.core.state import initial
-from pgraph_app.features import update
 from pgraph_app.model import archive
-from pgraph_app.model.update import Download, OpenArchive, OpenText
-from pgraph_app.model.worker import answer
-from pgraph_app.session.update import Connected
-from tests.test_urdf import INERTIAL, TWO, link, robot
 
-ME = 1
+from .store import ME, after, answered, begun, do, notice, zipped
 
+pytestmark = pytest.mark.quick
 
-def after(*events):
-    """The state after these events, errands done."""
-    state = update(initial(pg.Model.serial(1)), Connected(ME))
-    for event in events:
-        state = update(state, event)
-        for errand in state.errands:
-            state = update(state, answer(errand))
-    return state
+HINGE = """<joint name="elbow" type="revolute"><parent link="base"/><child link="lower"/>
+  <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="2" velocity="3"/></joint>"""
+INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
 
 
-def test_a_urdf_file_opens_with_its_report():
-    state = after(OpenText(ME, "arm.urdf", robot(*TWO)))
-    assert [b.name for b in state.model.bodies] == ["base", "upper", "lower"]
-    report = state.clients[ME].conversion
+def robot(*links, joints=""):
+    """Return a URDF file with these links, {name: what it holds} or a name."""
+    inside = (f'<link name="{name}">{rest}</link>' for name, rest in links)
+    return f'<robot name="bot">{"".join(inside)}{joints}</robot>'
+
+
+@pytest.fixture
+def state():
+    return begun(pg.Model.serial(1))
+
+
+def test_a_urdf_file_opens_with_its_report(state):
+    arm = robot(("base", INERTIAL), ("lower", ""), joints=HINGE)
+    opened = answered(state, do.OpenText(ME, "arm.urdf", arm))
+    assert [b.name for b in opened.model.bodies] == ["base", "lower"]
+    report = opened.clients[ME].conversion
     assert report.loaded
-    assert any(entry.part == "lower" for entry in report.of("warning"))
-    assert len(update(state, OpenText(ME, "a.urdf", "<robot/>")).errands) == 1
+    assert any(entry.part == "lower" for entry in report.of("warning"))  # it has no mass
+    assert len(after(opened, do.OpenText(ME, "a.urdf", "<robot/>")).errands) == 1
 
 
-def test_a_file_that_cannot_be_read_is_a_sentence_and_leaves_the_model():
-    state = after(OpenText(ME, "arm.urdf", robot(link("a"), link("b"))))
-    assert len(state.model.bodies) == 1
-    notice = state.clients[ME].notice
-    assert notice is not None
-    assert notice.bad
-    assert "2 root links" in notice.text
-    assert state.clients[ME].conversion is None
+def test_a_file_that_cannot_be_read_leaves_the_model(state):
+    now = answered(state, do.OpenText(ME, "arm.urdf", robot(("a", ""), ("b", ""))))
+    assert now.model is state.model
+    assert now.clients[ME].notice.bad
+    assert "arm.urdf" in notice(now)
+    assert "root" in notice(now)
+    assert now.clients[ME].conversion is None
 
 
-def archived(**files: bytes) -> str:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as file:
-        for name, data in files.items():
-            file.writestr(name.replace("__", "/"), data)
-    return base64.b64encode(content.getvalue()).decode()
-
-
-def test_an_archive_is_the_root_of_its_files(tmp_path, monkeypatch):
+def test_an_archive_is_the_root_of_its_files(state, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     part = trimesh.creation.box((1, 1, 1)).export(file_type="stl")
-    mesh = '<visual><geometry><mesh filename="package://bot/meshes/part.stl"/></geometry></visual>'
-    away = mesh.replace("package://bot/meshes/part.stl", "../../../../secret.stl")
-    text = robot(link("base", INERTIAL + mesh + away)).encode()
     (tmp_path / "secret.stl").write_bytes(part)
-    files = {
-        "bot__urdf__arm.urdf": text,
-        "bot__meshes__part.stl": part,
-        "bot__package.xml": b"<a/>",
-    }
-    state = after(OpenArchive(ME, "bot.zip", archived(**files)))
-    shapes = state.model.bodies[0].shapes
-    assert [shape.kind for shape in shapes] == ["mesh"]
-    assert len([*state.clients[ME].conversion.of("left out")]) == 1
-    assert state.clients[ME].conversion.file == "arm.urdf"
-    twice = base64.b64decode(archived(**files, bot__urdf__leg_urdf=text))
-    twice = twice.replace(b"leg_urdf", b"leg.urdf")
-    with pytest.raises(Refusal, match="2 model files"):
-        archive.unpacked(twice, tmp_path / "keep")
+    meshes = "".join(
+        f'<visual><geometry><mesh filename="{file}"/></geometry></visual>'
+        for file in ("package://bot/meshes/part.stl", "../../../../secret.stl")
+    )
+    text = robot(("base", INERTIAL + meshes)).encode()
+    files = [
+        ("bot/urdf/arm.urdf", text), ("bot/meshes/part.stl", part), ("bot/package.xml", b"<a/>"),
+    ]  # fmt: skip
+    sent = base64.b64encode(zipped(*files)).decode()
+    opened = answered(state, do.OpenArchive(ME, "bot.zip", sent))
+    assert [shape.kind for shape in opened.model.bodies[0].shapes] == ["mesh"]
+    assert len([*opened.clients[ME].conversion.of("left out")]) == 1
+    assert opened.clients[ME].conversion.file == "arm.urdf"
+    with pytest.raises(Refusal, match="2"):
+        archive.unpacked(zipped(*files, ("bot/urdf/leg.urdf", text)), tmp_path / "keep")
 
 
 @pytest.mark.parametrize("suffix", [".urdf", ".xml"])
-def test_the_model_is_downloaded_in_other_formats(suffix):
-    state = after(Download(ME, suffix))
-    assert state.clients[ME].download == suffix
-    name, content, report = archive.converted(state.model, suffix)
+def test_the_model_is_downloaded_in_other_formats(state, suffix):
+    asked = after(state, do.Download(ME, suffix))
+    assert asked.clients[ME].download == suffix
+    name, content, report = archive.converted(asked.model, suffix)
     assert name == f"serial_1{suffix}"
     assert content.startswith(b"<")
     assert report.file == name

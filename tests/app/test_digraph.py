@@ -1,4 +1,4 @@
-"""The digraph: lines of loops keep clear of what one reads, and the seven steps make Pgraph."""
+"""The digraph: its lines keep clear of names and nodes, and its seven steps make Pgraph."""
 
 from __future__ import annotations
 
@@ -13,20 +13,9 @@ import pgraph_core as pg
 from pgraph_app.digraph.view import seven_steps
 from pgraph_core.show.digraph import CHARACTER, LABEL, LONGEST, NODE, TIDY, layout
 
-pytestmark = pytest.mark.fast
+from .store import trees
 
-GRIPPER = (0, 1, 2, 3, 3), (1, 1, 1, 1, 1)
-WALKER = (0, 1, 2, 3, 2, 1), (6, 1, 3, 0, 1, 1)
-
-
-@st.composite
-def trees(draw, most: int = 60):
-    """Parents by depth-first number: a forest of 1..most bodies."""
-    n = draw(st.integers(1, most))
-    chosen = [draw(st.integers(max(0, k - 6), k)) for k in range(n)]
-    order = [k + 1 for k in pg.topology.depth_first(chosen)]
-    number = {0: 0} | {k: i for i, k in enumerate(order, 1)}
-    return tuple(number[chosen[k - 1]] for k in order)
+pytestmark = pytest.mark.quick
 
 
 def crosses(segment, box) -> bool:
@@ -36,41 +25,6 @@ def crosses(segment, box) -> bool:
     steps = [i / 50 for i in range(51)]
     places = ((x0 + s * (x1 - x0), y0 + s * (y1 - y0)) for s in steps)
     return any(low_x < x < high_x and low_y < y < high_y for x, y in places)
-
-
-@settings(max_examples=40, deadline=None)
-@given(trees(), st.integers(0, 10**6))
-def test_loop_edges_cross_no_name_and_no_node(parent, seed):
-    n, draw = len(parent), random.Random(seed)
-    loops = [(draw.randint(1, n), draw.randint(1, n)) for _ in range(3)]
-    loops = [(a, b) for a, b in loops if a != b]
-    letters = tuple(draw.randint(1, 25) for _ in parent)
-    place = layout(parent, letters, loops)
-    for (a, b), route in zip(loops, place.routes):
-        for k in range(1, n + 1):
-            reach = LABEL - 14 + CHARACTER * min(letters[k - 1], LONGEST)
-            x, y = place.x[k], place.y[k]
-            own = k in (a, b)
-            name = (x + NODE / 2 + 2, y - 6, x + reach, y + 6)
-            node = (x - 11, y - 11, x + 11, y + 11)
-            for segment in pairwise(route):
-                assert place.kind == "lanes" or not crosses(segment, name), (parent, loops, k)
-                assert own or not crosses(segment, node), (parent, loops, k)
-
-
-@settings(max_examples=40, deadline=None)
-@given(trees(), st.integers(0, 10**6))
-def test_loop_edges_start_and_end_at_their_bodies_and_stay_in_the_picture(parent, seed):
-    n, draw = len(parent), random.Random(seed)
-    loops = [(draw.randint(0, n), draw.randint(0, n)) for _ in range(4)]
-    place = layout(parent, (5,) * n, loops)
-    for (a, b), route in zip(loops, place.routes):
-        if not (a and b and a != b):
-            continue
-        for k, (x, y) in ((a, route[0]), (b, route[-1])):
-            assert abs(x - place.x[k]) <= NODE / 2
-            assert abs(y - place.y[k]) <= NODE / 2
-        assert all(0 <= x <= place.width and 0 <= y <= place.height for x, y in route)
 
 
 def test_a_tree_without_loops_is_as_compact_as_before():
@@ -86,13 +40,12 @@ def test_every_size_has_its_layout(n):
     assert all(place.routes)
 
 
-# -- step through: the seven steps of Fig. 4 ---------------------------------------------------
-
-
-def replayed(steps):
-    """Pgraph, jdof and SBS that the steps make."""
+@settings(max_examples=30)
+@given(trees(near=6), st.data())
+def test_the_seven_steps_make_pgraph_and_jdof_and_leave_an_empty_stack(parent, data):
+    dof = tuple(data.draw(st.integers(0, 6)) for _ in parent)
     pgraph, jdof, stack = [], [], []
-    for step in steps:
+    for step in seven_steps(parent, dof):
         if step.pull:
             stack.pop()
         if step.push is not None:
@@ -100,14 +53,6 @@ def replayed(steps):
         if step.adds:
             pgraph.append(step.adds[0])
             jdof.append(step.adds[1])
-    return pgraph, jdof, stack
-
-
-@settings(max_examples=60, deadline=None)
-@given(trees(), st.data())
-def test_the_seven_steps_make_pgraph_and_jdof_and_leave_an_empty_stack(parent, data):
-    dof = tuple(data.draw(st.integers(0, 6)) for _ in parent)
-    pgraph, jdof, stack = replayed(seven_steps(parent, dof))
     expected = pg.pgraph_of(parent)
     assert pgraph == expected.tolist()
     assert jdof == pg.jdof_of(expected, dof).tolist()
@@ -115,17 +60,34 @@ def test_the_seven_steps_make_pgraph_and_jdof_and_leave_an_empty_stack(parent, d
 
 
 def test_the_steps_of_the_gripper_are_those_of_the_worked_example():
-    said = [(step.step, step.body) for step in seven_steps(*GRIPPER)]
-    assert said == [
+    steps = seven_steps((0, 1, 2, 3, 3), (1, 1, 1, 1, 1))
+    assert [(step.step, step.body) for step in steps] == [
         ("1", 1), ("2", 1), ("4", 2), ("2", 2), ("4", 3), ("2", 3), ("3", 3), ("4", 4), ("2", 4),
         ("4, 5", 3), ("6", 5), ("2", 5), ("4, 7", 5),
     ]  # fmt: skip
-
-
-def test_a_separation_body_with_children_left_is_pushed_back():
-    pushed_back = [s for s in seven_steps((0, 1, 1, 1), (1,) * 4) if s.pull and s.push == 1]
-    assert len(pushed_back) == 1
-
-
-def test_an_empty_model_has_no_steps():
+    back = [s for s in seven_steps((0, 1, 1, 1), (1,) * 4) if s.pull and s.push == 1]
+    assert len(back) == 1  # a separation body with children left
     assert seven_steps((), ()) == []
+
+
+@settings(max_examples=15)
+@given(trees(near=6), st.integers(0, 10**6))
+def test_loop_edges_end_at_their_bodies_and_cross_no_name_and_no_node(parent, seed):
+    n, draw = len(parent), random.Random(seed)
+    loops = [(draw.randint(1, n), draw.randint(1, n)) for _ in range(3)]
+    loops = [(a, b) for a, b in loops if a != b]
+    letters = tuple(draw.randint(1, 25) for _ in parent)
+    place = layout(parent, letters, loops)
+    for (a, b), route in zip(loops, place.routes):
+        for k, (x, y) in ((a, route[0]), (b, route[-1])):
+            assert abs(x - place.x[k]) <= NODE / 2
+            assert abs(y - place.y[k]) <= NODE / 2
+        assert all(0 <= x <= place.width and 0 <= y <= place.height for x, y in route)
+        for k in range(1, n + 1):
+            reach = LABEL - 14 + CHARACTER * min(letters[k - 1], LONGEST)
+            x, y = place.x[k], place.y[k]
+            name = (x + NODE / 2 + 2, y - 6, x + reach, y + 6)
+            node = (x - 11, y - 11, x + 11, y + 11)
+            for segment in pairwise(route):
+                assert place.kind == "lanes" or not crosses(segment, name), (parent, loops, k)
+                assert k in (a, b) or not crosses(segment, node), (parent, loops, k)

@@ -1,78 +1,38 @@
-"""Digraph places, colours and shapes: pure functions of the tree."""
+"""Places, colours and shapes of the digraph and the bodies."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import pgraph_app as app
 import pgraph_core as pg
 from pgraph_core.show import shapes
 from pgraph_core.show.digraph import NODE, TIDY, layout
 
-pytestmark = pytest.mark.fast
+from .store import trees
+
+pytestmark = pytest.mark.quick
 
 
-@st.composite
-def trees(draw, most: int):
-    """Parents by depth-first number: a forest of 1..most bodies."""
-    n = draw(st.integers(1, most))
-    chosen = [draw(st.integers(0, k)) for k in range(n)]
-    order = [k + 1 for k in pg.topology.depth_first(chosen)]
-    number = {0: 0} | {k: i for i, k in enumerate(order, 1)}
-    return tuple(number[chosen[k - 1]] for k in order)
-
-
-@settings(max_examples=60, deadline=None)
-@given(trees(TIDY))
-def test_in_a_tree_no_two_nodes_overlap(parent):
-    place = layout(parent, (8,) * len(parent))
-    levels: dict[float, list[float]] = {}
-    for x, y in zip(place.x, place.y):
-        levels.setdefault(y, []).append(x)
-    for row in levels.values():
-        gaps = np.diff(sorted(row))
-        assert all(gaps >= NODE)
-
-
-@settings(max_examples=60, deadline=None)
-@given(trees(80))
-def test_a_parent_stands_above_its_children_and_all_within_the_picture(parent):
-    place = layout(parent, (8,) * len(parent))
-    for k, p in enumerate(parent, 1):
-        assert place.y[p] < place.y[k]
-    assert min(place.x) >= 0
-    assert max(place.x) <= place.width
-    assert max(place.y) <= place.height
-
-
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10)
 @given(trees(200).filter(lambda parent: len(parent) > TIDY))
 def test_in_lanes_every_body_has_a_row_and_no_line_runs_through_another_node(parent):
     place = layout(parent, (8,) * len(parent))
     assert len(set(place.y)) == len(parent) + 1
     for k, p in enumerate(parent, 1):  # the line leaves p's lane just above row k
-        between = range(p + 1, k)
-        assert all(place.x[i] != place.x[p] for i in between)
-
-
-def test_lanes_keep_a_chain_in_one_lane():
-    assert len(set(layout(tuple(range(500)), (3,) * 500).x)) == 1
-
-
-def test_an_empty_model_has_a_ground():
-    assert len(layout((), ()).x) == 1
+        assert all(place.x[i] != place.x[p] for i in range(p + 1, k))
 
 
 def test_left_children_stand_left():
     place = layout((0, 1, 1, 1), (1,) * 4)
     assert place.x[2] < place.x[3] < place.x[4]
+    assert len(set(layout(tuple(range(500)), (3,) * 500).x)) == 1  # a chain in one lane
+    assert len(layout((), ()).x) == 1  # the ground of an empty model
 
 
 def test_each_branch_has_a_colour_of_its_own():
@@ -86,21 +46,21 @@ def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
     """Rings and chips of every colour that a body may have: 3 to 1 (WCAG 2.2, 1.4.11)."""
     css = (Path(app.__file__).parent / "core" / "page.css").read_text()
     share = float(re.findall(r"--body, transparent\) (\d+)%", css)[0]) / 100
-    ink, paper = (re.findall(rf"--{name}: #(\w+)", css)[dark] for name in ("ink", "paper"))
+    ink, paper = (_rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
     chains = [0 if k % 6 == 0 else k for k in range(60)]  # ten of six bodies
     trunk = [*range(6), 6, 6]
     for color in {*shapes.branch_colors(chains), *shapes.branch_colors(trunk)}:
-        mark = [share * c + (1 - share) * i for c, i in zip(color, _rgb(ink))]
-        a, b = sorted((_luminance(mark), _luminance(_rgb(paper))))
+        mark = [share * c + (1 - share) * i for c, i in zip(color, ink)]
+        a, b = sorted((_luminance(mark), _luminance(paper)))
         assert (b + 0.05) / (a + 0.05) >= 3, color
 
 
-def _rgb(text: str) -> list[int]:
+def _rgb(text):
     text = text if len(text) == 6 else "".join(2 * c for c in text)
     return [int(text[k : k + 2], 16) for k in (0, 2, 4)]
 
 
-def _luminance(color: Sequence[float]) -> float:
+def _luminance(color):
     parts = [c / 255 for c in color]
     linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
@@ -130,15 +90,9 @@ def test_a_body_without_a_shape_reaches_to_its_children():
     pieces = shapes.pieces(pg.Body(name="a"), ((1.0, 0.0, 0.0), (0.0, 2.0, 0.0)))
     bounds = shapes.mesh(pieces).bounds
     assert bounds[1][:2] == pytest.approx((1.0, 2.0), abs=1e-6)
-
-
-def test_a_body_without_any_extent_is_still_there():
-    assert shapes.mesh(shapes.pieces(pg.Body(name="a"), ())).volume > 0
-
-
-@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder", "capsule"])
-def test_unit_solids_fill_the_unit_cube(kind):
-    assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
+    assert shapes.mesh(shapes.pieces(pg.Body(name="a"), ())).volume > 0  # without any extent
+    for kind in ("box", "sphere", "cylinder", "capsule"):
+        assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
 
 
 def test_quaternions_and_matrices_agree():
@@ -154,3 +108,19 @@ def test_quaternions_and_matrices_agree():
 @pytest.mark.parametrize(("size", "cell"), [(0.05, 0.05), (0.9, 0.5), (3.0, 2.0), (700.0, 500.0)])
 def test_grid_spacings_are_round(size, cell):
     assert shapes.spaced(size) == pytest.approx(cell)
+
+
+@settings(max_examples=40)
+@given(trees(80))
+def test_a_parent_stands_above_its_children_and_no_two_nodes_overlap(parent):
+    place = layout(parent, (8,) * len(parent))
+    for k, p in enumerate(parent, 1):
+        assert place.y[p] < place.y[k]
+    assert min(place.x) >= 0
+    assert max(place.x) <= place.width
+    assert max(place.y) <= place.height
+    levels = {}
+    for x, y in zip(place.x, place.y):
+        levels.setdefault(y, []).append(x)
+    for row in levels.values():
+        assert all(np.diff(sorted(row)) >= NODE)

@@ -22,23 +22,19 @@ def test_a_run_that_fails_at_its_start_keeps_its_first_frame():
     assert np.isnan(run.error_estimate)
 
 
-def test_a_torque_that_is_no_number_at_the_start_keeps_its_first_frame():
+def test_a_velocity_that_overflows_at_the_start_keeps_its_first_frame():
     run = pg.simulate(hinge(axes=((0, 1, 0),), q=(0.2,)), t_end=1.0, v=np.array([1e200]))
     assert len(run.t) >= 1
     assert run.q[0, 0] == 0.2
 
 
-@pytest.mark.parametrize("frames", [10**12, 10**9])
-def test_absurd_frames_are_refused(frames):
-    with pytest.raises(pg.InputError, match="simulate, frames: must be at most"):
-        pg.simulate(hinge(), t_end=1.0, frames=frames)
-
-
 @pytest.mark.parametrize("fields", [{"mass": 1e308}, {"com": (1e200, 0, 0)}, {"tip": (0, 1e90, 0)}])
 def test_absurd_sizes_are_refused_by_the_body(fields):
     body = pg.Body(name="huge", **{"mass": 1.0, "com": (1, 0, 0), **fields})
-    with pytest.raises(pg.InputError, match="body 'huge': has a mass, length or inertia of"):
+    with pytest.raises(pg.InputError, match=r"body 'huge': .*mass, length or inertia"):
         pg.simulate(pg.Model(bodies=(body,)), t_end=1.0)
+    with pytest.raises(pg.InputError, match="simulate, frames: "):
+        pg.simulate(hinge(), t_end=1.0, frames=10**9)
 
 
 TO_TWO = {
@@ -49,7 +45,7 @@ TO_TWO = {
 
 
 def blamed(run, *names):
-    """Whether one sentence of a run says that the constraint and the other thing are at odds."""
+    """Whether one notice of a run names the constraint and what it contradicts."""
     return any(
         all(f"'{name}'" in text for name in ("drive", *names))
         for text in (*run.notices, run.message)
@@ -66,8 +62,10 @@ def test_a_motion_into_a_limit_names_both(options):
     assert run.t[np.searchsorted(run.t, 0.49)] < 0.52
 
 
-@pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
-@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}])
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [("complementarity", {}), ("soft", {}), ("penalty", {}), ("soft", {"rtol": 1e-8})],
+)
 def test_a_motion_into_the_ground_names_both(law, options):
     """A ball that is driven 2 m down from 0.5 m above the ground."""
     ball = pg.Body(
@@ -79,7 +77,7 @@ def test_a_motion_into_the_ground_names_both(law, options):
     assert blamed(pg.simulate(model, t_end=1.0, **options), "floor", "b")
 
 
-def test_limits_that_hold_are_no_news():
+def test_limits_that_hold_are_not_noticed():
     """A pendulum that swings against its limits, and a motion that stays within them."""
     body = pg.Body(name="b", mass=1.0, com=(1, 0, 0), axes=((0, 1, 0),), limits=((-0.5, 0.5),))
     drive = {"body": "b", **TO_TWO, "q_of_t": {"kind": "sine", "amplitude": 0.49}}
@@ -92,21 +90,21 @@ def test_limits_that_hold_are_no_news():
             assert not any("limit" in text for text in run.notices)
 
 
-def test_a_model_in_which_nothing_moves_says_so():
+def test_a_model_in_which_nothing_moves_is_noticed():
     """A hinge about the vertical, which is the default; not one that hangs at rest."""
     still = pg.simulate(hinge(axes=((0, 0, 1),)), t_end=0.5)
-    assert any("nothing moves" in text for text in still.notices)
+    assert any("moves" in text for text in still.notices)
     (told,) = pg.simulate(hinge(axes=((0, 1, 0),)).edit("b", mass=0), t_end=0.5).notices[-1:]
-    assert "no body has a mass" in told
+    assert "mass" in told
     hanging = pg.Body(name="b", mass=1.0, com=(0, 0, -1), axes=((0, 1, 0),))
     turning = hinge(axes=((0, 0, 1),), v=(1.0,))
     for model in (pg.Model(bodies=(hanging,)), turning, hinge(axes=((0, 1, 0),))):
         run = pg.simulate(model, t_end=0.5)
-        assert not any("nothing moves" in text for text in run.notices)
+        assert not any("moves" in text for text in run.notices)
 
 
-def test_a_start_in_degrees_is_told():
-    """Of a hinge, as an array and by name; once where the model says it; not of what slides."""
+def test_a_start_in_degrees_is_noticed():
+    """The start of a hinge, as an array and by name, but not of a slider."""
     model = hinge(axes=((0, 1, 0),))
     for q in ([90.0], {"b": 90}):
         run = pg.simulate(model, q=q, t_end=0.01)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -31,39 +33,34 @@ def test_a_formula_has_the_value_of_its_arithmetic(text, value):
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
+    ("text", "fact"),
     [
-        ("=thig", "no parameter is named 'thig'; choose one of a, thigh, n"),
+        ("=thig", "'thig'; choose one of a, thigh, n"),
         ("=1/(a-2)", "divides by zero"),
-        ("=1e400", "no finite number"),
+        ("=1e400", "finite"),
         ("=9**9**9**9", "too large"),
-        ("=n**0.5", "no finite number"),
-        ("=sqrt(n)", "has no value"),
-        ("=sqrt()", "has no value"),
-        ("=", "is no formula"),
-        ("=a b", "is no formula"),
-        ("=__import__('os').system('ls')", "is no formula"),
-        ("=a.real", "is no formula"),
-        ("=True", "is no formula"),
-        ("=[1][0]", "is no formula"),
-        ("=" + "(" * 190, "is no formula"),
-        ("=" + "1+" * 5000 + "1", "at most 200 characters"),
-        ("=\0", "is no formula"),
+        ("=n**0.5", "finite"),
+        ("=sqrt(n)", "no value"),
+        ("=sqrt()", "no value"),
+        ("=" + "1+" * 5000 + "1", "200 characters"),
+        *(
+            (text, "formula")
+            for text in (
+                "=", "=a b", "=__import__('os').system('ls')", "=a.real", "=True", "=[1][0]",
+                "=" + "(" * 190, "=\0",
+            )
+        ),
     ],
-)
-def test_what_is_no_formula_is_a_sentence(text, part):
-    with pytest.raises(ValueError, match=r"\w") as error:
+)  # fmt: skip
+def test_a_text_that_is_no_formula_is_refused(text, fact):
+    with pytest.raises(ValueError, match=re.escape(fact)):
         evaluated(text, NAMES)
-    assert part in str(error.value)
 
 
 @given(st.text(max_size=60))
-def test_any_text_is_a_number_or_a_sentence(text):
-    try:
-        found = evaluated(f"={text}", NAMES)
-    except ValueError as error:
-        found = str(error)
-    assert len(found) > 10 if isinstance(found, str) else math.isfinite(found)
+def test_any_text_is_a_number_or_refused_with_a_reason(text):
+    with contextlib.suppress(ValueError):
+        assert math.isfinite(evaluated(f"={text}", NAMES))
 
 
 @pytest.fixture
@@ -91,13 +88,10 @@ def test_a_file_holds_the_formulas_in_their_cells(legs):
     again = pg.Model.from_json(text)
     assert again == legs
     assert again.to_json() == text
-
-
-def test_a_model_without_parameters_is_written_as_version_1():
-    text = pg.Model.serial(2).to_json()
-    assert '"schema_version": 1' in text
-    assert "parameters" not in text
-    assert "formulas" not in text
+    plain = pg.Model.serial(2).to_json()
+    assert '"schema_version": 1' in plain
+    assert "parameters" not in plain
+    assert "formulas" not in plain
 
 
 def test_a_cell_that_gets_a_number_loses_its_formula(legs):
@@ -155,45 +149,8 @@ def test_formulas_in_constraints_shapes_and_forces():
     assert bigger.cells(bigger.constraints[0], "constraints")["length"] == "=10*r"
 
 
-@pytest.mark.parametrize(
-    ("fields", "sentence"),
-    [
-        (
-            {"parameters": {"sin": 1.0}},
-            "model, parameters: 'sin' has a meaning of its own in formulas; choose another name",
-        ),
-        (
-            {"parameters": {"a b": 1.0}},
-            "model, parameters: a parameter's name is one word of letters, digits and _; "
-            "given 'a b'",
-        ),
-        (
-            {"parameters": {"lambda": 1.0}},
-            "model, parameters: a parameter's name is one word of letters, digits and _; "
-            "given 'lambda'",
-        ),
-        (
-            {"bodies": ({"name": "knee", "mass": "=m/2"},)},
-            "body 'knee', mass: no parameter is named 'm'; the model has none yet",
-        ),
-        (
-            {"parameters": {"m": -1.0}, "bodies": ({"name": "knee", "mass": "=m"},)},
-            "body 'knee', mass: must be a finite number >= 0 [kg]; given -1.0",
-        ),
-        (
-            {"bodies": ({"name": "knee", "axes": (("=1", 0, 0),)},)},
-            "body 'knee', axes: a direction takes numbers; given '=1'",
-        ),
-    ],
-)
-def test_refusals_are_sentences(fields, sentence):
-    with pytest.raises(pg.ModelError) as error:
-        pg.Model(**fields)
-    assert sentence in str(error.value)
-
-
 def test_a_parameter_in_use_cannot_go(legs):
-    with pytest.raises(pg.ModelError, match="no parameter is named 'thigh'"):
+    with pytest.raises(pg.ModelError, match="'thigh'"):
         legs.replace(parameters={"heavy": 1.0})
 
 

@@ -14,7 +14,7 @@ def case(seed):
     return pg.Mechanism(found.model), found
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
     """τ · v = d(T + V)/dt, by a central difference of 1e-6 s: 1e-5."""
     mech, c = case(seed)
@@ -30,7 +30,7 @@ def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
     assert abs(power - mech.inverse_dynamics(c.q, c.v, vdot) @ c.v) < 1e-5 * scale
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_body_motion_equals_the_operators(seed):
     """V = Φ H v, eq. (17), and the root joints carry what gravity and motion need, eq. (22)."""
     rng = np.random.default_rng(seed)

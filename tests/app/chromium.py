@@ -1,0 +1,21 @@
+"""The browser of the tests, and a check of how a page looks."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+# as .ci/browser looks for them
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = (
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync",
+)  # fmt: skip
+LOOKS = (Path(__file__).parent / "looks.js").read_text(encoding="utf-8")  # finds faults of a look
+LEAST, SMALL = 4.5, 8.0  # contrast of text (WCAG 2.2, AA); height of letters [px]
+
+
+def browser_path() -> str | None:
+    """The path of an installed browser; None: Playwright's own."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)

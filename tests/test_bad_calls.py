@@ -1,0 +1,550 @@
+"""Bad arguments: a refusal names the argument, the value given and what is allowed."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_app.cli import main
+from pgraph_core.errors import shown
+from tests.refusals import holds, judge, refusal
+
+NAN, INF = math.nan, math.inf
+BASE = pg.Model.serial(3)
+BEFORE = BASE.to_json()
+
+
+# -- edits, names and calls, by Python
+
+BALL = {"kind": "sphere", "radius": 0.1}
+SPRING = pg.Spring(name="s", body="1", stiffness=1.0)
+TWO = pg.Model(
+    bodies=(
+        pg.Body(name="arm", axes=(0, 1, 0), com=(0.25, 0, 0), shape=BALL),
+        pg.Body(name="fore", parent="arm", axes=(0, 1, 0), com=(0.25, 0, 0), link=(0.5, 0, 0)),
+    ),
+    constraints=(pg.Point(name="tie", body="fore", active=False),),
+    contacts=(pg.Contact(name="tie", body="arm"), pg.Contact(name="floor", body="arm")),
+    forces=(pg.Servo(name="drive", body="arm", kp=10.0, kd=1.0),),
+    scenarios=(pg.Scenario(name="start", q={"arm": 1.0}, t_end=0.1),),
+)  # fmt: skip
+MECH = pg.Mechanism(BASE)
+HINGES = pg.Mechanism(pg.Model.serial(2))
+TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
+Q, V = MECH.home()
+EVERY = "1, 2, 3"
+
+
+def run(**options: Any) -> pg.Result:
+    return pg.simulate(MECH, **{"t_end": 0.01, "step": 1e-3, **options})
+
+
+def sweep(path: Any, values: Any = (0.1, 0.2), metric: Any = "final arm", **options: Any) -> Any:
+    return pg.sweep(TWO, {path: values}, metric, workers=1, **{"t_end": 0.01, **options})
+
+
+def batch(path: Any, values: Any, **options: Any) -> Any:
+    return pg.BatchStepper(TWO, 2, set={path: values}, **options)
+
+
+EDITS = [
+    (lambda: BASE.edit("1", name="2"), "body '1', name", "'2'", "row 2"),
+    (lambda: BASE.edit("1", name=""), "body '1', name", "''"),
+    (lambda: BASE.edit("1", mass=-2), "body '1', mass", ">= 0", "-2"),
+    (lambda: BASE.edit("1", mass=[1, 2]), "body '1', mass", "[1, 2]"),
+    (lambda: BASE.edit("1", parent="9"), "body '1', parent", "'9'", "ground, 2, 3"),
+    (lambda: BASE.edit("1", parent="3"), "body '1', parent", "1 -> 3 -> 2 -> 1", "ground"),
+    (lambda: BASE.edit("1", parent=()), "body '1', parent", "[]"),
+    (lambda: BASE.edit("1", dof=9), "body '1', dof", "9"),
+    (lambda: BASE.edit("1", masss=1), "body '1', masss", "did you mean mass?", "dof"),
+    (lambda: BASE.edit("1", length=2.0), "com, inertia"),
+    (lambda: BASE.edit("1", "mass", 3.0), "field=value"),
+    (lambda: BASE.edit(BASE["1"], mass=2), "'1'"),
+    (lambda: BASE.edit(name="1"), "name"),
+    *(
+        (lambda name=name: getattr(BASE, name)("9"), "body '9'", EVERY)
+        for name in ("body", "edit", "remove", "mirror", "duplicate")
+    ),
+    (lambda: BASE.edit_all({"9": {"mass": 1.0}}), "body '9'", EVERY),
+    (lambda: BASE.edit_all({"1": {"mass": 2.0}, "2": {"mass": -1.0}}), "body '2', mass", "-1"),
+    (lambda: BASE.edit_all({"1": {"parent": "3"}}), "body '1', parent", "cycle"),
+    (lambda: BASE.mirror("1", plane="w"), "body '1', plane", "'x'", "'y'", "'z'", "'w'"),
+    (lambda: BASE.move(["1", "2"], 2), "body '1', to", "0 to 1", "2"),
+    (lambda: BASE.remove(["1"], children="keep"), "body '1', children", "'attach'", "'delete'"),
+    (lambda: BASE.scenario("swing"), "scenario 'swing'"),
+    (lambda: BASE.close_loop("3", "1", joint="planar"), "body '3', joint", "planar", "revolute"),
+    (lambda: BASE.close_loop("3", "3"), "constraint '3-3', other", "'3'"),
+    (lambda: BASE.close_loop("3", "9"), "constraint '3-9', other", "'9'", EVERY),
+    (lambda: BASE.close_loop("3", None), "body '3', parent", "None"),
+    (
+        lambda: BASE.edit("3", joint="universal", axes=((1, 0, 0), (0, 0, 1))).close_loop("3", "1"),
+        "body '3', axes", "axis", "other_axis",
+    ),
+    (lambda: TWO.edit("tie", active=False), "'tie'", 'kind="constraint"', 'kind="contact"'),
+    (lambda: TWO.remove("tie"), "'tie'", 'kind="constraint"', 'kind="contact"'),
+    (lambda: TWO.edit("drve", kp=1), "'drve'", "choose one of drive, "),
+    (lambda: TWO.remove("drve"), "'drve'", "choose one of drive, "),
+    (lambda: TWO.edit("flor", friction=1.0), "'flor'", "choose one of floor"),
+    (lambda: TWO.edit("drive", kind="contact", friction=1), "contact 'drive'", "tie, floor"),
+    (lambda: TWO.remove("drive", kind="forces"), "'forces'", "body, constraint, contact, force"),
+    (lambda: TWO.edit("drive", kpp=1), "force 'drive', kpp", "did you mean kp"),
+    (lambda: TWO.edit("drive", body="nobody"), "force 'drive', body", "'nobody'", "arm, fore"),
+    (lambda: TWO.edit("drive", kp=-1), "force 'drive', kp", "-1", ">= 0"),
+    (
+        lambda: BASE.add(pg.Weld(name="w", body="1")).edit("w", kind="sprnig"),
+        "constraint 'w', kind", "'sprnig'", "weld",
+    ),
+    (lambda: TWO.add({"name": "x"}), "Force, Scenario, Site or Output", "dict"),
+    (lambda: TWO.add(pg.Motor), "pg.Motor(name="),
+    (lambda: TWO.add(pg.Motor(name="drive", body="arm")), "force 'drive', name"),
+    (lambda: TWO.add(pg.Motor(name="x", body="arm"), after="tie"), "force 'tie'", "drive"),
+    (lambda: TWO.add(pg.Site(name="arm", body="fore")), "'arm'"),
+    (lambda: TWO.add(pg.Velocity(name="c", body="arm", coefficients={"b": [1]})), "'c'", "'b'"),
+    # copies and parts by themselves
+    (lambda: pg.Force(name="f", kind="sprng", body="a"), "force 'f', kind", "'sprng'", "spring"),
+    (lambda: pg.Spring(name="f", body="a", kp=1), "force 'f', kp", "'spring'", "servo"),
+    (lambda: pg.Spring(name="f", kind="motor", body="a"), "'spring'", "'motor'", "a Motor"),
+    (lambda: pg.Spring(body="rod"), "pg.Spring(body='rod'", "name"),
+    (lambda: pg.Shape(kind="ball", radius=0.1), "shape, kind", "did you mean sphere?"),
+    (lambda: pg.Shape(kind="sphere", raduis=1), "raduis", "did you mean radius"),
+    (lambda: pg.Table(t=[0, 1], value=[1]), "table", "value", "2 times, 1 value"),
+    (lambda: pg.Body("a"), "pg.Body(name='a'"),
+    (lambda: pg.Model(BASE.bodies), "bodies=["),
+    (lambda: pg.Model(constraints=[SPRING]), "Spring", "forces=["),
+    (lambda: pg.Body(name="a", com={1, 2, 3}), "body 'a', com", "{1, 2, 3}"),
+    (lambda: pg.Body(name="a", com=("=l", 0, 0)), "body 'a', com", "model.edit(name"),
+    (lambda: pg.Body(name="a", mass=np.array([1.0, 2.0])), "body 'a', mass", "[1.0, 2.0]"),
+    (lambda: pg.Body(name="a", rotation=np.eye(3)), "body 'a', rotation", "as_quat(scalar_first"),
+    (lambda: pg.Switch(constraint="c", active=True, when={"above": 1}), "switch, when"),
+    (lambda: setattr(BASE.bodies[0], "masss", 0), "did you mean mass"),
+    (lambda: setattr(BASE.bodies[0], "mass", 2.0), "body '1', mass", "model.edit('1', mass=2.0)"),
+    (lambda: setattr(BASE, "name", "other"), "name", "model.replace(name='other')"),
+    (lambda: delattr(BASE, "gravity"), "gravity"),
+    (lambda: TWO["start"].q.update(arm=1), "model.edit(name of the part"),
+    (lambda: TWO["start"].q.__setitem__("arm", "zz"), "'arm'"),
+    (lambda: BASE["1"].model_copy(update={"masss": 1}), "did you mean mass?"),
+    (lambda: BASE["1"].copy(update={"mass": -5.0}), "mass"),
+    *(
+        (lambda n=n: pg.Model.serial(n), ">= 1", shown(n))
+        for n in (0, -1, 1.0, "3", True, None, NAN)
+    ),
+]  # fmt: skip
+
+CALLS = [
+    # a mechanism
+    (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
+    (lambda: TOP.forward_dynamics(np.zeros(4), np.zeros(3)), "q", "quaternion"),
+    (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
+    (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
+    (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
+    (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
+    (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
+    (lambda: MECH.pose(Q, "paw"), "'paw'", EVERY),
+    (lambda: MECH.inverse_kinematics({"1": (0, 0)}), "three numbers"),
+    (lambda: MECH.mobility(active="loop"), "['loop']"),
+    (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
+    # runs
+    (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
+    (lambda: run(tau=lambda t, q, v: None), "None"),
+    (lambda: run(method="rk5"), "rk5", "rk4"),
+    (lambda: run(method="RK4"), "did you mean rk4?"),
+    (lambda: run(method="RK45"), "did you mean dopri5?"),
+    (lambda: run(method="rk4", rtol=1e-8), "rtol", "dop853"),
+    (lambda: run(method="rk4", atol=1e-3), "simulate, atol", "rk4"),
+    (lambda: run(method="rk4", max_steps=5), "10 steps", "0.001 s"),
+    (lambda: run(rtol=1e-17), "simulate, rtol", "rounding", "1e-17"),
+    (lambda: run(rtol=-1.0), "simulate, rtol", "> 0", "-1"),
+    (lambda: run(rtol="a"), "simulate, rtol", "> 0", "'a'"),
+    (lambda: run(atol=-1.0), "simulate, atol", "> 0", "-1"),
+    (lambda: run(max_steps=0), "simulate, max_steps", ">= 1", "0"),
+    (lambda: run(scenario="walk"), "walk"),
+    (lambda: run(stabilise="hope"), "simulate, stabilise", "project"),
+    (lambda: run(estimate="no"), "simulate, estimate", "True, False or None", "'no'"),
+    (lambda: run(frames=1), "simulate, frames", "2"),
+    (lambda: run(frames=10**12), "simulate, frames", "at most"),
+    (lambda: run(frames=3, t_eval=[0]), "frames", "t_eval"),
+    (lambda: run(t_eval=[0, 0.005, 0.004]), "simulate, t_eval", "ascend"),
+    (lambda: run(step=1e-300), "simulate, step", "1e-300"),
+    (lambda: run(step=0.0), "simulate, step", "> 0"),
+    (lambda: run(step=NAN), "simulate, step", "nan"),
+    (lambda: run(t_end=-1.0), "simulate, t_end", "> 0", "-1"),
+    (lambda: run(tend=1.0), "tend", "did you mean t_end?"),
+    (lambda: run(q0=Q), "q0", "did you mean q?"),
+    (lambda: run(gravity=0), "gravity", "model.replace(gravity=...)"),
+    (lambda: run(progress=3), "simulate, progress", "function", "given 3"),
+    (lambda: run(progress=lambda: None), "progress", "fraction"),
+    (lambda: run(events=lambda t, q, v: q[0] > 1), "crosses zero"),
+    (lambda: run(forces=5), "simulate, forces", "pg.Force", "given 5"),
+    (lambda: run(forces=("a",)), "simulate, forces", "pg.Force", "('a',)"),
+    *(
+        (lambda n=n: run(forces=[pg.Motor(name="z", body="1", coordinate=n)]),
+         "force 'z', coordinate", str(n)) for n in (1, 3)
+    ),
+    (lambda: run(forces=[pg.Motor(name="z", body="nobody")]), "force 'z', body", "'nobody'", EVERY),
+    (lambda: pg.simulate(BASE, 0.5), "t_end=0.5"),
+    (lambda: pg.simulate("arm.json"), "pg.Model.load('arm.json')"),
+    (lambda: pg.simulate("pendulum"), "pgraph_models.path('pendulum')"),
+    (lambda: pg.simulate(BASE.to_json()), "pg.Model.from_json(text)"),
+    *(
+        (lambda names=names, call=call: call(
+            TWO, scenario="start", forces=[pg.Servo(name=n, body="fore", kp=1.0) for n in names]
+        ), repr(names[0]))
+        for names in (("drive",), ("new", "new")) for call in (pg.simulate, pg.Stepper)
+    ),
+    # steppers and batches
+    (lambda: pg.Stepper(MECH, dt=1e-3), "Stepper", "dt", "did you mean step?"),
+    (lambda: pg.Stepper(MECH, step=0), "Stepper, step"),
+    (lambda: pg.Stepper(MECH).switch("x", True), "'x'"),
+    (lambda: pg.Stepper(MECH).record_over(-1.0), "dt", "> 0", "-1"),
+    (lambda: pg.Stepper(HINGES).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
+    (lambda: pg.Stepper(HINGES).step({"1": 1.0}), "tau", "numbers"),
+    (lambda: pg.Stepper(TWO).inputs.__setitem__("drive", 2.0), "st.step"),
+    (lambda: pg.BatchStepper(HINGES, 2).step({"1": 1.0}), "(2, 2)", "(2,)"),
+    (lambda: pg.BatchStepper(HINGES, 2).reset(numbers=1), "numbers", "set"),
+    (lambda: batch("bodies.arm.q.0", [0.1, 0.9], scenario="start"), "scenario 'start'"),
+    (lambda: batch("bodies.arm.mass", ["1", "2"]), "numbers"),
+    (lambda: batch("bodies.arm.mass", [True, False]), "numbers"),
+    (
+        lambda: pg.BatchStepper(TWO, 2, set={
+            "bodies.arm.mass": [1, 2], ("bodies", "arm", "mass"): [3, 4]
+        }), "mass", "twice",
+    ),
+    # sweeps: of numbers that something else replaces, too
+    (lambda: sweep("bodies.arm.q.0", q=[0.0, 0.0]), "bodies.arm.q.0", "q= of the call"),
+    (lambda: sweep("bodies.arm.q.0", q={"arm": 0.0}), "bodies.arm.q.0", "q= of the call"),
+    (lambda: sweep("bodies.fore.v.0", v=[0.0, 0.0]), "bodies.fore.v.0", "v= of the call"),
+    (lambda: sweep("bodies.arm.q.0", scenario="start"), "bodies.arm.q.0", "scenario 'start'"),
+    (lambda: sweep("scenarios.start.q.arm.0", scenario="start", q=[0.0, 0.0]), "q= of the call"),
+    (lambda: sweep("forces.drive.target", inputs={"drive": 0.5}), "inputs['drive']"),
+    (lambda: sweep("scenarios.start.t_end", scenario="start", t_end=0.05), "t_end=0.05"),
+    (lambda: sweep("scenarios.start.t_end"), "scenario='start'"),
+    (lambda: sweep("arm.mass"), "bodies.arm.mass"),
+    (lambda: sweep("bodies.arm.mass", ["1", "2"]), "numbers"),
+    (lambda: sweep("bodies.arm.mass", metric=[lambda r: 1.0, lambda r: 2.0]), "'<lambda>'"),
+    (lambda: pg.sweep("pendulum", {"a": [1]}, "max 2"), "pg.Model.load('pendulum')"),
+    # files, gaits and others
+    (lambda: BASE.save("model.yaml"), ".json"),
+    (lambda: pg.write_urdf(BASE, "u.txt"), ".urdf"),
+    (lambda: pg.Model.load("pendulum"), "pgraph_models.path('pendulum')"),
+    (lambda: pgraph_models.path("horse"), "'horse'", *pgraph_models.names()),
+    (lambda: pg.underfoot(BASE, friction=-1), "friction"),
+    (lambda: pg.home_poses(1), "home_poses"),
+    (lambda: pg.gaits("paws"), "feet", "four contacts", "'paws'"),
+    (lambda: pg.Model.edit("a", mass=1.0), "Model.edit", "Model"),
+    (lambda: pg.Result(), "pg.simulate("),
+    (lambda: pg.Footprint(), "pg.footprints("),
+    (lambda: list(BASE), "model.bodies"),
+    # vectors of a tree
+    *(
+        (lambda p=p: pg.pgraph_of(p), *facts)
+        for p, *facts in (
+            ([1], "body 1, parent", "cycle"), ([0, 3, 2], "body 2, parent", "cycle"),
+            ([0, 5], "body 2, parent", "0 to 2", "5"), ([0, -1], "body 2, parent", "-1"),
+            ([0.0, 1.0], "parent"), (["a"], "parent"), ([[0, 1]], "parent"), (3, "parent"),
+            (None, "parent"), ([[0], [0, 1]], "parent"),
+        )
+    ),
+    (lambda: pg.parent_of([1, 2, 5]), "pgraph", "1 to 3", "[1, 2, 5]"),
+    (lambda: pg.parent_of([-1, 1]), "pgraph", "[-1, 1]"),
+    (lambda: pg.parent_of([1.5]), "pgraph", "whole numbers"),
+    (lambda: pg.jdof_of([1, 2, 1, 3], [1, 1]), "dof", "3", "2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "facts"), [(call, facts) for call, *facts in EDITS + CALLS])
+def test_a_refused_call_names_the_argument_and_what_would_do(call, facts):
+    before = TWO.to_json()
+    text = str(refusal(call))
+    holds(text, *facts)
+    assert (BASE.to_json(), TWO.to_json()) == (BEFORE, before)
+
+
+@cache
+def recorded() -> pg.Result:
+    return pg.simulate(BASE, t_end=0.01, frames=3)
+
+
+MISSING = [  # names of other programs: the error also is an AttributeError, or a TypeError
+    (lambda: pg.load, "Model.load"),
+    (lambda: pg.Mecanism, "did you mean Mechanism"),
+    (lambda: pgraph_models.load("pendulum"), "pgraph_models.path("),
+    (lambda: BASE.add_spring("1", "2"), "pg.Spring(name="),
+    (lambda: BASE.simulate(t_end=1.0), "pg.simulate(model"),
+    (lambda: BASE.to_dict(), "model.to_json()"),
+    (lambda: BASE.rename("1", "2"), "model.edit(name, name='new')"),
+    (lambda: getattr(BASE, "2"), "model['2']"),
+    (lambda: BASE["1"].edit(mass=2), "model.edit(name, field=value)"),
+    (lambda: recorded().names, "run.mechanism.names"),
+    (lambda: recorded().to_dataframe(), "run.to_pandas()"),
+    (lambda: recorded().energyy, "did you mean energy"),
+    (lambda: recorded().animate, "run.show"),
+    (lambda: getattr(recorded(), "2"), "run['2']"),
+    (lambda: recorded()[5:10], "run.q"),
+    (lambda: recorded()[0], "run.q"),
+    (lambda: recorded()["q"], "run.q"),
+    (lambda: len(recorded()), "len(run.t)"),
+    (lambda: list(recorded()), "run.to_pandas()"),
+    (lambda: recorded().at("0.05"), "'0.05'"),
+    (lambda: pytest.importorskip("pandas").DataFrame(recorded()), "run.to_pandas()"),
+    (lambda: sweep("bodies.arm.mass").failures, "table.failed"),
+    (lambda: sweep("bodies.arm.mass").best, "argmax()"),
+    (lambda: MECH.simulate(), "pg.simulate(mech"),
+    (lambda: MECH.M, "mass_matrix"),
+    (lambda: MECH.rnea, "inverse_dynamics"),
+    (lambda: MECH.q, "home()"),
+    (lambda: SPRING.kp, "Spring", "'kp'", "stiffness"),
+    (lambda: pg.Motor(name="m", body="a").other, "Motor", "'other'", "torque_limit"),
+    (lambda: pg.Gear(name="g", body="a", other="b").point, "Gear", "'point'", "ratio"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("typed", "facts"), [(call, facts) for call, *facts in MISSING])
+def test_a_name_of_another_program_is_answered_with_ours(typed, facts):
+    holds(str(refusal(typed, pg.PgraphError, AttributeError)), *facts)
+
+
+def test_an_attribute_that_nothing_reads_is_refused():
+    stepper, lanes = pg.Stepper(BASE), pg.BatchStepper(MECH, 2)
+    for value, names in (
+        (MECH, ("gravity", "q", "nq", "nonsense")),
+        (stepper, ("dt", "q", "tau", "status", "gravity")),
+        (lanes, ("q", "step_size", "threads")),
+        (recorded(), ("q",)),
+    ):
+        for name in names:
+            with pytest.raises(pg.InputError, match=f"{type(value).__name__}, {name}: ") as found:
+                setattr(value, name, 1)
+            assert isinstance(found.value, AttributeError)
+
+    class Robot(pg.Mechanism):
+        def __init__(self, model):
+            self.early = 2.0
+            super().__init__(model)
+            self.gain = 3.0
+
+    assert (Robot(BASE).early, Robot(BASE).gain) == (2.0, 3.0)
+
+
+def test_a_name_that_results_lack_is_a_key_error():
+    done = pg.simulate(TWO, t_end=0.01, step=1e-3)
+    for found in (done.contact_force, done.contact_gap, pg.Stepper(TWO).contact_force):
+        with pytest.raises(KeyError, match=r"'flor'.*floor") as missing:
+            found["flor"]
+        assert isinstance(missing.value, pg.InputError)
+    with pytest.raises(pg.InputError, match="loop"):
+        done.constraint_force["loop"]
+    with pytest.raises(pg.InputError, match="'x'"):
+        done.contact_force["arm", "x"]
+
+
+def test_an_error_of_the_user_s_own_function_comes_through_as_it_is():
+    with pytest.raises(KeyError, match="not there") as raised:
+        run(progress=lambda fraction: {}["not there"])
+    assert not isinstance(raised.value, pg.PgraphError)
+
+
+# -- loops that do not close, and switches
+
+ROD = {"com": (0.5, 0, 0), "inertia": ((0.01, 0, 0), (0, 0.1, 0), (0, 0, 0.1))}
+
+
+def linkage(**pin: Any) -> pg.Model:
+    """Rods of 1 and 1 m from a hinge at the origin, their end pinned."""
+    a, b = pg.Body(name="a", **ROD), pg.Body(name="b", parent="a", link=(1, 0, 0), **ROD)
+    c = pg.Constraint(**{"name": "pin", "body": "b", "point": (1, 0, 0), **pin})
+    return pg.Model(up="y", bodies=(a, b), constraints=(c,))
+
+
+def held(kind: str, **values: Any) -> pg.Model:
+    """One rod whose joint several constraints prescribe."""
+    parts = [
+        pg.Motion(name=name, body="a", q_of_t={"t": (0, 1), "value": (value, value)})
+        if kind == "motion"
+        else pg.Velocity(name=name, body="a", value=value, coefficients={"a": 1.0})
+        for name, value in values.items()
+    ]
+    return pg.Model(up="y", bodies=(pg.Body(name="a", **ROD),), constraints=parts)
+
+
+@pytest.mark.parametrize(
+    ("model", "facts"),
+    [
+        (linkage(other_point=(3, 0, 0)), ("constraint 'pin'", "by 1 m")),
+        (linkage(kind="distance", other_point=(0, 0, 0), length=2.5), ("'pin'", "by 0.5 m")),
+        (held("motion", left=0.2, right=0.5), ("constraint 'right'", "'left'", "by 0.15 rad")),
+        (held("velocity", slow=1.0, fast=2.0), ("constraint 'fast'", "'slow'", "by 0.5 rad/s")),
+    ],
+)
+def test_constraints_that_cannot_be_met_are_named_with_their_gap(model, facts):
+    """By `assemble`, and as the end of a run."""
+    mech = pg.Mechanism(model)
+    error = str(refusal(mech.assemble, pg.InputError))
+    holds(error, *facts)
+    done = pg.simulate(mech, t_end=0.1)
+    assert done.status is pg.Status.CANNOT_CLOSE
+    assert error in done.message
+
+
+@pytest.mark.parametrize(
+    ("switch", "facts"),
+    [
+        ((0.1, "pn", True), ("'pn'", "choose one of pin")),
+        ((0.3, "pin", False), ("'pin'", "0.3 s", "0.2 s")),
+        ((-0.1, "pin", False), ("t must", ">= 0", "-0.1")),
+        ((0.1, "pin", 2), ("active", "true or false", "given 2")),
+        ((0.1, "pin"), ("t, name of a constraint", "(0.1, 'pin')")),
+    ],
+)
+def test_switches_that_do_not_fit_a_run_are_refused(switch, facts):
+    mech = pg.Mechanism(linkage())
+    error = refusal(lambda: pg.simulate(mech, t_end=0.2, switches=(switch,)), pg.InputError)
+    judge(error.problems, [("simulate, switches", *facts)])
+
+
+def test_velocities_that_a_switch_contradicts_end_the_run():
+    switches = ((0.0, "fast", False), (0.1, "fast", True))
+    done = pg.simulate(
+        held("velocity", slow=1.0, fast=2.0), t_end=0.2, switches=switches, estimate=False
+    )
+    holds(done.message, "constraint 'fast'", "0.1 s", "0.5")
+
+
+def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():
+    turn = {"axes": (0, 0, 1), "tip": (1, 0, 0)}
+    bodies = [pg.Body(name="a", **turn), pg.Body(name="b", parent="a", **turn)]
+    far = pg.Point(name="far", body="b", point=(0.2, 0, 0), other_point=(1.1, 0, 0))
+    model = pg.Model(bodies=bodies, constraints=[far])
+    with pytest.raises(pg.InputError, match=r"body 'b': .*link.* tip") as refused:
+        pg.Mechanism(model).mobility()
+    assert refused.value.problems[0].where == "constraint 'far'"
+    assert pg.simulate(model.edit("b", link=(1, 0, 0)), t_end=0.1).status.ok
+
+
+# -- gaits
+
+FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
+QUADRUPED = pg.Model.load(pgraph_models.path("quadruped_hips"))
+TROT = pg.gaits()["trot"]
+
+
+def falls(**changes: Any) -> list[dict[str, Any]]:
+    return [{"foot": foot, "offset": 0.0, "duty": 0.5} | changes for foot in FEET]
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "facts"),
+    [
+        ({"feet": falls()[:3]}, "feet", ("four", repr(list(FEET[:3])))),
+        ({"feet": falls(foot="a")}, "feet", ("'a'", "twice")),
+        ({"feet": falls(), "sway": (0.1,)}, "sway", ("pairs", "[0.1]")),
+        ({"feet": falls(), "gains": {"roll": (1, -1)}}, "gains", ("roll", ">= 0", "given -1")),
+    ],
+)
+def test_a_gait_that_is_none_is_refused(fields, field, facts):
+    error = refusal(lambda: pg.Gait(name="g", **fields), pg.ModelError)
+    judge(error.problems[:1], [(f"gait 'g', {field}", *facts)])
+
+
+BARE = QUADRUPED.replace(scenarios=())
+
+
+@pytest.mark.parametrize(
+    ("model", "gait", "head", "facts"),
+    [
+        (BARE.replace(contacts=()), TROT, "gait 'trot'", ("'left_front_foot'", "no contact")),
+        (pg.Model.serial(3), TROT, "gait 'trot'", ("'y'", "'z'")),
+        (BARE.edit("pelvis", joint="weld"), TROT, "gait 'trot'", ("free", "'pelvis'")),
+        (BARE.edit("left_radius", joint="weld"), TROT, "gait 'trot'", ("'left_front_foot'",)),
+        (QUADRUPED, TROT.edit(speed=9.0), "gait 'trot', speed", ("9 m/s", "0.38 s", "0.5")),
+        (QUADRUPED, TROT.edit(height=0.7), "gait 'trot', height", ("0.7 m", "hip")),
+    ],
+)
+def test_a_gait_that_a_model_cannot_walk_is_refused(model, gait, head, facts):
+    error = refusal(lambda: pg.Controller(pg.Mechanism(model), gait), pg.InputError)
+    judge(error.problems, [(head, *facts)])
+
+
+def test_a_gait_names_contacts_of_its_model_and_goes_with_them():
+    gait = TROT.edit(feet=[f.model_dump() | {"foot": f"{f.foot}!"} for f in TROT.feet])
+    scenario = pg.Scenario(name="walk", gait=gait)
+    error = refusal(lambda: QUADRUPED.replace(scenarios=(scenario,)), pg.ModelError)
+    judge(error.problems[:1], [("scenario 'walk', gait", "'left_front_foot!'", *FEET)])
+    lame = QUADRUPED.remove("left_hind_paw")
+    assert all(s.gait is None for s in lame.scenarios)
+    assert any("scenario 'trot'" in text for text in lame.notices)
+
+
+# -- studies and reports
+
+PENDULUM = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "facts"),
+    [
+        ("methods", ("rk4", "rk5"), ("'rk5'", "rk4", "radau5")),
+        ("methods", "auto", ("'auto'", "rk4")),
+        ("methods", (), ("at least one", "rk4")),
+        ("steps", (), ("1e-08", "()")),
+        ("steps", (0.1, -1), ("1e-08 and 1", "(0.1, -1)")),
+        ("tolerances", 1e-17, ("1e-15 and 0.1", "1e-17")),
+        ("tolerances", [10.0**-k for k in range(70)], ("70", "64")),
+        ("t_end", 0, ("> 0", "given 0")),
+        ("clock", "sun", ("wall, processor", "'sun'")),
+        ("rounds", 0, (">= 1", "given 0")),
+        ("frames", 2.5, (">= 3", "2.5")),
+        ("target", -1e-6, ("> 0", "-1e-06")),
+        ("longest", "long", ("> 0", "'long'")),
+        ("reference", 3.0, ("Result", "Case", "Reference", "(len(t), 1)", "float")),
+        pytest.param("peers", "drake", ("'drake'", "scipy"), marks=pytest.mark.nightly),
+    ],
+)
+def test_arguments_of_a_study_are_refused_by_name(field, value, facts):
+    study = {"t_end": 1.0, field: value}
+    error = refusal(lambda: pg.work_precision(PENDULUM, **study), pg.InputError)
+    judge(error.problems, [(f"work_precision, {field}", *facts)])
+
+
+def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
+    given = {"methods": "rk4", "steps": [0.1, 1e-2, 1e-8], "rounds": 1, "target": 1e-12}
+    study = pg.work_precision(PENDULUM, t_end=0.2, longest=0.2, **given)
+    best = min((row for row in study.rows if row.error), key=lambda row: row.error)
+    facts = ("recommend, target", "1e-12", f"{best.error:.2g}", "rk4", f"{best.step:g} s")
+    error = str(refusal(study.recommend, pg.InputError))
+    holds(error, *facts)
+    assert "1 run " in study.answer  # was left out
+    assert "`longest`" in study.answer
+    error = str(refusal(lambda: study.save(tmp_path / "a.pdf"), pg.FileError))
+    holds(error, "a.pdf", ".html, .json, .svg, .txt")
+
+
+@pytest.mark.parametrize(
+    ("words", "facts"),
+    [
+        ([], ("MODEL", "--case")),
+        (["pendulum", "--case", "heavy_top"], ("MODEL", "--case")),
+        (["pendulum", "-o", "a.pdf"], ("a.pdf", ".html, .json, .svg, .txt")),
+        (["--case", "none"], ("case 'none'", "a01")),
+        (["--case", "chain_n_links"], ("case 'chain_n_links'", "choose one of ")),
+        (["pendulum", "--methods", "rk5"], ("work_precision, methods", "'rk5'")),
+        pytest.param(["--case", "painleve_rod_1"], ("case 'painleve_rod_1'",),
+                     marks=pytest.mark.nightly),
+    ],
+)  # fmt: skip
+def test_words_after_pgraph_report_are_refused(capsys, words, facts):
+    assert main(["report", *words]) == 1
+    said = capsys.readouterr().err
+    holds(said, *facts)
+
+
+def test_a_number_that_is_none_is_usage(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["report", "pendulum", "--steps", "a,b"])
+    assert stopped.value.code == 2
+    assert "'a,b'" in capsys.readouterr().err
