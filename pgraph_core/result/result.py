@@ -168,7 +168,7 @@ class Result(EqualByFields, Hinting):
         joints = self.mechanism.joints
         if not isinstance(name, str) or name not in joints:
             columns = columns_of(self) if isinstance(name, str) else {}
-            if name in columns:
+            if columns and name in columns:
                 return columns[name].values
             other = not columns or name in ARRAYS or name in self.mechanism.names
             if not other and (found := meant(columns, name)):
