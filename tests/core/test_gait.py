@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-import pgraph_models
+
+from ..worlds import built_in
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 SLIP = 1e-2  # m per stance, at a friction of 0.7
@@ -21,9 +22,7 @@ WALKS = (
 )
 
 
-@cache
-def mechanism(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+mechanism = cache(built_in)
 
 
 @cache

@@ -115,9 +115,3 @@ def test_a_gait_walks_on_all_laws(law: str, step: float):
 def test_a_walk_needs_a_gait():
     with pytest.raises(pg.InputError, match=r"gait.*'stance'"):
         pg.Walk(pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped"))), "stance")
-
-
-def test_each_piece_reports_its_method():
-    for method in (None, "moreau_jean"):
-        walk = pg.Walk(mechanism(), "trot", method=method)
-        assert {walk.step(0.01).header["method"] for _ in range(3)} == {"moreau_jean"}

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 
-from ..worlds import ball, box, on_ground
+from ..worlds import ball, box, heaped, on_ground
 
 G = 9.81
 INSTANT = 1e-13  # s
@@ -407,12 +407,7 @@ def test_corners_that_land_together_keep_a_mirror_symmetry():
         box("plank", (0.02, 0, 0.215), (1.0, 0.2, 0.03)),
         ball("ball", (0.4, 0, 0.55), 0.05, mass=0.5),
     ]  # fmt: skip
-    law = {"friction": 0.8, "restitution": 0.3}
-    contacts = [
-        pg.Contact(name="floor", body="*", **law),
-        pg.Contact(name="heap", body="*", other="*", **law),
-    ]
-    model = pg.Model(bodies=bodies, contacts=contacts)
+    model = heaped(bodies, friction=0.8, restitution=0.3)
     run = pg.simulate(model, t_end=0.45, step=1e-3, method="moreau_jean", estimate=False)
     turned = run.v[:, 6:9]
     assert np.abs(turned[:, 1]).max() > 1.0

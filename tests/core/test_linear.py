@@ -8,12 +8,9 @@ from numpy.polynomial.laguerre import lagroots
 from scipy.linalg import expm
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_core.analysis.rows import Rows, apart
 
-
-def load(name):
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+from ..worlds import built_in as load
 
 
 def test_a_pendulum_with_spring_and_damper():

@@ -9,7 +9,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_models.case_models import limited_pendulum
 
-from ..worlds import ball, box, on_ground
+from ..worlds import ball, box, built_in, on_ground
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
@@ -357,8 +357,7 @@ def test_stance_on_contacts_is_stance_on_constraints():
 
 
 def walk(name, gait, t_end, **options):
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
-    return run(mech, scenario=gait, t_end=t_end, estimate=False, **options)
+    return run(built_in(name), scenario=gait, t_end=t_end, estimate=False, **options)
 
 
 def test_the_trot_closes_its_ledger_and_agrees_with_given_steps():

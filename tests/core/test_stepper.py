@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import cache
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 
-
-@cache
-def built_in(name):
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+from ..worlds import built_in
 
 
 def chain(joint="revolute"):
@@ -104,19 +99,6 @@ def test_a_torque_function_is_that_of_simulate():
     stepper = pg.Stepper(mech, q=q, tau=tau)
     stepper.step(n=100)
     assert np.array_equal(stepper.q, run.q[-1])
-
-
-def test_batches_and_controllers_take_a_model():
-    cat = built_in("quadruped_hips")
-    gait = cat.model.scenario("trot").gait
-    starts = [pg.Controller(x, gait).start()[0] for x in (cat.model, cat)]
-    assert np.array_equal(*starts)
-    batches = [pg.BatchStepper(x, 2) for x in (chain().model, chain())]
-    for batch in batches:
-        batch.step(n=10)
-    assert np.array_equal(batches[0].q, batches[1].q)
-    with pytest.raises(pg.InputError, match="Controller"):
-        pg.Controller("quadruped", gait)
 
 
 def test_a_servo_follows_its_target():
