@@ -126,6 +126,17 @@ def test_an_edited_mechanism_is_that_of_the_edited_model(changes):
     assert same(mech, pg.Mechanism(QUADRUPED))
 
 
+def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
+    mech, model = pg.Mechanism(pg.Model.serial(6)), pg.Model.serial(6)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        i = int(rng.integers(2, 7))
+        changes = {"parent": str(rng.integers(1, i)), "mass": float(rng.uniform(1, 2))}
+        mech, model = mech.edit(str(i), **changes), model.edit(str(i), **changes)
+        assert mech.model == model
+    assert same(mech, pg.Mechanism(model))
+
+
 def test_a_body_attached_elsewhere_is_packed_again():
     model = pg.Model.serial(4)
     pg.Mechanism(model)  # bodies keep their packed form from here on
