@@ -9,7 +9,7 @@ import pgraph_core as pg
 
 from ..worlds import ball, built_in, on_ground
 from .test_cases import DOWN, mass
-from .test_methods import chain, double_pendulum, stiff_pendulum
+from .test_methods import double_pendulum, stiff_pendulum
 
 
 def damper():
@@ -25,7 +25,7 @@ def damper():
         (lambda: built_in("tennis_racket"), {"rtol": 1e-4}, "dopri5", "loose"),
         (lambda: built_in("bricard"), {}, "dop853", "tight"),
         (lambda: built_in("bricard"), {"step": 1e-3}, "rk4", "fixed step"),
-        (lambda: chain(1000), {"t_end": 0.01}, "dop853", "tight"),
+        (lambda: pg.Model.serial(1000), {"t_end": 0.01}, "dop853", "tight"),
         (lambda: on_ground(ball(place=(0, 0, 0.3))), {}, "moreau_jean", "rigid contacts"),
         (lambda: stiff_pendulum(1e12)[0], {}, "radau5", "1e+06/s"),
         (lambda: stiff_pendulum(1e12)[0], {"step": 1e-2}, "radau5", "1e+06/s"),

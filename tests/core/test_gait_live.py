@@ -46,18 +46,6 @@ def test_the_contact_records_of_a_piece_do_not_depend_on_when_they_are_read():
     assert any(read)
 
 
-def test_the_same_changes_give_the_same_bits():
-    ends = []
-    for _ in range(2):
-        walk = pg.Walk(mechanism(), "trot")
-        pieces(walk, 0.5)
-        walk.change(speed=0.9)
-        walk.push((0.0, 0.0, 60.0), seconds=0.1)
-        pieces(walk, 0.5)
-        ends.append((walk.q, walk.v))
-    assert all(np.array_equal(a, b) for a, b in zip(*ends))
-
-
 def test_it_follows_the_speed_and_the_heading():
     walk = pg.Walk(mechanism(), "trot")
     pieces(walk, 2.0)

@@ -9,7 +9,7 @@ from scipy.integrate._ivp import dop853_coefficients as theirs
 import pgraph_core as pg
 from pgraph_core.analysis.rows import apart
 
-from .test_cases import DOWN, case, mass, place, rod, worst
+from .test_cases import DOWN, case, mass, rod, worst
 from .trees import moved
 
 EXPLICIT = ("dopri5", "dop853")
@@ -17,94 +17,6 @@ EXPLICIT = ("dopri5", "dop853")
 
 def double_pendulum():
     return pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", above=1.0)), **DOWN))
-
-
-def heavy_top():
-    inertia = np.diag([0.234375, 0.46875, 0.234375])
-    top = pg.Body(name="top", joint="spherical", mass=15.0, com=(0, 1, 0), inertia=inertia)
-    return pg.Mechanism(pg.Model(bodies=(top,)))
-
-
-def chain(n):
-    link = {"m": 1 / n, "length": 1 / n}
-    bodies = [mass("1", **link)]
-    bodies += [mass(str(i), str(i - 1), above=1 / n, **link) for i in range(2, n + 1)]
-    return pg.Mechanism(pg.Model(bodies=tuple(bodies), **DOWN))
-
-
-def run(mech, t, q, v=None, *, method="dop853", rtol=1e-12, **options):
-    """The motion at the times of a reference."""
-    v = np.zeros(mech.nv) if v is None else v
-    options = {"t_end": t[-1], "t_eval": t, "method": method, "rtol": rtol, **options}
-    done = pg.simulate(mech, q, v, **options)
-    assert done.status.ok, done.message
-    return done
-
-
-def test_double_pendulum_to_ten_digits():
-    t, reference = case("double_pendulum")
-    done = run(double_pendulum(), t, np.array([1.5, 0.5]))
-    assert worst(np.cumsum(done.q, axis=1), reference["theta_abs"]) < 1e-10
-    assert worst(np.cumsum(done.v, axis=1), reference["theta_dot_abs"]) < 1e-9
-
-
-def test_heavy_top_to_eight_digits():
-    t, reference = case("heavy_top")
-    q, v = np.array([1.0, 0, 0, 0]), np.array([0.0, 150.0, -4.61538])
-    done = run(heavy_top(), t, q, v, rtol=1e-11)
-    assert worst(place(done, "top", (0, 1, 0)), reference["com_position"]) < 1e-8
-
-
-def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
-    """Each flip multiplies errors of ω by 1e2 to 1e4."""
-    t, reference = case("free_rigid_body_dzhanibekov")
-    body = pg.Body(name="a", joint="free", inertia=np.diag([1.0, 2.0, 3.0]))
-    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
-    q, v = np.array([0.0, 0, 0, 1, 0, 0, 0]), np.array([0.01, 5.0, 0.01, 0, 0, 0])
-    done = run(mech, t, q, v, rtol=1e-10)
-    turned = np.array([mech.pose(x, "a")[1] for x in done.q])
-    assert worst(turned.reshape(-1, 9), np.reshape(reference["R"], (-1, 9))) < 1e-8
-
-
-LONG = [pytest.param(*x, marks=pytest.mark.nightly) for x in ((100, 1, 1e-11), (1000, 0.5, 1e-8))]
-
-
-@pytest.mark.parametrize(("n", "end", "tolerance"), [(10, 1.0, 1e-11), *LONG])
-def test_chain(n, end, tolerance):
-    t, reference = case("chain_n_links")
-    t = t[t <= end]
-    done = run(chain(n), t, np.pi / 4 * np.eye(n)[0], rtol=1e-10)
-    tip = place(done, str(n), (0, -1 / n, 0))[:, :2]
-    assert worst(tip, reference[str(n)]["tip_xy"][: len(t)]) < tolerance
-
-
-@pytest.mark.parametrize(
-    ("name", "ratio", "rtol", "tolerance"),
-    [
-        ("mass_ratio_light_tip_1em12", 1e-12, 1e-11, 1e-9),
-        ("mass_ratio_heavy_tip_1e9", 1e9, 1e-7, 2e-5),  # 100 eps times the ratio
-    ],
-)
-def test_extreme_mass_ratios(name, ratio, rtol, tolerance):
-    t, reference = case(name)
-    mech = pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", m=ratio, above=1.0)), **DOWN))
-    first = reference["theta"][0]
-    done = run(mech, t, np.array([first[0], first[1] - first[0]]), rtol=rtol)
-    assert worst(np.cumsum(done.q, axis=1), reference["theta"]) < tolerance
-
-
-@pytest.mark.parametrize("method", EXPLICIT)
-def test_pendulums_of_all_scales_take_the_same_steps(method):
-    """At default tolerances, which have no unit."""
-    _, reference = case("pendulum_scales")
-    steps = set()
-    for length in (1e-9, 1e-3, 1.0, 1e9):
-        quarter = reference["period"][reference["L"].index(length)] / 4
-        mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
-        done = pg.simulate(mech, np.array([np.pi / 2]), t_end=quarter, frames=2, method=method)
-        assert abs(done.q[-1, 0]) < 3e-8
-        steps.add(done.counters["steps"])
-    assert len(steps) == 1
 
 
 def slider_crank():
@@ -121,12 +33,18 @@ def crank_start():
     return np.array([0.5, -beta - 0.5, 0.2 * np.cos(0.5) + 0.5 * np.cos(beta)])
 
 
-def test_slider_crank_with_its_loop():
-    t, reference = case("slider_crank_rigid")
-    done = run(slider_crank(), t, crank_start(), rtol=1e-11, tau=np.array([4.0, 0, 0]))
-    assert worst(done.q[:, 0], reference["theta"]) < 1e-9
-    assert done.constraint_drift.max() < 1e-9  # between steps too: frames are projected
-    assert done.energy_drift < 1e-10
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_pendulums_of_all_scales_take_the_same_steps(method):
+    """At default tolerances, which have no unit."""
+    _, reference = case("pendulum_scales")
+    steps = set()
+    for length in (1e-9, 1e-3, 1.0, 1e9):
+        quarter = reference["period"][reference["L"].index(length)] / 4
+        mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
+        done = pg.simulate(mech, np.array([np.pi / 2]), t_end=quarter, frames=2, method=method)
+        assert abs(done.q[-1, 0]) < 3e-8
+        steps.add(done.counters["steps"])
+    assert len(steps) == 1
 
 
 def test_the_tableau_of_dop853_is_that_of_scipy():
@@ -155,14 +73,13 @@ def swing(reference, k):
 
 @pytest.mark.parametrize("k", [1e3, 1e6, 1e9, 1e12])
 def test_radau_swings_right_however_stiff(k):
-    """At steps of 1e-2 s and at chosen ones."""
+    """At steps of its own choice; `test_verify` has given ones."""
     t, reference = case("stiff_spring_pendulum")
     mech, q = stiff_pendulum(k)
-    for options in ({"step": 1e-2}, {"rtol": 1e-8}):
-        done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", **options)
-        assert done.status.ok
-        assert worst(done.q[:, 0], swing(reference, k)) < 1e-8
-        assert done.counters["steps"] < 1000
+    done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", rtol=1e-8)
+    assert done.status.ok
+    assert worst(done.q[:, 0], swing(reference, k)) < 1e-8
+    assert done.counters["steps"] < 1000
 
 
 @pytest.mark.parametrize("k", [1e3, 1e12])
