@@ -380,10 +380,14 @@ def test_methods_that_locate_events_and_those_that_do_not():
 
 
 def test_events_and_phases_survive_a_file(tmp_path):
-    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **WAYS["rk4"])
+    given = {"events": [lambda t, q, v: q[0] - 0.05], **WAYS["rk4"]}
+    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **given)
     done.save(tmp_path / "run.npz")
     back = pg.Result.load(tmp_path / "run.npz")
     assert back.events == done.events
+    assert done.user_events
+    assert [e[:3] for e in back.user_events] == [e[:3] for e in done.user_events]
+    np.testing.assert_array_equal(back.user_events[0].q, done.user_events[0].q)
     np.testing.assert_array_equal(back.phases["floor"], done.phases["floor"])
     for fact in ("0.142784312", "floor", "ball", "swing", "1.40071", "0.700357"):
         assert fact in str(done.events[0])
