@@ -1,0 +1,20 @@
+"""Walks by methods that take runs of their own instead of a stepper."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import pgraph_core as pg
+import pgraph_models
+
+
+def test_pieces_of_a_walk_by_events_are_one_run():
+    """Event-driven contacts need runs; two pieces end where one run ends."""
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    mech, step = pg.Mechanism(model), 2.5e-4
+    walk = pg.Walk(mech, "trot", method="rk4", step=step)
+    pieces = [walk.step(0.01) for _ in range(2)]
+    whole = pg.simulate(mech, scenario="trot", t_end=0.02, method="rk4", step=step, estimate=False)
+    assert [piece.t[-1] for piece in pieces] == [0.01, 0.02]
+    np.testing.assert_allclose(walk.q, whole.q[-1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(walk.v, whole.v[-1], rtol=0, atol=1e-4)
