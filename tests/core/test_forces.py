@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.study.rescaling import rescaled
 
 pytestmark = pytest.mark.quick
 
@@ -68,6 +69,13 @@ def test_the_ledger_closes_with_a_servo_at_its_limit():
     run = pg.simulate(chain().replace(forces=(servo,)), t_end=1.0, method="rk4", step=1e-3)
     assert run.energy_drift < 1e-6
     assert abs(run.work[-1]) > 1e-2
+
+
+@pytest.mark.parametrize("kind", pg.Force.KINDS)
+def test_every_kind_of_force_has_units(kind):
+    needed = {"tendon": {"coefficients": {"2": 1.0}}, "drag": {"size": (1, 1, 1)}}.get(kind, {})
+    model = chain().replace(forces=(pg.Force(name="f", kind=kind, body="2", **needed),))
+    assert rescaled(model, time=2.0).forces[0].kind == kind
 
 
 LENGTH, MASS = 0.7, 2.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -56,6 +57,8 @@ def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
     assert found == [(name, row) for name, rows in redundant.items() for row in rows]
     assert not any(row.only_here for row in report.redundant)
     assert report.extra == 0
+    again = json.loads(json.dumps(report.to_dict()))
+    assert [row["constraint"] for row in again["redundant"]] == [row[0] for row in found]
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "bricard", "quadruped", "andrews"])

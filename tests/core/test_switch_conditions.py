@@ -163,6 +163,7 @@ def test_conditions_follow_renames_and_removals():
         return [str(s.when) for s in model.scenarios[0].switches]
 
     every = conditions(model)
+    assert pg.Model.from_json(model.to_json()) == model
     for number, name, new in ((1, "plate", "disc 1"), (3, "floor", "sole"), (4, "latch", "hook")):
         assert new in conditions(model.edit(name, name=new.split()[0]))[number]
     assert conditions(model.remove("plate")) == [every[0], *every[2:]]
