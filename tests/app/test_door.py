@@ -103,13 +103,6 @@ def test_on_other_hosts_the_address_carries_a_token():
     assert refused(foreign, "/", token) is not None
 
 
-def test_serve_is_wrapped_only_while_a_server_is_made():
-    plain = websockets.asyncio.server.serve
-    with door.guarded("127.0.0.1", None):
-        assert websockets.asyncio.server.serve is not plain
-    assert websockets.asyncio.server.serve is plain
-
-
 def test_a_message_above_the_limit_closes_the_connection(server):
     with socket_of(server) as socket:
         socket.send(b"x" * (door.LARGEST_MESSAGE + 1))
@@ -162,21 +155,14 @@ CAMERA = {
 DROPPED = {
     "a public tunnel": message("ShareUrlRequest"),
     "a form's state": message("GuiFormDirtyMessage", uuid="x" * 10_000),
-    "an upload": message("FileTransferStartUpload", size_bytes=10**9),
-    "a handle's callbacks": message("GuiUpdateMessage", uuid="a", updates={"update_cb": 1}),
     "a value and more": message("GuiUpdateMessage", uuid="a", updates={"value": "", "visible": 1}),
-    "a nested value": message("GuiUpdateMessage", uuid="a", updates={"value": {"a": 1}}),
     "a long identifier": message("GuiUpdateMessage", uuid="a" * 10_000, updates={"value": "1"}),
     "no number": message("ViewerCameraMessage", **{**CAMERA, "fov": float("nan")}),
     "a long list": message("ViewerCameraMessage", **{**CAMERA, "position": [0] * 100_000}),
-    "a number for a list": message("ViewerCameraMessage", **{**CAMERA, "wxyz": 1.0}),
-    "three numbers for four": message("ViewerCameraMessage", **{**CAMERA, "wxyz": (1, 0, 0)}),
     "a field too few": message("TransformControlsDragEndMessage", owner="a"),
     "a field of the server": message("ViewerCameraMessage", **CAMERA, excluded_self_client=1),
-    "a list for a name": message("GuiUpdateMessage", uuid=[], updates={"value": "1"}),
     "a message of the server": message("RunJavascriptMessage", source="alert(1)"),
     "no kind": message(""),
-    "no map": msgspec.msgpack.encode([1, 2]),
     "junk": b"\xc1\xff\x00",
     "nothing": b"",
     "text": "text",

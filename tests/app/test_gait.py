@@ -12,19 +12,18 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core.state import initial, poses
-from pgraph_app.gait import Change, changes, has_feet, prints, since
+from pgraph_app.gait import changes, has_feet, prints
 from pgraph_app.gait.update import SHOWN
-from pgraph_app.gait.view import Window, gait, phases
+from pgraph_app.gait.view import gait, phases
 from pgraph_app.run import view
 from pgraph_app.run.live import Motion, Seam
 from pgraph_app.run.update import joined
-from pgraph_app.run.worker import simulated
 from pgraph_app.scene import marks
 from pgraph_core.result import records
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.show.stage import solid
 
-from .store import ME, after, begun, built_in, do, ran, reply
+from .store import ME, after, begun, built_in, do, reply
 
 PART = 0.0167  # [s]
 
@@ -229,33 +228,3 @@ def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
     fastest = max(s.gait.acceleration for s in model.scenarios if s.gait is not None)
     assert np.abs(np.diff(asked)).max() <= fastest * 1.01 * PART
     assert np.ptp(asked) > 0.05
-
-
-def test_the_window_of_a_run_that_grows_is_that_of_all_its_changes():
-    """It goes through each change once, whatever is dropped at the beginning."""
-    rng = np.random.default_rng(4)
-    times = np.sort(rng.uniform(0, 100, 400))
-    every = tuple(Change(f"foot {rng.integers(4)}", t, int(rng.integers(4))) for t in times)
-    window = Window()
-    for n, dropped in ((50, 0), (50, 0), (200, 0), (330, 0), (330, 120), (400, 120)):
-        falls = every[dropped:n]
-        start = falls[-1].t - 30
-        found, plain = window.of(falls, start), since(falls, start)
-        assert sorted(found) == sorted(plain)
-        assert window.of((), 0.0) == []
-    few = [Change("a", t, k % 2) for k, t in enumerate((0.0, 1.0, 2.0, 3.0))]
-    assert [change.t for change in since(few, 1.5)] == [1.0, 2.0, 3.0]
-
-
-def test_the_camera_follows_the_first_run_that_walks_off():
-    model = built_in("quadruped_hips")
-    trot = next(s for s in model.scenarios if s.name == "trot")
-    model = model.replace(scenarios=(trot.model_copy(update={"t_end": 3.0}),))
-    state = after(begun(model), do.Simulate(ME))
-    result = simulated(state.job, lambda _: True)
-    state = after(state, do.Simulated(state.job.id, result))
-    assert state.clients[ME].follow
-    again = ran(after(state, do.Show(ME, "follow", False)), result)
-    assert not again.clients[ME].follow  # a person's own choice stays
-    short = pg.simulate(pg.Mechanism(model), t_end=0.05)
-    assert not ran(begun(model), short).clients[ME].follow

@@ -95,16 +95,6 @@ def test_a_body_without_a_shape_reaches_to_its_children():
         assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
 
 
-def test_quaternions_and_matrices_agree():
-    rng = np.random.default_rng(1)
-    a, b = rng.normal(size=(2, 20, 4))
-    a /= np.linalg.norm(a, axis=1, keepdims=True)
-    b /= np.linalg.norm(b, axis=1, keepdims=True)
-    product = shapes.to_matrix(a) @ shapes.to_matrix(b)
-    assert shapes.to_matrix(shapes.times(a, b)) == pytest.approx(product, abs=1e-14)
-    assert shapes.to_matrix(shapes.to_wxyz(product)) == pytest.approx(product, abs=1e-14)
-
-
 @pytest.mark.parametrize(("size", "cell"), [(0.05, 0.05), (0.9, 0.5), (3.0, 2.0), (700.0, 500.0)])
 def test_grid_spacings_are_round(size, cell):
     assert shapes.spaced(size) == pytest.approx(cell)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -51,16 +52,9 @@ def fields_of(state, *names):
     [
         ("mass", (), "1e-6", 1e-6),
         ("link", (1,), "0.1", 0.1),
-        ("link", (0,), "1e12", 1e12),
         ("com", (0,), "5 mm", 0.005),
         ("q", (0,), "30 deg", math.pi / 6),
-        ("v", (0,), "-2", -2.0),
-        ("damping", (0,), "0.25", 0.25),
         ("limit_restitution", (0,), "0.5", 0.5),
-        ("friction", (0,), "2", 2.0),
-        ("armature", (0,), "1e-3", 1e-3),
-        ("rest", (0,), "0.3", 0.3),
-        ("stiffness", (0,), "40", 40.0),
     ],
 )
 def test_a_number_typed_is_the_number_used(state, field, index, text, value):
@@ -162,15 +156,11 @@ def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
 
 def faces(n):
     """Return a tetrahedron in STL, of its first `n` faces."""
-    corners = (
-        ((0, 0, 0), (0, 1, 0), (1, 0, 0)), ((0, 0, 0), (1, 0, 0), (0, 0, 1)),
-        ((0, 0, 0), (0, 0, 1), (0, 1, 0)), ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    )  # fmt: skip
-    lines = ["solid a"]
-    for face in corners[:n]:
-        vertices = (f"vertex {x} {y} {z}" for x, y, z in face)
-        lines += ["facet normal 0 0 0", "outer loop", *vertices, "endloop", "endfacet"]
-    return "\n".join([*lines, "endsolid a", ""]).encode()
+    corners, rows = (
+        np.vstack((np.zeros(3), np.eye(3))),
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    )
+    return trimesh.Trimesh(corners, rows[:n]).export(file_type="stl")
 
 
 @pytest.fixture
@@ -197,10 +187,8 @@ def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(upload):
 @pytest.mark.parametrize(
     ("name", "content", "part"),
     [
-        ("a.exe", b"MZ", ".exe"),
         ("broken.stl", b"solid nothing here", "broken.stl"),
         ("../../etc/x.obj", b"v 0 0", "x.obj"),
-        ("empty.ply", b"", "empty.ply"),
     ],
 )
 def test_a_broken_mesh_is_refused_by_name(upload, state, tmp_path, name, content, part):
@@ -228,9 +216,6 @@ def test_an_errand_is_answered_beside_the_store_and_dropped_for_another_model(st
         ("gravity", (2,), "-1.62", lambda m: m.gravity == (0, 0, -1.62)),
         ("up", (), "y", lambda m: m.up == "y" and m.gravity == (0, -9.81, 0)),
         ("friction", (), "0.8", lambda m: m.ground.friction == 0.8),
-        ("restitution", (), "0.1", lambda m: m.ground.restitution == 0.1),
-        ("static_friction", (), "0.9", lambda m: m.ground.static_friction == 0.9),
-        ("rolling_friction", (), "0.01", lambda m: m.ground.rolling_friction == 0.01),
         ("slope", (), "10 deg", lambda m: m.ground.slope == pytest.approx(math.pi / 18)),
         ("uphill", (1,), "1", lambda m: m.ground.uphill == (1.0, 1.0, 0.0)),
         ("steps", (), "", lambda m: len(m.ground.steps) == 1),
@@ -375,17 +360,6 @@ def test_a_length_stretches_the_body_and_takes_along_what_hangs_at_its_tip():
     assert model.body("hand").link == (1.0, 0, 0)
     assert model.body("beside").link == (0.2, 0, 0)
     assert model.constraints[0].point == (1.0, 0, 0)
-
-
-def test_a_length_of_a_body_derived_from_its_shapes(state):
-    derived = edit(state, "derived", ((), "all"))
-    now = edit(derived, "body_length", ((), "0.4")).model.body("2")
-    assert now.mass > 1.5 * derived.model.body("2").mass
-    assert math.hypot(*now.tip_point) == pytest.approx(0.4, rel=0.1)
-    for text in ("0", "-1", "x", "5 kg"):
-        refused = edit(derived, "body_length", ((), text))
-        assert refused.model is derived.model
-        assert reply(refused)
 
 
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "z"])

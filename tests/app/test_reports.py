@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.report import worker
-from pgraph_app.report.view import compared_with, drawn, page, reports
+from pgraph_app.report.view import drawn, page, reports
 from pgraph_app.run.view import run
 
 from .store import LIMIT, ME, after, begun, do, until
@@ -114,16 +114,6 @@ def test_each_verdict_of_a_map_is_a_line_and_the_legend_is_above_it(both):
     svg = drawn(both)["stability"][0]
     for verdict in {cell.status for cell in found.cells}:
         assert svg.index(f">{verdict.lower()}: ") < svg.index(found.methods[0] + "</text>")
-
-
-def test_references_of_a_map_are_grouped():
-    one, two = "dop853 rtol 1e-12", "dopri5 rtol 1e-11"
-    known = (f"{one}: known to 3e-13", f"{one}: known to 2e-12", f"{two}: known to 1e-9")
-    first, second = compared_with(known)
-    assert first.endswith(f"{one}: known to 3e-13 to 2e-12")
-    assert second.endswith(f"{two}: known to 1e-9")
-    (closed,) = compared_with(["a closed form"])
-    assert closed.endswith("a closed form")
 
 
 def test_a_report_that_cannot_be_made_says_why():

@@ -112,23 +112,6 @@ def test_a_latch_opens_at_a_force(slider):
     np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-8)
 
 
-def test_a_clutch_engages_at_a_coordinate():
-    """Two discs of 1 and 2 kg m²; the first turns at 6 rad/s and grips at 3 rad: both then at 2."""
-    inertia = np.diag([1.0, 1.0, 1.0])
-    first = pg.Body(name="a", joint="revolute", axes=((1, 0, 0),), inertia=inertia, v=(6.0,))
-    second = pg.Body(name="c", joint="revolute", axes=((1, 0, 0),), inertia=2 * inertia)
-    clutch = pg.Constraint(
-        name="clutch", kind="velocity", body="a", coefficients={"a": (1.0,), "c": (-1.0,)},
-        active=False,
-    )  # fmt: skip
-    model = pg.Model(bodies=(first, second), constraints=(clutch,), gravity=(0.0, 0.0, 0.0))
-    state = after(begun(model), do.AddSwitch(ME, "clutch"))
-    run = run_of(after(state, *switch(0, what="coordinate", value="3")))
-    np.testing.assert_allclose(run.v[-1], 2.0, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(run.q[-1], [3 + 2 * 1.5, 2 * 1.5], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.events[0].t, 0.5, rtol=0, atol=1e-9)
-
-
 def test_a_foot_sticks_at_a_gap():
     """A ball that falls from 1 m is held 0.25 m above the ground, after √(2 · 0.65 / g)."""
     sphere = {"kind": "sphere", "radius": 0.1}

@@ -300,16 +300,3 @@ def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle):
     now = after(state, do.Gripped(ME, "a", "rotation", tuple(turned(typed).tolist()), True))
     found, wanted = np.asarray(now.model.body("a").rotation), turned(angle)
     np.testing.assert_allclose(found * np.sign(found @ wanted), wanted, atol=1e-9)
-
-
-def test_copies_of_a_solid_are_independent():
-    shape = pg.Shape(kind="capsule", radius=0.1, end_radius=0.05, length=0.4, role="visual")
-    moved = shape.model_copy(update={"position": (0.0, 0.0, 0.3)})
-    here, there = (shapes.pieces(pg.Body(name="a", shape=s), ()) for s in (shape, moved))
-    first = shapes.mesh(here)
-    before = first.vertices.copy()
-    second = shapes.mesh(there)
-    np.testing.assert_allclose(second.vertices, before + np.array((0.0, 0.0, 0.3)), atol=1e-12)
-    np.testing.assert_array_equal(second.faces, first.faces)
-    second.vertices *= 2.0
-    np.testing.assert_array_equal(shapes.mesh(here).vertices, before)

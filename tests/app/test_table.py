@@ -9,6 +9,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import initial
 from pgraph_app.model.view import toolbar
+from pgraph_app.table import update
 from pgraph_app.table.paste import copied
 
 from .store import ME, OTHER, after, begun, do, notice, seven
@@ -208,3 +209,9 @@ def test_rows_move_before_another_to_the_end_or_to_another_parent(state):
     assert after(state, do.MoveRows(ME, ("2",), "2")).model is state.model
     moved = after(state, do.SetParent(ME, ("3", "6"), "1"))
     assert [moved.model.body(n).parent for n in ("3", "6")] == ["1", "1"]
+
+
+def test_a_table_may_have_exactly_as_many_bodies_as_allowed(state, monkeypatch):
+    monkeypatch.setattr(update, "MOST_BODIES", 8)
+    state = after(state, do.AddBody(ME, "3"))
+    assert len(state.model.bodies) == len(after(state, do.AddBody(ME, "3")).model.bodies) == 8
