@@ -28,11 +28,13 @@ from .fields import (
     EVERY,
     GROUND,
     Described,
+    Flag,
     Mat3,
     Number,
     Once,
     PerMotion,
     Quat,
+    Text,
     Vec3,
     Vec3s,
     along,
@@ -93,8 +95,8 @@ class Body(Described):
         ("joint", "dof", "axes", "motions"), JOINT_FIELDS
     )
 
-    name: str = field("text that is not empty", label="Name")
-    parent: str = field("the name of a body, or 'ground'", default=GROUND, label="Parent")
+    name: Text = field("text that is not empty", label="Name")
+    parent: Text = field("the name of a body, or 'ground'", default=GROUND, label="Parent")
     joint: JointKind = field(
         "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
         default="revolute",
@@ -196,7 +198,7 @@ class Body(Described):
         converter=_derived_in, default=(),
     )  # fmt: skip
 
-    any_inertia: bool = field(
+    any_inertia: Flag = field(
         "true or false: keep an inertia that no rigid body has", default=False
     )
 

@@ -18,7 +18,9 @@ from .fields import (
     Number,
     OfKinds,
     OnSum,
+    Text,
     Vec3,
+    Whole,
     WithOther,
     field,
     maybe_vector,
@@ -50,9 +52,9 @@ class Constraint(OfKinds):
     ROWS: ClassVar[int] = 0  # of a kind: how many scalar equations it is
     NOTHING: ClassVar[Mapping[str, Any]] = {"other": GROUND}
 
-    name: str = field("text that is not empty", label="Name")
-    kind: str = field(KIND, label="Kind")
-    body: str = field("the name of a body", label="Body")
+    name: Text = field("text that is not empty", label="Name")
+    kind: Text = field(KIND, label="Kind")
+    body: Text = field("the name of a body", label="Body")
     active: Flag = field("true or false", default=True)
 
     def __init__(self, /, **data: Any):
@@ -218,7 +220,7 @@ class InJoints(Constraint):
 class OfOne(InJoints):
     """Acts on one coordinate of the joint of `body`."""
 
-    coordinate: int = field(
+    coordinate: Whole = field(
         "the number of a degree of freedom of the joint of `body`, from 0",
         default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
     )  # fmt: skip
@@ -231,13 +233,13 @@ class Gear(OfOne):
     ABOUT: ClassVar[str] = "one joint follows another: q = ratio × q + offset"
 
     kind: Literal["gear"] = field(KIND, default="gear")
-    other: str = field("the name of a body", default=GROUND, label="Other")
+    other: Text = field("the name of a body", default=GROUND, label="Other")
     ratio: Number = field(
         "a finite number: q of `body` is ratio x q of `other` + offset",
         default=1.0, help="q of the body = ratio × q of the other + offset",
     )  # fmt: skip
     offset: Number = field("a finite number [rad, m]", default=0.0, unit="rad, m")
-    other_coordinate: int = field(
+    other_coordinate: Whole = field(
         "the number of a degree of freedom of the joint of `other`, from 0",
         default=0, ge=0, le=5, label="Other's",
         help="which degree of freedom of the other's joint",

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import EVERY, GROUND, Described, Flag, Number, Vec3s, field, refuse, vectors
+from .fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
 from .world import Ground, below_kinetic
 
 CROWD = 20  # bodies of which every two are a contact pair of their own; of more, all are one
@@ -38,9 +38,9 @@ class Contact(Described):
         "penalty": "spring and damper: k d + c d', friction that sticks",
     }
 
-    name: str = field("text that is not empty", label="Name")
-    body: str = field("the name of a body, or '*' for every body that has a shape", label="Body")
-    other: str = field(
+    name: Text = field("text that is not empty", label="Name")
+    body: Text = field("the name of a body, or '*' for every body that has a shape", label="Body")
+    other: Text = field(
         "'ground', the name of a body, or '*' for every other body that has a shape",
         default=GROUND, label="Other",
     )  # fmt: skip

@@ -158,6 +158,8 @@ Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(_ordered
 Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_inertia)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_ordered)]
 Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_ordered)]
+Whole = Annotated[int, Strict(), BeforeValidator(listed)]
+Text = Annotated[str, Strict()]
 Flag = Annotated[bool, Strict(), BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
 
@@ -337,8 +339,6 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
         return along(given)
     if name == "rotation" and getattr(given, "shape", ()) == (3, 3):
         return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
-    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 3:
-        return "; write np.diag([...]) for three principal moments"
     if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
         return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
     if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
@@ -747,7 +747,7 @@ def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
 class WithOther(Described):
     """A part between `body` and another one."""
 
-    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+    other: Text = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
 
 class AtPoint(Described):
@@ -793,7 +793,7 @@ class OfSums(OfKinds):
 class OnSum(OfSums):
     """Acts on the sum of `coefficients` x coordinates of joints, and on nothing else."""
 
-    body: str = field("the name of a body", default="", label="Body")
+    body: Text = field("the name of a body", default="", label="Body")
     coefficients: ByName = field(
         "body name -> numbers, one a degree of freedom of its joint",
         converter=by_name, label="Coefficient", help="one a degree of freedom",

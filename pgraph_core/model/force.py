@@ -26,7 +26,9 @@ from .fields import (
     OfSums,
     OnSum,
     Quat,
+    Text,
     Vec3,
+    Whole,
     WithOther,
     by_name,
     field,
@@ -64,9 +66,9 @@ class Force(OfKinds):
         "gear": 1.0, "coefficients": {},
     }  # fmt: skip
 
-    name: str = field("text that is not empty", label="Name")
-    kind: str = field(KIND, label="Kind")
-    body: str = field("the name of a body", label="Body")
+    name: Text = field("text that is not empty", label="Name")
+    kind: Text = field(KIND, label="Kind")
+    body: Text = field("the name of a body", label="Body")
 
     def __init__(self, /, **data: Any):
         """A force of the given kind. Raises ModelError."""
@@ -93,7 +95,7 @@ class OnJoint(Force, OfSums):
 
     INPUT: ClassVar[str] = "torque"  # the field that is the input
 
-    coordinate: int = field(
+    coordinate: Whole = field(
         "the number of a degree of freedom of the joint, from 0",
         default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
     )  # fmt: skip

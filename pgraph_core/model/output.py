@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import GROUND, Described, Quat, Vec3, field, quaternion, refuse, vector
+from .fields import GROUND, Described, Quat, Text, Vec3, Whole, field, quaternion, refuse, vector
 
 
 class Site(Described):
@@ -16,8 +16,8 @@ class Site(Described):
     they take a body's.
     """
 
-    name: str = field("text that is not empty", label="Name")
-    body: str = field("the name of a body, or 'ground'", label="Body")
+    name: Text = field("text that is not empty", label="Name")
+    body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
         "three finite numbers in the axes of `body` [m]",
         converter=vector, default=(0.0, 0.0, 0.0), unit="length",
@@ -81,10 +81,10 @@ class Output(Described):
     `force` and `torque` that the joint passes on to the body, about the frame's origin.
     """
 
-    name: str = field("text that is not empty", label="Name")
+    name: Text = field("text that is not empty", label="Name")
     kind: Kind = field(f"one of {', '.join(READINGS)}", label="Kind")
-    at: str = field("the name of a body or site", label="At", help="a body or a site")
-    coordinate: int = field(
+    at: Text = field("the name of a body or site", label="At", help="a body or a site")
+    coordinate: Whole = field(
         "the number of a degree of freedom of the joint, from 0",
         default=0, ge=0, le=5, help="of a joint: which degree of freedom, from 0",
     )  # fmt: skip

@@ -19,6 +19,7 @@ from .fields import (
     Frozen,
     Number,
     Numbers,
+    Text,
     by_name,
     field,
     listed,
@@ -157,14 +158,14 @@ SUBJECTS = ("coordinate", "gap", "force", "constraint")
 class When(Frozen):
     """A condition of the state: one of coordinate, gap, force, constraint, and its bound."""
 
-    coordinate: str | None = field(
+    coordinate: Text | None = field(
         "the name of a body, with a number if it has several: 'a 1'", default=None
     )
-    gap: str | None = field("the name of a contact, whose smallest gap counts [m]", default=None)
-    force: str | None = field(
+    gap: Text | None = field("the name of a contact, whose smallest gap counts [m]", default=None)
+    force: Text | None = field(
         "the name of a contact or constraint, whose force counts [N]", default=None
     )
-    constraint: str | None = field("the name of a constraint", default=None)
+    constraint: Text | None = field("the name of a constraint", default=None)
     above: Number | None = field("a number", default=None)
     below: Number | None = field("a number", default=None)
     active: Flag | None = field("true or false, with constraint", default=None)

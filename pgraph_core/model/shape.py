@@ -20,6 +20,7 @@ from .fields import (
     Number,
     Quat,
     Row3,
+    Text,
     Vec3,
     field,
     listed,
@@ -92,7 +93,7 @@ class Shape(Frozen):
         "a radius > 0 [m] at the far end (+z) of a capsule or cylinder that is only drawn",
         default=None, gt=0, unit="length", help="at the far end, where it tapers; empty: the same",
     )  # fmt: skip
-    file: str | None = field("the name of a mesh file", default=None)
+    file: Text | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
         "a factor > 0 on the mesh, or three, one an axis, that are not zero",
         converter=_scale_in, default=1.0,
