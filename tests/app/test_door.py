@@ -33,7 +33,6 @@ def server():
 
 
 def answer(server, path="/", **headers):
-    """Return the status, the headers and the content of a page of the server."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=LIMIT)
     connection.request("GET", path, headers=headers)
     response = connection.getresponse()
@@ -197,7 +196,6 @@ def event(client, number=0):
 
 
 def taken(queue, n=10**6):
-    """Return the next `n` events that wait, or all."""
     found = []
     while len(found) < n and (event := queue.get(0.0)) is not None:
         found.append(event)

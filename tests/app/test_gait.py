@@ -33,7 +33,6 @@ def ready(name="quadruped_hips"):
 
 
 def walked(state, motion, seconds):
-    """Return the state after further parts of a live run, as its thread computes them."""
     for _ in range(round(seconds / PART)):
         part = motion.advanced(state.model, state.live, PART, None, state.walking)
         state = after(state, do.Advanced(state.live.id, part, 1.0))

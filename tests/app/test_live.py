@@ -14,11 +14,9 @@ import pgraph_core as pg
 from pgraph_app.core.state import poses
 from pgraph_app.core.store import Store
 from pgraph_app.run.live import (
-    CALM,
     Clock,
     LiveRunner,
     Motion,
-    Share,
 )
 from pgraph_app.run.update import TOGETHER, grown, joined
 from pgraph_app.run.view import measures, run
@@ -31,12 +29,10 @@ STEP = 0.01  # [s]
 
 @pytest.fixture
 def live():
-    """A live run of two rods, begun."""
     return after(begun(pg.Model.serial(2)), do.GoLive(ME))
 
 
 def parts(state, n):
-    """Return the next parts of the live run of a state."""
     motion = Motion()
     return [motion.advanced(state.model, state.live, STEP) for _ in range(n)]
 
@@ -180,26 +176,8 @@ def test_the_thread_follows_edits_and_ends(live):
     until(lambda: "pgraph-live" not in {t.name for t in threading.enumerate()}, "its end")
 
 
-def test_parts_are_longer_where_the_processor_is_taken_away(monkeypatch):
-    wall, used, share = [0.0], [0.0], Share()
-    monkeypatch.setattr(time, "perf_counter", lambda: wall[0])
-    monkeypatch.setattr(time, "thread_time", lambda: used[0])
-
-    def part(of):
-        with share:
-            wall[0] += 0.01
-            used[0] += 0.01 * of
-        return share.least
-
-    assert not any(part(1.0) for _ in range(10))
-    assert [part(0.1) for _ in range(20)][-1] == CALM
-    assert [part(1.0) for _ in range(20)][-1] == 0.0
-    assert part(0.1) == 0.0  # one alone says nothing
-
-
 @pytest.fixture
 def finished():
-    """A finished run of two rods."""
     state = begun(pg.Model.serial(2))
     return ran(state, pg.simulate(pg.Mechanism(state.model), t_end=0.2))
 

@@ -34,7 +34,6 @@ def boxes():
 
 
 def towards(point: tuple[float, ...], way: tuple[float, ...], slack: float = 0.0) -> Ray:
-    """A ray from 5 m along `way` to a point."""
     u = np.asarray(way) / np.linalg.norm(way)
     return Ray(np.asarray(point) + 5.0 * u, -u, slack)
 

@@ -42,7 +42,6 @@ def display(state, **units):
 
 
 def fields_of(state, *names):
-    """Return the fields of the form of these bodies, by their names."""
     sent = properties(state, names, state.clients[ME].display)
     return {f["field"]: f for group in sent["groups"] for f in group["fields"]}
 
@@ -227,11 +226,7 @@ def test_properties_of_the_model(state, field, index, text, value):
     assert value(now.model)
     assert len(now.undo) == 1
     if field == "steps":
-        low, high, out = (
-            do.EditWorld(ME, 1, field, (entry,))
-            for entry in (((0, 0), "99"), ((0, 4), "0.25"), ((0,), ""))
-        )
-        assert after(now, low).model is now.model  # above its other end
+        high, out = (do.EditWorld(ME, 1, field, (e,)) for e in (((0, 4), "0.25"), ((0,), "")))
         assert after(now, high).model.ground.steps[0].height == 0.25
         assert after(now, high, out).model.ground.steps == ()
 
@@ -280,9 +275,6 @@ def test_derived_mass_properties_follow_the_shapes_until_they_are_typed(state):
     np.testing.assert_allclose(
         np.array(heavy.inertia), np.array(now.inertia) * 2000 / now.mass, rtol=1e-12
     )
-    again = edit(edit(longer, "mass", ((), "2 t")), "derived", ((), "mass")).model.body("2")
-    assert again.mass == pytest.approx(2000)
-    assert set(again.derived) == {"mass", "com", "inertia"}
 
 
 def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
@@ -315,8 +307,6 @@ def test_a_contact_at_points_is_reported_when_its_body_gets_a_shape(state):
     shaped = edit(state, "shape_kind", ((), "box"))
     assert "grip" in notice(shaped)
     assert "floor" not in notice(shaped)
-    quiet = replace(shaped, clients={ME: replace(shaped.clients[ME], notice=None)})
-    assert notice(edit(quiet, "shape_size", ((0,), "0.3"))) == ""
 
 
 def test_every_shape_of_a_body_has_a_form(state):
@@ -362,10 +352,8 @@ def test_a_length_stretches_the_body_and_takes_along_what_hangs_at_its_tip():
     assert model.constraints[0].point == (1.0, 0, 0)
 
 
-@pytest.mark.parametrize("axis", ["x", "-x", "y", "z"])
-def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
-    """Also where the rod that it stands for lies along another axis, or was drawn as a capsule."""
-    tip = {"x": (0.6, 0, 0), "y": (0, 0.6, 0), "z": (0, 0, 0.6), "-x": (-0.6, 0, 0)}[axis]
+@pytest.mark.parametrize("tip", [(-0.6, 0, 0), (0, 0, 0.6)])
+def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, tip):
     model = state.model.edit("2", tip=tip, com=tuple(x / 2 for x in tip))
     for first in ("none", "capsule", "cylinder"):
         new = edit(replace(state, model=model), "shape_kind", ((), first))
@@ -374,11 +362,6 @@ def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
         assert box.rotation == (1.0, 0.0, 0.0, 0.0)
         longest = max(range(3), key=lambda i: box.size[i])
         assert (longest, box.size[longest]) == (int(np.argmax(np.abs(tip))), pytest.approx(0.6))
-        for kind, field in (("ellipsoid", "radii"), ("box", "size")):
-            new = edit(new, "shape_kind", ((), kind))
-            (edges,) = [f for name, f in fields_of(new, "2").items() if name.endswith(f"_{field}")]
-            assert [c["name"] for c in edges["cells"]] == ["x", "y", "z"]
-        assert new.model.body("2").shape == box
         rod = edit(new, "shape_kind", ((), "capsule")).model.body("2").shape
         assert abs(matrix(rod.rotation)[:, 2] @ np.array(tip)) == pytest.approx(0.6)
         assert rod.length + 2 * rod.radius == pytest.approx(0.6)

@@ -44,14 +44,12 @@ def two_methods():
 
 @pytest.fixture(scope="module")
 def precise():
-    """A report on a double pendulum's error against run time."""
     state = after(begun(pg.Model.serial(2)), do.SetReport(ME, 1, "t_end", "0.1"))
     return measured(state, "precision")
 
 
 @pytest.fixture(scope="module")
 def both(precise):
-    """The same with a map over the ratio of masses, made later."""
     state = after(precise, do.SetReport(ME, 2, "axis", "mass_ratio"))
     return measured(state, "stability")
 
@@ -124,7 +122,6 @@ def test_a_report_that_cannot_be_made_says_why():
 
 
 def test_a_cancelled_report_ends(monkeypatch):
-    """It measures until it is told that nobody wants to know."""
 
     def measure(analysis, progress):
         until(lambda: not progress(0.5), "the cancellation")

@@ -37,7 +37,6 @@ def slider():
 
 
 def switch(number, **fields):
-    """Return what is typed into these cells of a switch."""
     return [do.EditSwitch(ME, 1, number, field, text) for field, text in fields.items()]
 
 
@@ -46,13 +45,11 @@ def given(field, text, *index):
 
 
 def motor(torque):
-    """Return what gives body b a motor and lets it start at rest."""
     drive = do.EditDrive(ME, 3, "motor", "torque", (((), torque),))
     return [do.AddDrive(ME, "motor", "b"), drive, given("bodies", "b"), given("v", "0", 0, 0)]
 
 
 def run_of(state):
-    """Return what Simulate computes of the state."""
     state = after(state, do.Simulate(ME))
     assert state.job is not None, state.run_problem
     return simulated(state.job, lambda _: 1)

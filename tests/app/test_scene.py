@@ -33,13 +33,11 @@ def pose(state, body, index, value, serial=0):
 
 
 def simulated(state, t_end):
-    """Return the state at the end of a run of its model."""
     result = pg.simulate(pg.Mechanism(state.model), t_end=t_end, step=1e-3)
     return after(ran(state, result), do.Scrub(ME, t_end))
 
 
 def touching(*balls):
-    """Return the state of balls that may touch the ground."""
     return begun(pg.Model(bodies=balls, contacts=(pg.Contact(name="c", body="*"),)))
 
 

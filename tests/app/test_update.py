@@ -47,7 +47,6 @@ def result(t_end=1.0, nb=7):
 
 @pytest.fixture
 def ran(state):
-    """The state after a simulation."""
     return after(state, do.Simulate(ME), do.Simulated(1, result()))
 
 
@@ -136,7 +135,6 @@ def test_undo_and_redo_a_hundred_and_fifty_deep(state):
 
 
 def test_the_result_of_an_errand_is_an_undo_step_of_the_page_that_asked(state):
-    """Its answer comes from the server; the page's own Undo takes it back, no other page's."""
     pages = {me: replace(page, page=f"page {me}") for me, page in state.clients.items()}
     state = replace(state, clients=pages)
     asked = sent(state, ME, "fit", lambda _: Found("", {"3": {"mass": 9.0}}))

@@ -29,7 +29,6 @@ def state():
 
 @pytest.fixture(scope="module")
 def stood(state):
-    """The state after a hundredth of a second of stance."""
     return ran(state, pg.simulate(pg.Mechanism(state.model), scenario="stance", t_end=0.01))
 
 

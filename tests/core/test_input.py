@@ -110,7 +110,6 @@ def parameters(call):
 
 
 def refuse_wrong(name, share):
-    """Give each argument one in `share` of the wrong values."""
     call = CALLS[name]
     taken = parameters(call)
     base = {p.name: RIGHT.get(p.name, "zz") for p in taken if p.default is p.empty}

@@ -61,7 +61,6 @@ def test_any_text_is_a_number_or_refused_with_a_reason(text):
 
 @pytest.fixture
 def legs():
-    """Two legs of one thigh length."""
     chain = pg.Model.serial(3).replace(parameters={"thigh": 0.22, "heavy": 2.0})
     chain = chain.edit("1", tip=("=thigh", 0.0, 0.0), mass="=heavy")
     return chain.edit("2", link=("=thigh", 0, 0), com=("=thigh/2", 0, 0), damping="=heavy/100")
