@@ -4,8 +4,6 @@ Rows go in by Python and by a file with `pgraph check`. Values of the wrong type
 every field of every kind from its annotation and from what its description promises.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

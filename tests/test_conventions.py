@@ -1,7 +1,5 @@
 """The conventions of docs/conventions.md and docs/glossary.md, on poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Edits of several rows: duplicate, mirror, move, remove, edit_all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Model files come back as written, and a file is replaced as a whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import stat
 from pathlib import Path

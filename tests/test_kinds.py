@@ -1,7 +1,5 @@
 """One class for each kind of force and constraint, edits of parts, sites, warnings of models."""
 
-from __future__ import annotations
-
 import copy
 import inspect
 import json

@@ -1,7 +1,5 @@
 """The built-in models: what they are, that their files are as built, and that they run well."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path

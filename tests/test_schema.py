@@ -1,7 +1,5 @@
 """The description: what edits do, and laws of building, editing and storing."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The site of the documents: it builds without a warning, and all in it leads somewhere."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Numbers, Pgraph and jdof: the paper's vectors, and laws on random forests."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

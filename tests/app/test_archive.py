@@ -1,7 +1,5 @@
 """Models with meshes, saved and opened again elsewhere, in folders and in single files."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Autosave: an edited model survives kill -9, and nothing else comes back (interface 1.9)."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess

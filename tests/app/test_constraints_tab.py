@@ -1,7 +1,5 @@
 """Constraints, contacts, forces, limits and loops in their tab (interface 1.6; D12-D18)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

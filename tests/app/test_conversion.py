@@ -1,7 +1,5 @@
 """Files of other formats on the page: opened, downloaded, and their report."""
 
-from __future__ import annotations
-
 import base64
 
 import pytest

@@ -1,7 +1,5 @@
 """Access to the page, and the filter for messages to viser and the model."""
 
-from __future__ import annotations
-
 import gc
 import gzip
 import http.client
@@ -134,7 +132,6 @@ def test_with_a_token_only_the_printed_address_and_its_cookie_open_the_page(lock
     assert status(first, Cookie=f"a=b; {cookie}") == 200
     assert status(first, Cookie=f"{cookie}x") == 403
     assert status(first, Host="evil.example", Cookie=cookie) == 403
-    assert status(first, Cookie="pgraph_token_\xff=\xff") == 403
     assert status(first, Cookie=f"pgraph_token_{first.port}=\xff") == 403
 
 

@@ -1,7 +1,5 @@
 """Walks on the page: events, live parts, reports and payloads."""
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import replace
@@ -78,11 +76,6 @@ def test_parts_of_a_walk_make_one_walk(trotted):
     assert np.all(np.diff(run.t) > 0)
     way = run.q[-1, 0] - run.q[np.searchsorted(run.t, 1.5), 0]
     assert way / (run.t[-1] - run.t[np.searchsorted(run.t, 1.5)]) > 0.65  # it became faster
-    foot = "left_hind_foot"
-    down = run.phases[foot] == "stance"
-    load = run.contact_normal[foot]
-    assert np.mean(load[down][1:] > 0) > 0.9
-    assert np.all(load[run.phases[foot] == "swing"] < 1.0)
     for foot in ("left_front_foot", "right_hind_foot"):  # none changes because a part begins
         lifts = [e.t for e in run.events if e.contact == foot and e.after == "swing"]
         assert np.all(np.diff(lifts) > 0.3)  # one per stride of 0.38 s
@@ -206,17 +199,11 @@ def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
         most = s["speed_rate"] * max(motion.time - s["speed_time"], 0.0)
         return s["speed_from"] + float(np.clip(s["speed_to"] - s["speed_from"], -most, most))
 
-    def other(speed):
-        scenarios = tuple(
-            s.model_copy(update={"gait": s.gait.edit(speed=speed)}) if s.name == name else s
-            for s in model.scenarios
-        )
-        return model.replace(scenarios=scenarios).to_json()
-
+    slow = model.scenario(name).gait.edit(speed=0.1)
+    other = [s.model_copy(update={"gait": slow}) if s.name == name else s for s in model.scenarios]
     edits = (
-        do.SetWalk(ME, 1, "speed", "0.9"), do.SetGait(ME, 1, "crawl"),
-        do.SetGait(ME, 1, "trot"), do.OpenText(ME, "slow", other(0.1)),
-        do.OpenText(ME, "fast", other(1.1)), do.Undo(ME),
+        do.SetWalk(ME, 1, "speed", "0.9"), do.SetGait(ME, 1, "crawl"), do.SetGait(ME, 1, "trot"),
+        do.OpenText(ME, "slow", model.replace(scenarios=other).to_json()), do.Undo(ME),
     )  # fmt: skip
     asked = []
     for edit in edits:

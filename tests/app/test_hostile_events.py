@@ -1,7 +1,5 @@
 """A fuzz test of page events: no exception and no invalid state."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

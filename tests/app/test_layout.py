@@ -1,7 +1,5 @@
 """Places, colours and shapes of the digraph and the bodies."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

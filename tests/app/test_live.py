@@ -1,7 +1,5 @@
 """Live runs: events, and the thread that computes them (interface 1.7)."""
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Plots: the signals of a run and the payload (interface 1.8)."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

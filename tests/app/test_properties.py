@@ -1,7 +1,5 @@
 """The Properties tab: exact numbers in SI units and one undo step per edit (interface 1.5)."""
 
-from __future__ import annotations
-
 import base64
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Refused input: the model stays, and the reply names the part, the field and the value given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Events with outdated names or rows refer to the parts that carried them."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

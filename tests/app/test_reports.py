@@ -1,7 +1,5 @@
 """The reports in the page: settings, results and advice."""
 
-from __future__ import annotations
-
 import json
 import threading
 from functools import partial

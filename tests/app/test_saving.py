@@ -1,7 +1,5 @@
 """Save replaces only files of its own session, unless a person allows more."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """The scenario editor: its events, and its switches in a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

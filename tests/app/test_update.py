@@ -1,7 +1,5 @@
 """The reducer: edits, undo, runs, playback and messages of the page."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
@@ -74,9 +72,8 @@ def test_an_accepted_edit_is_answered_and_the_same_value_is_no_undo_step(state):
     assert (done.clients[ME].reply.serial, done.clients[ME].reply.text) == (5, "")
     assert (done.model.body("3").mass, len(done.undo)) == (1500.0, 1)
     assert after(done, typed("3", "mass", "1500")).undo == done.undo
-    skew = after(state, typed("3", "inertia", "1e-4", 0, 1), typed("3", "com", "-.25", 2))
-    assert skew.model.body("3").inertia[1][0] == 1e-4
-    assert skew.model.body("3").com[2] == -0.25
+    skew = after(state, typed("3", "inertia", "1e-4", 0, 1), typed("3", "tip", "", 0))
+    assert (skew.model.body("3").inertia[1][0], skew.model.body("3").tip) == (1e-4, None)
     assert not after(state, typed("3", "dof", "3")).clients[ME].notice.bad  # what was reset
 
 
@@ -85,13 +82,6 @@ def test_pgraph_and_jdof_follow_an_edit(state):
     state = after(state, typed("6", "parent", "5"))
     assert state.derived.pgraph == (1, 2, 3, 4, 5, 6, 2, 7)
     assert state.derived.jdof == (1, 1, 1, 1, 1, 1, 0, 1)
-
-
-def test_an_empty_tip_is_the_centre_of_mass(state):
-    state = after(state, typed("3", "tip", "", 0))
-    assert state.model.body("3").tip is None
-    state = after(state, typed("3", "tip", "0.5", 1))
-    assert state.model.body("3").tip == (state.model.body("3").com[0], 0.5, 0.0)
 
 
 def test_a_body_is_added_on_the_given_one_and_is_selected(state):

@@ -1,7 +1,5 @@
 """Payloads of the views are plain JSON, with and without a run."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 

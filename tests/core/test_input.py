@@ -1,7 +1,5 @@
 """Arguments of public calls: all forms of numbers are taken, and no value ends in a bare error."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

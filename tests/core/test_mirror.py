@@ -1,7 +1,5 @@
 """The laws of a reflection: the mirror image of a mechanism moves as its mirror image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

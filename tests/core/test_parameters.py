@@ -1,7 +1,5 @@
 """Named parameters: one number for many cells, in files and through every edit."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re
