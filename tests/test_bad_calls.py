@@ -51,8 +51,6 @@ def batch(path: Any, values: Any, **options: Any) -> Any:
 
 EDITS = [
     (lambda: BASE.edit("1", name="2"), "body '1', name", "'2'", "row 2"),
-    (lambda: BASE.edit("1", mass=-2), "body '1', mass", ">= 0", "-2"),
-    (lambda: BASE.edit("1", parent="9"), "body '1', parent", "'9'", "ground, 2, 3"),
     (lambda: BASE.edit("1", parent="3"), "body '1', parent", "1 -> 3 -> 2 -> 1", "ground"),
     (lambda: BASE.edit("1", masss=1), "body '1', masss", "did you mean mass?", "dof"),
     (lambda: BASE.edit("1", length=2.0), "com, inertia"),
@@ -63,7 +61,6 @@ EDITS = [
         (lambda name=name: getattr(BASE, name)("9"), "body '9'", EVERY)
         for name in ("body", "edit", "remove", "mirror", "duplicate")
     ),
-    (lambda: BASE.edit_all({"9": {"mass": 1.0}}), "body '9'", EVERY),
     (lambda: BASE.edit_all({"1": {"mass": 2.0}, "2": {"mass": -1.0}}), "body '2', mass", "-1"),
     (lambda: BASE.mirror("1", plane="w"), "body '1', plane", "'x'", "'y'", "'z'", "'w'"),
     (lambda: BASE.move(["1", "2"], 2), "body '1', to", "0 to 1", "2"),
@@ -74,15 +71,12 @@ EDITS = [
     (lambda: TWO.edit("tie", active=False), "'tie'", 'kind="constraint"', 'kind="contact"'),
     (lambda: TWO.edit("drve", kp=1), "'drve'", "choose one of drive, "),
     (lambda: TWO.edit("drive", kind="contact", friction=1), "contact 'drive'", "tie, floor"),
-    (lambda: TWO.remove("drive", kind="forces"), "'forces'", "body, constraint, contact, force"),
     (lambda: TWO.add({"name": "x"}), "Force, Scenario, Site or Output", "dict"),
     (lambda: TWO.add(pg.Motor), "pg.Motor(name="),
     (lambda: TWO.add(pg.Motor(name="drive", body="arm")), "force 'drive', name"),
     (lambda: TWO.add(pg.Motor(name="x", body="arm"), after="tie"), "force 'tie'", "drive"),
     (lambda: TWO.add(pg.Site(name="arm", body="fore")), "'arm'"),
-    # copies and parts by themselves
     (lambda: pg.Force(name="f", kind="sprng", body="a"), "force 'f', kind", "'sprng'", "spring"),
-    (lambda: pg.Spring(name="f", body="a", kp=1), "force 'f', kp", "'spring'", "servo"),
     (lambda: pg.Spring(name="f", kind="motor", body="a"), "'spring'", "'motor'", "a Motor"),
     (lambda: pg.Spring(body="rod"), "pg.Spring(body='rod'", "name"),
     (lambda: pg.Body("a"), "pg.Body(name='a'"),
@@ -93,35 +87,24 @@ EDITS = [
     (lambda: setattr(BASE.bodies[0], "masss", 0), "did you mean mass"),
     (lambda: setattr(BASE.bodies[0], "mass", 2.0), "body '1', mass", "model.edit('1', mass=2.0)"),
     (lambda: setattr(BASE, "name", "other"), "name", "model.replace(name='other')"),
-    (lambda: delattr(BASE, "gravity"), "gravity"),
     (lambda: TWO["start"].q.update(arm=1), "model.edit(name of the part"),
-    *(
-        (lambda n=n: pg.Model.serial(n), ">= 1", shown(n))
-        for n in (0, 1.0, "3", True)
-    ),
+    *((lambda n=n: pg.Model.serial(n), ">= 1", shown(n)) for n in (0, 1.0, "3", True)),
 ]  # fmt: skip
 
 CALLS = [
-    # a mechanism
     (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
     (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
-    (lambda: MECH.pose(Q, "paw"), "'paw'", EVERY),
     (lambda: MECH.plan(method="rk5"), "plan, method", "'rk5'", "rk4"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),
     (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
-    # runs
     (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
-    (lambda: run(method="rk5"), "rk5", "rk4"),
     (lambda: run(method="RK45"), "did you mean dopri5?"),
     (lambda: run(method="rk4", rtol=1e-8), "rtol", "dop853"),
-    (lambda: run(method="rk4", atol=1e-3), "simulate, atol", "rk4"),
     (lambda: run(method="rk4", max_steps=5), "10 steps", "0.001 s"),
     (lambda: run(rtol=1e-17), "simulate, rtol", "rounding", "1e-17"),
-    (lambda: run(atol=-1.0), "simulate, atol", "> 0", "-1"),
-    (lambda: run(scenario="walk"), "walk"),
     (lambda: run(stabilise="hope"), "simulate, stabilise", "project"),
     (lambda: run(estimate="no"), "simulate, estimate", "True, False or None", "'no'"),
     (lambda: run(frames=10**12), "simulate, frames", "at most"),
@@ -135,7 +118,6 @@ CALLS = [
     (lambda: run(events=lambda t, q, v: q[0] > 1), "crosses zero"),
     (lambda: run(forces=5), "simulate, forces", "pg.Force", "given 5"),
     (lambda: run(forces=[pg.Motor(name="z", body="1", coordinate=1)]), "force 'z', coordinate"),
-    (lambda: run(forces=[pg.Motor(name="z", body="nobody")]), "force 'z', body", "'nobody'", EVERY),
     (lambda: pg.simulate(BASE, 0.5), "t_end=0.5"),
     (lambda: pg.simulate("arm.json"), "pg.Model.load('arm.json')"),
     (lambda: pg.simulate("pendulum"), "pgraph_models.path('pendulum')"),
@@ -146,9 +128,7 @@ CALLS = [
         ), repr(names[0]))
         for names in (("drive",), ("new", "new")) for call in (pg.simulate, pg.Stepper)
     ),
-    # steppers and batches
     (lambda: pg.Stepper(MECH, dt=1e-3), "Stepper", "dt", "did you mean step?"),
-    (lambda: pg.Stepper(MECH).switch("x", True), "'x'"),
     (lambda: pg.Stepper(MECH).record_over(-1.0), "dt", "> 0", "-1"),
     (lambda: pg.Stepper(HINGES).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
     (lambda: pg.Stepper(HINGES).step({"1": 1.0}), "tau", "numbers"),
@@ -156,8 +136,6 @@ CALLS = [
     (lambda: pg.BatchStepper(HINGES, 2).step({"1": 1.0}), "(2, 2)", "(2,)"),
     (lambda: pg.BatchStepper(HINGES, 2).reset(numbers=1), "numbers", "set"),
     (lambda: batch("bodies.arm.q.0", [0.1, 0.9], scenario="start"), "scenario 'start'"),
-    (lambda: batch("bodies.arm.mass", [True, False]), "numbers"),
-    # sweeps: of numbers that something else replaces, too
     (lambda: sweep("bodies.arm.q.0", q=[0.0, 0.0]), "bodies.arm.q.0", "q= of the call"),
     (lambda: sweep("bodies.arm.q.0", scenario="start"), "bodies.arm.q.0", "scenario 'start'"),
     (lambda: sweep("scenarios.start.q.arm.0", scenario="start", q=[0.0, 0.0]), "q= of the call"),
@@ -165,21 +143,16 @@ CALLS = [
     (lambda: sweep("scenarios.start.t_end", scenario="start", t_end=0.05), "t_end=0.05"),
     (lambda: sweep("scenarios.start.t_end"), "scenario='start'"),
     (lambda: sweep("bodies.arm.mass", metric=[lambda r: 1.0, lambda r: 2.0]), "'<lambda>'"),
-    # files, gaits and others
-    (lambda: BASE.save("model.yaml"), ".json"),
     (lambda: pg.write_urdf(BASE, "u.txt"), ".urdf"),
     (lambda: pg.Model.load("pendulum"), "pgraph_models.path('pendulum')"),
     (lambda: pgraph_models.path("horse"), "'horse'", *pgraph_models.names()),
     (lambda: pg.underfoot(BASE, friction=-1), "friction"),
-    (lambda: pg.gaits("paws"), "feet", "four contacts", "'paws'"),
     (lambda: pg.Model.edit("a", mass=1.0), "Model.edit", "Model"),
     (lambda: pg.Result(), "pg.simulate("),
-    # vectors of a tree
     *(
         (lambda p=p: pg.pgraph_of(p), *facts)
         for p, *facts in (
-            ([1], "body 1, parent", "cycle"), ([0, 3, 2], "body 2, parent", "cycle"),
-            ([0, 5], "body 2, parent", "0 to 2", "5"), ([0, -1], "body 2, parent", "-1"),
+            ([0, 3, 2], "body 2, parent", "cycle"), ([0, 5], "body 2, parent", "0 to 2", "5"),
             ([0.0, 1.0], "parent"), ([[0], [0, 1]], "parent"), (None, "parent"),
         )
     ),
@@ -361,7 +334,6 @@ LATE = [
     (lambda: pg.Gait(name="g", feet=FEW), "gait 'g', feet", "four", repr(list(FEET[:3]))),
     (lambda: TROT.edit(feet=[*FEW, FEW[0]]), "gait 'trot', feet", "'left_front_foot'", "twice"),
     (lambda: TROT.edit(sway=(0.1,)), "gait 'trot', sway", "pairs", "[0.1]"),
-    (lambda: TROT.edit(gains={"roll": (1, -1)}), "gait 'trot', gains", "roll", ">= 0", "given -1"),
     (lambda: walk(QUADRUPED.replace(scenarios=(), contacts=())), "'left_front_foot'", "no contact"),
     (lambda: walk(pg.Model.serial(3)), "gait 'trot'", "'y'", "'z'"),
     (lambda: walk(QUADRUPED.edit("pelvis", joint="weld")), "gait 'trot'", "free", "'pelvis'"),
@@ -369,7 +341,6 @@ LATE = [
     (lambda: walk(QUADRUPED, TROT.edit(speed=9.0)), "trot', speed", "9 m/s", "0.38 s", "0.5"),
     (lambda: walk(QUADRUPED, TROT.edit(height=0.7)), "gait 'trot', height", "0.7 m", "hip"),
     (lambda: study(methods=("rk4", "rk5")), "work_precision, methods", "'rk5'", "rk4", "radau5"),
-    (lambda: study(methods=()), "work_precision, methods", "at least one", "rk4"),
     (lambda: study(steps=(0.1, -1)), "work_precision, steps", "1e-08 and 1", "(0.1, -1)"),
     (lambda: study(tolerances=1e-17), "work_precision, tolerances", "1e-15 and 0.1", "1e-17"),
     (lambda: study(tolerances=[10.0**-k for k in range(70)]), "tolerances", "70", "64"),

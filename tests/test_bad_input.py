@@ -95,7 +95,6 @@ HINGE = ("'arm'", "1", "given")
 
 ROWS = [
     named("name", "''", name=""),
-    named("name", "missing"),
     *(
         row(f"body {name!r}", ("name", repr(name)), {"bodies": [{"name": name}]})
         for name in (" a", "a\nb", "ground", "*")
@@ -126,10 +125,8 @@ ROWS = [
     *(body("limits", limits=limits) for limits in ([0], 0, False, [5], [1, 0])),
     body("shape", "'ball'", "did you mean sphere?", "capsule", shape={"kind": "ball"}),
     body("shape", "sphere", "radius", shape={"kind": "sphere"}),
-    # constraints
     constraint("glue", ("kind", "'glue'", *pg.Constraint.KINDS)),
     constraint("point", "length", "'point'", "distance", length=1),
-    constraint("revolute", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     constraint("distance", "other_point", "missing"),
     constraint("line", "other_axis", "one direction", "axis"),
     constraint("universal", "other_axis", "axis", "both", axis=[0, 0, 1]),
@@ -145,15 +142,12 @@ ROWS = [
     constraint("motion", "q_of_t", "ascend", "[0.0, 0.0]", q_of_t={"t": [0, 0], "value": [1, 1]}),
     constraint("rolling", "radius", "'arm'", "sphere", "> 0"),
     constraint("rolling", "radius", "'arm'", "cylinder", axis=[0, 0, 1]),
-    constraint("skate", "axis", "missing"),
     constraint("velocity", "coefficients", "missing", value=1),
     constraint("velocity", "coefficients", "'arm'", "1", "2", coefficients={"arm": [1, 2]}),
     constraint("velocity", "coefficients", "'leg'", "arm, ball, puck", coefficients={"leg": 1}),
-    constraint("velocity", "coefficients", "zero", coefficients={"arm": 0}),
     constraint("velocity", "other", "'ball'", coefficients={"arm": 1}, other="ball"),
     constraint("weld", "ratio", "'weld'", "gear", ratio=2),
     constraint("point", "other", "'arm'", "itself", other="arm"),
-    # contacts
     contact("body", "'arm'", "shape", "points", body="arm"),
     contact("points", "'*'", body="*", points=[[0, 0, 0]]),
     contact("other", "'leg'", "ground, *, arm, ball, puck", other="leg"),
@@ -161,16 +155,13 @@ ROWS = [
     contact("static_friction", "0.5", "0.4", friction=0.5, static_friction=0.4),
     contact("stiffness", "rigid", "'soft'", "'penalty'", stiffness=10),
     contact("restitution", "damping", law="soft", damping=1, restitution=0.5),
-    # forces
     force("motor", "stiffness", "'motor'", "spring", "torsion", stiffness=1),
     force("motor", "kp", "'servo'", kp=2),
     force("motor", "torque", "table", "[0, 0, 1]", torque=[0, 0, 1]),
     force("motor", "coordinate", "1", "given 2", coordinate=2),
     force("wrench", "torque", "three", "given 1", torque=1),
-    force("wrench", "force", "three", "[0, 0]", force=[0, 0]),
     force("wrench", "force", "2 times", "1 value", force={"t": [0, 1], "value": [[0, 0, 1]]}),
     force("spring", "other", "'arm'", "itself", other="arm"),
-    force("spring", "other", "'leg'", "arm, ball, puck", other="leg"),
     force("spring", "k", "did you mean stiffness", k=1),
     force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     force("motor", "gear", "zero", gear=0),
@@ -178,10 +169,8 @@ ROWS = [
     force("actuator", "start", "lag", "integrates", start=1),
     force("actuator", "state_low", "integrates", state_low=1),
     force("actuator", "lag", "0", lag=1, integrates=True),
-    # the ground and the model
     ground("slope", "pi/2", "given 2", slope=2),
     ground("uphill", "up (z)", "[0.0, 0.0, 1.0]", uphill=[0, 0, 1]),
-    ground("low", "high", "[0.0, 1.0]", steps=[{"low": [0, 0], "high": [0, 1], "height": 1}]),
     ground("steps", "height", "missing", steps=[{"low": [0, 0], "high": [1, 1]}]),
     ground("'tilt'", *pg.Ground.model_fields, tilt=1),
     several(
@@ -189,21 +178,14 @@ ROWS = [
          "contacts": [{"name": "c", "body": "puck", "static_friction": 0.5}]},
         ("contact 'c', static_friction", "0.6", "0.5", "ground"),
     ),
-    model("bodies", "3", bodies=3),
     model("gravity", "(0, 0, -9.81)", gravity=-9.81),
     model("gravty", "did you mean gravity?", *pg.Model.model_fields, gravty=[0, 0, 0]),
     model("springs", "did you mean forces?", springs=[]),
     model("parameters", "'sin'", parameters={"sin": 1.0}),
     several({"bodies": [3]}, ("row 1", "3")),
-    several(
-        {"bodies": [{"name": a, "parent": b} for a, b in ("ac", "ba", "cb")]},
-        ("body 'a', parent", "cycle", "a -> c -> b -> a", "ground"),
-    ),
-    # scenarios
     scenario("constraints", "'foot'", "no constraint", constraints=["foot"]),
     scenario(("t_end", "> 0", "given 0"), ("q", "'leg'", "arm"), t_end=0, q={"leg": 1}),
     scenario("method", "'rk5'", "auto", "rk4", "moreau_jean", method="rk5"),
-    scenario("contacts", "'u'", contacts=["u"]),
     several(
         {"bodies": BODIES, "sites": [{"name": "t", "body": "leg"}],
          "outputs": [
@@ -273,6 +255,14 @@ def good(kind: Any) -> Any:
     return inner[0] if get_origin(kind) is Literal else 1.0
 
 
+WRONG: dict[Any, tuple[Any, ...]] = {
+    float: (NAN, INF, -INF, "2", True, 1j, b"x", [1.0], {"zz": 1}),
+    int: (NAN, -1, 7, 1.5, "zz", [1]),
+    bool: ("zz", 7, [], {"zz": 1}),
+    str: (3, NAN, True, ["a"], {"zz": 1}),
+}
+
+
 def wrong(kind: Any) -> Iterator[tuple[Any, Any]]:
     """Values that are not of a type, each with its innermost wrong part."""
     kind = bare(kind)
@@ -285,14 +275,8 @@ def wrong(kind: Any) -> Iterator[tuple[Any, Any]]:
             for value, leaf in wrong(some[0])
             if all(repr(value) in each for each in refused)
         )
-    elif kind is float:
-        yield from ((x, x) for x in (NAN, INF, -INF, "2", True, 1j, b"x", [1.0], {"zz": 1}))
-    elif kind is int:
-        yield from ((x, x) for x in (NAN, -1, 7, 1.5, "zz", [1]))
-    elif kind is bool:
-        yield from ((x, x) for x in ("zz", 7, [], {"zz": 1}))
-    elif kind is str:
-        yield from ((x, x) for x in (3, NAN, True, ["a"], {"zz": 1}))
+    elif kind in WRONG:
+        yield from ((x, x) for x in WRONG[kind])
     elif origin is Literal:
         yield from ((x, x) for x in ("zz", 3, "", ["zz"]))
     elif origin is tuple and inner[1:] == (...,):

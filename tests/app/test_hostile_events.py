@@ -9,7 +9,6 @@ from collections import Counter
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_app.core.events import from_page, page_events
 from pgraph_app.core.state import State
 
@@ -78,9 +77,7 @@ def message(rng: random.Random, state: State) -> str:
 def faults(model: pg.Model, seed: int, events: int) -> Counter:
     """The last lines of the exceptions that random events raise, with how often."""
     rng, found = random.Random(seed), Counter()
-    gallery = {
-        name: pgraph_models.path(name).read_text("utf-8") for name in ("pendulum", "four_bar")
-    }
+    gallery = {name: built_in(name).to_json() for name in ("pendulum", "four_bar")}
     start = begun(model, gallery=gallery)
     state, read = start, 0
     for _ in range(events):

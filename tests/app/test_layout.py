@@ -39,29 +39,29 @@ def test_each_branch_has_a_colour_of_its_own():
     assert len(shapes.branch_colors(())) == 0
 
 
+def rgb(text):
+    text = text if len(text) == 6 else "".join(2 * c for c in text)
+    return np.array([int(text[k : k + 2], 16) for k in (0, 2, 4)])
+
+
+def luminance(color):
+    c = color / 255
+    linear = np.where(c <= 0.03928, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
     """Rings and chips of every colour that a body may have: 3 to 1 (WCAG 2.2, 1.4.11)."""
     css = (Path(app.__file__).parent / "core" / "page.css").read_text()
     share = float(re.findall(r"--body, transparent\) (\d+)%", css)[0]) / 100
-    ink, paper = (_rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
+    ink, paper = (rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
     chains = [0 if k % 6 == 0 else k for k in range(60)]  # ten of six bodies
     trunk = [*range(6), 6, 6]
     for color in {*shapes.branch_colors(chains), *shapes.branch_colors(trunk)}:
-        mark = [share * c + (1 - share) * i for c, i in zip(color, ink)]
-        a, b = sorted((_luminance(mark), _luminance(paper)))
+        mark = share * np.array(color) + (1 - share) * ink
+        a, b = sorted((luminance(mark), luminance(paper)))
         assert (b + 0.05) / (a + 0.05) >= 3, color
-
-
-def _rgb(text):
-    text = text if len(text) == 6 else "".join(2 * c for c in text)
-    return [int(text[k : k + 2], 16) for k in (0, 2, 4)]
-
-
-def _luminance(color):
-    parts = [c / 255 for c in color]
-    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
-    return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
 
 
 @pytest.mark.parametrize(

@@ -103,12 +103,6 @@ def test_formulas_follow_a_new_name_and_go_with_their_body(legs):
     assert {f.path[0] for f in legs.edit("2", dof=0).formulas} == {"tip", "mass", "link", "com"}
 
 
-def test_an_edit_with_a_name_and_a_formula(legs):
-    edited = legs.edit("3", name="foot", link=("=thigh", "=thigh/2", 0))
-    assert edited.body("foot").link == (0.22, 0.11, 0)
-    assert sum(f.name == "foot" for f in edited.formulas) == 2
-
-
 def test_copies_and_several_edits_share_the_parameter(legs):
     twins = legs.duplicate("2")
     assert twins.replace(parameters={**legs.parameters, "thigh": 0.5}).body("4").link[0] == 0.5
