@@ -257,8 +257,8 @@ def good(kind: Any) -> Any:
 
 WRONG: dict[Any, tuple[Any, ...]] = {
     float: (NAN, INF, -INF, "2", True, 1j, b"x", [1.0], {"zz": 1}),
-    int: (NAN, -1, 7, 1.5, "zz", [1]),
-    bool: ("zz", 7, [], {"zz": 1}),
+    int: (NAN, -1, 7, 1.5, "2", True, b"1", [1]),
+    bool: ("true", 1, 0.0, [], {"zz": 1}),
     str: (3, NAN, True, ["a"], {"zz": 1}),
 }
 

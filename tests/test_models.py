@@ -15,11 +15,7 @@ from pgraph_models.quadruped import FEET, origins
 pytestmark = pytest.mark.quick
 
 GRAVITY = 9.81
-NAMES = [
-    "andrews", "bricard", "chain_10", "double_pendulum", "falling_rod", "fig1_tree", "four_bar",
-    "four_bar_windows", "heavy_top", "pendulum", "quadruped", "quadruped_hips", "rolling_disc",
-    "skate", "slider_crank", "spherical_pendulum", "stiff_pendulum", "tennis_racket",
-]  # fmt: skip
+NAMES = [*pgraph_models.names()]
 
 
 @cache
@@ -33,7 +29,7 @@ def run(name: str, scenario: str) -> pg.Result:
 
 
 def test_building_again_gives_the_same_files(tmp_path: Path):
-    assert [*pgraph_models.names()] == sorted(build.BUILDERS) == NAMES
+    assert sorted(build.BUILDERS) == NAMES
     build.write(tmp_path)
     for name in NAMES:
         again = (tmp_path / f"{name}.json").read_bytes()

@@ -2,7 +2,6 @@
 
 import csv
 import io
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,10 +13,9 @@ from pgraph_app.gait import changes, has_feet, prints
 from pgraph_app.gait.update import SHOWN
 from pgraph_app.gait.view import gait, phases
 from pgraph_app.run import view
-from pgraph_app.run.live import Motion, Seam
+from pgraph_app.run.live import Motion
 from pgraph_app.run.update import joined
 from pgraph_app.scene import marks
-from pgraph_core.result import records
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.show.stage import solid
 
@@ -169,24 +167,6 @@ def test_steps_are_drawn_on_the_plane_of_the_ground_and_as_high_as_they_are():
     corners = solid(state.model, state.model.ground.steps[0])
     off = corners @ np.asarray(state.model.ground_normal)
     np.testing.assert_allclose(off, [0.0] * 4 + [0.05] * 4, atol=1e-12)
-
-
-def test_parts_that_begin_with_a_graze_are_sewn_without_it():
-    mechanism = pg.Mechanism(ready().model)
-    run = pg.simulate(mechanism, scenario="trot", t_end=0.1, estimate=False)
-    foot = "left_hind_foot"
-    stands = np.full(len(run.t), "stance")
-    first = replace(run, contacts=replace(run.contacts, phases={foot: stands}, events=()))
-    late = 0.1 + run.t
-    graze = np.where(late < 0.102, "swing", "stance")
-    came = records.Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
-    contacts = replace(first.contacts, phases={foot: graze}, events=(came,))
-    seam = Seam()
-    seam.sewn(first)
-    sewn = seam.sewn(replace(first, t=late, contacts=contacts))
-    assert sewn.events == ()
-    assert set(sewn.phases[foot]) == {"stance"}
-    np.testing.assert_array_equal(sewn.contact_force[foot][0], run.contact_force[foot][-1])
 
 
 def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():

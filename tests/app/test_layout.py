@@ -64,26 +64,6 @@ def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
         assert (b + 0.05) / (a + 0.05) >= 3, color
 
 
-@pytest.mark.parametrize(
-    "shape",
-    [
-        {"kind": "box", "size": (0.1, 0.2, 0.3)},
-        {"kind": "sphere", "radius": 0.1},
-        {"kind": "cylinder", "radius": 0.1, "length": 0.5},
-        {"kind": "capsule", "radius": 0.1, "length": 0.5, "position": (0, 0, 1)},
-        {"kind": "mesh", "file": "no such file.stl"},
-    ],
-)
-def test_every_kind_of_shape_is_a_mesh_in_its_bounding_box(shape):
-    body = pg.Body(name="a", shape=pg.Shape(**shape))
-    (piece,) = shapes.pieces(body, ())
-    solid = shapes.mesh((piece,))
-    middle, size = solid.bounds.mean(axis=0), np.ptp(solid.bounds, axis=0)
-    assert middle == pytest.approx(piece.position, abs=1e-6)
-    if piece.kind != "mesh":
-        assert size == pytest.approx(piece.size, rel=0.02)  # round solids are polyhedra
-
-
 def test_a_body_without_a_shape_reaches_to_its_children():
     pieces = shapes.pieces(pg.Body(name="a"), ((1.0, 0.0, 0.0), (0.0, 2.0, 0.0)))
     bounds = shapes.mesh(pieces).bounds

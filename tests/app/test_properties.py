@@ -183,10 +183,7 @@ def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(upload):
 
 @pytest.mark.parametrize(
     ("name", "content", "part"),
-    [
-        ("broken.stl", b"solid nothing here", "broken.stl"),
-        ("../../etc/x.obj", b"v 0 0", "x.obj"),
-    ],
+    [("broken.stl", b"solid nothing here", "broken.stl"), ("../../etc/x.obj", b"v 0 0", "x.obj")],
 )
 def test_a_broken_mesh_is_refused_by_name(upload, state, tmp_path, name, content, part):
     now = upload(name, content)
@@ -371,10 +368,7 @@ def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, tip):
 
 def test_a_compound_joint_gets_motions_one_by_one_and_limits_are_left_open(state):
     limited = state
-    for entry, limits in (
-        (((0, 0), "-1"), ((-1.0, None),)),
-        (((0, 1), "1"), ((-1.0, 1.0),)),
-    ):
+    for entry, limits in ((((0, 0), "-1"), ((-1.0, None),)), (((0, 1), "1"), ((-1.0, 1.0),))):
         limited = edit(limited, "limits", entry)
         assert limited.model.body("2").limits == limits
     assert edit(limited, "limits", ((0, 0), ""), ((0, 1), "")).model.body("2").limits == ()

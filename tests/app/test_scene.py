@@ -41,11 +41,7 @@ def touching(*balls):
 
 @pytest.mark.parametrize(
     ("name", "points"),
-    [
-        ("four_bar", [(0, 0, 0), (1, 0, 0)]),
-        ("double_pendulum", [(0, 0, 2.2)]),
-        ("quadruped", []),
-    ],
+    [("four_bar", [(0, 0, 0), (1, 0, 0)]), ("double_pendulum", [(0, 0, 2.2)]), ("quadruped", [])],
 )
 def test_each_pivot_on_the_ground_has_a_bracket_along_its_axis(name, points):
     model = built_in(name)

@@ -79,9 +79,3 @@ def test_runs_end_in_the_same_state(seed):
     bound = 10 * conditioned(one, s.q)
     assert scaled_error(found.q[-1], expected.q[-1][i]) < bound
     assert scaled_error(found.v[-1], expected.v[-1][j]) < bound
-
-
-def test_the_pair_is_numbered_differently():
-    _, one, other = pair(7)
-    assert sorted(one.names) == sorted(other.names)
-    assert one.names != other.names
