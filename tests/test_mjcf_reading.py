@@ -109,6 +109,27 @@ def test_meshes_of_an_attached_model_are_found(tmp_path, prefix):
     assert model.body(f"{prefix}tip").shapes[0].file == str((tmp_path / "part.obj").resolve())
 
 
+@pytest.mark.parametrize("name", ["../private/x.obj", "..\\private\\x.obj", "{}/private/x.obj"])
+@pytest.mark.parametrize("way", ["mesh", "meshdir", "attached"])
+def test_no_file_outside_of_the_folder_is_read(tmp_path, name, way):
+    for folder in ("model", "private"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "private" / "x.obj").write_text(CUBE)
+    name = name.format(tmp_path)
+    folder, _, file = name.rpartition("\\" if "\\" in name else "/")
+    compiler = f'<compiler meshdir="{folder}"/>' if way == "meshdir" else ""
+    mesh = f'<asset><mesh name="p" file="{file if compiler else name}"/></asset>'
+    inside = '<body name="tip"><joint axis="0 1 0"/><geom type="mesh" mesh="p" mass="1"/></body>'
+    text = f"<mujoco>{compiler}{mesh}<worldbody>{inside}</worldbody></mujoco>"
+    if way == "attached":
+        (tmp_path / "model" / "part.xml").write_text(text)
+        attach = '<frame><attach model="m" body="tip" prefix="x"/></frame>'
+        text = f"""<mujoco><asset><model name="m" file="part.xml"/></asset>
+          <worldbody>{attach}</worldbody></mujoco>"""
+    with pytest.raises(pg.FileError, match="outside"):
+        read(tmp_path / "model", text)
+
+
 ODD = [  # an actuator that has no place here
     '<pid name="odd" joint="h" kp="50" kv="5" input="pos vel"/>',
     '<orientation name="odd" joint="ball" kp="10" kv="1"/>',

@@ -264,7 +264,7 @@ def test_a_script_without_a_guard_is_warned(workers, tmp_path):
     script.write_text(
         "import numpy as np, pgraph_core as pg\n"
         "from pgraph_core.sweeps import tasks\n"
-        "tasks.PATIENCE = 0.0\n"
+        "tasks.PATIENCE = tasks.MEASURED = 0.0\n"
         "masses = {'bodies.2.mass': np.linspace(1, 2, 20)}\n"
         f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=0.2, workers={workers})\n"
         "print('table')\n"

@@ -88,6 +88,11 @@ def _whole(text: str) -> int:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
 
 
+def slashed(path: str) -> str:
+    """A path as MuJoCo takes it, to which a backslash is a slash on every system."""
+    return path.replace("\\", "/")
+
+
 def _readable(path: Path) -> Element:
     """The root of an XML file that MuJoCo reads as we do. Raises FileError.
 
@@ -114,7 +119,7 @@ class _Files:
             raise FileError(Problem(f"{path.name}, line {root.line}", "", text))
         self.roots = [(path, root)]
         self._include(path, root)
-        self.directories = [path.parent.absolute()]
+        self.directories = [*dict.fromkeys(file.parent.absolute() for file, _ in self.roots)]
         for file, top in self.roots:
             for compiler in top.all("compiler"):
                 for name in DIRECTORIES:
@@ -138,22 +143,26 @@ class _Files:
         return spec
 
     def _include(self, file: Path, top: Element) -> None:
+        """Read what a file includes, and the models that it attaches."""
         for element in top.inside():
-            if element.tag != "include":
+            if element.tag not in ("include", "model") or "file" not in element.attributes:
                 continue
-            path, why = self.folders.find(element.get("file"))
+            path, why = self.folders.find(slashed(element.get("file")))
+            where = f"{file.name}, line {element.line}, {element.tag}"
             if path is None:
-                where = f"{file.name}, line {element.line}, include"
                 raise FileError(Problem(where, "file", f"{shown(element.get('file'))}: {why}"))
-            if len(self.roots) > MOST_INCLUDES or any(path == known for known, _ in self.roots):
+            known = any(path == one for one, _ in self.roots)
+            if known and element.tag == "model":  # it may be attached more than once
+                continue
+            if len(self.roots) > MOST_INCLUDES or known:
                 text = f"{path.name} is included twice, or more than {MOST_INCLUDES} files are"
-                raise FileError(Problem(f"{file.name}, line {element.line}, include", "", text))
+                raise FileError(Problem(where, "", text))
             inside = _readable(path)
             self.roots.append((path, inside))
             self._include(path, inside)
 
     def _directory(self, file: Path, compiler: Element, name: str, given: str) -> None:
-        path = self.directories[0] / given
+        path = self.directories[0] / slashed(given)
         if not self.folders.holds(path):
             where = f"{file.name}, line {compiler.line}, compiler"
             text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
@@ -178,7 +187,7 @@ class _Files:
                 raise FileError(Problem(where, key, text))
             if not key.startswith("file") or element.tag == "include" or not given:
                 continue
-            paths = [folder / given for folder in self.directories]
+            paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long
             if any(not self.folders.holds(path) for path in there or paths[:1]):
                 where = f"{file.name}, line {element.line}, {element.tag}"
@@ -550,6 +559,9 @@ class _Reader:
             self.left_out("mesh", name, text, acts=acts)
             return None
         file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
+        if not self.files.folders.holds(file):
+            self.left_out("mesh", name, "it lies outside of the model's folder", acts=acts)
+            return None
         if file.suffix.lower().lstrip(".") not in FORMATS:
             self.left_out("mesh", name, f"of a format that is not read: {file.name}", acts=acts)
             return None

@@ -167,11 +167,13 @@ class Result(EqualByFields, Hinting):
         Raises InputError if unknown.
         """
         joints = self.mechanism.joints
-        if not isinstance(name, str) or name not in joints:
-            columns = columns_of(self) if isinstance(name, str) else {}
+        if not isinstance(name, str):
+            raise InputError(Problem("run", "name", self._no_joint(name)))
+        if name not in joints:
+            columns = columns_of(self)
             if name in columns:
                 return columns[name].values
-            other = not columns or name in ARRAYS or name in self.mechanism.names
+            other = name in ARRAYS or name in self.mechanism.names
             if not other and (found := meant(columns, name)):
                 picked = [columns[c].values for c in found]
                 return picked[0] if len(found) == 1 else np.stack(picked, axis=1)

@@ -34,6 +34,7 @@ STRETCH = 0.25  # [s] of work between two looks at the clock
 MOST_NUMBERS = 10_000_000  # in frames of a run again, whose frames missed an oscillation at first
 ANSWER = 10  # [s] for a scheduler to answer
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
+MEASURED = 0.1  # [s] of work after which the time of the rest is estimated
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ def rows_of(
         if task.together is not None and done > 1:
             size = _whole_lanes(STRETCH * done / spent)
         left = spent / done * (len(points) - done)
-        if workers != 1 and done >= 2 and spent > 0.1 and left > PATIENCE:
+        if workers != 1 and done >= 2 and spent > MEASURED and left > PATIENCE:
             if workers is None and not _guarded():
                 warnings.warn(f"sweep: computed in one process; {GUARD}", stacklevel=4)
                 workers = 1
