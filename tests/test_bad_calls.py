@@ -95,6 +95,7 @@ CALLS = [
     (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
     (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
+    (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
     (lambda: MECH.plan(method="rk5"), "plan, method", "'rk5'", "rk4"),

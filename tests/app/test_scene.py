@@ -196,6 +196,9 @@ def test_a_run_that_leaves_the_picture_is_detected(speed, left):
     state = simulated(touching(ball(v=(0, 0, 0, speed, 0, 0))), 0.5)
     page = dataclasses.replace(state.clients[ME], aspect=1.0)
     assert camera.went(handle, state, page) == left
+    assert page.follow == left
+    chosen = after(state, do.Show(ME, "follow", not left))
+    assert ran(chosen, state.run.result).clients[ME].follow != left  # a person's own choice stays
 
 
 @pytest.mark.parametrize(("speed", "whole"), [(2.0, True), (1e3, False)])
