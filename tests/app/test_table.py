@@ -27,6 +27,7 @@ def test_several_rows_are_selected_in_the_table_s_order(state):
     assert state.clients[OTHER].selected == ()
     assert after(state, do.Select(ME, "3")).clients[ME].selected == ("3",)
     assert after(state, do.Select(ME, None)).clients[ME].selected == ()
+    assert after(state, do.Select(ME, "nobody"), do.Select(99, "3")) is state
 
 
 def test_ctrl_clicks_join_and_leave_in_their_order(state):

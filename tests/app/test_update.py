@@ -48,15 +48,6 @@ def ran(state):
     return after(state, do.Simulate(ME), do.Simulated(1, result()))
 
 
-def test_selections_are_a_page_s_own_and_of_what_is_there(state):
-    state = after(state, do.Select(ME, "3"), do.Select(OTHER, "5"))
-    assert (state.clients[ME].selection, state.clients[OTHER].selection) == ("3", "5")
-    assert after(state, do.Select(ME, None)).clients[ME].selection is None
-    assert after(state, do.Select(ME, "nobody")) is state
-    assert after(state, do.Select(99, "3")) is state
-    assert set(after(state, do.Disconnected(ME)).clients) == {OTHER}
-
-
 def test_theme_view_and_downloads_are_a_page_s_own_and_switches_shared(state):
     events = do.Theme(ME, True), do.Viewport(ME, 0.6), do.Download(ME), do.Download(ME)
     state = after(state, *events)
