@@ -22,7 +22,6 @@ print("error estimate    ", f"{run.error_estimate:.1e} rad or m")
 print("energy drift      ", f"{run.energy_drift:.1e} of its range")
 print("constraint drift  ", run.constraint_drift.max(axis=0), "m, m/s")
 print("cost              ", dict(run.counters))
-print("left out          ", *run.left_out, sep="\n  ")
 
 # %% Fig. 10: the configuration every 50 ms.
 pictured = [int(abs(run.t - t).argmin()) for t in np.arange(0, 0.251, 0.05)]

@@ -73,7 +73,6 @@ if TYPE_CHECKING:
     from .model import Velocity as Velocity
     from .model import Weld as Weld
     from .model import Wrench as Wrench
-    from .needs import Plan as Plan
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .result import Result as Result
@@ -122,7 +121,6 @@ _MODULES = {
     ),
     "paper": "home_poses",
     "paper.frame_update": "frame_update_trace",
-    "needs": "Plan",
     "result": "Result Status",
     "result.result": "joined",
     "simulation": "simulate",

@@ -13,7 +13,6 @@ from .dynamics.arguments import wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, explained
 from .model import Model
-from .needs import Plan
 from .packing import Array
 from .portable import MEANT_BY, Elsewhere
 
@@ -55,10 +54,6 @@ class Mechanism(Dynamics):
 
     def __hash__(self) -> int:
         return hash(self.model)
-
-    def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
-        """What runs of this scene need, what is left out of them, and what that saves."""
-        return Plan.of(self.model, scenario=scenario, method=method)
 
     def assemble(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None

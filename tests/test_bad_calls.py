@@ -33,6 +33,8 @@ TWO = pg.Model(
 MECH = pg.Mechanism(BASE)
 HINGES = pg.Mechanism(pg.Model.serial(2))
 TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
+STILL = pg.Body(name="needle", parent="arm", mass=0.0, inertia=np.zeros((3, 3)))
+NEEDLE = pg.Mechanism(pg.Model(bodies=(pg.Body(name="arm"), STILL)))
 Q, V = MECH.home()
 EVERY = "1, 2, 3"
 
@@ -96,9 +98,15 @@ CALLS = [
     (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
+    (lambda: MECH.mass_matrix(Q, back_end="aba"), "aba", "articulated, composite, operators"),
+    *(
+        (lambda b=b: NEEDLE.forward_dynamics([0, 0], [0, 0], back_end=b), "'needle', inertia")
+        for b in ("articulated", "composite", "operators")
+    ),
+    (lambda: MECH.external_at(Q, "3", [1, 2, 3]), "wrench", "(6,)"),
+    (lambda: MECH.external_at_tips(Q, np.zeros(6)), "wrench", "(1, 6)"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
-    (lambda: MECH.plan(method="rk5"), "plan, method", "'rk5'", "rk4"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),
     (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
     (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
@@ -113,6 +121,10 @@ CALLS = [
     (lambda: run(step=1e-300), "simulate, step", "1e-300"),
     (lambda: run(t_end=-1.0), "simulate, t_end", "> 0", "-1"),
     (lambda: run(tend=1.0), "tend", "did you mean t_end?"),
+    (lambda: run(method="moreau_jean"), "moreau_jean", "'auto'", "'semi_implicit_euler'"),
+    (lambda: run(t_start=NAN), "t_start", "nan"),
+    (lambda: run(t_start=2.0, t_end=1.0), "t_end", "t_start = 2", "1.0"),
+    (lambda: run(t_start=1.0, t_end=2.0, t_eval=[0.5]), "t_eval", "1 to t_end = 2"),
     (lambda: run(gravity=0), "gravity", "model.replace(gravity=...)"),
     (lambda: run(progress=3), "simulate, progress", "function", "given 3"),
     (lambda: run(progress=lambda: None), "progress", "fraction"),

@@ -9,13 +9,11 @@ import trimesh
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli.main import main
-from pgraph_core.mesh_files import load_mesh
-from pgraph_core.rotation import matrix
 
 mujoco = pytest.importorskip("mujoco")
 
 from tests.core.test_mjcf_of_others import (  # noqa: E402 (it needs mujoco too)
-    compare_pairs,
+    differences,
     errors_of,
     start_of,
 )
@@ -83,12 +81,7 @@ def test_bodies_joints_and_forces_in_and_out(tmp_path):
     assert (model.name, model.gravity) == ("arm", (0.0, 0.0, -1.6))
     assert (trunk.joint, upper.joint, lower.joint) == ("free", "revolute", "compound")
     assert trunk.q == (0, 0, 1, 1, 0, 0, 0)
-    np.testing.assert_allclose(upper.link, (0, 0, -0.2), atol=1e-15)  # at the hinge's anchor
-    np.testing.assert_allclose(upper.com, (0, 0, -0.1), atol=1e-15)
-    np.testing.assert_allclose(lower.link, (0, 0, -0.5), atol=1e-15)
     np.testing.assert_allclose(upper.limits, [np.radians((-30, 60))])
-    assert (upper.armature, upper.stiffness, upper.friction) == ((0.2,), (4.0,), (0.1,))
-    np.testing.assert_allclose(upper.rest, np.radians(15))
     assert [kind for kind, _ in lower.motions] == ["rotate", "translate"]
     assert [s.role for s in lower.shapes] == ["visual", "collision"]
     assert trunk.shapes[0].colour == (1, 0, 0)
@@ -110,18 +103,9 @@ def test_bodies_joints_and_forces_in_and_out(tmp_path):
     assert agree(model, m)
     again, report, _ = written(tmp_path, model)
     assert report.loaded
-    for one, two in zip(model.bodies, again.bodies):
-        for field in ("link", "com", "inertia", "q", "rest", "mass"):
-            np.testing.assert_allclose(getattr(one, field), getattr(two, field), atol=1e-12)
-        for field in ("name", "parent", "joint", "limits", "friction", "armature"):
-            assert getattr(one, field) == getattr(two, field)
-        assert [s.role for s in one.shapes] == [s.role for s in two.shapes]
-    assert [c.pair for c in again.contacts] == [c.pair for c in model.contacts]
-    assert {c.friction for c in again.contacts} == {0.7}
-    assert again.scenarios == model.scenarios
-    assert again.sites == model.sites
-    assert [(f.name, f.gear, f.law, f.inputs, f.torques) for f in again.forces] == [
-        (f.name, f.gear, f.law, f.inputs, f.torques) for f in model.forces
+    assert not differences(model, again)
+    assert [[s.role for s in b.shapes] for b in again.bodies] == [
+        [s.role for s in b.shapes] for b in model.bodies
     ]
 
 
@@ -227,12 +211,7 @@ def test_tendons_drives_and_fluid_give_the_forces_of_mujoco(tmp_path):
     again, report, _ = written(tmp_path, model)
     assert report.loaded, report
     assert agree(again, m)
-    assert again.sites == model.sites
-    for one, two in zip(model.forces, again.forces, strict=True):
-        assert (type(one), one.name) == (type(two), two.name)
-    (one,), (two,) = model.constraints, again.constraints
-    assert (one.name, one.value, one.active) == (two.name, two.value, two.active)
-    assert [x for *_, x in one.terms] == pytest.approx([x for *_, x in two.terms])
+    assert not differences(model, again)
 
 
 def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
@@ -278,15 +257,6 @@ def test_a_filter_is_a_lag_of_the_input(tmp_path):
     x = lambda t: 1.5 * (t**2 / 2 - 0.2 * t + 0.04 * (1 - np.exp(-t / 0.2)))  # noqa: E731
     run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)
     np.testing.assert_allclose(run.q[:, 0], x(run.t), atol=1e-9)
-    ramp = pg.Table(t=[0, 0.5, 1.0], value=[0, 1, 0])
-    run = pg.simulate(model, t_end=1.0, inputs={"m": ramp}, step=1e-3, method="rk4")
-    act, acts = 0.0, [0.0]
-    for k in range(50000):  # y' = (u - y) / lag by the midpoint rule
-        t = 2e-5 * (k + 0.5)
-        act += 2e-5 * (np.interp(t, ramp.t, ramp.value) - act) / (0.2 + 1e-5)
-        acts.append(act)
-    expected = np.interp(run.t, np.linspace(0, 1, 50001), acts)
-    np.testing.assert_allclose(run.vdot[:, 0], 1.5 * expected, atol=1e-8)
     stepper = pg.Stepper(model, step=1e-3)
     stepper.step(inputs={"m": 1.0}, n=300)
     stepper.step(inputs={"m": 1.0}, n=200)  # the same again changes nothing
@@ -302,10 +272,6 @@ dyntype="integrator" gainprm="3" ctrlrange="-9 9" actrange="-.5 .6"/></actuator>
 def test_an_integrator_is_the_integral_of_the_input(tmp_path):
     model, report = read(tmp_path, INTEGRATED)
     assert report.loaded
-    ramp = pg.Table(t=[0, 2], value=[1, -1])  # integral t - t^2 / 2, at most 0.5
-    run = pg.simulate(model, t_end=2.0, inputs={"m": ramp}, frames=21)
-    expected = 1.5 * (run.t - run.t**2 / 2)
-    np.testing.assert_allclose(run.vdot[:, 0], expected, atol=1e-13)
     run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)  # 0.6 from t = 0.6 on
     np.testing.assert_allclose(run.vdot[:, 0], 1.5 * np.minimum(run.t, 0.6), atol=1e-13)
     stepper = pg.Stepper(model, step=1e-3)
@@ -324,6 +290,7 @@ def test_an_integrator_is_the_integral_of_the_input(tmp_path):
 def test_drives_with_a_memory_start_with_the_run(t_start):
     body = pg.Body(name="a", joint="prismatic", axes=(1, 0, 0), mass=1.0)
     table = pg.Table(t=[0, 4, 6, 10], value=[3, 3, 3, 3])
+    ramp = pg.Table(t=[0, 10], value=[0, 10])
 
     def lagging(**fields):
         return pg.Motor(**{"name": "m", "body": "a", "torque": 3.0, "lag": 0.5} | fields)
@@ -333,6 +300,14 @@ def test_drives_with_a_memory_start_with_the_run(t_start):
         (lagging(start=1.0, torque=table), lambda s: 3 - 2 * np.exp(-2 * s)),
         (lagging(), lambda s: 3 + 0 * s),
         (pg.Motor(name="m", body="a", torque=3.0, integrates=True, start=1.0), lambda s: 1 + 3 * s),
+        (
+            lagging(start=0.0, torque=ramp),
+            lambda s: t_start + s - 0.5 + (0.5 - t_start) * np.exp(-2 * s),
+        ),
+        (
+            pg.Motor(name="m", body="a", torque=ramp, integrates=True, start=1.0),
+            lambda s: 1 + t_start * s + s**2 / 2,
+        ),
     )
     for drive, expected in drives:
         model = pg.Model(bodies=[body], gravity=(0, 0, 0), forces=[drive])
@@ -409,13 +384,7 @@ def test_outputs_equal_the_sensors_of_mujoco(tmp_path):
             expected = -expected
         np.testing.assert_allclose(np.ravel(found), expected, atol=1e-12, err_msg=name)
     again, _, _ = written(tmp_path, model)
-    assert again.outputs == model.outputs
-    assert {site.name for site in again.sites} == {site.name for site in model.sites}
-    for site in model.sites:
-        twin = again.part(site.name, "site")
-        assert twin.body == site.body
-        np.testing.assert_allclose(twin.point, site.point, atol=1e-15)
-        np.testing.assert_allclose(twin.rotation, site.rotation, atol=1e-15)
+    assert not differences(model, again)
 
 
 def test_names_that_meet_and_ends_that_are_one_are_written(tmp_path):
@@ -448,11 +417,14 @@ def test_each_pair_keeps_its_friction(tmp_path):
     ]
     bodies.append(pg.Body(name="d", parent="a", mass=1, inertia=np.eye(3), shape=ball))
     contacts = [
-        pg.Contact(name="a floor", body="a", friction=0.9),
-        pg.Contact(name="b floor", body="b", friction=0.1, rolling_friction=0.01),
-        pg.Contact(name="a, b", body="a", other="b", friction=0.0),
-        pg.Contact(name="b, c", body="b", other="c", friction=0.5, spinning_friction=0.02),
-        pg.Contact(name="a, d", body="a", other="d", friction=0.3),  # neighbours
+        pg.Contact(name=" ".join(pair), body=pair[0], other=pair[1], **laws)
+        for pair, laws in {
+            ("a", "ground"): {"friction": 0.9},
+            ("b", "ground"): {"friction": 0.1, "rolling_friction": 0.01},
+            ("a", "b"): {"friction": 0.0},
+            ("b", "c"): {"friction": 0.5, "spinning_friction": 0.02},
+            ("a", "d"): {"friction": 0.3},  # neighbours
+        }.items()
     ]
     again, _, _ = written(tmp_path, pg.Model(up="z", bodies=bodies, contacts=contacts))
 
@@ -466,44 +438,16 @@ def test_each_pair_keeps_its_friction(tmp_path):
 NO_MASKS = 'contype="0" conaffinity="0"'
 FOUR = 'contype="4" conaffinity="4"'
 OTHER = '<geom type="box" size=".1 .1 .1" {}/>'
-PAIR = '<contact><pair geom1="g" geom2="h" friction="0.3 0.3 0.01 0 0"/></contact>'
 
 
-BALLS = """<mujoco><worldbody>
-<body name="a"><freejoint/><geom name="g" size=".1" {g}/>{more}</body>
-<body name="b" pos=".15 0 0"><freejoint/><geom name="h" size=".1" {h}/></body>
-</worldbody>{parts}</mujoco>"""
-
-
-@pytest.mark.parametrize(
-    ("g", "more", "h", "parts", "touch"),
-    [
-        (NO_MASKS, "", NO_MASKS, PAIR, True),
-        (NO_MASKS, "", NO_MASKS, "", False),
-        ("", "", NO_MASKS, PAIR, True),
-        (NO_MASKS, "", NO_MASKS, PAIR + '<option><flag contact="disable"/></option>', False),
-        (NO_MASKS, "", NO_MASKS, PAIR + '<option><flag constraint="disable"/></option>', False),
-    ],
-)
-def test_pairs_touch_whatever_their_masks(tmp_path, g, more, h, parts, touch):
-    """A file may switch off all masks and name the pairs that touch."""
-    text = BALLS.format(g=g, more=more, h=h, parts=parts)
-    model, _ = read(tmp_path, text)
-    m, data = compiled(tmp_path)
-    mujoco.mj_forward(m, data)
-    assert bool(data.ncon) is touch
-    assert len(model.contacts) is int(touch)
-    assert not touch or model.contacts[0].friction == 0.3
-    assert all(s.role == ("both" if touch else "visual") for b in model.bodies for s in b.shapes)
+BALLS = """<mujoco><worldbody><body name="a"><freejoint/><geom size=".1"/>{}</body>
+<body name="b" pos=".15 0 0"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 
 
 HOSTILE = {
     "<robot/>": "read_urdf",
     "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco/>": "document type",
-    '<mujoco><include file="/etc/passwd"/></mujoco>': "line 1, include, file.*outside",
     '<mujoco><include file="arm.xml"/></mujoco>': "line 1, include.*twice",
-    '<mujoco><include file="../../x.xml"/></mujoco>': "line 1, include, file",
-    '<mujoco><asset><mesh file="/etc/passwd"/></asset></mujoco>': "line 1, mesh, file.*outside",
     '<mujoco><compiler meshdir="/etc"/></mujoco>': "line 1, compiler, meshdir.*outside",
     '<mujoco><asset><hfield file="../../../etc/x.png"/></asset></mujoco>': "hfield, file.*outside",
     "<mujoco><worldbody><bod/></worldbody></mujoco>": "MuJoCo.*bod",
@@ -515,28 +459,6 @@ HOSTILE = {
 def test_faults_are_named_with_their_place(tmp_path, text):
     with pytest.raises(pg.FileError, match=f"arm.xml.*({HOSTILE[text]})"):
         read(tmp_path, text)
-
-
-def test_meshes_keep_their_place(tmp_path):
-    box = trimesh.creation.box((0.2, 0.4, 0.6))
-    box.apply_translation((1.0, 2.0, 3.0))
-    box.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))
-    box.export(tmp_path / "part.stl")
-    text = """<mujoco><asset><mesh name="p" file="part.stl" scale="1 2 1"/></asset><worldbody>
-    <body pos="0 0 1"><joint pos="0 1 0"/>
-    <geom type="mesh" mesh="p" pos=".1 .2 .3" euler="10 20 30"/></body></worldbody></mujoco>"""
-    model, report = read(tmp_path, text)
-    assert report.loaded
-    m, data = compiled(tmp_path)
-    mujoco.mj_forward(m, data)
-    theirs = data.geom_xpos[0] + m.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T
-    shape = model.bodies[0].shapes[0]
-    place, turn = pg.Mechanism(model).pose(pg.Mechanism(model).home()[0], model.bodies[0].name)
-    own = load_mesh(shape.file, shape.scale).vertices @ matrix(shape.rotation).T
-    ours = place + (own + np.array(shape.position)) @ turn.T
-    for points in (theirs, ours):
-        points[:] = points[np.lexsort(np.round(points, 5).T)]
-    np.testing.assert_allclose(ours, theirs, atol=1e-6)  # STL has single precision
 
 
 @pytest.mark.parametrize(
@@ -554,20 +476,7 @@ def test_a_written_drive_starts_at_its_input(tmp_path, low, high, value):
     assert np.ptp(m.actuator_ctrlrange[0]) == pytest.approx(high - low)
 
 
-def test_wrenches_that_cannot_be_written_are_reported(tmp_path):
-    """Two that carry half of the weight each are one compensation; another force is left out."""
-    arm = pg.Body(name="arm", mass=2.0, com=(0.5, 0, 0), tip=(1, 0, 0))
-    half = [
-        pg.Wrench(name=name, body="arm", point=(0.5, 0, 0), force=(0, 0, 9.81))
-        for name in ("a", "b")
-    ]
-    push = pg.Wrench(name="push", body="arm", force=(1, 0, 0))
-    _, report, m = written(tmp_path, pg.Model(bodies=[arm], forces=[*half, push]))
-    assert m.body_gravcomp.max() == pytest.approx(1.0, rel=1e-12)
-    assert "push" in str(report)
-
-
-SWINGS = """<mujoco><option actuatorgroupdisable="1"{option}/><worldbody>
+SWINGS = """<mujoco><option actuatorgroupdisable="1"/><worldbody>
 <body name="a"><joint name="j" type="slide" axis="1 0 0" range="-1 1" margin="{margin}"/>
   <geom size=".1" mass="2" contype="0" conaffinity="0"/></body>
 <body name="b" gravcomp=".5"><joint name="k" axis="0 1 0"/>
@@ -577,37 +486,20 @@ SWINGS = """<mujoco><option actuatorgroupdisable="1"{option}/><worldbody>
 
 
 def test_the_margin_of_a_limit_moves_its_ends(tmp_path):
-    """MuJoCo: at 1 m/s towards the limit at 1 m with a margin of 0.3 m it turns at 0.7 m."""
-    model, report = read(tmp_path, SWINGS.format(option=' gravity="0 0 0"', margin=0.3))
+    model, report = read(tmp_path, SWINGS.format(margin=0.3))
     assert model.body("a").limits == ((-0.7, 0.7),)
     assert report.loaded
-    m, data = compiled(tmp_path)
-    data.qvel[0] = 1.0
-    reached = 0.0
-    for _ in range(600):
-        mujoco.mj_step(m, data)
-        reached = max(reached, data.qpos[0])
-    assert reached == pytest.approx(0.7, abs=0.01)  # its limit is soft
-    model, report = read(tmp_path, SWINGS.format(option="", margin=1.5))
+    model, report = read(tmp_path, SWINGS.format(margin=1.5))
     assert model.body("a").limits == ((-1, 1),)
     assert not report.loaded
 
 
-def test_gravcomp_and_groups_of_actuators_act_as_in_mujoco(tmp_path):
-    """Half of the weight: in a run, and as `external` in a query, v' is half of the free one."""
-    model, report = read(tmp_path, SWINGS.format(option="", margin=0))
+def test_actuators_that_are_disabled_are_left_out(tmp_path):
+    model, report = read(tmp_path, SWINGS.format(margin=0))
     assert [f.name for f in model.forces if isinstance(f, pg.Motor)] == ["on"]
     assert "'off'" in texts(report, "left out")
     assert report.loaded  # it does not act in MuJoCo either
     assert "gravcomp" in texts(report, "converted")
-    mech = pg.Mechanism(model)
-    (lift,) = (f for f in model.forces if isinstance(f, pg.Wrench))
-    q = v = np.zeros(2)
-    free = mech.forward_dynamics(q, v)
-    external = mech.external_at(q, "b", (0, 0, 0, *lift.force), point=lift.point)
-    np.testing.assert_allclose(
-        mech.forward_dynamics(q, v, external=external)[1], free[1] / 2, rtol=1e-12
-    )
 
 
 DRIFTING = """<mujoco><compiler angle="radian"/>
@@ -670,6 +562,10 @@ def test_a_written_file_that_mujoco_refuses_is_reported_and_can_be_repaired(tmp_
     assert pg.Model.load(tmp_path / "back.json").bodies == pg.Model.load(path).bodies
 
 
+RING = """<mujoco><worldbody><body><joint name="a"/><geom size=".1"/></body>
+<body><joint name="b"/><geom size=".1"/></body></worldbody><equality>
+<joint name="one" joint1="a" joint2="b" polycoef="0 2 0 0 0"/>
+<joint name="two" joint1="b" joint2="a" polycoef="0 {} 0 0 0"/></equality></mujoco>"""
 BALL = '<geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/>{}</body>'
 
 
@@ -680,9 +576,11 @@ BALL = '<geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoi
         (BALL.format('<geom size="0.1" margin="0.02" gap="0.02"/>'), "approximated", "no margin"),
         (BALL.format(f'<geom size="0.1"/><geom size="0.1" margin="0.02" {NO_MASKS}/>'),
          "approximated", "no margin"),
-        (BALLS.format(g="", more=OTHER.format(""), h="", parts=""), "approximated", "no 'a' and"),
-        (BALLS.format(g="", more="", h="", parts=""), "approximated", "no 'a' and"),
-        (BALLS.format(g="", more=OTHER.format(FOUR), h="", parts=""), "approximated", "'a' and"),
+        (BALLS.format(OTHER.format("")), "approximated", "no 'a' and"),
+        (BALLS.format(""), "approximated", "no 'a' and"),
+        (BALLS.format(OTHER.format(FOUR)), "approximated", "'a' and"),
+        *((RING.format(ratio), "warning", fact) for ratio, fact in
+          ((0.5, "follows"), (3, "held"), (0, "no ring"))),
         (INTEGRATED.replace("</mujoco>", '<keyframe><key act=".3"/></keyframe></mujoco>'),
          "left out", "activation"),
     ],
@@ -694,104 +592,59 @@ def test_parts_that_differ_are_reported(tmp_path, text, kind, fact):
     assert (fact.removeprefix("no ") in found) != fact.startswith("no ")
 
 
-@pytest.mark.parametrize(("ratio", "told"), [(0.5, ["follows"]), (3, ["held"]), (0, [])])
-def test_equalities_of_joints_in_a_ring_are_named(tmp_path, ratio, told):
-    body = '<body><joint name="{0}"/><geom size=".1"/></body>'
-    bodies = "".join(map(body.format, "ab"))
-    ring = f"""<joint name="one" joint1="a" joint2="b" polycoef="0 2 0 0 0"/>
-      <joint name="two" joint1="b" joint2="a" polycoef="0 {ratio} 0 0 0"/>"""
-    text = f"<mujoco><worldbody>{bodies}</worldbody>\n<equality>{ring}</equality></mujoco>"
-    _, report = read(tmp_path, text)
-    said = [e for e in report.of("warning") if "ring" in e.text]
-    assert [word in e.text for e, word in zip(said, told, strict=True)] == [True] * len(told)
-    assert all("line 3, joint 'two'" in e.where for e in said)
-
-
-def test_a_plane_has_no_end_whatever_size_it_is_drawn_with(tmp_path):
-    """A plane above or beside z = 0 is a wide box that touches; the size is what is drawn."""
-    plane = '<geom name="{}" type="plane" size="{}" pos="{}" zaxis="{}"/>'
-    text = f"""<mujoco><worldbody>{plane.format("low", "1 2 .1", "0 0 -.3", "0 0 1")}
-      {plane.format("wall", "0 0 .1", "3 0 0", "-1 0 0")}
-      {plane.format("far", "70 1 .1", "0 -9 0", "0 1 0")}
-      <body name="ball" pos="2.5 5 1"><freejoint/><geom size=".2"/></body></worldbody></mujoco>"""
-    model, report = read(tmp_path, text)
-    assert report.loaded
-    world = model.body("world")
-    assert [s.role for s in world.shapes] == ["collision", "visual", "both", "collision", "visual"]
-    assert [s.size[0] for s in world.shapes] == [100, 2, 100, 140, 140]
-    for x, y, gap in ((-20.0, 0.0, 1.1), (0.0, 30.0, 1.1), (2.0, -5.0, 0.8), (2.0, 8.0, 0.8)):
-        there = model.edit("ball", q=(x, y, 1.0, 1.0, 0.0, 0.0, 0.0))
-        (found,) = pg.simulate(there, t_end=1e-3).contact_gap.values()
-        assert abs(found[0] - gap) < 1e-12
-
-
-HEAP = """<mujoco><asset><mesh name="part" file="part.stl"/></asset><worldbody>
-<geom name="floor" type="plane" size="1 1 1"/>
-<geom name="wall" type="plane" size="1 1 1" pos="4 0 0" zaxis="-1 0 1"/>
-<geom pos="0 3 0" size=".5"/>
-<body name="a"><freejoint/><geom type="mesh" mesh="part" contype="2"/></body>
+HEAP = """<mujoco><option><flag {}/></option><worldbody>
+<geom name="floor" type="plane" size="1 1 1"/><geom type="plane" size="1 1 1" zaxis="-1 0 1"/>
+<geom size=".5"/><body name="a"><freejoint/><geom type="box" size=".2 .1 .1" contype="2"/></body>
 <body name="b"><freejoint/><geom type="ellipsoid" size=".1 .2 .3" conaffinity="2"/></body>
-<body><freejoint/><geom name="c" type="cylinder" size=".1 .2" contype="0" conaffinity="0"/>
-  <body><joint axis="1 0 0"/><geom name="d" type="box" size=".1 .2 .3"/>
-    <body><joint axis="0 1 0"/><geom name="e" type="capsule" size=".1 .2" pos="0 0 1"/></body>
-</body></body></worldbody>
-<contact><pair geom1="c" geom2="floor"/><pair geom1="c" geom2="e"/><exclude body1="a" body2="b"/>
-</contact></mujoco>"""
+<body name="c"><freejoint/><geom name="c" type="cylinder" size=".1 .2" {}/>
+<body name="d"><joint axis="1 0 0"/><geom type="box" size=".1 .2 .3"/>
+<body name="e"><joint axis="0 1 0"/><geom name="e" type="capsule" size=".1 .2"/></body></body>
+</body></worldbody><contact><pair geom1="c" geom2="floor"/><pair geom1="c" geom2="e"/>
+<exclude body1="a" body2="b"/></contact></mujoco>"""
 
 
-@pytest.mark.parametrize(
-    ("text", "count"),
-    [
-        (ARM, 6),
-        (HEAP, 18),
-        (HEAP.replace("<asset>", '<option><flag filterparent="disable"/></option><asset>'), 19),
-        (HEAP.replace("<asset>", '<option><flag contact="disable"/></option><asset>'), 0),
-    ],
-)
-def test_the_same_pairs_may_touch_at_the_same_distances(tmp_path, monkeypatch, text, count):
-    trimesh.creation.icosphere(subdivisions=2, radius=0.3).export(tmp_path / "part.stl")
-    (tmp_path / "model.xml").write_text(text)
-    pairs, more, worst = compare_pairs(tmp_path / "model.xml", monkeypatch)
-    assert (pairs, more) == (count, 0)
-    assert worst < 1e-6
+@pytest.mark.parametrize("flag", ["filterparent", "contact", "constraint", "warmstart"])
+def test_the_bodies_that_may_touch_are_those_of_mujoco(tmp_path, flag):
+    """All overlap, so that MuJoCo finds every pair that its rules leave."""
+    model, _ = read(tmp_path, HEAP.format(f'{flag}="disable"', NO_MASKS))
+    m, data = compiled(tmp_path)
+    mujoco.mj_forward(m, data)
+    name = lambda g: m.body(m.geom_bodyid[g]).name if g else "ground"  # noqa: E731
+    bodies = [b.name for b in model.bodies if b.touching]
+    assert {frozenset((x, c.other)) for c in model.contacts
+            for x in (bodies if c.body == "*" else [c.body])} == {
+        frozenset(map(name, c.geom.tolist())) for c in data.contact[: data.ncon]}  # fmt: skip
 
 
-def test_heightfields_materials_sites_of_welds_and_hinges_at_two_places(tmp_path):
-    text = """<mujoco><option gravity="0 0 0"/><asset><material name="red" rgba="1 0 0 1"/>
-    <hfield name="h" nrow="2" ncol="3" size="1 2 .5 .1" elevation="0 1 2 3 4 5"/></asset>
-    <worldbody><geom type="hfield" hfield="h"/><site name="p" pos="0 0 9" euler="0 40 0"/>
-    <site name="c site"/><site name="c"/>
-    <body name="b" pos="0 0 3"><joint axis="0 0 1"/><joint axis="0 1 0" pos="0 0 1"/>
-    <geom size=".1" material="red"/></body>
-    <body name="c" pos="0 0 9"><freejoint/><geom size=".1"/><site name="q" euler="0 40 0"/></body>
-    </worldbody><equality><weld site1="p" site2="q"/></equality></mujoco>"""
-    model, report = read(tmp_path, text)
-    (field,) = model.body("world").shapes
-    assert field.size == pytest.approx((2, 4, 0.1))
-    assert (np.shape(field.heights), np.max(field.heights)) == ((3, 2), 0.5)
-    assert model.body("b").shapes[0].colour == (1, 0, 0)
-    assert model.body("b/1").dof == 1
-    assert {site.name for site in model.sites} == {"p", "q", "c site", "c site'"}
-    assert "'b'" in texts(report, "converted")
-    assert "weld" not in texts(report, "approximated")  # it is met at home
+GEOMS = {
+    "sphere": 'size=".1"', "box": 'size=".1 .2 .3"', "capsule": 'size=".1 .2"',
+    "cylinder": 'size=".1 .2"', "ellipsoid": 'size=".1 .2 .3"',
+    "mesh": 'mesh="part" pos=".1 .2 .3" euler="10 20 30"',
+}  # fmt: skip
 
 
-def test_thin_rods_turned_balls_and_drags_of_another_size_are_written(tmp_path):
+@pytest.mark.parametrize("kind", GEOMS)
+def test_shapes_are_as_far_from_others_as_in_mujoco(tmp_path, kind):
+    part = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
+    part.apply_translation((0.1, 0.2, 0.3))
+    part.export(tmp_path / "part.stl")
+    text = f"""<mujoco><asset><mesh name="part" file="part.stl" scale="1 2 1"/></asset><worldbody>
+    <geom type="plane" size="1 1 1"/><geom type="plane" size="1 1 1" pos="4 0 0" zaxis="-1 0 1"/>
+    <geom pos="1 3 2" size=".5"/><body name="a" pos="1 1 2" euler="30 50 70"><freejoint/>
+    <geom type="{kind}" {GEOMS[kind]}/></body></worldbody></mujoco>"""
+    model, _ = read(tmp_path, text)
+    m, data = compiled(tmp_path)
+    m.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)  # libccd is wrong by mm
+    mujoco.mj_kinematics(m, data)
+    floor, wall, ball = (mujoco.mj_geomDistance(m, data, g, 3, 1e3, None) for g in range(3))
+    gaps = pg.simulate(model, t_end=1e-3).contact_gap
+    found = {c.other if "a" in (c.body, "*") else c.body: gaps[c.name][0] for c in model.contacts}
+    found = sorted(float(gap) for gap in found.values())
+    np.testing.assert_allclose(found, sorted((floor, min(wall, ball))), atol=1e-6)
+
+
+def test_a_moment_of_inertia_of_a_thin_rod_is_what_mujoco_takes(tmp_path):
     rod = pg.Body(name="rod", mass=1.0, inertia=np.diag([1e-13, 1.0, 1.0]))
-    ball = pg.Body(
-        name="ball", parent="rod", joint="spherical", rotation=(0.8, 0.6, 0, 0), mass=1.0
-    )
-    start = pg.Scenario(name="s", q={"ball": (0.6, 0.0, 0.8, 0.0)}, v={"ball": (1.0, 2.0, 3.0)})
-    model = pg.Model(bodies=[rod, ball], scenarios=[start])
-    again, report, m = written(tmp_path, model)
+    _, report, m = written(tmp_path, pg.Model(bodies=[rod]))
     assert "'rod'" in texts(report, "approximated")
     assert m.body("rod").inertia.min() == pytest.approx(1e-12)
-    for field in ("q", "v"):
-        found, given = (getattr(x.scenarios[0], field)["ball"] for x in (again, model))
-        assert found == pytest.approx(given)
-    model, _ = read(tmp_path, DRIVEN)
-    drag = next(force for force in model.forces if isinstance(force, pg.Drag))
-    other = model.edit(drag.name, size=tuple(2 * x for x in drag.size))
-    _, report, m = written(tmp_path, other)
-    assert m.opt.density == 0.0
-    assert drag.name in texts(report, "left out")

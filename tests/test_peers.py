@@ -78,14 +78,6 @@ def test_forces_of_a_stance(name: str, bound: float):
     assert abs(theirs - vertical).max() < bound, (theirs, vertical)
 
 
-def test_hinges_of_one_joint_share_a_body_of_mujoco():
-    mujoco = builder("mujoco")
-    model = pg.Model(bodies=(pg.Body(name="a", joint="universal"), pg.Body(name="b", parent="a")))
-    rows = import_module("pgraph_peers.rows").rows_of(model)
-    compiled = mujoco.spec_builder(rows, model.gravity, 1e-3)().compile()
-    assert (compiled.nbody, compiled.njnt) == (1 + 2, 3)
-
-
 @pytest.mark.parametrize("change", [{"limits": ((-3.0, 3.0),)}, {"friction": 0.1}])
 def test_parts_that_no_engine_gets_are_named(change: dict):
     model = pg.Model.load(pgraph_models.path("double_pendulum")).edit("upper", **change)

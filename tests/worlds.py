@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+import pgraph_models
 
 # -- contact: free bodies of 1 kg and models in which one touches the ground
 
@@ -68,3 +69,20 @@ WHOLE: dict[type, dict[str, Any]] = {
     pg.Polynomial: {"coefficients": (1,)},
     **{part.KINDS[kind]: {"name": "x", "body": "2", **NEEDS.get(kind, {})} for part, kind in KINDS},
 }
+
+
+# -- built-in models, and heaps
+
+
+def built_in(name: str) -> pg.Mechanism:
+    """The mechanism of a built-in model."""
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+
+
+def heaped(bodies: Any, **law: Any) -> pg.Model:
+    """Bodies that touch the ground, by contact `floor`, and each other, by contact `heap`."""
+    floor, heap = (
+        pg.Contact(name="floor", body="*", **law),
+        pg.Contact(name="heap", body="*", other="*", **law),
+    )
+    return pg.Model(bodies=tuple(bodies), contacts=(floor, heap))

@@ -93,7 +93,6 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "mobility": _mobility(model),
         "forces": [force.name for force in model.forces],
         "scenarios": [scenario.name for scenario in model.scenarios],
-        "plan": pg.Plan.of(model).to_dict(),
     }
 
 
@@ -123,8 +122,6 @@ def _text(model: pg.Model, data: dict[str, Any]) -> str:
         f"constraints        {', '.join(data['constraints']) or 'none'}",
         f"scenarios          {', '.join(data['scenarios']) or 'none'}",
         *(("", data["mobility"]["text"]) if data["mobility"] else ()),
-        "",
-        *pg.Plan.of(model).lines(),
         "",
         aligned(rows, header=("#", "body", "parent", "joint", "DoF", "mass [kg]")),
     )

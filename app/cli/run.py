@@ -86,9 +86,7 @@ def run(args: Namespace) -> Answer:
     data["timing"] = {"compile": compiling} | data["timing"]
     if args.output:
         data["output"] = args.output
-    return Answer(
-        data, "\n".join(_run_lines(data, result.plan)), "" if result.status.ok else result.message
-    )
+    return Answer(data, "\n".join(_run_lines(data)), "" if result.status.ok else result.message)
 
 
 def _writable(output: str | None) -> None:
@@ -114,14 +112,12 @@ def facts(result: pg.Result) -> dict[str, Any]:
         "constraint_drift": result.constraint_drift.max(axis=0),
         "counters": result.counters,
         "timing": result.timing,
-        "plan": result.plan.to_dict(),
-        "left_out": result.left_out,
         "notices": result.notices,
         "header": result.header,
     }
 
 
-def _run_lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
+def _run_lines(data: dict[str, Any]) -> list[str]:
     scenario = f", scenario {data['scenario']}" if data["scenario"] else ""
     position, velocity = data["constraint_drift"]
     first, last = data["energy"]
@@ -138,7 +134,6 @@ def _run_lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
         f"cost               {', '.join(counters)}",
         f"time               {', '.join(timing)}",
-        *plan.lines(),
         *(f"note               {text}" for text in data["notices"]),
         *([f"written            {data['output']}"] if "output" in data else []),
     ]

@@ -178,7 +178,6 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
         value = f"{position:.2g} m, {velocity:.2g} m/s"
         lines.append(("Constraint drift", value, bool(position < POOR)))
     lines.append(("Cost", cost(result), True))
-    lines.append(("Not needed", "; ".join(result.left_out), True))
     lines += [("Note", text, True) for text in result.notices]
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
 

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pkgutil import iter_modules
 
 MODULES = (
     "packing",
@@ -22,18 +21,16 @@ LATE = ("advance_run", "record", "motion_and_forces", "constrained_dynamics")
 SECOND = ("-m", "pgraph_core.engine", "--with-parent", "--second")
 
 
-def warm_up(second: bool = False, everything: bool = False) -> Iterator[tuple[int, int, str]]:
+def warm_up(second: bool = False) -> Iterator[tuple[int, int, str]]:
     """Compile every kernel, or load it from the disk cache; yields (i, n, name) after each.
 
-    The `second` of two processes begins with `LATE` and goes on from the other end. Kernels that
-    few scenes need, such as those of walking and of implicit methods, are left to their first use
-    unless `everything` is asked for.
+    The `second` of two processes begins with `LATE` and goes on from the other end.
     """
-    from .compiler.jit import KERNELS, LATER, compile_kernel
+    from .compiler.jit import KERNELS, compile_kernel
 
-    for module in _modules() if everything else MODULES:
+    for module in MODULES:
         import_module(f"{__name__}.{module}")
-    names = [*KERNELS, *(LATER if everything else ())]
+    names = list(KERNELS)
     if second:
         names = [*LATE, *(name for name in reversed(names) if name not in LATE)]
     for i, name in enumerate(names, start=1):
@@ -41,26 +38,18 @@ def warm_up(second: bool = False, everything: bool = False) -> Iterator[tuple[in
         yield i, len(names), name
 
 
-def _modules() -> Iterator[str]:
-    """Every module of the engine that may hold kernels, by its name below it."""
-    for package in ("", "constraints", "contact", "gait", "lockstep", "stepping", "tree"):
-        for one in iter_modules([os.path.join(__path__[0], package)]):
-            if not one.ispkg and one.name != "__main__":
-                yield f"{package}.{one.name}".lstrip(".")
-
-
 @contextmanager
-def second_process(everything: bool = False) -> Iterator[None]:
+def second_process() -> Iterator[None]:
     """Within it a second process compiles kernels into the disk cache, unless they are there.
 
     It ends with the context, and with this process, whatever ends that.
     """
-    if not (everything or _cold()) or (os.cpu_count() or 1) < 2:
+    if not _cold() or (os.cpu_count() or 1) < 2:
         yield
         return
     try:
         process = subprocess.Popen(
-            [sys.executable, *SECOND, *(["--all"] if everything else [])],
+            [sys.executable, *SECOND],
             stdin=subprocess.PIPE,  # closed by our death, of whatever kind
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

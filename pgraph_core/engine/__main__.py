@@ -1,28 +1,64 @@
 """`python -m pgraph_core.engine`: fill the disk cache, one line `i n name` a kernel.
 
 With `--with-parent` it ends as soon as its standard input is closed, however its parent died.
-With `--second` it is the second of the two processes that share the work. With `--all` it compiles
-the kernels that few scenes need as well.
+With `--second` it is the second of the two processes that share the work. With `--later` it
+compiles the kernels that few scenes need, such as those of walking and of implicit methods, and
+with `--all` these in a process beside the others.
 """
 
 import os
+import subprocess
 import sys
 import threading
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
 
 from . import second_process, warm_up
 
 
 def main() -> None:
-    """Compile every kernel, saying which; what else runs on the machine, a page, goes first."""
-    if "--with-parent" in sys.argv[1:]:
+    """Compile kernels, saying which; what else runs on the machine, a page, goes first."""
+    words = sys.argv[1:]
+    if "--with-parent" in words:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(10)
-    second, everything = "--second" in sys.argv[1:], "--all" in sys.argv[1:]
-    with nullcontext() if second else second_process(everything):
-        for i, n, name in warm_up(second, everything):
+    if "--later" in words:
+        for name in _compile_later():
+            print(name, flush=True)
+        return
+    second = "--second" in words
+    with (
+        _later_process() if "--all" in words else nullcontext(),
+        nullcontext() if second else second_process(),
+    ):
+        for i, n, name in warm_up(second):
             print(i, n, name, flush=True)
+
+
+def _compile_later() -> Iterator[str]:
+    """Compile the kernels that are left to their first use; yields the name of each."""
+    from .compiler.jit import LATER, compile_kernel
+
+    package = __spec__.parent if __spec__ else "pgraph_core.engine"
+    for module in walk_packages([str(Path(__file__).parent)], f"{package}."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+    for name in LATER:
+        compile_kernel(name)
+        yield name
+
+
+@contextmanager
+def _later_process() -> Iterator[None]:
+    """Within it another process compiles what few scenes need; it is waited for at the end."""
+    command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent", "--later"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+        yield
+        process.wait()
 
 
 def _end_with_parent() -> None:

@@ -55,7 +55,7 @@ from .parameters import (
     resolved,
     still_true,
 )
-from .rerooting import cut_elsewhere, home_poses, poses
+from .poses import home_poses, poses
 from .scenario import Scenario
 from .world import DOWN, World
 
@@ -458,7 +458,7 @@ class Model(World):
 
     def _where_cut(self, cut: AtPoints) -> str:
         """Where the loop closes that takes the initial state as it is, and how far that may be."""
-        at = poses({b.name: b for b in self.bodies}, {}, {})
+        at = poses(self.bodies)
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
         point = tuple((other.rotation.T @ (place - other.position)).round(12).tolist())
@@ -483,19 +483,6 @@ class Model(World):
         if model is self and formulas == self.formulas:
             return self
         return model._made(model.notices, formulas=formulas)
-
-    def cut_at(self, body: str, /, *, loop: str | None = None) -> Self:
-        """A new model with the same physics, its loop through `body` cut at that body's joint.
-
-        The constraint that closed it becomes a joint, the joints in between are turned around and
-        belong to the bodies that were their parents; frames of bodies there move to their new
-        joints, and what refers to points and joints follows (`notices`). `loop` names the
-        constraint where several loops pass. Raises ModelError for joints that cannot be turned.
-        """
-        self.body(body)
-        parts = {"bodies": self.bodies, **self._others()}
-        found, notice = cut_elsewhere(parts, body, loop)
-        return self._with((*self.notices, notice), **found)
 
     def _with_parents(
         self, name: str, parents: tuple[Any, ...], changes: Mapping[str, Any]

@@ -24,7 +24,6 @@ from ..markup import ordinary, reason_of
 from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, shown_path, write_atomic
-from ..needs import Plan
 from ..packing import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
 from .columns import Column, columns_of, frame, meant, no_column
@@ -312,18 +311,6 @@ class Result(EqualByFields, Hinting):
         if not len(self.t) or not self.mechanism.names:
             return facts
         return facts + _show().Embedded(_figures().page(self), FIGURE)._repr_html_()
-
-    @cached_property
-    def plan(self) -> Plan:
-        """The parts that this scene needed and did not need, with their counts."""
-        model, acting = self.mechanism.model, tuple(self.constraint_force)
-        given = {"scenario": self.header.get("scenario"), "method": self.header["method"]}
-        return Plan.of(model, acting=acting, **given)
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """Parts that this scene did not need and did not run, a sentence each."""
-        return self.plan.left_out
 
     @property
     def contact_force(self) -> Mapping[str, Array]:

@@ -199,7 +199,6 @@ class Study(Hinting):
     clock: str  # of the times: "wall" or "processor"
     timing: Mapping[str, float]  # seconds of the study's parts
     machine: Mapping[str, Any]
-    left_out: tuple[str, ...]  # features that the scene did not need
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
     cancelled: bool = False
     asked: float = 0.0  # duration of the run that was asked about [s]
@@ -298,7 +297,6 @@ class Study(Hinting):
         return (
             f"observed orders  {', '.join(orders)}",
             f"recommended      {self.answer}",
-            *(f"left out         {line}" for line in self.left_out),
             *(f"note             {line}" for line in self.notes),
             f"time             {', '.join(spent)}",
             *(["CANCELLED: rows that were not measured are missing"] if self.cancelled else []),

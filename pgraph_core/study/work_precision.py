@@ -173,7 +173,6 @@ class Work:
         self.fraction = 0.0
         self.timing: dict[str, float] = {}
         self.notes: list[str] = []
-        self.left_out: tuple[str, ...] = ()
         self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
         self.bent: set[str] = set()  # notices of all runs
@@ -225,8 +224,7 @@ class Work:
         for name in self.names:
             self.report(0.0)
             first = self.ladder.settings(METHODS[name])[0]
-            short = self.task.until(2).run(name, first)
-            self.left_out = short.left_out
+            self.task.until(2).run(name, first)
         self.timing["compile"] = time.perf_counter() - began
 
     def _shorten(self, task: Task, known: Reference) -> None:
@@ -427,7 +425,6 @@ class Work:
             CLOCKS[self.clock],
             self.timing,
             machine(),
-            self.left_out,
             tuple(self.notes),
             cancelled,
             task.asked,

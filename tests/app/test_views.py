@@ -38,9 +38,8 @@ def test_payloads_are_json(state, stood, view):
 
 def test_the_summary_says_how_a_run_ended_how_well_and_at_what_cost(stood):
     lines = {what: value for what, value, _ in run(stood)["summary"]}
-    expected = {"Status", "Energy drift", "Constraint drift", "Cost", "Method", "Not needed"}
+    expected = {"Status", "Energy drift", "Constraint drift", "Cost", "Method"}
     assert expected <= set(lines)
-    assert "contact" in lines["Not needed"]
 
 
 def test_two_runs_are_compared_in_numbers():

@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 
 from pgraph_core.contact import solids
 
-from .touching import (
-    Scene,
-    random_pose,
-    random_solid,
-)
+from .touching import Scene, random_pose, random_solid
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -59,17 +55,6 @@ def test_a_shape_at_nan_touches_nothing():
     scene = heap(50)
     scene.poses[7] = np.nan
     assert not any(7 in pair for pair in found(scene.among([(i, 0) for i in range(50)])))
-
-
-def test_joined_bodies_and_shapes_of_one_body_are_left_out():
-    scene = heap(60)
-    members = [(i, 0) for i in range(60)]
-    touching = sorted(found(scene.among(members)))
-    joined = touching[::2]
-    apart = sorted((i + 1, j + 1) for i, j in joined)  # bodies are numbered from 1
-    assert found(scene.among(members, apart)) == set(touching) - set(joined)
-    scene.geometry.shapes["row"] = 5
-    assert not found(scene.among(members))
 
 
 def test_members_of_different_contacts_do_not_touch():

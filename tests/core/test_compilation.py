@@ -1,4 +1,4 @@
-"""Kernels are compiled once, for one signature, when one of their sources has changed."""
+"""Kernels: compiled once for one signature, without allocations, with equal bits everywhere."""
 
 import os
 import subprocess
@@ -6,11 +6,15 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numba
+import numpy as np
 import pytest
 
-from pgraph_core import engine
+import pgraph_core as pg
+from pgraph_core.engine import warm_up
 from pgraph_core.engine.compiler import jit
-from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS
+from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS, OPTIONS, cache_folder
+from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
 
 USE = """
 import numpy as np, pgraph_core as pg, pgraph_models
@@ -58,15 +62,6 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdout.close()
 
 
-def test_a_filled_cache_is_not_cold(monkeypatch, tmp_path):
-    from pgraph_core.engine.stepping.run import advance_run
-
-    jit.compile_kernel("advance_run")
-    assert not engine._cold()
-    monkeypatch.setattr(advance_run._cache, "_cache_file", jit._Files(tmp_path / "none"))
-    assert engine._cold()
-
-
 def test_no_two_modules_have_a_kernel_of_one_name():
     """They are kept by name, and compiled for the signature that stands with it."""
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
@@ -84,11 +79,11 @@ def test_no_two_modules_have_a_kernel_of_one_name():
 
 def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
     """Its name counts as well: what is saved of a kernel names its module."""
-    for folder in ("here", "there"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "tree.py").write_text("def advance(): ...")
-    here, there = (jit.source_hash(tmp_path / x / "tree.py") for x in ("here", "there"))
-    assert here != there
+    here, there = tmp_path / "here" / "tree.py", tmp_path / "there" / "tree.py"
+    for file in (here, there):
+        file.parent.mkdir()
+        file.write_text("def advance(): ...")
+    assert jit.source_hash(here) != jit.source_hash(there)
     tree, moving, contact = (tmp_path / name for name in ("tree.py", "moving.py", "contact.py"))
     sizes = tmp_path / "rows" / "sizes.py"
     sizes.parent.mkdir()
@@ -123,3 +118,103 @@ def test_a_kernel_depends_on_every_engine_module_that_python_loads_for_it():
         assert {path for path in files if path.is_file()} <= jit.sources(
             Path(ENGINE, *name.split(".")).with_suffix(".py")
         )
+
+
+RUNS = """
+import hashlib
+import numpy as np
+import pgraph_core as pg
+import pgraph_models
+
+def told(name, **given):
+    run = pg.simulate(pg.Mechanism(pg.Model.load(pgraph_models.path(name))), **given)
+    state = np.concatenate((run.q.ravel(), run.v.ravel(), run.vdot.ravel()))
+    print(name, given, hashlib.sha256(state.tobytes()).hexdigest(), run.q[-1][:2].tolist())
+
+told("slider_crank", t_end=2.0, step=1e-3, method="rk4")
+told("four_bar_windows", t_end=1.0)
+told("double_pendulum", t_end=5.0, rtol=1e-9, method="dop853")
+told("stiff_pendulum", t_end=0.5, step=1e-2, method="radau5")
+told("quadruped", t_end=0.3, scenario="bound")
+mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
+q, v = mech.home()
+tree = mech.model.replace(constraints=(), contacts=(), scenarios=())
+many = pg.BatchStepper(tree, 5)
+q, v = (np.repeat([x], 5, axis=0) + 0.01 * np.arange(5)[:, None] * (x == 0.0) for x in (q, v))
+many.reset(q, v)
+print(hashlib.sha256(many.acceleration().tobytes()).hexdigest())
+"""
+
+
+def bits(**environment):
+    options = {"env": {**os.environ, **environment}, "capture_output": True, "text": True}
+    return subprocess.run([sys.executable, "-c", RUNS], check=True, **options).stdout
+
+
+@pytest.mark.nightly
+def test_a_generic_processor_gives_the_bits_of_this_one(tmp_path):
+    """Its kernels are compiled for it, into a cache of its own."""
+    generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    assert bits(**generic, PGRAPH_CACHE=str(tmp_path)) == bits()
+
+
+JITTED = numba.njit(**OPTIONS)
+
+
+def test_lanes_compute_place_by_place():
+    @JITTED
+    def poly(x, y, out):
+        a, b, c = lanes(x), lanes(y), lanes(out)
+        for i in range(a.shape[0]):
+            c[i] = -(a[i] + b[i]) * 3 / (2.0 - a[i]) + min(b[i], 0.5) - max(a[i], 0.25)
+            c[i] += np.floor(0.0)
+
+    x, y = np.random.default_rng(0).uniform(-1, 1, (2, 5, LANE_WIDTH))
+    out = np.empty_like(x)
+    poly(x, y, out)
+    wanted = -(x + y) * 3 / (2.0 - x) + np.minimum(y, 0.5) - np.maximum(x, 0.25)
+    assert np.array_equal(out, wanted)
+
+
+def test_nothing_is_contracted():
+    """a b + c with one rounding would give 2⁻¹⁰⁶."""
+
+    @JITTED
+    def product(a, b, c):
+        return a * b + c
+
+    x = 1.0 + 2.0**-53 * 2
+    assert product(x, x, -(x * x)) == 0.0
+    assert OPTIONS["fastmath"] is False
+
+
+RUNTIME = b"NRT_"  # numba's run-time: arrays and reference counts
+HEAP = (b"malloc", b"calloc", b"_Znwm")
+compiled_only = pytest.mark.skipif(not JIT, reason="nothing is compiled")
+
+
+@compiled_only
+def test_a_kernel_that_makes_an_array_does_not_compile():
+    @numba.njit(**OPTIONS)
+    def allocating(x):
+        return np.zeros(3)[0] + x
+
+    with pytest.raises(numba.TypingError, match="zeros"):
+        allocating(1.0)
+
+
+@pytest.mark.nightly
+@compiled_only
+def test_the_machine_code_of_no_kernel_calls_an_allocator():
+    for _ in warm_up():
+        pass
+    mech = pg.Mechanism(pg.Model.serial(2))
+    batch = pg.BatchStepper(mech, 1)  # lanes: when first asked for
+    batch.step()
+    batch.inverse_dynamics(batch.acceleration())
+    for name, (dispatcher, _) in KERNELS.items():
+        files = list(cache_folder().glob(f"{dispatcher._cache._impl.filename_base}.*.kernel"))
+        assert files, name
+        for code in (path.read_bytes() for path in files):
+            assert RUNTIME not in code, name
+            assert not any(symbol in code for symbol in HEAP), name

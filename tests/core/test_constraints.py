@@ -15,6 +15,7 @@ from pgraph_core.paper import Operators
 from tests.oracle import constrained
 from tests.oracle.constrained import constrained_dynamics, delassus
 
+from ..worlds import built_in
 from .trees import moved, random_case, scaled_error
 
 pytestmark = pytest.mark.quick
@@ -196,7 +197,7 @@ def test_omitted_points_and_inactive_constraints():
 
 def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
     """The first call of a mechanism warns at the line that made it; none of our own calls does."""
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
+    mech = built_in("four_bar")
     q, v = mech.home()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -137,14 +137,6 @@ def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
     assert same(mech, pg.Mechanism(model))
 
 
-def test_there_and_back_is_where_it_was():
-    mech = pg.Mechanism(QUADRUPED)
-    back = mech.edit("left_hind_paw", parent="lumbar").edit("left_hind_paw", parent="left_tibia")
-    assert same(back, mech)
-    assert back.model.hash == QUADRUPED.hash
-    assert QUADRUPED.edit("left_hind_paw", mass=0.4) is QUADRUPED
-
-
 def test_a_body_attached_elsewhere_is_packed_again():
     model = pg.Model.serial(4)
     pg.Mechanism(model)  # bodies keep their packed form from here on

@@ -6,7 +6,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 
-from ..worlds import ball, box, on_ground
+from ..worlds import ball, box, heaped, on_ground
 from .test_phases import FEET, quadruped
 
 G = 9.81
@@ -35,9 +35,8 @@ def test_a_loop_and_a_contact_are_solved_together():
 
 def column(count: int) -> pg.Model:
     """Balls on one another."""
-    bodies = [ball(f"b{i}", (0, 0, 0), q=(0, 0, 0.1 + 0.2 * i, 1, 0, 0, 0)) for i in range(count)]
-    contacts = (pg.Contact(name="floor", body="*"), pg.Contact(name="heap", body="*", other="*"))
-    return pg.Model(bodies=bodies, contacts=contacts)
+    place = [(0, 0, 0.1 + 0.2 * i, 1, 0, 0, 0) for i in range(count)]
+    return heaped(ball(f"b{i}", (0, 0, 0), q=q) for i, q in enumerate(place))
 
 
 def test_forces_between_every_two_bodies_are_read_by_their_names():

@@ -11,7 +11,7 @@ from pgraph_core.paper.motion import bodies_of
 from tests import fifty_digits
 from tests.fifty_digits import exact, mp
 
-from .trees import random_case, scaled_error
+from .trees import random_case, scaled_error, with_joints
 
 H = mp.mpf(10) ** -15  # central differences are then good to 30 digits
 CREEP = mp.mpf("1e-3")  # creep speed of joint friction, f v / √(v² + creep²)
@@ -77,12 +77,8 @@ def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
     n, rng = len(s.v), np.random.default_rng(seed)
     s = s._replace(v=s.v * rng.choice([1.0, 1e-3], n))
     stiffness, damping, rest, friction = rng.uniform(0, 9, (4, n))
-    model, start = s.model, 0
-    for name, dof in zip(s.topology.names, s.topology.dof):
-        part = slice(start, start + int(dof))
-        fields = {"stiffness": stiffness, "damping": damping, "rest": rest, "friction": friction}
-        model = model.edit(name, **{field: x[part] for field, x in fields.items()})
-        start += int(dof)
+    fields = {"stiffness": stiffness, "damping": damping, "rest": rest, "friction": friction}
+    model = with_joints(s, **fields)
 
     def passive(q, v):
         rub = np.array([f * x / mp.sqrt(x * x + CREEP**2) for f, x in zip(exact(friction), v)])

@@ -35,28 +35,18 @@ CASES = {
 }
 
 
-def compiled(name, arguments):
+def values(name, *arrays):
     function = getattr(elementary, name)
-    if arguments == 1:
-
-        @numba.njit(**OPTIONS)
-        def each(x, out):
-            for i in range(out.shape[0]):
-                out[i] = function(x[i])
-
-        return each
+    of_two = function if len(arrays) == 2 else numba.njit(**OPTIONS)(lambda x, _: function(x))
 
     @numba.njit(**OPTIONS)
-    def each_pair(x, y, out):
+    def each(x, y, out):
         for i in range(out.shape[0]):
-            out[i] = function(x[i], y[i])
+            out[i] = of_two(x[i], y[i])
 
-    return each_pair
-
-
-def values(name, *arrays):
-    out = np.empty(len(arrays[0]))
-    compiled(name, len(arrays))(*(np.ascontiguousarray(a, dtype=float) for a in arrays), out)
+    x, y = (np.ascontiguousarray(arrays[k], dtype=float) for k in (0, -1))
+    out = np.empty(len(x))
+    each(x, y, out)
     return out
 
 

@@ -10,16 +10,12 @@ from numba import njit
 from scipy.interpolate import PPoly, make_interp_spline
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_core.dynamics.states import differences
 
+from ..worlds import built_in as model
 from .trees import random_case
 
 G = 9.81
-
-
-def model(name):
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 def slider(axis=(1, 0, 0), gravity=0.0, contacts=(), **fields) -> pg.Model:

@@ -105,12 +105,6 @@ def test_visits_of_fig_1():
     assert [visit.P for visit in visits([0, 1, 2, 0, 3])] == [(), (1, 2), (2,), (), (3,)]
 
 
-def test_a_model_without_bodies_has_no_frames():
-    frames = frame_vectors(pg.Model(), [])
-    assert frames.position.shape == (0, 3)
-    assert frames.updated([]).vectors.shape == (0, 3)
-
-
 def test_trace_ends_in_the_absolute_frames():
     s = nested()
     q = moved(s.model, s.q, 0.1 * s.v)

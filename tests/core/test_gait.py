@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-import pgraph_models
+
+from ..worlds import built_in
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 SLIP = 1e-2  # m per stance, at a friction of 0.7
@@ -21,9 +22,7 @@ WALKS = (
 )
 
 
-@cache
-def mechanism(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+mechanism = cache(built_in)
 
 
 @cache
@@ -57,8 +56,17 @@ def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
     return np.array(found)
 
 
-def check_walk(run: pg.Result, scenario: str, speed: float) -> None:
-    """Check speed, heading, torque limits, slips, and touchdowns per stride."""
+LONG = [(*walk, 10.0 if walk[1] == "bound" else 30.0) for walk in WALKS]
+LONG.append(("quadruped_hips", "gallop", 1.2, 30.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario", "speed", "seconds"),
+    [(*walk, 3.0) for walk in WALKS] + [pytest.param(*x, marks=pytest.mark.nightly) for x in LONG],
+)
+def test_a_walk_keeps_its_speed_and_limits(name, scenario, speed, seconds):
+    """Speed, heading, torque limits, slips, and touchdowns per stride."""
+    run = walked(name, scenario, seconds)
     assert run.status.ok
     assert not run.notices
     gait = run.mechanism.model.scenario(scenario).gait
@@ -80,21 +88,9 @@ def check_walk(run: pg.Result, scenario: str, speed: float) -> None:
     assert asked[spine].max() <= gait.spine_torque
 
 
-@pytest.mark.parametrize(("name", "scenario", "speed"), WALKS)
-def test_a_walk_keeps_its_speed_and_limits(name: str, scenario: str, speed: float):
-    check_walk(walked(name, scenario), scenario, speed)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(("name", "scenario", "speed"), [*WALKS, ("quadruped_hips", "gallop", 1.2)])
-def test_a_long_walk_keeps_its_speed_and_limits(name: str, scenario: str, speed: float):
-    seconds = 10.0 if scenario == "bound" else 30.0
-    check_walk(walked(name, scenario, seconds), scenario, speed)
-
-
 def test_phases_are_those_of_forces():
     """A foot in swing bears nothing, and the others push. A flight of one step is a graze."""
-    run = walked("quadruped_hips", "trot")
+    run = walked("quadruped_hips", "trot", 3.0)
     for foot in FEET:
         phase = run.phases[foot]
         push = run.contact_normal[foot]
@@ -211,7 +207,7 @@ def test_hips_that_do_not_spread_do_not_go_to_the_side():
 
 
 def test_footprints_are_those_of_the_run():
-    run = walked("quadruped_hips", "trot")
+    run = walked("quadruped_hips", "trot", 3.0)
     prints = [one for one in pg.footprints(run) if one.end - one.start > 0.1]
     ahead = [one.x for one in prints if one.foot == "left_hind_foot"]
     assert np.all(np.diff(ahead) > 0.0)

@@ -46,18 +46,6 @@ def test_the_contact_records_of_a_piece_do_not_depend_on_when_they_are_read():
     assert any(read)
 
 
-def test_the_same_changes_give_the_same_bits():
-    ends = []
-    for _ in range(2):
-        walk = pg.Walk(mechanism(), "trot")
-        pieces(walk, 0.5)
-        walk.change(speed=0.9)
-        walk.push((0.0, 0.0, 60.0), seconds=0.1)
-        pieces(walk, 0.5)
-        ends.append((walk.q, walk.v))
-    assert all(np.array_equal(a, b) for a, b in zip(*ends))
-
-
 def test_it_follows_the_speed_and_the_heading():
     walk = pg.Walk(mechanism(), "trot")
     pieces(walk, 2.0)
@@ -115,9 +103,3 @@ def test_a_gait_walks_on_all_laws(law: str, step: float):
 def test_a_walk_needs_a_gait():
     with pytest.raises(pg.InputError, match=r"gait.*'stance'"):
         pg.Walk(pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped"))), "stance")
-
-
-def test_each_piece_reports_its_method():
-    for method in (None, "moreau_jean"):
-        walk = pg.Walk(mechanism(), "trot", method=method)
-        assert {walk.step(0.01).header["method"] for _ in range(3)} == {"moreau_jean"}

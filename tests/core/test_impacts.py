@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 
-from ..worlds import ball, box, on_ground
+from ..worlds import ball, box, heaped, on_ground
 
 G = 9.81
 INSTANT = 1e-13  # s
@@ -246,20 +246,15 @@ def test_a_rod_that_leaves_a_tilted_plane_at_once_hits_it_once(turn):
     assert run.counters["impacts"] == 1
 
 
-def shot(speed, radius, wall, **law):
-    """A ball that flies along x at a wall whose face is 30 cm from it."""
+@pytest.mark.parametrize("speed", [1.0, 1000.0])
+@pytest.mark.parametrize(("radius", "wall"), [(1e-3, 1e-3), (0.01, 0.005), (0.1, 1e-3)])
+def test_a_ball_turns_at_a_wall_however_thin_and_fast(speed, radius, wall):
     bodies = (
         ball("ball", (0, 0, 0), radius, v=(0, 0, 0, speed, 0, 0)),
         box("plate", (0.3 + radius + 0.5 * wall, 0, 0), (wall, 2.0, 2.0), joint="weld"),
     )
-    contact = pg.Contact(name="hit", body="ball", other="plate", **law)
-    return pg.Model(bodies=bodies, gravity=(0, 0, 0), contacts=(contact,))
-
-
-@pytest.mark.parametrize("speed", [1.0, 1000.0])
-@pytest.mark.parametrize(("radius", "wall"), [(1e-3, 1e-3), (0.01, 0.005), (0.1, 1e-3)])
-def test_a_ball_turns_at_a_wall_however_thin_and_fast(speed, radius, wall):
-    model = shot(speed, radius, wall, restitution=0.5)
+    hit = pg.Contact(name="hit", body="ball", other="plate", restitution=0.5)
+    model = pg.Model(bodies=bodies, gravity=(0, 0, 0), contacts=(hit,))
     run = pg.simulate(model, t_end=0.45 / speed, step=1e-3, method="moreau_jean", estimate=False)
     assert run.v[-1, 3] == pytest.approx(-0.5 * speed, rel=1e-12)
     assert run.q[-1, 0] == pytest.approx(0.3 - 0.5 * 0.15, abs=1e-9)
@@ -407,12 +402,7 @@ def test_corners_that_land_together_keep_a_mirror_symmetry():
         box("plank", (0.02, 0, 0.215), (1.0, 0.2, 0.03)),
         ball("ball", (0.4, 0, 0.55), 0.05, mass=0.5),
     ]  # fmt: skip
-    law = {"friction": 0.8, "restitution": 0.3}
-    contacts = [
-        pg.Contact(name="floor", body="*", **law),
-        pg.Contact(name="heap", body="*", other="*", **law),
-    ]
-    model = pg.Model(bodies=bodies, contacts=contacts)
+    model = heaped(bodies, friction=0.8, restitution=0.3)
     run = pg.simulate(model, t_end=0.45, step=1e-3, method="moreau_jean", estimate=False)
     turned = run.v[:, 6:9]
     assert np.abs(turned[:, 1]).max() > 1.0

@@ -9,7 +9,7 @@ import pgraph_models
 from pgraph_core.analysis import inverse
 from pgraph_core.analysis.rows import Rows
 
-from ..worlds import box, on_ground
+from ..worlds import box, built_in, on_ground
 
 pytestmark = pytest.mark.quick
 
@@ -132,7 +132,7 @@ def test_one_motor_holds_a_four_bar_by_the_slope_of_its_potential_energy():
 
 
 def test_without_constraints_it_is_inverse_dynamics():
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped_hips")))
+    mech = built_in("quadruped_hips")
     rng = np.random.default_rng(2)
     q, (v, vdot) = mech.home()[0], rng.normal(size=(2, mech.nv))
     expected = mech.inverse_dynamics(q, v, vdot)

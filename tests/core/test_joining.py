@@ -60,19 +60,6 @@ def test_two_halves_are_the_whole(model, settings, bound):
     assert all(len(gap) == len(both.t) for gap in both.contact_gap.values())
 
 
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        ({"t_start": float("nan")}, "t_start.*nan"),
-        ({"t_start": 2.0, "t_end": 1.0}, r"t_end.*t_start = 2 .*1\.0"),
-        ({"t_start": 1.0, "t_end": 2.0, "t_eval": [0.5]}, "t_eval.* 1 to t_end = 2"),
-    ],
-)
-def test_times_that_do_not_fit_are_refused(arguments, key):
-    with pytest.raises(pg.InputError, match=key):
-        pg.simulate(swinging(), **arguments)
-
-
 def test_runs_that_do_not_meet_are_refused():
     first, second, _ = halves(swinging(), method="rk4", step=1e-3)
     other = pg.simulate(pg.Model.serial(3), t_start=WHOLE, t_end=WHOLE + 0.01, step=1e-3)

@@ -89,14 +89,3 @@ def test_instances_equal_single_runs(model, size, method):
         close(batch.v[i], one.v[-1], 1e-10)
         close(vdots[i], one.vdot[-1], 1e-9)
         close(batch.work[i], one.work[-1], 1e-11)
-
-
-def test_accelerations_with_loops_are_those_of_single_runs():
-    held = pg.Constraint(name="hold", body="3", kind="point")
-    mech = pg.Mechanism(pg.Model.serial(3).replace(constraints=(held,)))
-    batch = pg.BatchStepper(mech, 2)
-    taus = np.array([[1.0, -2.0, 0.5], [0.0, 0.3, 0.1]])
-    expected = [mech.constrained_dynamics(*mech.home(), tau)[0] for tau in taus]
-    close(batch.acceleration(taus), np.array(expected), 1e-12)
-    with pytest.raises(pg.InputError, match="inverse_dynamics"):
-        batch.inverse_dynamics(taus)

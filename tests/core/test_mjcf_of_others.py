@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact import tables as contact_tables
 from pgraph_core.dynamics.scene import NO_CONSTRAINTS, Scene
 from pgraph_core.engine import motion
 from pgraph_core.rotation import matrix, multiply, unit
-from pgraph_core.simulation.contact_log import Clearance
 from tests.models_of_others import files, folder, largest_error
 
 mujoco = pytest.importorskip("mujoco")
@@ -169,179 +166,3 @@ def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
             return x == y
 
     return [at for at in mine.keys() | other if not same(mine.get(at), other.get(at))]
-
-
-NEAR = 1e-6  # m
-HEIGHTFIELD = 1  # mjGEOM_HFIELD
-FLOOR = -1  # all planes that are the ground
-Pairs = dict[tuple[int, int], float]  # two geoms, the smaller number first: their distance [m]
-
-
-def planes_of(m) -> set[int]:
-    """The planes z = 0 of the world."""
-    flat = (m.geom_type == 0) & (m.geom_bodyid == 0) & (np.abs(m.geom_pos[:, 2]) < 1e-9)
-    return {g for g in np.flatnonzero(flat).tolist() if matrix(m.geom_quat[g])[2][2] > 1 - 1e-9}
-
-
-def pairs_of_mujoco(m, data) -> Pairs:
-    """The pairs that MuJoCo's filters leave, with its distances."""
-    off = mujoco.mjtDisableBit
-    if m.opt.disableflags & (off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
-        return {}
-    excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in m.exclude_signature}
-    filters = not m.opt.disableflags & off.mjDSBL_FILTERPARENT
-    found = {(int(g), int(h)) for g, h in zip(m.pair_geom1, m.pair_geom2)}
-    for g, h in combinations(range(m.ngeom), 2):
-        bodies = [int(m.geom_bodyid[x]) for x in (g, h)]
-        one, two = (int(m.body_weldid[b]) for b in bodies)
-        above = [int(m.body_weldid[m.body_parentid[w]]) for w in (one, two)]
-        related = filters and ((one and one == above[1]) or (two and two == above[0]))
-        masks = (m.geom_contype[g] & m.geom_conaffinity[h]) | (
-            m.geom_contype[h] & m.geom_conaffinity[g]
-        )
-        if masks and one != two and not related and frozenset(bodies) not in excluded:
-            found.add((g, h))
-    floor, distances = planes_of(m), dict[tuple[int, int], float]()
-    m.opt.disableflags &= ~int(off.mjDSBL_NATIVECCD)  # libccd's distances are wrong by millimetres
-    for g, h in found:
-        low, high = sorted(FLOOR if x in floor else x for x in (g, h))
-        apart = mujoco.mj_geomDistance(m, data, g, h, 1e3, None)
-        if HEIGHTFIELD in m.geom_type[[g, h]]:  # not measured by mj_geomDistance
-            apart = np.nan
-        distances[low, high] = min(apart, distances.get((low, high), np.inf))
-    return distances
-
-
-def geoms_of_shapes(mech: pg.Mechanism, m) -> dict[int, list[int]]:
-    """The geoms that the touching shapes of each body are, by the number of the body."""
-    paired = {*m.pair_geom1.tolist(), *m.pair_geom2.tolist()}
-    solid = [
-        g for g in range(m.ngeom)
-        if (m.geom_contype[g] or m.geom_conaffinity[g] or g in paired) and g not in planes_of(m)
-    ]  # fmt: skip
-    of_body = {b: [g for g in solid if m.geom_bodyid[g] == b] for b in range(1, m.nbody)}
-    of_body[m.nbody] = sorted((g for g in solid if not m.geom_bodyid[g]),
-                              key=lambda g: m.geom_type[g] != 0)  # fmt: skip
-    theirs = [geoms for geoms in of_body.values() if geoms]
-    ours = [body for body in mech.model.bodies if body.touching]
-    assert [len(body.touching) for body in ours] == [len(geoms) for geoms in theirs]
-    return {mech.topology.number(body.name): geoms for body, geoms in zip(ours, theirs)}
-
-
-def pairs_here(mech: pg.Mechanism, m, q: np.ndarray) -> Pairs:
-    """The pairs of shapes that contacts of the model mean, with their gaps at q, as geoms."""
-    tables = contact_tables.tables(mech.packed, mech.model.contacts)
-    on_ground, pairs = tables.candidates.on_ground.copy(), tables.candidates.pairs.copy()
-    count = len(on_ground) + len(pairs)
-    on_ground["pair"], pairs["pair"] = np.split(np.arange(count), [len(on_ground)])
-    candidates = tables.candidates._replace(on_ground=on_ground, pairs=pairs)
-    scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
-    gaps = Clearance(mech, tables._replace(candidates=candidates)).gaps(scene, q[None], count)[0]
-    geoms = {number: iter(found) for number, found in geoms_of_shapes(mech, m).items()}
-    geom = [next(geoms[int(shape["body"])]) for shape in tables.geometry.shapes]
-    ends = [(FLOOR, geom[one["shape"]]) for one in on_ground]
-    ends += [sorted((geom[two["shape_a"]], geom[two["shape_b"]])) for two in pairs]
-    return {(low, high): float(gap) for (low, high), gap in zip(ends, gaps)}
-
-
-def compare_pairs(path: Path, monkeypatch, roots=()) -> tuple[int, int, float]:
-    """(pairs, pairs that the file does not have and the report names, largest difference [m])."""
-    monkeypatch.setattr(contact_tables, "CROWD", 10**9)  # each pair of bodies on its own
-    m = loaded_by_mujoco(path)
-    model, report = quietly(pg.read_mjcf, path, roots=roots)
-    if m is None or not model.contacts:
-        assert m is None or not pairs_of_mujoco(m, mujoco.MjData(m))
-        return 0, 0, 0.0
-    mech, data = pg.Mechanism(model), mujoco.MjData(m)
-    q, _, data.qpos[:], *_ = start_of(mech, m, np.random.default_rng(0))
-    mujoco.mj_kinematics(m, data)
-    here, theirs = pairs_here(mech, m, q), pairs_of_mujoco(m, data)
-    more = here.keys() - theirs.keys()
-    said = [e for e in report.of("approximated") if "shapes" in e.text]
-    assert not theirs.keys() - here.keys(), path.name
-    assert bool(more) == bool(said), (path.name, more)
-    apart = [abs(here[pair] - x) for pair, x in theirs.items() if 0 < x < 1e3]
-    return len(theirs), len(more), max(apart, default=0.0)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("package", PACKAGES)
-def test_the_same_pairs_may_touch_at_the_same_distances(package, monkeypatch):
-    if folder(package) is None:
-        pytest.skip(f"{package} cannot be downloaded here")
-    found = {
-        path: compare_pairs(path, monkeypatch, [folder(package)])
-        for path in files(package, ".xml") if loaded_by_mujoco(path)
-    }  # fmt: skip
-    assert max(worst for *_, worst in found.values()) < NEAR
-
-
-STILL = 3e-3  # rad/s, m/s: MuJoCo's friction creeps
-ABOVE = 5e-3  # m: from where objects fall
-LOOSE = 1e-4  # m: from where what lies in MuJoCo is let go here
-AT_REST = {
-    "robosuite": [f"objects/{name}.xml" for name in (
-        "bottle", "bread", "can", "cereal", "lemon", "milk", "plate-with-hole", "round-nut",
-        "square-nut")],
-    "gymnasium": [f"assets/{name}.xml" for name in (
-        "ant", "half_cheetah", "hopper", "humanoid", "humanoidstandup", "walker2d", "walker2d_v5")],
-    "dm-control": [f"suite/{name}.xml" for name in ("cheetah", "hopper", "walker")],
-    "gymnasium-robotics": ["assets/ant.xml", "assets/coupled_half_cheetah.xml"],
-}  # fmt: skip
-
-
-def on_a_floor(path: Path, place: Path) -> Path:
-    """A file whose model can fall: one without joints gets a free one, and a floor."""
-    spec = mujoco.MjSpec.from_file(str(path))
-    if spec.joints:
-        return path
-    spec.worldbody.first_body().add_freejoint()
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1])
-    for kind in ("meshdir", "texturedir"):
-        setattr(spec, kind, str((path.parent / getattr(spec, kind)).resolve()))
-    spec.compile()
-    (place / path.name).write_text(spec.to_xml())
-    return place / path.name
-
-
-def rest_of_mujoco(m, data) -> float:
-    """Let it come to rest: the largest distance of what pushes from just touching [m]."""
-    while data.time < 1 or np.abs(data.qvel).max() > STILL:
-        assert data.time < 60
-        mujoco.mj_step(m, data, 100)
-    mujoco.mj_kinematics(m, data)
-    return max(abs(float(c.dist)) for c in data.contact if c.efc_address >= 0)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("package", AT_REST)
-def test_models_come_to_rest_where_mujoco_has_them_but_for_its_compression(package, tmp_path):
-    """Objects fall from the same place; what has joints is let go where it lies in MuJoCo."""
-    if folder(package) is None:
-        pytest.skip(f"{package} cannot be downloaded here")
-    for name in AT_REST[package]:
-        path = next(p for p in files(package, ".xml") if str(p).endswith(name))
-        file = on_a_floor(path, tmp_path)
-        m = mujoco.MjModel.from_xml_path(str(file))
-        data = mujoco.MjData(m)
-        model, _ = quietly(pg.read_mjcf, file, roots=[folder(package)])
-        mech, rng = pg.Mechanism(model), np.random.default_rng(0)
-        free = m.jnt_type == mujoco.mjtJoint.mjJNT_FREE
-        lifts = free | ((m.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE) & (m.jnt_axis[:, 2] > 0.99))
-        height = int((m.jnt_qposadr + 2 * free)[lifts][0])
-        mujoco.mj_kinematics(m, data)
-        data.qpos[height] += ABOVE - min(pairs_of_mujoco(m, data).values())
-        begin = data.qpos.copy()
-        deep = rest_of_mujoco(m, data)
-        rest, *_ = start_of(mech, m, rng, data.qpos)
-        if file == path:
-            begin = data.qpos.copy()
-            begin[height] += deep + LOOSE
-        run = pg.simulate(mech, t_end=3.0, q=start_of(mech, m, rng, begin)[0])
-        moved = np.array([
-            mech.pose(run.q[-1], body.name)[0] - mech.pose(rest, body.name)[0]
-            for body in model.bodies
-        ])  # fmt: skip
-        up, off = np.abs(moved[:, 2]).max(), np.linalg.norm(moved, axis=1).max()
-        assert up < 1.5 * deep, name
-        assert off < 3 * deep, name

@@ -13,12 +13,10 @@ import pgraph_models
 from pgraph_core.paper import Operators
 from tests.oracle.constrained import constraint_rows
 
+from ..worlds import built_in as mechanism
+
 FLAT = np.array([-np.pi / 2, np.pi / 2, -np.pi / 2])  # of the parallelogram, in number order
 ALONG = np.array([-1.0, 1.0, -1.0])
-
-
-def mechanism(name):
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 def like(part, **changes):
@@ -59,6 +57,8 @@ def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
     assert found == [(name, row) for name, rows in redundant.items() for row in rows]
     assert not any(row.only_here for row in report.redundant)
     assert report.extra == 0
+    again = json.loads(json.dumps(report.to_dict()))
+    assert [row["constraint"] for row in again["redundant"]] == [row[0] for row in found]
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "bricard", "quadruped", "andrews"])
@@ -91,13 +91,6 @@ def test_stretched_rods_shake_but_do_not_move():
     report = pg.Mechanism(pg.Model(up="y", bodies=rods, constraints=(pin,))).mobility()
     assert (report.dof, report.extra, report.finite) == (1, 1, False)
     assert "locked" in str(report)
-
-
-def test_the_report_is_plain_data():
-    again = json.loads(json.dumps(mechanism("slider_crank").mobility().to_dict()))
-    first = again["redundant"][0]
-    assert (first["direction"], first["bodies"]) == (Z, ["rod", "slider"])
-    assert "3 of 5" in again["text"]
 
 
 def test_every_row_of_a_repeated_constraint_is_redundant():
@@ -165,17 +158,6 @@ def test_the_report_names_the_joint_that_moved_most():
     assert (report.joint, report.turned) == ("a", False)
 
 
-def test_a_loop_that_cannot_close_is_named_with_its_gap():
-    """Rods of 1, 1 and 1 m between pins 4 m apart: 1 m is missing."""
-    mech = pg.Mechanism(windows(1).edit("crank 1", link=(4.0, 0, 0)))
-    for call in (mech.assemble, mech.mobility):
-        with pytest.raises(pg.InputError, match=r"'loop 0'.* 1 m "):
-            call()
-    done = pg.simulate(mech, t_end=0.1)
-    assert not done.status.ok
-    assert all(fact in done.message for fact in ("'loop 0'", " 1 m "))
-
-
 def test_one_of_two_contradicting_constraints_may_be_assembled_alone():
     held = [
         pg.Motion(name=name, body="crank 0", q_of_t={"t": (0, 1), "value": (x, x)})
@@ -184,8 +166,6 @@ def test_one_of_two_contradicting_constraints_may_be_assembled_alone():
     rod = windows(1).body("crank 0")
     mech = pg.Mechanism(pg.Model(up="y", bodies=(rod,), constraints=tuple(held)))
     assert mech.assemble(active=["right"])[0] == pytest.approx([0.5])
-    with pytest.raises(pg.InputError, match=r"active: .*'lop'.*left"):
-        mech.assemble(active=["lop"])
 
 
 @pytest.mark.parametrize("t_end", [10.0, pytest.param(60.0, marks=pytest.mark.nightly)])

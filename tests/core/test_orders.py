@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 
-from .trees import random_case
+from .trees import random_case, with_joints
 
 pytestmark = pytest.mark.quick
 
@@ -56,15 +56,7 @@ def heavy_top():
 def mixed_tree():
     """A forest with ball, free and compound joints, in motion."""
     s = random_case(5, most=6)
-    model, i, j = s.model, 0, 0
-    for name in s.topology.names:
-        body = model.body(name)
-        nq, nv = len(body.q), body.dof
-        if nv:
-            q, v = tuple(s.q[i : i + nq]), tuple(0.3 * s.v[j : j + nv])
-            model = model.edit(name, q=q, v=v)
-        i, j = i + nq, j + nv
-    return model
+    return with_joints(s, q=s.q, v=0.3 * s.v)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -9,7 +9,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_models.case_models import limited_pendulum
 
-from ..worlds import ball, box, on_ground
+from ..worlds import ball, box, built_in, on_ground
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
@@ -70,10 +70,9 @@ def test_a_ball_comes_to_rest_at_the_zeno_time(e, way):
             assert abs(gap - (up * late - G * late**2 / 2)) < 1e-9
 
 
-@pytest.mark.parametrize("way", [WAYS["rk4"], WAYS["dop853"]], ids=["rk4", "dop853"])
-def test_a_pendulum_chatters_to_rest_on_its_limit(way):
+def test_a_pendulum_chatters_to_rest_on_its_limit():
     case = reference("pendulum_joint_limit")
-    done = run(limited_pendulum(), t_end=2.2, **way)
+    done = run(limited_pendulum(), t_end=2.2, **WAYS["dop853"])
     times = np.array([event.t for event in done.events])
     expected = np.array([impact["t"] for impact in case["impacts"]])
     assert len(times) > 25
@@ -192,33 +191,6 @@ def test_a_sliding_block_stops_where_and_when_it_must(way):
     assert len(done.events) == 4  # its lower corners, at once
     assert all(abs(event.t - case["stop_time"]) < 1e-9 for event in done.events)
     assert abs(done.contact_normal["floor"][-1] - G) < 1e-9
-
-
-@pytest.mark.parametrize("case", reference("sliding_block_coulomb")["incline"])
-def test_a_block_sticks_or_slides_on_a_slope(case):
-    """A set-valued law holds exactly, without creep, up to the border of the cone."""
-    angle = np.radians(case["angle_deg"])
-    done = run(block(slope=angle), t_end=1.0, frames=11, method="rk4", step=1e-2)
-    down = -(done.v[-1, 3] * np.cos(angle) + done.v[-1, 5] * np.sin(angle))
-    if case["state"] == "sticks":
-        assert np.abs(done.v).max() < 1e-9
-        np.testing.assert_allclose(done.contact_force["floor"][-1, 3:], (0, 0, G), atol=1e-9)
-    else:
-        assert abs(down - case["acceleration"]) < 1e-10
-
-
-def test_a_block_on_a_spring_stops_after_a_finite_number_of_half_cycles():
-    case = reference("sliding_block_coulomb")["spring"]
-    cart = pg.Body(
-        name="cart", joint="compound", motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
-        inertia=NONE, q=(0.5, 0.0), stiffness=(100, 0),
-    )  # fmt: skip
-    done = run(touching(cart, friction=0.3), t_end=3.0, **WAYS["rk4"])
-    assert abs(done.events[-1].t - case["stop_time"]) < 1e-9
-    assert abs(done.q[-1, 0] - case["final_x"]) < 1e-9
-    assert abs(abs(done.contact_force["floor"][-1, 3]) - case["final_friction_force"]) < 1e-8
-    turns = np.flatnonzero(np.diff(np.sign(done.v[done.t < case["stop_time"], 0])) != 0)
-    assert len(turns) >= case["half_cycles"] - 1
 
 
 def test_a_thrown_ball_skids_then_rolls():
@@ -357,8 +329,7 @@ def test_stance_on_contacts_is_stance_on_constraints():
 
 
 def walk(name, gait, t_end, **options):
-    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
-    return run(mech, scenario=gait, t_end=t_end, estimate=False, **options)
+    return run(built_in(name), scenario=gait, t_end=t_end, estimate=False, **options)
 
 
 def test_the_trot_closes_its_ledger_and_agrees_with_given_steps():
@@ -390,9 +361,7 @@ def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
 
 def test_methods_that_locate_events_and_those_that_do_not():
     model = touching(falling(0.1))
-    for rtol, method in ((1e-4, "dopri5"), (1e-8, "dop853")):
-        assert run(model, t_end=0.2, rtol=rtol).header["method"] == method
-    assert run(model, t_end=0.2).header["method"] == "moreau_jean"
+    assert run(model, t_end=0.2, rtol=1e-8).header["method"] == "dop853"
     fixed = run(model, t_end=0.2, method="dopri5", step=1e-2)
     assert abs(fixed.events[0].t - np.sqrt(0.2 / G)) < 1e-12
     stop = touching(falling(0.1).model_copy(update={"limits": ((None, 0.2),)}), law="penalty")
@@ -411,10 +380,14 @@ def test_methods_that_locate_events_and_those_that_do_not():
 
 
 def test_events_and_phases_survive_a_file(tmp_path):
-    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **WAYS["rk4"])
+    given = {"events": [lambda t, q, v: q[0] - 0.05], **WAYS["rk4"]}
+    done = run(touching(falling(0.1), restitution=0.5), t_end=0.5, **given)
     done.save(tmp_path / "run.npz")
     back = pg.Result.load(tmp_path / "run.npz")
     assert back.events == done.events
+    assert done.user_events
+    assert [e[:3] for e in back.user_events] == [e[:3] for e in done.user_events]
+    np.testing.assert_array_equal(back.user_events[0].q, done.user_events[0].q)
     np.testing.assert_array_equal(back.phases["floor"], done.phases["floor"])
     for fact in ("0.142784312", "floor", "ball", "swing", "1.40071", "0.700357"):
         assert fact in str(done.events[0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -12,12 +11,9 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.study import task
 from pgraph_core.study.measures import Errors, angles, measured, observed_order, ratios, spread
-from pgraph_core.study.page import Section, page, series_colour, table
 from pgraph_core.study.reference import growth_of, horizon
-from pgraph_core.study.report import Row, seconds_at
-from pgraph_core.study.work_precision import contradicted
+from pgraph_core.study.report import seconds_at
 
 from .test_orders import heavy_top, tumbling_body
 
@@ -97,7 +93,6 @@ def top_held_by_a_constraint() -> pg.Model:
         (heavy_top, "semi_implicit_euler", 0.25, (100, 200, 400, 800)),
         (top_held_by_a_constraint, "rk4", 0.25, (24, 48, 100, 200)),
         (tumbling_body, "dop853", 3.0, (32, 40, 48, 64)),
-        (heavy_top, "ros2", 0.25, (50, 100, 200)),
         (top_held_by_a_constraint, "radau5", 0.25, (8, 12, 18, 28)),
     ],
 )
@@ -107,13 +102,6 @@ def test_observed_orders_are_the_claimed_ones(make, method, t_end, counts):
     found = pg.work_precision(make(), t_end=t_end, methods=method, **options)
     seen, claimed = found.orders[method]
     assert seen == pytest.approx(claimed, abs=0.3), [row.error for row in found.rows]
-
-
-def test_orders_of_methods_that_choose_steps_come_from_given_ones():
-    found = pg.work_precision(
-        heavy_top(), t_end=0.5, methods="radau5", tolerances=1e-3, rounds=1, frames=9
-    )
-    assert found.orders["radau5"] == (pytest.approx(5.0, abs=0.3), 5.0)
 
 
 def test_an_order_is_the_slope_between_the_start_and_rounding():
@@ -149,20 +137,9 @@ def test_errors_below_the_limit_of_the_reference_are_marked():
     mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
     rough = pg.simulate(mech, t_end=0.3, t_eval=t, method="rk4", step=0.01)
     options = {"methods": "dop853", "tolerances": 1e-9, "rounds": 1}
-    found = pg.work_precision(mech, t_end=0.3, reference=rough, **options)
-    (row,) = found.rows
+    (row,) = pg.work_precision(mech, t_end=0.3, reference=rough, **options).rows
     assert row.limited
     assert row.error == pytest.approx(3 * rough.error_estimate)
-    assert f">= {row.digits:.0f}" in str(found)
-
-
-def test_given_states_are_a_reference():
-    mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
-    fine = pg.simulate(mech, t_end=0.3, t_eval=t, method="dop853", rtol=1e-13)
-    given = pg.work_precision(mech, t_end=0.3, reference=(t, fine.q), **ONE)
-    made = pg.work_precision(mech, t_end=0.3, frames=7, **ONE)
-    assert given.rows[0].error == pytest.approx(made.rows[0].error, rel=1e-6)
-    assert given.frames == 7
 
 
 def test_chaotic_motion_is_cut_where_two_references_part():
@@ -177,14 +154,11 @@ def test_chaotic_motion_is_cut_where_two_references_part():
     mech = built_in("double_pendulum").edit("upper", q=3.0)
     found = pg.work_precision(mech, t_end=30.0, **{**ONE, "steps": 0.3})
     assert found.t_end < found.asked == 30.0
-    assert f"{found.t_end:.4g} s" in found.notes[0]
-    assert f"{found.t_end:.4g} s" in found.answer
     q, t = np.array(mech.home()[0]), np.linspace(0.0, 15.0, 151)
     options = {"t_end": 15.0, "frames": 151, "rtol": 1e-13, "estimate": False}
     near, far = (pg.simulate(mech, x, **options).q for x in (q, q + 1e-10))
     rate = np.polyfit(t, np.log(np.abs(near - far).max(axis=1)), 1)[0]
     assert 0.4 * rate < found.growth < 2.5 * rate  # rates over a finite time scatter
-    assert any("Lyapunov" in note for note in found.notes)
 
 
 def test_errors_of_velocities_and_of_constraint_forces_can_be_chosen():
@@ -229,21 +203,11 @@ def test_a_run_that_fails_or_takes_too_long_stays_with_its_reason():
 
 def test_a_study_tells_its_progress_and_can_be_stopped():
     seen: list[float] = []
-
-    def stop(fraction: float) -> bool:
-        seen.append(fraction)
-        return len(seen) < 8
-
-    mech = built_in("double_pendulum")
-    found = pg.work_precision(mech, t_end=0.5, methods="rk4", rounds=2, progress=stop)
+    mech, options = built_in("double_pendulum"), {"t_end": 0.5, "methods": "rk4", "rounds": 2}
+    found = pg.work_precision(mech, progress=lambda x: seen.append(x) or len(seen) < 8, **options)
     assert found.cancelled
     assert len(seen) == 8
-    assert "CANCELLED" in str(found)
-    seen.clear()
-    options = {**ONE, "steps": (0.02, 0.01), "frames": 11}
-    pg.work_precision(built_in("pendulum"), t_end=0.2, progress=seen.append, **options)
     assert seen == sorted(seen)
-    assert seen[-1] == 1.0
 
 
 def test_contacts_are_measured_too():
@@ -274,16 +238,6 @@ def test_rounds_are_interleaved_and_ratios_are_taken_within_a_round():
     assert spread([5.0, 1.0, 3.0, 2.0, 4.0]) == (2.0, 3.0, 4.0)
 
 
-def test_a_run_that_does_more_work_is_not_cheaper_by_noise():
-    rows = [
-        Row("rk4", "", h, None, True, "", counters={"evaluations": n})
-        for h, n in ((0.1, 40), (0.05, 80), (0.02, 200))
-    ]
-    assert contradicted(rows, [1.0, 2.05, 5.0]) == []
-    assert contradicted(rows, [9.0, 2.0, 5.0]) == [0, 1, 2]
-    assert contradicted(rows, [1.0, 2.0, 1.2]) == [1, 2]
-
-
 def test_the_cheapest_run_that_meets_the_target_is_recommended(study: pg.Study):
     """Without a target it is the cheapest for 1e-6, and the most accurate where none reaches it."""
     row = study.recommend()
@@ -295,7 +249,6 @@ def test_the_cheapest_run_that_meets_the_target_is_recommended(study: pg.Study):
     assert replace(study, target=None).advised().error <= 1e-6
     hard = replace(study, target=1e-30)
     assert hard.advised().error == min(row.error for row in study.rows if row.error)
-    assert "1e-30" in str(hard)
 
 
 def test_times_at_equal_error_lie_between_the_points(study: pg.Study):
@@ -314,10 +267,7 @@ def test_a_study_is_json_a_figure_and_a_page_that_needs_nothing_else(study: pg.S
     assert [row["method"] for row in data["rows"]] == [row.method for row in study.rows]
     assert data["rows"][data["recommended"]]["error"] <= 1e-5
     assert data["reference"]["source"] == study.reference["source"]
-    figure = ElementTree.fromstring(study.figure())
-    titles = [e.text or "" for e in figure.iter("{http://www.w3.org/2000/svg}title")]
-    for row in study.rows:
-        assert any(t.startswith(f"{row.method}, {row.setting}\n") for t in titles)
+    ElementTree.fromstring(study.figure())
     for suffix in pg.Study.SUFFIXES:
         study.save(tmp_path / f"report{suffix}")
         text = (tmp_path / f"report{suffix}").read_text(encoding="utf-8")
@@ -325,27 +275,7 @@ def test_a_study_is_json_a_figure_and_a_page_that_needs_nothing_else(study: pg.S
         assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_a_page_escapes_its_texts_and_has_both_colour_schemes():
-    text = page("Stiff <rod>", [Section("Map", '<svg viewBox="0 0 1 1"></svg>')], ["a & b"])
-    assert text.startswith("<!doctype html>")
-    assert "Stiff &lt;rod&gt;" in text
-    assert "a &amp; b" in text
-    assert not re.search(r"""(src|href)\s*=|@import|url\(|https?:""", text)
-    light, dark = re.findall(r"--ink: (#\w+);", text)
-    assert light != dark
-    assert series_colour(1) == series_colour(9)
-    assert "<td>&lt;b&gt;</td>" in table(["name"], [["<b>"]])
-
-
 def test_a_peer_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("pgraph_peers.Peer.installed", False)
     (note,) = pg.work_precision(built_in("pendulum"), t_end=0.1, peers="mujoco", **ONE).notes
     assert "pip install mujoco" in note
-    monkeypatch.setattr(task, "installed_peers", dict)  # as without the package pgraph_peers
-    found = pg.work_precision(built_in("pendulum"), t_end=0.1, peers="mujoco", **ONE)
-    assert "pgraph_peers" in found.notes[0]
-    assert [row.method for row in found.rows] == ["rk4"]
-    monkeypatch.setattr(task, "installed_peers", None)  # not called without peers=
-    assert not any(
-        row.peer for row in pg.work_precision(built_in("pendulum"), t_end=0.1, **ONE).rows
-    )

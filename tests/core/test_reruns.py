@@ -14,7 +14,6 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.simulation.plan import KEPT_PLANS
 
 from .trees import random_case
 
@@ -105,16 +104,6 @@ def test_a_run_with_loops_after_others_has_the_bits_of_the_first(name, way):
         assert found.error_estimate == first.error_estimate
 
 
-def test_runs_that_meet_a_limit_may_be_repeated():
-    """The events belong to one run."""
-    body = pg.Body(name="b", limits=((-1.0, 1.0),), limit_restitution=(0.5,), v=(2.0,))
-    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
-    runs = [pg.simulate(mech, t_end=1.0, rtol=1e-8, frames=5) for _ in range(3)]
-    for run in runs:
-        assert run.events == runs[0].events
-        assert run.q[-1, 0] == pytest.approx(0.5, abs=1e-9)
-
-
 def test_threads_that_share_a_mechanism_do_not_share_workspaces():
     mech, rng = pg.Mechanism(pg.Model.serial(3)), np.random.default_rng(2)
     starts = rng.normal(size=(60, 3))
@@ -126,20 +115,3 @@ def test_threads_that_share_a_mechanism_do_not_share_workspaces():
     with ThreadPoolExecutor(8) as pool:
         together = list(pool.map(last, starts))
     assert np.array_equal(alone, together)
-
-
-def test_threads_may_evict_plans_of_one_another():
-    """More kinds of runs than a mechanism keeps plans, with frequent switches."""
-    mech, interval = pg.Mechanism(pg.Model.serial(1)), sys.getswitchinterval()
-
-    def run(number):
-        options = {"t_end": 0.001 * (1 + number % (2 * KEPT_PLANS)), "frames": 2}
-        return pg.simulate(mech, method="rk4", step=1e-3, estimate=False, **options).status.ok
-
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(8) as pool:
-            assert all(pool.map(run, range(500)))
-    finally:
-        sys.setswitchinterval(interval)
-    assert len(mech._plans) <= KEPT_PLANS

@@ -39,24 +39,15 @@ def refusal(file, content: bytes) -> str:
     return text
 
 
-def test_other_files_and_damaged_ones_are_refused(saved, tmp_path):
-    file, rng, refused = tmp_path / "run.npz", np.random.default_rng(1), 0
+def test_other_files_and_cut_ones_are_refused(saved, tmp_path):
+    file = tmp_path / "run.npz"
     for content in (b"", b"{}", b"\x89PNG", b"\x93NUMPY\x01\x00v\x00"):
         assert "Result.save" in refusal(file, content)
     for path in (tmp_path / "none.npz", tmp_path):
         with pytest.raises(pg.FileError, match=r"Result\.save"):
             pg.Result.load(path)
-    for n in np.linspace(2, len(saved) - 1, 15).astype(int):
+    for n in (2, len(saved) // 2, len(saved) - 1):
         assert "damaged" in refusal(file, saved[:n])
-    for place in rng.integers(0, len(saved), 60):
-        content = bytearray(saved)
-        content[place] ^= int(rng.integers(1, 256))
-        file.write_bytes(content)
-        try:
-            assert pg.Result.load(file).status in pg.Status
-        except pg.FileError:
-            refused += 1
-    assert refused > 0
 
 
 def test_a_file_with_parts_missing_or_of_other_sizes_is_refused(run, saved, tmp_path):
@@ -104,10 +95,6 @@ def test_parts_of_runs_are_equal_by_their_arrays(run):
     assert (run.body_motion != again.body_motion) is False
     assert run.body_motion != run.body_motion._replace(force=run.body_motion.force + 1.0)
     assert run.mechanism.topology == again.mechanism.topology
-    record = type(run.contacts)
-    phases = {"foot": np.array(["swing", "stance"])}
-    assert record(phases=phases) == record(phases={"foot": phases["foot"].copy()})
-    assert record(phases=phases) != record()
     for value in (run, run.contacts, run.mechanism.topology, run.body_motion):
         with pytest.raises(TypeError, match="unhashable"):
             hash(value)

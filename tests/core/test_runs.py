@@ -9,15 +9,16 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.paper import Operators
 
+from ..worlds import built_in
 from .test_constraints import FEET, parallelogram
-from .trees import random_case, scaled_error
+from .trees import random_case, scaled_error, with_joints
 
 pytestmark = pytest.mark.quick
 
 
 @pytest.fixture(scope="module")
 def quadruped():
-    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
+    return built_in("quadruped")
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +83,7 @@ def test_loops_of_any_joints_keep_their_energy_and_close(seed):
     """From rest, with one point held; a Python torque of zero changes nothing."""
     s = random_case(seed, most=6, kinds=("revolute", "spherical", "prismatic", "free"))
     point = pg.Constraint(name="held", body=s.topology.names[-1], point=(0.1, 0.2, -0.1))
-    model, start = s.model, 0
-    for name in s.topology.names:
-        size = len(model.body(name).q)
-        model = model.edit(name, q=tuple(s.q[start : start + size]))
-        start += size
-    mech = pg.Mechanism(model.replace(constraints=(point,)))
+    mech = pg.Mechanism(with_joints(s, q=s.q).replace(constraints=(point,)))
     options = {"t_end": 0.2, "method": "rk4", "step": 1e-3}
     run = pg.simulate(mech, **options)
     assert run.status.ok
@@ -95,19 +91,6 @@ def test_loops_of_any_joints_keep_their_energy_and_close(seed):
     assert run.constraint_drift.max() < 1e-12
     python = pg.simulate(mech, tau=lambda t, q, v: np.zeros(mech.nv), **options)
     np.testing.assert_allclose(python.q, run.q, rtol=0, atol=1e-12)
-
-
-def test_a_run_that_stops_being_finite_reports_when_and_where():
-    bodies = (pg.Body(name="calm", stiffness=1.0), pg.Body(name="rod", stiffness=1e9, q=(0.1,)))
-    run = pg.simulate(pg.Model(bodies=bodies), t_end=10.0, method="rk4", step=0.01)
-    assert run.status is pg.Status.NOT_FINITE
-    assert not run.status.ok
-    assert all(fact in run.message for fact in ("rod", "t = "))
-    assert "calm" not in run.message
-    assert 0 < len(run.t) < 1001
-    for array in (run.q, run.v, run.vdot, run.energy):
-        assert len(array) == len(run.t)
-        assert np.isfinite(array).all()
 
 
 def test_a_run_reports_its_progress_and_may_be_cancelled():
@@ -175,7 +158,6 @@ def test_frames_and_t_eval_do_not_change_the_steps():
     np.testing.assert_allclose(grid.q, full.q[[0, 100, 300]], rtol=0, atol=1e-12)
     assert full.counters["steps"] == 400
     assert full.counters["evaluations"] >= 1600
-    assert full.left_out
 
 
 def test_bodies_motion_and_joint_forces_equal_the_operators():

@@ -7,7 +7,7 @@ from scipy.spatial.distance import pdist
 
 import pgraph_core as pg
 
-from ..worlds import ball, box
+from ..worlds import ball, box, heaped
 
 G, SIDE = 9.81, 0.2
 
@@ -21,13 +21,8 @@ def tower(masses, x=0.0, name="b", side=SIDE):
 
 
 def run_of(bodies, t_end=0.3, step=1e-3, friction=0.5, **more):
-    contacts = (
-        pg.Contact(name="floor", body="*", friction=friction),
-        pg.Contact(name="heap", body="*", other="*", friction=friction),
-    )
-    model = pg.Model(bodies=tuple(bodies), contacts=contacts)
     more = {"frames": 4, "estimate": False, "method": "moreau_jean"} | more
-    return pg.simulate(model, t_end=t_end, step=step, **more)
+    return pg.simulate(heaped(bodies, friction=friction), t_end=t_end, step=step, **more)
 
 
 def places(run):
@@ -237,11 +232,8 @@ def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
     """It stops after v² / (2 μ g), and the light box, with more friction below, stays."""
     low = box("low", (0, 0, 0.05), (0.3, 0.3, 0.1))
     high = box("high", (0.02, 0.01, 0.2), mass=heavier)
-    contacts = [
-        pg.Contact(name="floor", body="*", friction=friction),
-        pg.Contact(name="heap", body="*", other="*", friction=0.3),
-    ]
-    model = pg.Model(bodies=[low, high], contacts=contacts).edit("high", v=(0, 0, 0, 0.5, 0.2, 0))
+    model = heaped([low, high], friction=0.3).edit("floor", friction=friction)
+    model = model.edit("high", v=(0, 0, 0, 0.5, 0.2, 0))
     run = pg.simulate(model, t_end=0.3, step=1e-3, method="moreau_jean", estimate=False)
     assert np.abs(run["low"] - run["low"][0]).max() < 1e-6
     slid = np.linalg.norm(run["high"][-1, :2] - run["high"][0, :2])
@@ -272,12 +264,7 @@ def test_spheres_fall_into_a_heap_between_walls(count, side, t_end):
             size=(0.1 if way[0] else 3 * far, 0.1 if way[1] else 3 * far, height))
         for k, way in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1)))
     ]  # fmt: skip
-    contacts = (
-        pg.Contact(name="floor", body="*", friction=0.5),
-        pg.Contact(name="heap", body="*", other="*", friction=0.5),
-    )
-    model = pg.Model(bodies=(*balls, *walls), contacts=contacts)
-    run = pg.simulate(model, t_end=t_end, step=2e-3, frames=3, estimate=False)
+    run = run_of([*balls, *walls], t_end, 2e-3, frames=3, method="auto")
     assert run.status.ok
     centres = run.body_pose[-1, :count, :3]
     assert 2 * r - pdist(centres).min() < 1e-3 * r

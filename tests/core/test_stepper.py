@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import cache
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 
-
-@cache
-def built_in(name):
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+from ..worlds import built_in
 
 
 def chain(joint="revolute"):
@@ -104,19 +99,6 @@ def test_a_torque_function_is_that_of_simulate():
     stepper = pg.Stepper(mech, q=q, tau=tau)
     stepper.step(n=100)
     assert np.array_equal(stepper.q, run.q[-1])
-
-
-def test_batches_and_controllers_take_a_model():
-    cat = built_in("quadruped_hips")
-    gait = cat.model.scenario("trot").gait
-    starts = [pg.Controller(x, gait).start()[0] for x in (cat.model, cat)]
-    assert np.array_equal(*starts)
-    batches = [pg.BatchStepper(x, 2) for x in (chain().model, chain())]
-    for batch in batches:
-        batch.step(n=10)
-    assert np.array_equal(batches[0].q, batches[1].q)
-    with pytest.raises(pg.InputError, match="Controller"):
-        pg.Controller("quadruped", gait)
 
 
 def test_a_servo_follows_its_target():
@@ -246,17 +228,14 @@ def test_wrong_arguments_are_refused():
     mech = chain()
     stepper = pg.Stepper(mech)
     for wrong, words in [
-        (lambda: pg.Stepper(mech, step=0.0), "step"),
         (lambda: pg.Stepper(mech, method="dop853"), "rk4"),
         (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
-        (lambda: pg.Stepper("model"), "Mechanism"),
         (lambda: stepper.step(tau=np.zeros(3)), "tau"),
         (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),
         (lambda: stepper.step(n=0), "whole number"),
         (lambda: stepper.step(n=2.5), "whole number"),
         (lambda: stepper.reset(q=np.zeros(5)), "q"),
         (lambda: stepper.record(10, frames=1), "frames"),
-        (lambda: stepper.switch("loop", True), "loop"),
         (lambda: stepper.restore(b"something"), "Stepper.save"),
         (lambda: stepper.restore(stepper.save()[:-8]), "damaged"),
         (lambda: stepper.restore(stepper.save()[:40]), "damaged"),

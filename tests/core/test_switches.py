@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
+
+from ..worlds import built_in
 
 METHODS = [
     {"method": "rk4", "step": 1e-3},
@@ -16,10 +17,6 @@ METHODS = [
     {"method": "radau5", "rtol": 1e-10},
 ]
 FOOT = "left_hind_paw"
-
-
-def quadruped() -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 
 
 def pair(kind: Any, **fields: Any) -> pg.Mechanism:
@@ -39,7 +36,7 @@ def pair(kind: Any, **fields: Any) -> pg.Mechanism:
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["method"])
 def test_a_foot_that_is_released_is_two_runs_in_one(how):
     """A run to the instant, and one from there with the other constraints."""
-    mech = quadruped()
+    mech = built_in("quadruped")
     names = [c.name for c in mech.model.constraints if c.name != FOOT]
     rest = pg.Mechanism(
         mech.model.replace(scenarios=(pg.Scenario(name="rest", constraints=names, t_end=0.15),))
@@ -127,7 +124,7 @@ def test_runs_with_contacts_switch_constraints():
 
 def test_an_argument_replaces_the_switches_of_a_scenario():
     """A switch at the start belongs to the initial state."""
-    model = quadruped().model
+    model = built_in("quadruped").model
     drop = pg.Scenario(name="drop", switches=({"t": 0.05, "constraint": FOOT, "active": False},))
     model = pg.Model.from_json(model.replace(scenarios=(drop,)).to_json())
     mech = pg.Mechanism(model)
@@ -152,7 +149,7 @@ def test_a_constraint_does_not_jump_to_a_given_place():
 
 def test_three_feet_with_parallel_hinges_block_the_roll_to_second_order_only():
     """With a foot that may slide across, the run goes on."""
-    model, off = quadruped().model, ((0.01, "left_front_paw", False),)
+    model, off = built_in("quadruped").model, ((0.01, "left_front_paw", False),)
     given = {"scenario": "stance", "switches": off, "t_end": 0.1, "estimate": False}
     run = pg.simulate(model, **given)
     assert run.status is pg.Status.CANNOT_CLOSE

@@ -86,14 +86,6 @@ def test_events_between_impacts(options):
     np.testing.assert_allclose(found, exact, atol=1e-9 if options else 3e-3)
 
 
-def test_events_are_in_files(tmp_path):
-    run = pg.simulate(swinging(), t_end=2.0, events=[crossing(0.5)])
-    run.save(tmp_path / "run.npz")
-    again = pg.Result.load(tmp_path / "run.npz")
-    assert [tuple(e[:3]) for e in again.user_events] == [tuple(e[:3]) for e in run.user_events]
-    np.testing.assert_array_equal(again.user_events[0].q, run.user_events[0].q)
-
-
 def broken(t, q, v):
     raise ValueError("no luck")
 

@@ -57,27 +57,22 @@ def own_case(file, **changes):
     return file
 
 
-def test_a_case_of_ones_own(tmp_path):
-    (case,) = pg.load_cases(own_case(tmp_path / "own.json"))
-    assert pg.verify(case).ok
-    (case,) = pg.load_cases(own_case(tmp_path / "own.json", reference=[0.5, 0.5]))
-    missed = pg.verify(case)
-    assert not missed.ok
-    assert missed.error == pytest.approx(0.5)
+@pytest.mark.parametrize(("reference", "error"), [([0.0, 0.0], 0.0), ([0.5, 0.5], 0.5)])
+def test_a_case_of_ones_own(reference, error, tmp_path):
+    (case,) = pg.load_cases(own_case(tmp_path / "own.json", reference=reference))
+    verdict = pg.verify(case)
+    assert verdict.ok == (error == 0.0)
+    assert verdict.error == pytest.approx(error)
 
 
 @pytest.mark.parametrize(
-    ("changes", "facts"),
-    [
-        ({"kind": "colour"}, ["kind", "'colour'", "q, v, "]),
-        ({"reference": "nowhere"}, ["nowhere"]),
-        ({"target": "small"}, ["cases", "float"]),
-    ],
-)
-def test_faults_of_a_case_file_are_named(changes, facts, tmp_path):
-    with pytest.raises(pg.FileError) as refused:
+    ("changes", "fact"),
+    [({"kind": "colour"}, "kind.*'colour'.*q, v, "), ({"reference": "nowhere"}, "nowhere"),
+     ({"target": "small"}, "cases.*float")],
+)  # fmt: skip
+def test_faults_of_a_case_file_are_named(changes, fact, tmp_path):
+    with pytest.raises(pg.FileError, match=fact):
         pg.load_cases(own_case(tmp_path / "own.json", **changes))
-    assert all(fact in str(refused.value) for fact in facts)
 
 
 def test_a_run_that_ends_early_misses():

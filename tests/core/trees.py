@@ -52,3 +52,14 @@ def scaled_error(found, expected):
     if not expected.size:
         return 0.0
     return float(abs(found - expected).max() / max(1.0, abs(expected).max()))
+
+
+def with_joints(s, **fields):
+    """The model of a state with fields of all joints, laid out as its q or its v."""
+    model, i, j = s.model, 0, 0
+    for body in bodies_of(s.model, s.topology):
+        nq, nv = len(body.q), body.dof
+        own = {k: x[i : i + nq] if k == "q" else x[j : j + nv] for k, x in fields.items()}
+        model = model.edit(body.name, **own) if nv else model
+        i, j = i + nq, j + nv
+    return model

@@ -1,0 +1,68 @@
+"""Where the bodies of a description are in its initial state, in plain NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import joints
+from ..rotation import Array, matrix, quaternion_of, rodrigues, unit_vector
+from .body import Body
+from .fields import GROUND
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A body frame in the world."""
+
+    position: Array  # (3,) [m]
+    rotation: Array  # (3, 3)
+
+    def place(self, point: Any) -> Array:
+        """A point of the body in the world [m]."""
+        return self.position + self.rotation @ np.asarray(point, dtype=float)
+
+
+def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
+    """Poses of all bodies and of the ground, by name."""
+    found = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    by_name = {body.name: body for body in bodies}
+
+    def pose(name: str) -> Pose:
+        if name not in found:
+            found[name] = _carried(pose(by_name[name].parent), by_name[name])
+        return found[name]
+
+    for name in by_name:
+        pose(name)
+    return found
+
+
+def home_poses(bodies: Sequence[Body]) -> Array:
+    """(nb, 7) position and quaternion of each body in the initial state."""
+    found = poses(bodies)
+    rows = [(*found[b.name].position, *quaternion_of(found[b.name].rotation)) for b in bodies]
+    return np.array(rows).reshape(-1, 7)
+
+
+def _carried(parent: Pose, body: Body) -> Pose:
+    """The pose of a body on its joint."""
+    R, home, i = parent.rotation, matrix(body.rotation), 0
+    x = parent.position + R @ np.array(body.link)
+    for motion in body.sequence:
+        nq = joints.SIZE[motion.kind][0]
+        a = np.array(body.q[i : i + nq], dtype=float)
+        axis = R @ home @ unit_vector(motion.axis)
+        if motion.kind == "translate":
+            x = x + axis * a[0]
+        elif motion.kind == "rotate":
+            R = rodrigues(axis, float(a[0])) @ R
+        else:
+            if motion.kind == "free":
+                x = x + R @ a[:3]
+            R = R @ matrix(a[-4:].tolist())
+        i += nq
+    return Pose(x, R @ home)
