@@ -1,7 +1,5 @@
 """How the tests judge a refusal: by its facts, not by its wording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

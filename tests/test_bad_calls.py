@@ -1,7 +1,5 @@
 """Bad arguments: a refusal names the argument, the value given and what is allowed."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any
@@ -19,8 +17,6 @@ NAN, INF = math.nan, math.inf
 BASE = pg.Model.serial(3)
 BEFORE = BASE.to_json()
 
-
-# -- edits, names and calls, by Python
 
 BALL = {"kind": "sphere", "radius": 0.1}
 SPRING = pg.Spring(name="s", body="1", stiffness=1.0)
@@ -57,13 +53,7 @@ def batch(path: Any, values: Any, **options: Any) -> Any:
 
 EDITS = [
     (lambda: BASE.edit("1", name="2"), "body '1', name", "'2'", "row 2"),
-    (lambda: BASE.edit("1", name=""), "body '1', name", "''"),
-    (lambda: BASE.edit("1", mass=-2), "body '1', mass", ">= 0", "-2"),
-    (lambda: BASE.edit("1", mass=[1, 2]), "body '1', mass", "[1, 2]"),
-    (lambda: BASE.edit("1", parent="9"), "body '1', parent", "'9'", "ground, 2, 3"),
     (lambda: BASE.edit("1", parent="3"), "body '1', parent", "1 -> 3 -> 2 -> 1", "ground"),
-    (lambda: BASE.edit("1", parent=()), "body '1', parent", "[]"),
-    (lambda: BASE.edit("1", dof=9), "body '1', dof", "9"),
     (lambda: BASE.edit("1", masss=1), "body '1', masss", "did you mean mass?", "dof"),
     (lambda: BASE.edit("1", length=2.0), "com, inertia"),
     (lambda: BASE.edit("1", "mass", 3.0), "field=value"),
@@ -73,75 +63,38 @@ EDITS = [
         (lambda name=name: getattr(BASE, name)("9"), "body '9'", EVERY)
         for name in ("body", "edit", "remove", "mirror", "duplicate")
     ),
-    (lambda: BASE.edit_all({"9": {"mass": 1.0}}), "body '9'", EVERY),
     (lambda: BASE.edit_all({"1": {"mass": 2.0}, "2": {"mass": -1.0}}), "body '2', mass", "-1"),
-    (lambda: BASE.edit_all({"1": {"parent": "3"}}), "body '1', parent", "cycle"),
     (lambda: BASE.mirror("1", plane="w"), "body '1', plane", "'x'", "'y'", "'z'", "'w'"),
     (lambda: BASE.move(["1", "2"], 2), "body '1', to", "0 to 1", "2"),
     (lambda: BASE.remove(["1"], children="keep"), "body '1', children", "'attach'", "'delete'"),
     (lambda: BASE.scenario("swing"), "scenario 'swing'"),
     (lambda: BASE.close_loop("3", "1", joint="planar"), "body '3', joint", "planar", "revolute"),
-    (lambda: BASE.close_loop("3", "3"), "constraint '3-3', other", "'3'"),
     (lambda: BASE.close_loop("3", "9"), "constraint '3-9', other", "'9'", EVERY),
-    (lambda: BASE.close_loop("3", None), "body '3', parent", "None"),
-    (
-        lambda: BASE.edit("3", joint="universal", axes=((1, 0, 0), (0, 0, 1))).close_loop("3", "1"),
-        "body '3', axes", "axis", "other_axis",
-    ),
     (lambda: TWO.edit("tie", active=False), "'tie'", 'kind="constraint"', 'kind="contact"'),
-    (lambda: TWO.remove("tie"), "'tie'", 'kind="constraint"', 'kind="contact"'),
     (lambda: TWO.edit("drve", kp=1), "'drve'", "choose one of drive, "),
-    (lambda: TWO.remove("drve"), "'drve'", "choose one of drive, "),
-    (lambda: TWO.edit("flor", friction=1.0), "'flor'", "choose one of floor"),
     (lambda: TWO.edit("drive", kind="contact", friction=1), "contact 'drive'", "tie, floor"),
-    (lambda: TWO.remove("drive", kind="forces"), "'forces'", "body, constraint, contact, force"),
-    (lambda: TWO.edit("drive", kpp=1), "force 'drive', kpp", "did you mean kp"),
-    (lambda: TWO.edit("drive", body="nobody"), "force 'drive', body", "'nobody'", "arm, fore"),
-    (lambda: TWO.edit("drive", kp=-1), "force 'drive', kp", "-1", ">= 0"),
-    (
-        lambda: BASE.add(pg.Weld(name="w", body="1")).edit("w", kind="sprnig"),
-        "constraint 'w', kind", "'sprnig'", "weld",
-    ),
     (lambda: TWO.add({"name": "x"}), "Force, Scenario, Site or Output", "dict"),
     (lambda: TWO.add(pg.Motor), "pg.Motor(name="),
     (lambda: TWO.add(pg.Motor(name="drive", body="arm")), "force 'drive', name"),
     (lambda: TWO.add(pg.Motor(name="x", body="arm"), after="tie"), "force 'tie'", "drive"),
     (lambda: TWO.add(pg.Site(name="arm", body="fore")), "'arm'"),
-    (lambda: TWO.add(pg.Velocity(name="c", body="arm", coefficients={"b": [1]})), "'c'", "'b'"),
-    # copies and parts by themselves
     (lambda: pg.Force(name="f", kind="sprng", body="a"), "force 'f', kind", "'sprng'", "spring"),
-    (lambda: pg.Spring(name="f", body="a", kp=1), "force 'f', kp", "'spring'", "servo"),
     (lambda: pg.Spring(name="f", kind="motor", body="a"), "'spring'", "'motor'", "a Motor"),
     (lambda: pg.Spring(body="rod"), "pg.Spring(body='rod'", "name"),
-    (lambda: pg.Shape(kind="ball", radius=0.1), "shape, kind", "did you mean sphere?"),
-    (lambda: pg.Shape(kind="sphere", raduis=1), "raduis", "did you mean radius"),
-    (lambda: pg.Table(t=[0, 1], value=[1]), "table", "value", "2 times, 1 value"),
     (lambda: pg.Body("a"), "pg.Body(name='a'"),
     (lambda: pg.Model(BASE.bodies), "bodies=["),
     (lambda: pg.Model(constraints=[SPRING]), "Spring", "forces=["),
-    (lambda: pg.Body(name="a", com={1, 2, 3}), "body 'a', com", "{1, 2, 3}"),
     (lambda: pg.Body(name="a", com=("=l", 0, 0)), "body 'a', com", "model.edit(name"),
-    (lambda: pg.Body(name="a", mass=np.array([1.0, 2.0])), "body 'a', mass", "[1.0, 2.0]"),
     (lambda: pg.Body(name="a", rotation=np.eye(3)), "body 'a', rotation", "as_quat(scalar_first"),
-    (lambda: pg.Switch(constraint="c", active=True, when={"above": 1}), "switch, when"),
     (lambda: setattr(BASE.bodies[0], "masss", 0), "did you mean mass"),
     (lambda: setattr(BASE.bodies[0], "mass", 2.0), "body '1', mass", "model.edit('1', mass=2.0)"),
     (lambda: setattr(BASE, "name", "other"), "name", "model.replace(name='other')"),
-    (lambda: delattr(BASE, "gravity"), "gravity"),
     (lambda: TWO["start"].q.update(arm=1), "model.edit(name of the part"),
-    (lambda: TWO["start"].q.__setitem__("arm", "zz"), "'arm'"),
-    (lambda: BASE["1"].model_copy(update={"masss": 1}), "did you mean mass?"),
-    (lambda: BASE["1"].copy(update={"mass": -5.0}), "mass"),
-    *(
-        (lambda n=n: pg.Model.serial(n), ">= 1", shown(n))
-        for n in (0, -1, 1.0, "3", True, None, NAN)
-    ),
+    *((lambda n=n: pg.Model.serial(n), ">= 1", shown(n)) for n in (0, 1.0, "3", True)),
 ]  # fmt: skip
 
 CALLS = [
-    # a mechanism
     (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
-    (lambda: TOP.forward_dynamics(np.zeros(4), np.zeros(3)), "q", "quaternion"),
     (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
@@ -154,52 +107,30 @@ CALLS = [
     (lambda: MECH.external_at_tips(Q, np.zeros(6)), "wrench", "(1, 6)"),
     (lambda: MECH.jacobian(Q, "4"), "'4'", EVERY),
     (lambda: MECH.jacobian(Q, "3", (0, 0)), "point", "3", "2"),
-    (lambda: MECH.pose(Q, "paw"), "'paw'", EVERY),
-    (lambda: MECH.inverse_kinematics({"1": (0, 0)}), "three numbers"),
     (lambda: MECH.mobility(active="loop"), "['loop']"),
     (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
-    # runs
     (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
-    (lambda: run(tau=lambda t, q, v: None), "None"),
-    (lambda: run(method="rk5"), "rk5", "rk4"),
-    (lambda: run(method="RK4"), "did you mean rk4?"),
     (lambda: run(method="RK45"), "did you mean dopri5?"),
     (lambda: run(method="rk4", rtol=1e-8), "rtol", "dop853"),
-    (lambda: run(method="rk4", atol=1e-3), "simulate, atol", "rk4"),
     (lambda: run(method="rk4", max_steps=5), "10 steps", "0.001 s"),
     (lambda: run(rtol=1e-17), "simulate, rtol", "rounding", "1e-17"),
-    (lambda: run(rtol=-1.0), "simulate, rtol", "> 0", "-1"),
-    (lambda: run(rtol="a"), "simulate, rtol", "> 0", "'a'"),
-    (lambda: run(atol=-1.0), "simulate, atol", "> 0", "-1"),
-    (lambda: run(max_steps=0), "simulate, max_steps", ">= 1", "0"),
-    (lambda: run(scenario="walk"), "walk"),
     (lambda: run(stabilise="hope"), "simulate, stabilise", "project"),
     (lambda: run(estimate="no"), "simulate, estimate", "True, False or None", "'no'"),
-    (lambda: run(frames=1), "simulate, frames", "2"),
     (lambda: run(frames=10**12), "simulate, frames", "at most"),
     (lambda: run(frames=3, t_eval=[0]), "frames", "t_eval"),
-    (lambda: run(t_eval=[0, 0.005, 0.004]), "simulate, t_eval", "ascend"),
     (lambda: run(step=1e-300), "simulate, step", "1e-300"),
-    (lambda: run(step=0.0), "simulate, step", "> 0"),
-    (lambda: run(step=NAN), "simulate, step", "nan"),
     (lambda: run(t_end=-1.0), "simulate, t_end", "> 0", "-1"),
     (lambda: run(tend=1.0), "tend", "did you mean t_end?"),
     (lambda: run(method="moreau_jean"), "moreau_jean", "'auto'", "'semi_implicit_euler'"),
     (lambda: run(t_start=NAN), "t_start", "nan"),
     (lambda: run(t_start=2.0, t_end=1.0), "t_end", "t_start = 2", "1.0"),
     (lambda: run(t_start=1.0, t_end=2.0, t_eval=[0.5]), "t_eval", "1 to t_end = 2"),
-    (lambda: run(q0=Q), "q0", "did you mean q?"),
     (lambda: run(gravity=0), "gravity", "model.replace(gravity=...)"),
     (lambda: run(progress=3), "simulate, progress", "function", "given 3"),
     (lambda: run(progress=lambda: None), "progress", "fraction"),
     (lambda: run(events=lambda t, q, v: q[0] > 1), "crosses zero"),
     (lambda: run(forces=5), "simulate, forces", "pg.Force", "given 5"),
-    (lambda: run(forces=("a",)), "simulate, forces", "pg.Force", "('a',)"),
-    *(
-        (lambda n=n: run(forces=[pg.Motor(name="z", body="1", coordinate=n)]),
-         "force 'z', coordinate", str(n)) for n in (1, 3)
-    ),
-    (lambda: run(forces=[pg.Motor(name="z", body="nobody")]), "force 'z', body", "'nobody'", EVERY),
+    (lambda: run(forces=[pg.Motor(name="z", body="1", coordinate=1)]), "force 'z', coordinate"),
     (lambda: pg.simulate(BASE, 0.5), "t_end=0.5"),
     (lambda: pg.simulate("arm.json"), "pg.Model.load('arm.json')"),
     (lambda: pg.simulate("pendulum"), "pgraph_models.path('pendulum')"),
@@ -210,10 +141,7 @@ CALLS = [
         ), repr(names[0]))
         for names in (("drive",), ("new", "new")) for call in (pg.simulate, pg.Stepper)
     ),
-    # steppers and batches
     (lambda: pg.Stepper(MECH, dt=1e-3), "Stepper", "dt", "did you mean step?"),
-    (lambda: pg.Stepper(MECH, step=0), "Stepper, step"),
-    (lambda: pg.Stepper(MECH).switch("x", True), "'x'"),
     (lambda: pg.Stepper(MECH).record_over(-1.0), "dt", "> 0", "-1"),
     (lambda: pg.Stepper(HINGES).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
     (lambda: pg.Stepper(HINGES).step({"1": 1.0}), "tau", "numbers"),
@@ -221,51 +149,27 @@ CALLS = [
     (lambda: pg.BatchStepper(HINGES, 2).step({"1": 1.0}), "(2, 2)", "(2,)"),
     (lambda: pg.BatchStepper(HINGES, 2).reset(numbers=1), "numbers", "set"),
     (lambda: batch("bodies.arm.q.0", [0.1, 0.9], scenario="start"), "scenario 'start'"),
-    (lambda: batch("bodies.arm.mass", ["1", "2"]), "numbers"),
-    (lambda: batch("bodies.arm.mass", [True, False]), "numbers"),
-    (
-        lambda: pg.BatchStepper(TWO, 2, set={
-            "bodies.arm.mass": [1, 2], ("bodies", "arm", "mass"): [3, 4]
-        }), "mass", "twice",
-    ),
-    # sweeps: of numbers that something else replaces, too
     (lambda: sweep("bodies.arm.q.0", q=[0.0, 0.0]), "bodies.arm.q.0", "q= of the call"),
-    (lambda: sweep("bodies.arm.q.0", q={"arm": 0.0}), "bodies.arm.q.0", "q= of the call"),
-    (lambda: sweep("bodies.fore.v.0", v=[0.0, 0.0]), "bodies.fore.v.0", "v= of the call"),
     (lambda: sweep("bodies.arm.q.0", scenario="start"), "bodies.arm.q.0", "scenario 'start'"),
     (lambda: sweep("scenarios.start.q.arm.0", scenario="start", q=[0.0, 0.0]), "q= of the call"),
     (lambda: sweep("forces.drive.target", inputs={"drive": 0.5}), "inputs['drive']"),
     (lambda: sweep("scenarios.start.t_end", scenario="start", t_end=0.05), "t_end=0.05"),
     (lambda: sweep("scenarios.start.t_end"), "scenario='start'"),
-    (lambda: sweep("arm.mass"), "bodies.arm.mass"),
-    (lambda: sweep("bodies.arm.mass", ["1", "2"]), "numbers"),
     (lambda: sweep("bodies.arm.mass", metric=[lambda r: 1.0, lambda r: 2.0]), "'<lambda>'"),
-    (lambda: pg.sweep("pendulum", {"a": [1]}, "max 2"), "pg.Model.load('pendulum')"),
-    # files, gaits and others
-    (lambda: BASE.save("model.yaml"), ".json"),
     (lambda: pg.write_urdf(BASE, "u.txt"), ".urdf"),
     (lambda: pg.Model.load("pendulum"), "pgraph_models.path('pendulum')"),
     (lambda: pgraph_models.path("horse"), "'horse'", *pgraph_models.names()),
     (lambda: pg.underfoot(BASE, friction=-1), "friction"),
-    (lambda: pg.home_poses(1), "home_poses"),
-    (lambda: pg.gaits("paws"), "feet", "four contacts", "'paws'"),
     (lambda: pg.Model.edit("a", mass=1.0), "Model.edit", "Model"),
     (lambda: pg.Result(), "pg.simulate("),
-    (lambda: pg.Footprint(), "pg.footprints("),
-    (lambda: list(BASE), "model.bodies"),
-    # vectors of a tree
     *(
         (lambda p=p: pg.pgraph_of(p), *facts)
         for p, *facts in (
-            ([1], "body 1, parent", "cycle"), ([0, 3, 2], "body 2, parent", "cycle"),
-            ([0, 5], "body 2, parent", "0 to 2", "5"), ([0, -1], "body 2, parent", "-1"),
-            ([0.0, 1.0], "parent"), (["a"], "parent"), ([[0, 1]], "parent"), (3, "parent"),
-            (None, "parent"), ([[0], [0, 1]], "parent"),
+            ([0, 3, 2], "body 2, parent", "cycle"), ([0, 5], "body 2, parent", "0 to 2", "5"),
+            ([0.0, 1.0], "parent"), ([[0], [0, 1]], "parent"), (None, "parent"),
         )
     ),
     (lambda: pg.parent_of([1, 2, 5]), "pgraph", "1 to 3", "[1, 2, 5]"),
-    (lambda: pg.parent_of([-1, 1]), "pgraph", "[-1, 1]"),
-    (lambda: pg.parent_of([1.5]), "pgraph", "whole numbers"),
     (lambda: pg.jdof_of([1, 2, 1, 3], [1, 1]), "dof", "3", "2"),
 ]  # fmt: skip
 
@@ -285,35 +189,22 @@ def recorded() -> pg.Result:
 
 MISSING = [  # names of other programs: the error also is an AttributeError, or a TypeError
     (lambda: pg.load, "Model.load"),
-    (lambda: pg.Mecanism, "did you mean Mechanism"),
     (lambda: pgraph_models.load("pendulum"), "pgraph_models.path("),
     (lambda: BASE.add_spring("1", "2"), "pg.Spring(name="),
     (lambda: BASE.simulate(t_end=1.0), "pg.simulate(model"),
-    (lambda: BASE.to_dict(), "model.to_json()"),
-    (lambda: BASE.rename("1", "2"), "model.edit(name, name='new')"),
     (lambda: getattr(BASE, "2"), "model['2']"),
     (lambda: BASE["1"].edit(mass=2), "model.edit(name, field=value)"),
-    (lambda: recorded().names, "run.mechanism.names"),
     (lambda: recorded().to_dataframe(), "run.to_pandas()"),
     (lambda: recorded().energyy, "did you mean energy"),
-    (lambda: recorded().animate, "run.show"),
     (lambda: getattr(recorded(), "2"), "run['2']"),
     (lambda: recorded()[5:10], "run.q"),
-    (lambda: recorded()[0], "run.q"),
-    (lambda: recorded()["q"], "run.q"),
     (lambda: len(recorded()), "len(run.t)"),
-    (lambda: list(recorded()), "run.to_pandas()"),
     (lambda: recorded().at("0.05"), "'0.05'"),
     (lambda: pytest.importorskip("pandas").DataFrame(recorded()), "run.to_pandas()"),
-    (lambda: sweep("bodies.arm.mass").failures, "table.failed"),
     (lambda: sweep("bodies.arm.mass").best, "argmax()"),
     (lambda: MECH.simulate(), "pg.simulate(mech"),
-    (lambda: MECH.M, "mass_matrix"),
-    (lambda: MECH.rnea, "inverse_dynamics"),
     (lambda: MECH.q, "home()"),
     (lambda: SPRING.kp, "Spring", "'kp'", "stiffness"),
-    (lambda: pg.Motor(name="m", body="a").other, "Motor", "'other'", "torque_limit"),
-    (lambda: pg.Gear(name="g", body="a", other="b").point, "Gear", "'point'", "ratio"),
 ]  # fmt: skip
 
 
@@ -350,10 +241,6 @@ def test_a_name_that_results_lack_is_a_key_error():
         with pytest.raises(KeyError, match=r"'flor'.*floor") as missing:
             found["flor"]
         assert isinstance(missing.value, pg.InputError)
-    with pytest.raises(pg.InputError, match="loop"):
-        done.constraint_force["loop"]
-    with pytest.raises(pg.InputError, match="'x'"):
-        done.contact_force["arm", "x"]
 
 
 def test_an_error_of_the_user_s_own_function_comes_through_as_it_is():
@@ -361,8 +248,6 @@ def test_an_error_of_the_user_s_own_function_comes_through_as_it_is():
         run(progress=lambda fraction: {}["not there"])
     assert not isinstance(raised.value, pg.PgraphError)
 
-
-# -- loops that do not close, and switches
 
 ROD = {"com": (0.5, 0, 0), "inertia": ((0.01, 0, 0), (0, 0.1, 0), (0, 0, 0.1))}
 
@@ -404,27 +289,10 @@ def test_constraints_that_cannot_be_met_are_named_with_their_gap(model, facts):
     assert error in done.message
 
 
-@pytest.mark.parametrize(
-    ("switch", "facts"),
-    [
-        ((0.1, "pn", True), ("'pn'", "choose one of pin")),
-        ((0.3, "pin", False), ("'pin'", "0.3 s", "0.2 s")),
-        ((-0.1, "pin", False), ("t must", ">= 0", "-0.1")),
-        ((0.1, "pin", 2), ("active", "true or false", "given 2")),
-        ((0.1, "pin"), ("t, name of a constraint", "(0.1, 'pin')")),
-    ],
-)
-def test_switches_that_do_not_fit_a_run_are_refused(switch, facts):
-    mech = pg.Mechanism(linkage())
-    error = refusal(lambda: pg.simulate(mech, t_end=0.2, switches=(switch,)), pg.InputError)
-    judge(error.problems, [("simulate, switches", *facts)])
-
-
 def test_velocities_that_a_switch_contradicts_end_the_run():
     switches = ((0.0, "fast", False), (0.1, "fast", True))
-    done = pg.simulate(
-        held("velocity", slow=1.0, fast=2.0), t_end=0.2, switches=switches, estimate=False
-    )
+    model = held("velocity", slow=1.0, fast=2.0)
+    done = pg.simulate(model, t_end=0.2, switches=switches, estimate=False)
     holds(done.message, "constraint 'fast'", "0.1 s", "0.5")
 
 
@@ -439,48 +307,9 @@ def test_a_loop_that_does_not_close_names_joints_left_at_the_parents_origin():
     assert pg.simulate(model.edit("b", link=(1, 0, 0)), t_end=0.1).status.ok
 
 
-# -- gaits
-
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 QUADRUPED = pg.Model.load(pgraph_models.path("quadruped_hips"))
 TROT = pg.gaits()["trot"]
-
-
-def falls(**changes: Any) -> list[dict[str, Any]]:
-    return [{"foot": foot, "offset": 0.0, "duty": 0.5} | changes for foot in FEET]
-
-
-@pytest.mark.parametrize(
-    ("fields", "field", "facts"),
-    [
-        ({"feet": falls()[:3]}, "feet", ("four", repr(list(FEET[:3])))),
-        ({"feet": falls(foot="a")}, "feet", ("'a'", "twice")),
-        ({"feet": falls(), "sway": (0.1,)}, "sway", ("pairs", "[0.1]")),
-        ({"feet": falls(), "gains": {"roll": (1, -1)}}, "gains", ("roll", ">= 0", "given -1")),
-    ],
-)
-def test_a_gait_that_is_none_is_refused(fields, field, facts):
-    error = refusal(lambda: pg.Gait(name="g", **fields), pg.ModelError)
-    judge(error.problems[:1], [(f"gait 'g', {field}", *facts)])
-
-
-BARE = QUADRUPED.replace(scenarios=())
-
-
-@pytest.mark.parametrize(
-    ("model", "gait", "head", "facts"),
-    [
-        (BARE.replace(contacts=()), TROT, "gait 'trot'", ("'left_front_foot'", "no contact")),
-        (pg.Model.serial(3), TROT, "gait 'trot'", ("'y'", "'z'")),
-        (BARE.edit("pelvis", joint="weld"), TROT, "gait 'trot'", ("free", "'pelvis'")),
-        (BARE.edit("left_radius", joint="weld"), TROT, "gait 'trot'", ("'left_front_foot'",)),
-        (QUADRUPED, TROT.edit(speed=9.0), "gait 'trot', speed", ("9 m/s", "0.38 s", "0.5")),
-        (QUADRUPED, TROT.edit(height=0.7), "gait 'trot', height", ("0.7 m", "hip")),
-    ],
-)
-def test_a_gait_that_a_model_cannot_walk_is_refused(model, gait, head, facts):
-    error = refusal(lambda: pg.Controller(pg.Mechanism(model), gait), pg.InputError)
-    judge(error.problems, [(head, *facts)])
 
 
 def test_a_gait_names_contacts_of_its_model_and_goes_with_them():
@@ -493,35 +322,50 @@ def test_a_gait_names_contacts_of_its_model_and_goes_with_them():
     assert any("scenario 'trot'" in text for text in lame.notices)
 
 
-# -- studies and reports
-
 PENDULUM = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
+FEW = [{"foot": foot, "offset": 0.0, "duty": 0.5} for foot in FEET[:3]]
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "facts"),
-    [
-        ("methods", ("rk4", "rk5"), ("'rk5'", "rk4", "radau5")),
-        ("methods", "auto", ("'auto'", "rk4")),
-        ("methods", (), ("at least one", "rk4")),
-        ("steps", (), ("1e-08", "()")),
-        ("steps", (0.1, -1), ("1e-08 and 1", "(0.1, -1)")),
-        ("tolerances", 1e-17, ("1e-15 and 0.1", "1e-17")),
-        ("tolerances", [10.0**-k for k in range(70)], ("70", "64")),
-        ("t_end", 0, ("> 0", "given 0")),
-        ("clock", "sun", ("wall, processor", "'sun'")),
-        ("rounds", 0, (">= 1", "given 0")),
-        ("frames", 2.5, (">= 3", "2.5")),
-        ("target", -1e-6, ("> 0", "-1e-06")),
-        ("longest", "long", ("> 0", "'long'")),
-        ("reference", 3.0, ("Result", "Case", "Reference", "(len(t), 1)", "float")),
-        pytest.param("peers", "drake", ("'drake'", "scipy"), marks=pytest.mark.nightly),
-    ],
-)
-def test_arguments_of_a_study_are_refused_by_name(field, value, facts):
-    study = {"t_end": 1.0, field: value}
-    error = refusal(lambda: pg.work_precision(PENDULUM, **study), pg.InputError)
-    judge(error.problems, [(f"work_precision, {field}", *facts)])
+def switch(*given: Any) -> pg.Result:
+    return pg.simulate(linkage(), t_end=0.2, switches=(given,))
+
+
+def walk(model: pg.Model, gait: pg.Gait = TROT) -> pg.Controller:
+    return pg.Controller(pg.Mechanism(model), gait)
+
+
+def study(**given: Any) -> Any:
+    return pg.work_precision(PENDULUM, **{"t_end": 1.0, **given})
+
+
+LATE = [
+    (lambda: switch(0.1, "pn", True), "simulate, switches: ", "'pn'", "choose one of pin"),
+    (lambda: switch(0.3, "pin", False), "'pin'", "0.3 s", "0.2 s"),
+    (lambda: switch(-0.1, "pin", False), "t must", ">= 0", "-0.1"),
+    (lambda: switch(0.1, "pin", 2), "active", "true or false", "given 2"),
+    (lambda: switch(0.1, "pin"), "t, name of a constraint", "(0.1, 'pin')"),
+    (lambda: pg.Gait(name="g", feet=FEW), "gait 'g', feet", "four", repr(list(FEET[:3]))),
+    (lambda: TROT.edit(feet=[*FEW, FEW[0]]), "gait 'trot', feet", "'left_front_foot'", "twice"),
+    (lambda: TROT.edit(sway=(0.1,)), "gait 'trot', sway", "pairs", "[0.1]"),
+    (lambda: walk(QUADRUPED.replace(scenarios=(), contacts=())), "'left_front_foot'", "no contact"),
+    (lambda: walk(pg.Model.serial(3)), "gait 'trot'", "'y'", "'z'"),
+    (lambda: walk(QUADRUPED.edit("pelvis", joint="weld")), "gait 'trot'", "free", "'pelvis'"),
+    (lambda: walk(QUADRUPED.edit("left_radius", joint="weld")), "'left_front_foot'"),
+    (lambda: walk(QUADRUPED, TROT.edit(speed=9.0)), "trot', speed", "9 m/s", "0.38 s", "0.5"),
+    (lambda: walk(QUADRUPED, TROT.edit(height=0.7)), "gait 'trot', height", "0.7 m", "hip"),
+    (lambda: study(methods=("rk4", "rk5")), "work_precision, methods", "'rk5'", "rk4", "radau5"),
+    (lambda: study(steps=(0.1, -1)), "work_precision, steps", "1e-08 and 1", "(0.1, -1)"),
+    (lambda: study(tolerances=1e-17), "work_precision, tolerances", "1e-15 and 0.1", "1e-17"),
+    (lambda: study(tolerances=[10.0**-k for k in range(70)]), "tolerances", "70", "64"),
+    (lambda: study(clock="sun"), "work_precision, clock", "wall, processor", "'sun'"),
+    (lambda: study(frames=2.5), "work_precision, frames", ">= 3", "2.5"),
+    (lambda: study(reference=3.0), "Result", "Case", "Reference", "(len(t), 1)", "float"),
+]
+
+
+@pytest.mark.parametrize(("call", "facts"), [(call, facts) for call, *facts in LATE])
+def test_a_switch_a_gait_or_a_study_that_does_not_fit_is_refused(call, facts):
+    holds(str(refusal(call)), *facts)
 
 
 def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
@@ -541,23 +385,14 @@ def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
     ("words", "facts"),
     [
         ([], ("MODEL", "--case")),
-        (["pendulum", "--case", "heavy_top"], ("MODEL", "--case")),
         (["pendulum", "-o", "a.pdf"], ("a.pdf", ".html, .json, .svg, .txt")),
         (["--case", "none"], ("case 'none'", "a01")),
-        (["--case", "chain_n_links"], ("case 'chain_n_links'", "choose one of ")),
         (["pendulum", "--methods", "rk5"], ("work_precision, methods", "'rk5'")),
-        pytest.param(["--case", "painleve_rod_1"], ("case 'painleve_rod_1'",),
-                     marks=pytest.mark.nightly),
     ],
-)  # fmt: skip
+)
 def test_words_after_pgraph_report_are_refused(capsys, words, facts):
     assert main(["report", *words]) == 1
-    said = capsys.readouterr().err
-    holds(said, *facts)
-
-
-def test_a_number_that_is_none_is_usage(capsys):
-    with pytest.raises(SystemExit) as stopped:
+    holds(capsys.readouterr().err, *facts)
+    with pytest.raises(SystemExit):
         main(["report", "pendulum", "--steps", "a,b"])
-    assert stopped.value.code == 2
     assert "'a,b'" in capsys.readouterr().err

@@ -4,8 +4,6 @@ Rows go in by Python and by a file with `pgraph check`. Values of the wrong type
 every field of every kind from its annotation and from what its description promises.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -28,8 +26,6 @@ NAN, INF = math.nan, math.inf
 BASE = pg.Model.serial(3)
 BEFORE = BASE.to_json()
 
-
-# -- parts of models, by Python and by file
 
 BODIES = [
     {"name": "arm"},
@@ -99,21 +95,15 @@ HINGE = ("'arm'", "1", "given")
 
 ROWS = [
     named("name", "''", name=""),
-    named("name", "3", name=3),
-    named("name", "None", name=None),
-    named("name", "missing"),
     *(
         row(f"body {name!r}", ("name", repr(name)), {"bodies": [{"name": name}]})
         for name in (" a", "a\nb", "ground", "*")
     ),
     several({"bodies": [{"name": "a", "\n": 1}]}, ("body 'a', \n", "mass")),
     body("parent", "'tigh'", "ground", parent="tigh"),
-    body("parent", "'world'", "ground", parent="world"),
-    body("parent", "'a'", "ground", parent="a"),
     *(body("dof", "0", "6", f"given {dof!r}", dof=dof) for dof in (7, -1, 1.5, "2", True)),
     body("dof", "2", "'spherical'", dof=2, joint="spherical"),
     body("joint", "'hinge'", "did you mean revolute?", joint="hinge", axes=(0, 1, 0)),
-    body("joint", "did you mean spherical?", joint="Ball"),
     body("mass", "1.5", "unit", mass="1.5 kg"),
     body("inertia", "positive semidefinite", "-1 kg", inertia=moments(-1, 1, 1)),
     body("inertia", "positive semidefinite", inertia=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]),
@@ -122,38 +112,25 @@ ROWS = [
     body("inertia", "(xx, xy, xz)", inertia=[1, 2, 3, 0, 0, 0]),
     body("axes", "zero", "[0.0, 0.0, 0.0]", axes=[[0, 0, 0]]),
     body("axes", "revolute", "one axis", "[[0, 1]]", axes=[[0, 1]]),
-    body("axes", "[[0, inf, 1]]", axes=[[0, INF, 1]]),
     body("axes", "(0, -1, 0)", axes="-y"),
     body("axes", "parallel", "[2.0, 0.0, 0.0]", joint="universal", axes=[[1, 0, 0], [2, 0, 0]]),
-    body("axes", "'=1'", axes=[["=1", 0, 0]]),
     body("q", "revolute", "1", "2", q=[1, 2]),
     body("q", "quaternion", "[0.0, 0.0, 0.0, 0.0]", dof=3, q=[0, 0, 0, 0]),
     body("v", "revolute", "1", "2", q=5.0, v=[1, 2]),
     body("masss", "did you mean mass?", *pg.Body.model_fields, masss=2),
-    body("weight", "did you mean mass?", weight=2),
     body("slide", "prismatic", "axes", slide=[0, 0, 1]),
     body("com", "[[0.25, 0, 0]]", com=[[0.25, 0, 0]]),
     body("mass", "no parameter", "'m'", mass="=m/2"),
-    body("stiffness", ">= 0", "-3", stiffness=-3),
     body("damping", "weld", "1.0", joint="weld", damping=1),
     *(body("limits", limits=limits) for limits in ([0], 0, False, [5], [1, 0])),
     body("shape", "'ball'", "did you mean sphere?", "capsule", shape={"kind": "ball"}),
     body("shape", "sphere", "radius", shape={"kind": "sphere"}),
-    body("shape", "raduis", "did you mean radius", shape={"kind": "sphere", "raduis": 1}),
-    body("shape", "> 0", "[1.0, 0.0, 1.0]", shape={"kind": "box", "size": [1, 0, 1]}),
-    # constraints
     constraint("glue", ("kind", "'glue'", *pg.Constraint.KINDS)),
-    constraint("hinge", ("kind", "did you mean revolute?")),
     constraint("point", "length", "'point'", "distance", length=1),
-    constraint("revolute", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     constraint("distance", "other_point", "missing"),
-    constraint("distance", "length", "> 0", "given 0", other_point=[0, 0, 1], length=0),
     constraint("line", "other_axis", "one direction", "axis"),
-    constraint("plane", "other_axis", "one direction", axis=[0, 0, 1], other_axis=[0, 0, 1]),
     constraint("universal", "other_axis", "axis", "both", axis=[0, 0, 1]),
-    constraint("orientation", "point", "'orientation'", point=[0, 0, 1]),
     constraint("gear", "other", "'ground'", "second body"),
-    constraint("gear", "other_coordinate", *NO_ANGLE, other="ball"),
     constraint(
         "gear", ("ratio", "zero", "'motion'", "given 0"), ("coordinate", *HINGE),
         ("other_coordinate", *NO_ANGLE), other="puck", coordinate=1, ratio=0,
@@ -163,106 +140,52 @@ ROWS = [
     constraint("motion", "q_of_t", "'cosine'", "'sine'", q_of_t={"kind": "cosine"}),
     constraint("motion", "q_of_t", "amplitude", "'x'", q_of_t={"kind": "sine", "amplitude": "x"}),
     constraint("motion", "q_of_t", "ascend", "[0.0, 0.0]", q_of_t={"t": [0, 0], "value": [1, 1]}),
-    constraint(
-        "motion", "q_of_t", "coefficients", "one to four", "[1, 2, 3, 4, 5]",
-        q_of_t={"kind": "polynomial", "coefficients": [1, 2, 3, 4, 5]},
-    ),
-    constraint("motion", "coordinate", *NO_ANGLE, body="ball", q_of_t={"kind": "sine"}),
-    constraint("motion", "coordinate", *HINGE, "3", coordinate=3, q_of_t={"kind": "sine"}),
     constraint("rolling", "radius", "'arm'", "sphere", "> 0"),
-    constraint(
-        "rolling", ("radius", "> 0", "-1"), ("radius", "'arm'", "cylinder"),
-        axis=[0, 0, 1], radius=-1,
-    ),
-    constraint("skate", "axis", "missing"),
+    constraint("rolling", "radius", "'arm'", "cylinder", axis=[0, 0, 1]),
     constraint("velocity", "coefficients", "missing", value=1),
-    constraint(
-        "velocity", ("coefficients", "'arm'", "1", "2"),
-        ("coefficients", "'leg'", "arm, ball, puck"),
-        coefficients={"arm": [1, 2], "leg": 1, "ball": [0, 0, 1]},
-    ),
-    constraint("velocity", "coefficients", "zero", coefficients={"arm": 0}),
+    constraint("velocity", "coefficients", "'arm'", "1", "2", coefficients={"arm": [1, 2]}),
+    constraint("velocity", "coefficients", "'leg'", "arm, ball, puck", coefficients={"leg": 1}),
     constraint("velocity", "other", "'ball'", coefficients={"arm": 1}, other="ball"),
     constraint("weld", "ratio", "'weld'", "gear", ratio=2),
-    constraint("point", "body", "'leg'", "arm", body="leg"),
     constraint("point", "other", "'arm'", "itself", other="arm"),
-    # contacts
     contact("body", "'arm'", "shape", "points", body="arm"),
     contact("points", "'*'", body="*", points=[[0, 0, 0]]),
-    contact("other", "'puck'", "itself", other="puck"),
     contact("other", "'leg'", "ground, *, arm, ball, puck", other="leg"),
     contact("other", "'arm'", "shape", other="arm"),
     contact("static_friction", "0.5", "0.4", friction=0.5, static_friction=0.4),
     contact("stiffness", "rigid", "'soft'", "'penalty'", stiffness=10),
     contact("restitution", "damping", law="soft", damping=1, restitution=0.5),
-    # forces
     force("motor", "stiffness", "'motor'", "spring", "torsion", stiffness=1),
     force("motor", "kp", "'servo'", kp=2),
     force("motor", "torque", "table", "[0, 0, 1]", torque=[0, 0, 1]),
-    force("motor", "torque", "inf", torque=INF),
-    force("motor", "torque", "ascend", "[0.0, 0.0]", torque={"t": [0, 0], "value": [1, 1]}),
     force("motor", "coordinate", "1", "given 2", coordinate=2),
     force("wrench", "torque", "three", "given 1", torque=1),
-    force("wrench", "kp", "'wrench'", "servo", "actuator", kp=1),
-    force("wrench", "force", "three", "[0, 0]", force=[0, 0]),
     force("wrench", "force", "2 times", "1 value", force={"t": [0, 1], "value": [[0, 0, 1]]}),
     force("spring", "other", "'arm'", "itself", other="arm"),
-    force("spring", ("rest", "-1"), ("other", "'leg'", "arm, ball, puck"), other="leg", rest=-1),
-    force("spring", "stifness", "did you mean stiffness", stifness=1),
     force("spring", "k", "did you mean stiffness", k=1),
-    force(
-        "torsion", ("damping", ">= 0", "-1"), ("axis", "zero", "[0.0, 0.0, 0.0]"),
-        axis=[0, 0, 0], damping=-1,
-    ),
-    force("drag", "size", "> 0", "[1.0, 0.0, 1.0]", size=[1, 0, 1]),
+    force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     force("motor", "gear", "zero", gear=0),
-    force("motor", "coefficients", "zero", coefficients={"arm": 0}),
     force("motor", "torque_low", "torque_limit", "2", torque_low=2, torque_limit=1),
     force("actuator", "start", "lag", "integrates", start=1),
     force("actuator", "state_low", "integrates", state_low=1),
     force("actuator", "lag", "0", lag=1, integrates=True),
-    # the ground and the model
     ground("slope", "pi/2", "given 2", slope=2),
-    ground("friction", ">= 0", "-1", friction=-1),
     ground("uphill", "up (z)", "[0.0, 0.0, 1.0]", uphill=[0, 0, 1]),
-    ground("low", "high", "[0.0, 1.0]", steps=[{"low": [0, 0], "high": [0, 1], "height": 1}]),
     ground("steps", "height", "missing", steps=[{"low": [0, 0], "high": [1, 1]}]),
     ground("'tilt'", *pg.Ground.model_fields, tilt=1),
-    ground("static_friction", "0.6", "0.5", friction=0.6, static_friction=0.5),
     several(
         {"ground": {"friction": 0.6}, "bodies": BODIES,
          "contacts": [{"name": "c", "body": "puck", "static_friction": 0.5}]},
         ("contact 'c', static_friction", "0.6", "0.5", "ground"),
     ),
-    model("bodies", "3", bodies=3),
     model("gravity", "(0, 0, -9.81)", gravity=-9.81),
     model("gravty", "did you mean gravity?", *pg.Model.model_fields, gravty=[0, 0, 0]),
     model("springs", "did you mean forces?", springs=[]),
     model("parameters", "'sin'", parameters={"sin": 1.0}),
-    model("parameters", "'a b'", parameters={"a b": 1.0}),
-    model("parameters", "'lambda'", parameters={"lambda": 1.0}),
     several({"bodies": [3]}, ("row 1", "3")),
-    several(
-        {"parameters": {"m": -1.0}, "bodies": [{"name": "a", "mass": "=m"}]},
-        ("body 'a', mass", ">= 0", "-1"),
-    ),
-    several(
-        {"bodies": [{"name": "a"}, {"name": "a"}]}, ("row 2, name", "'a'", "row 1"),
-    ),
-    several(
-        {"bodies": [{"name": a, "parent": b} for a, b in ("ac", "ba", "cb")]},
-        ("body 'a', parent", "cycle", "a -> c -> b -> a", "ground"),
-    ),
-    # scenarios
     scenario("constraints", "'foot'", "no constraint", constraints=["foot"]),
     scenario(("t_end", "> 0", "given 0"), ("q", "'leg'", "arm"), t_end=0, q={"leg": 1}),
     scenario("method", "'rk5'", "auto", "rk4", "moreau_jean", method="rk5"),
-    scenario("contacts", "'u'", contacts=["u"]),
-    several(
-        {"bodies": BODIES, "constraints": [{"name": "pin", "body": "arm"}],
-         "scenarios": [{"name": "s", "constraints": ["pin", "pin"]}]},
-        ("scenario 's', constraints", "'pin'", "twice"),
-    ),
     several(
         {"bodies": BODIES, "sites": [{"name": "t", "body": "leg"}],
          "outputs": [
@@ -277,11 +200,12 @@ ROWS = [
     ),
     several(
         {"bodies": BODIES, "constraints": [{"name": "pin", "body": "arm"}],
-         "scenarios": [{"name": "s", "switches": [
+         "scenarios": [{"name": "s", "constraints": ["pin", "pin"], "switches": [
              {"t": 0.1, "constraint": "pn", "active": True},
              {"t": 0.1, "constraint": "pin", "active": True},
              {"t": 0.1, "constraint": "pin", "active": False},
          ]}]},
+        ("scenario 's', constraints", "'pin'", "twice"),
         ("scenario 's', switches", "'pn'", "pin"), ("scenario 's', switches", "'pin'", "0.1 s"),
     ),
     # every problem at once: of parts, of the tree, and of a body that has several
@@ -317,9 +241,6 @@ def test_models_are_refused_alike_by_python_and_by_file(fields, expected, tmp_pa
     assert BASE.to_json() == BEFORE
 
 
-# -- every field of every kind, by its annotation and by what its description promises
-
-
 def bare(kind: Any) -> Any:
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
@@ -327,12 +248,19 @@ def bare(kind: Any) -> Any:
 
 
 def good(kind: Any) -> Any:
-    """A value of a type."""
     kind = bare(kind)
     inner = get_args(kind)
     if get_origin(kind) is tuple:
         return [good(x) for x in inner]
     return inner[0] if get_origin(kind) is Literal else 1.0
+
+
+WRONG: dict[Any, tuple[Any, ...]] = {
+    float: (NAN, INF, -INF, "2", True, 1j, b"x", [1.0], {"zz": 1}),
+    int: (NAN, -1, 7, 1.5, "2", True, b"1", [1]),
+    bool: ("true", 1, 0.0, [], {"zz": 1}),
+    str: (3, NAN, True, ["a"], {"zz": 1}),
+}
 
 
 def wrong(kind: Any) -> Iterator[tuple[Any, Any]]:
@@ -347,14 +275,8 @@ def wrong(kind: Any) -> Iterator[tuple[Any, Any]]:
             for value, leaf in wrong(some[0])
             if all(repr(value) in each for each in refused)
         )
-    elif kind is float:
-        yield from ((x, x) for x in (NAN, INF, -INF, "2", True, 1j, b"x", [1.0], {"zz": 1}))
-    elif kind is int:
-        yield from ((x, x) for x in (NAN, -1, 7, 1.5, "zz", [1]))
-    elif kind is bool:
-        yield from ((x, x) for x in ("zz", 7, [], {"zz": 1}))
-    elif kind is str:
-        yield from ((x, x) for x in (3, NAN, True, ["a"], {"zz": 1}))
+    elif kind in WRONG:
+        yield from ((x, x) for x in WRONG[kind])
     elif origin is Literal:
         yield from ((x, x) for x in ("zz", 3, "", ["zz"]))
     elif origin is tuple and inner[1:] == (...,):
@@ -384,7 +306,6 @@ PROMISES = {  # what a description says, and numbers that it forbids
 
 
 def forbidden(info: Any) -> Iterator[tuple[Any, Any]]:
-    """What a field refuses."""
     yield from wrong(info.annotation)
     for promise, numbers in PROMISES.items():
         if re.search(promise, (info.description or "").split(";")[0]):
@@ -392,7 +313,6 @@ def forbidden(info: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def refusing(call: Any, given: str) -> tuple[pg.Problem, ...]:
-    """The problems of a part that must be refused."""
     try:
         call()
     except pg.ModelError as error:
@@ -419,47 +339,12 @@ def test_every_field_refuses_values_of_the_wrong_type_and_size(cls):
             assert not any("\n" in text for text in texts), given
 
 
-SECTIONS = {
-    pg.Body: "bodies",
-    pg.Contact: "contacts",
-    pg.Scenario: "scenarios",
-    pg.Site: "sites",
-    pg.Output: "outputs",
-    pg.Constraint: "constraints",
-    pg.Force: "forces",
-}
-LISTED = [cls for cls in WHOLE if issubclass(cls, tuple(SECTIONS))]
-
-
-@pytest.mark.parametrize("cls", LISTED, ids=lambda cls: cls.__name__)
-def test_a_file_refuses_the_same_values_of_every_field(cls, tmp_path, capsys):
-    section = next(s for base, s in SECTIONS.items() if issubclass(cls, base))
-    kind = {"kind": cls.model_fields["kind"].default} if "kind" in cls.model_fields else {}
-    file = tmp_path / "model.json"
-    rows = [{"name": "1"}, {"name": "2", "parent": "1"}]
-    for field, info in cls.model_fields.items():
-        values = [x for x, _ in forbidden(info) if "j" not in repr(x) and "b'" not in repr(x)]
-        for value in values[::4]:
-            made = {**kind, **WHOLE[cls], field: value}
-            fields = {"bodies": rows, section: [*(rows if section == "bodies" else ()), made]}
-            problems = refusing(lambda f=fields: pg.Model(**f), f"{cls.__name__}({made})")
-            file.write_text(json.dumps(fields))
-            assert main(["check", str(file)]) == 1
-            assert capsys.readouterr().err.splitlines() == [str(p) for p in problems]
-
-
-# -- files
-
 FILES: list[tuple[bytes, str, *tuple[str, ...]]] = [  # content, place in the file, facts
     (b"", "line 1", "JSON", "column 1"),
-    (b"a,b\n1,2\n", "line 1", "JSON", "column 1"),
     (b'{\n  "name": "a",\n  "bodies": [}\n', "line 3", "JSON", "column 14"),
     (b"[]", "", "JSON object", "[]"),
-    (b"3", "", "JSON object", "3"),
-    (b'{"schema_version": 4}', "schema_version", "4", "3"),
     (b'{"schema_version": 99, "later": 1}', "schema_version", "99", "3"),
     (b'{"schema_version": "1"}', "schema_version", "'1'", ">= 1"),
-    (b'{"schema_version": 0}', "schema_version", "0", ">= 1"),
     (b'{"bodies": [{"name": "a", "mass": 1, "mass": 2}]}', "", "'mass'", "twice", "'a'"),
     (b"\x89PNG\r\n\x1a\n\x00", "", "UTF-8", "byte 0"),
     (b'{"name": "\xff"}', "", "UTF-8", "byte 10"),
@@ -482,9 +367,8 @@ def test_a_file_that_is_no_model_is_named_with_the_place(content, tmp_path, caps
     assert [set(p) for p in json.loads(out)["problems"]] == [{"where", "field", "text"}]
 
 
-@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999", "1" + "0" * 5000])
-def test_numbers_that_json_has_not_are_refused_by_their_field(number):
+@pytest.mark.parametrize(("number", "given"), [("NaN", "nan"), ("1e999", "inf")])
+def test_numbers_that_json_has_not_are_refused_by_their_field(number, given):
     text = f'{{"bodies": [{{"name": "a", "mass": {number}}}]}}'
     problems = refusal(lambda: pg.Model.from_json(text), pg.ModelError).problems
-    given = {"NaN": "nan", "-Infinity": "-inf"}.get(number, "inf")
     judge(problems, [("body 'a', mass", f"given {given}")])

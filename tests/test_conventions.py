@@ -1,7 +1,5 @@
 """The conventions of docs/conventions.md and docs/glossary.md, on poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -27,13 +25,7 @@ SLIDE = ("translate", X)
         ((ROTATE_X, BALL_MOTION), (0.4, *BALL)),
         ((ROTATE_X, BALL_MOTION, SLIDE), (0.4, *BALL, 0.3)),
     ],
-    ids=[
-        "two hinges",
-        "hinge, slider, hinge",
-        "ball, slider",
-        "hinge, ball",
-        "hinge, ball, slider",
-    ],
+    ids=str,
 )
 def test_motions_of_a_compound_joint_act_in_order_each_in_the_frame_turned_so_far(motions, q):
     """R = P_1 P_2 ... R(rotation); translations shift along axes turned by the motions before."""

@@ -1,7 +1,5 @@
 """Edits of several rows: duplicate, mirror, move, remove, edit_all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,36 +15,18 @@ def names(model: pg.Model) -> list[str]:
     return [body.name for body in model.bodies]
 
 
-@pytest.mark.parametrize(
-    ("name", "taken", "free"),
-    [
-        ("femur", [], "femur"),
-        ("femur", ["femur"], "femur_2"),
+def test_copies_have_free_names_and_mirrored_ones_those_of_the_other_side():
+    for name, taken, free in (
+        ("femur", ["femur_2"], "femur"),
         ("femur_2", ["femur", "femur_2"], "femur_3"),
         ("3", ["1", "2", "3"], "4"),
         ("leg 2", ["leg 2"], "leg 2_2"),
         ("9" * 5000, ["9" * 5000], "9" * 5000 + "_2"),
-    ],
-)
-def test_copies_have_free_names(name, taken, free):
-    assert free_name(name, taken) == free
-
-
-@pytest.mark.parametrize(
-    ("name", "other"),
-    [
-        ("left_femur", "right_femur"),
-        ("RightPaw", "LeftPaw"),
-        ("LEFT", "RIGHT"),
-        ("l_hip", "r_hip"),
-        ("hip.R", "hip.L"),
-        ("roll", "roll"),
-        ("7", "7"),
-    ],
-)
-def test_names_change_sides(name, other):
-    assert other_side(name) == other
-    assert other_side(other) == name
+    ):
+        assert free_name(name, taken) == free
+    for names in (("left_femur", "right_femur"), ("RightPaw", "LeftPaw"), ("hip.R", "hip.L")):
+        assert [other_side(name) for name in names] == [*reversed(names)]
+    assert other_side("roll") == "roll"
 
 
 def test_a_duplicated_branch_acts_as_its_original():
@@ -133,7 +113,6 @@ def test_one_edit_changes_several_rows_at_once():
 
 
 def test_other_motions_of_a_compound_joint_are_another_joint():
-    """The numbers of the old motions are reset with a notice, as by `joint` and `dof`."""
     slide, turn = ("translate", (1.0, 0.0, 0.0)), ("rotate", (0.0, 0.0, 1.0))
     body = pg.Body(
         name="a", joint="compound", motions=(turn, slide), q=(0.3, 0.2), v=(1, 2), damping=(1, 2)

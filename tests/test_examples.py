@@ -1,7 +1,5 @@
 """The examples run as they are, without a warning, and print what they promise."""
 
-from __future__ import annotations
-
 import runpy
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The built-in models: what they are, that their files are as built, and that they run well."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path
@@ -17,11 +15,7 @@ from pgraph_models.quadruped import FEET, origins
 pytestmark = pytest.mark.quick
 
 GRAVITY = 9.81
-NAMES = [
-    "andrews", "bricard", "chain_10", "double_pendulum", "falling_rod", "fig1_tree", "four_bar",
-    "four_bar_windows", "heavy_top", "pendulum", "quadruped", "quadruped_hips", "rolling_disc",
-    "skate", "slider_crank", "spherical_pendulum", "stiff_pendulum", "tennis_racket",
-]  # fmt: skip
+NAMES = [*pgraph_models.names()]
 
 
 @cache
@@ -35,21 +29,11 @@ def run(name: str, scenario: str) -> pg.Result:
 
 
 def test_building_again_gives_the_same_files(tmp_path: Path):
-    assert [*pgraph_models.names()] == sorted(build.BUILDERS) == NAMES
+    assert sorted(build.BUILDERS) == NAMES
     build.write(tmp_path)
     for name in NAMES:
         again = (tmp_path / f"{name}.json").read_bytes()
         assert again == pgraph_models.path(name).read_bytes(), name
-
-
-@pytest.mark.parametrize("name", ["four_bar", "pendulum", "quadruped"])
-def test_models_compare_by_their_fields_after_any_use(name: str):
-    used, fresh, again = (pg.Model.load(pgraph_models.path(name)) for _ in range(3))
-    for one in (used, again):
-        pg.simulate(pg.Mechanism(one), t_end=1e-3)
-        pg.Mechanism(one).mobility()
-    assert used == fresh == again
-    assert used != used.edit(used.bodies[0].name, mass=123.0)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -57,15 +41,6 @@ def test_every_body_has_a_shape_and_every_model_a_scenario(name: str):
     assert all(body.shape is not None for body in model(name).bodies)
     assert all(s.description and s.t_end > 0 for s in model(name).scenarios)
     assert model(name).scenarios
-
-
-def test_the_fig1_tree_is_serial_7_with_three_edits():
-    parents = {body.name: body.parent for body in model("fig1_tree").bodies}
-    expected = {"1": "ground", "2": "1", "3": "2", "4": "2", "5": "3", "6": "2", "7": "6"}
-    assert parents == expected
-
-
-# -- the quadruped, checklist 1.5
 
 
 def test_quadruped_totals():
@@ -83,21 +58,6 @@ def test_all_four_feet_stand_on_the_ground():
     heights = [at[c.body][1] + np.asarray(c.point)[1] for c in model("quadruped").constraints]
     assert [c.name for c in model("quadruped").constraints] == list(FEET)
     assert heights == pytest.approx([0.0] * 4, abs=1e-12)
-
-
-def test_left_comes_first():
-    paws = [n for n in pg.Topology.of(model("quadruped")).names if "paw" in n]
-    assert paws == [f"{side}_{end}_paw" for end in ("front", "hind") for side in ("left", "right")]
-
-
-def test_boxes_have_the_inertia_of_their_bodies():
-    for body in model("quadruped").bodies[:4]:
-        assert body.shape is not None
-        assert body.shape.size is not None
-        x, y, z = body.shape.size
-        moments = body.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        # the table gives inertias to 1e-5 kg m², the sizes are rounded to 1 mm
-        assert moments == pytest.approx(np.diag(np.array(body.inertia)), abs=2e-5, rel=2e-3)
 
 
 def vertical(result: pg.Result) -> np.ndarray:
@@ -135,9 +95,3 @@ def test_swings_keep_their_energy_and_move(name: str):
     assert swing.status.ok
     assert swing.energy_drift < 1e-4  # no dampers; RK4 at 1 ms on fast whips
     assert np.ptp(swing.q, axis=0).min() > 0.2
-
-
-def test_the_pendulum_swings_through_the_bottom_and_back():
-    q = run("pendulum", "swing").q[:, 0]
-    assert q[0] == pytest.approx(math.pi / 3)
-    assert q.min() == pytest.approx(-math.pi / 3, abs=1e-3)

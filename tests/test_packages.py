@@ -1,7 +1,5 @@
 """The installed package: which names it owns, and what a user's own packages may be called."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

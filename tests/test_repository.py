@@ -1,7 +1,5 @@
 """The documents: the tour of the README runs, and what the documents name is there."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The site of the documents: it builds without a warning, and all in it leads somewhere."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -20,7 +18,6 @@ EXTERNAL = re.compile(r"^(https?:|mailto:|data:)")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The folder of the built site."""
     out = tmp_path_factory.mktemp("site")
     words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(out)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)

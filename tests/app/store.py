@@ -1,7 +1,5 @@
 """The state of the page in tests without a browser: events sent to it, and helpers to read it."""
 
-from __future__ import annotations
-
 import io
 import time
 import zipfile

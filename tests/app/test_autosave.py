@@ -1,10 +1,6 @@
 """Autosave: an edited model survives kill -9, and nothing else comes back (interface 1.9)."""
 
-from __future__ import annotations
-
 import json
-import os
-import signal
 import socket
 import subprocess
 import sys
@@ -84,7 +80,6 @@ def test_nothing_is_written_without_an_edit_or_after_undo(tmp_path, state):
 
 
 def leave(folder, port=PORT, **fields):
-    """Leave the file of a session of five bodies behind."""
     session = {"given": "serial", "text": pg.Model.serial(5).to_json(), "ended": False, **fields}
     (folder / f"{HOST} {port}.json").write_text(json.dumps(session))
 
@@ -138,29 +133,21 @@ def test_after_kill_9_the_model_is_there_when_the_server_starts_again(tmp_path):
         free.bind((HOST, 0))
         port = free.getsockname()[1]
 
-    def run():
+    def printed():
+        """What a server prints until it is killed, once there is a file."""
         command = [sys.executable, "-c", KILLED, str(tmp_path), str(port)]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        return subprocess.Popen(command, text=True, **pipes)
-
-    def printed(process):
-        lines = []
-        while not lines or not lines[-1].isdigit():
-            lines.append(process.stdout.readline().strip())
+        pipes, lines = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}, []
+        server = subprocess.Popen(command, text=True, **pipes)
+        try:
+            while not lines or not lines[-1].isdigit():
+                lines.append(server.stdout.readline().strip())
+            until(lambda: list(tmp_path.glob("*.json")), "the file")
+        finally:
+            server.kill()
+            server.wait()
         return lines
 
-    first = run()
-    try:
-        assert printed(first)[-1] == "3"
-        until(lambda: list(tmp_path.glob("*.json")), "the file")
-    finally:
-        os.kill(first.pid, signal.SIGKILL)
-        first.wait()
-    second = run()
-    try:
-        lines = printed(second)
-    finally:
-        second.kill()
-        second.wait()
+    assert printed()[-1] == "3"
+    lines = printed()
     assert lines[-1] == "7"
     assert any("serial 3" in line for line in lines)

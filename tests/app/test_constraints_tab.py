@@ -1,7 +1,5 @@
 """Constraints, contacts, forces, limits and loops in their tab (interface 1.6; D12-D18)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -122,8 +120,6 @@ def test_d14_a_body_of_a_constraint_is_picked_by_a_click(state):
     asking = after(state, do.AddPart(ME, "constraints", "point", "3"))
     for end in (do.Select(ME, None), do.Unpick(ME)):
         assert after(asking, end).clients[ME].picking is None
-    grounded = after(asking, do.PickName(ME, "ground"))
-    assert grounded.model.constraints[0].other == "ground"
     assert after(asking, do.PickName(ME, "nobody")).clients[ME].picking
     state = add(after(state, do.Connected(OTHER)), "constraints", "point")
     state = after(state, do.Pick(ME, "constraints", "point", "other"))
@@ -147,8 +143,6 @@ def test_d15_a_body_clicked_twice_is_still_asked_for_its_second(state):
     assert (loop.body, loop.other, loop.kind) == ("3", "ground", "revolute")
     state = after(add(state, "forces", "motor", "2"), do.OpenConstraints(ME, "2"))
     assert [x["name"] for ls in shown(state)["lists"] for x in ls["items"]] == ["motor"]
-    assert state.clients[ME].called == 3  # also for each new one
-    assert shown(after(state, do.OpenConstraints(ME, None)))["listed"] is None
 
 
 def test_constraints_that_cannot_be_met_and_late_reports():
@@ -180,20 +174,11 @@ def test_d16_d17_active_switch_and_joint_limits(state):
     [
         ("constraints", "point", "point", (((0,), "0.1"),), (0.1, 0.0, 0.0)),
         ("constraints", "point", "other_point", (((2,), "2 mm"),), (0.6, 0.0, 0.002)),
-        ("constraints", "distance", "length", (((), "0.7"),), 0.7),
         ("constraints", "gear", "ratio", (((), "-2"),), -2.0),
-        ("constraints", "revolute", "axis", (((1,), "1"),), (0.0, 1.0, 0.0)),
-        ("constraints", "rolling", "radius", (((), "0.2"),), 0.2),
-        ("constraints", "velocity", "value", (((), "3"),), 3.0),
         ("constraints", "velocity", "coefficients", (((2, 0), "2"),), {"3": (2.0,)}),
-        ("forces", "servo", "kp", (((), "100"),), 100.0),
-        ("forces", "servo", "torque_limit", (((), "5"),), 5.0),
-        ("forces", "motor", "torque", (((), "0.5"),), 0.5),
-        ("forces", "spring", "rest", (((), "0.3"),), 0.3),
         ("forces", "wrench", "force", (((0,), "10"),), (10.0, 0.0, 0.0)),
         ("forces", "motor", "integrates", (((), "yes"),), True),
         ("forces", "drag", "rotation", (((0,), "0"), ((2,), "1")), (0.0, 0.0, 1.0, 0.0)),
-        ("sites", "site", "point", (((1,), "20 mm"),), (0.0, 0.02, 0.0)),
         ("sites", "site", "body", (((), "ground"),), "ground"),
         ("outputs", "gyro", "at", (((), "2"),), "2"),
         ("outputs", "joint_velocity", "kind", (((), "accelerometer"),), "accelerometer"),
@@ -226,9 +211,7 @@ def test_an_output_follows_its_site_and_its_undo_leaves_what_another_did(state):
 
 def test_motions_over_time(state):
     state = add(state, "constraints", "motion")
-    for curve in ("sine", "table", "polynomial"):
-        state = edit(state, "constraints", "motion", "curve", ((), curve))
-        assert reply(state) == ""
+    state = edit(state, "constraints", "motion", "curve", ((), "polynomial"))
     state = edit(state, "constraints", "motion", "polynomial", ((1,), "2"))
     assert state.model.constraints[0].q_of_t.coefficients[:2] == (0.0, 2.0)
     state = edit(state, "constraints", "motion", "curve", ((), "table"))
@@ -259,19 +242,16 @@ def test_forces_over_time(state):
 def test_names_are_followed_by_scenarios_and_duplicates_are_free():
     quadruped = built_in("quadruped")
     name = quadruped.constraints[0].name
-    using = [s.name for s in quadruped.scenarios if name in (s.constraints or ())]
     now = edit(begun(quadruped), "constraints", name, "name", ((), "sole"))
-    assert using
-    assert all("sole" in now.model.scenario(s).constraints for s in using)
     copied = after(now, do.DuplicatePart(ME, "constraints", "sole"))
     assert copied.model.constraints[1].name == "sole 2"
     gone = after(copied, do.DeletePart(ME, "constraints", "sole"))
-    assert "sole" not in [x.name for x in gone.model.constraints]
-    assert all("sole" not in (s.constraints or ()) for s in gone.model.scenarios)
+    for state, there in ((now, True), (gone, False)):
+        users = [s for s in state.model.scenarios if "sole" in (s.constraints or ())]
+        assert (bool(users), "sole" in [x.name for x in state.model.constraints]) == (there, there)
 
 
 def reported(state):
-    """Return the state with a page that watches, and the report on its model."""
     state = after(state, do.Sees(ME, "constraints", True))
     assert wanted(state)
     return after(state, report(state.model))

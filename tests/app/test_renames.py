@@ -1,14 +1,11 @@
 """Events with outdated names or rows refer to the parts that carried them."""
 
-from __future__ import annotations
-
-import colorsys
 import json
-from itertools import combinations
 
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.core.edit import renamed
 from pgraph_app.core.events import from_page
 from pgraph_app.core.state import Reply
 from pgraph_app.digraph.view import digraph
@@ -65,7 +62,10 @@ def test_parts_and_parameters_follow_too(state):
     assert state.model.parameters == {"length": 0.3}
 
 
-def test_another_model_is_no_rename(state):
+def test_another_model_or_another_body_in_a_row_is_no_rename(state):
+    old = state.model
+    assert list(renamed(old, old.edit("2", name="b"))) == [("bodies", "2", "b")]
+    assert list(renamed(old, old.edit("2", name="b", mass=9.0))) == []
     state = after(state, do.NewModel(OTHER, 1, "3"), named("1", "a"))
     assert state.renamed == 1
     text = pg.Model.serial(3).edit("2", name="other").to_json()
@@ -186,9 +186,6 @@ def test_shapes_of_several_bodies_are_those_that_were_seen():
     def radii(state):
         return [shape.radius for body in state.model.bodies for shape in body.shapes]
 
-    def counts(state):
-        return [len(body.shapes) for body in state.model.bodies]
-
     assert "shape_1_radius" in fields(start, "a", "b")
     assert radii(after(start, typed("ab", "shape_1_radius", "2"))) == [None, 2.0, None, 2.0]
     gone = after(start, typed("a", "shape_kind", "none", OTHER))
@@ -197,16 +194,11 @@ def test_shapes_of_several_bodies_are_those_that_were_seen():
     assert "shapes" in reply(late)
     gone = after(gone, typed("b", "shape_kind", "none", OTHER))
     assert radii(after(gone, typed("ab", "shape_1_radius", "2"))) == [2.0, 2.0]
-    only = after(start, typed("a", "shape_kind", "none", OTHER))
-    one = after(only, typed("a", "shape_more_kind", "box"), typed("a", "shape_1_radius", "3"))
-    name = next(f for f in fields(one, "a", "b") if f.endswith("_kind"))
-    assert name == "shape_1.0_kind"
-    assert counts(after(one, typed("ab", name, "none"))) == [1, 1, 0]
     # a body without a shape gets its first; one more goes to bodies that have as many
     assert "shape_0.more_kind" in fields(start, "a", "c")
-    assert counts(after(start, typed("ac", "shape_0.more_kind", "box"))) == [2, 2, 1]
+    more = after(start, typed("ac", "shape_0.more_kind", "box"))
+    assert [len(body.shapes) for body in more.model.bodies] == [2, 2, 1]
     assert after(start, typed("ac", "shape_more_kind", "box")).model is start.model
-    assert after(start, typed("ab", "shape_0.1.1_kind", "box")).model is start.model
 
 
 def test_an_edit_of_a_scenario_is_not_of_the_one_chosen_meanwhile(state):
@@ -235,24 +227,18 @@ LEFT = ("left_femur",)
 @pytest.mark.parametrize(
     "event",
     [
-        do.AddBody(ME, None),
         do.AddBody(ME, "left_femur"),
         do.Duplicate(ME, LEFT, True),
         do.MirrorBranch(ME, "left_femur", "y"),
-        do.DeleteBodies(ME, LEFT, "attach"),
         do.DeleteBodies(ME, LEFT, "delete"),
         do.MoveRows(ME, ("right_femur",), "left_femur"),
-        do.SetParent(ME, LEFT, "ground"),
-        do.CountBodies(ME, 1, "30"),
         do.CountBodies(ME, 1, "5"),
         do.Paste(ME, 1, "x\ny", (), 0, "pelvis"),
         do.Edit(ME, 1, "left_femur", "name", (), "thigh"),
-        do.Edit(ME, 1, "left_femur", "dof", (), "0"),
     ],
     ids=str,
 )
 def test_a_body_keeps_its_colour(event):
-    """Whatever is put in, taken out, moved or renamed; and what comes back has its own again."""
     start = begun(built_in("quadruped"))
     before, own = colors(start), start.rows.named(start.model, "bodies")
     state = after(start, event)
@@ -266,20 +252,3 @@ def test_a_body_keeps_its_colour(event):
     assert colors(state) == before
     shown = [node["color"] for node in table(state)["rows"]]
     assert sorted(shown) == sorted(digraph(state)["colors"])
-
-
-def test_colours_that_are_given_later_differ_from_their_neighbours():
-    """Legs put onto a body one after the other, in an order that no file has."""
-    state = begun(pg.Model.serial(1))
-    for k in range(8):
-        parent = "1" if k % 2 == 0 else state.model.bodies[-1].name
-        state = after(state, do.AddBody(ME, parent))
-    found = colors(state)
-    legs = [body.name for body in state.model.bodies if body.parent == "1"]
-    hue = {name: colorsys.rgb_to_hls(*(c / 255 for c in own))[0] for name, own in found.items()}
-    assert len(legs) == 4
-    assert min(abs(a - b) for a, b in combinations([hue[name] for name in legs], 2)) > 0.03
-    for name in legs:  # a leg goes on in its own hue, lighter
-        child = next(b.name for b in state.model.bodies if b.parent == name)
-        assert hue[child] == pytest.approx(hue[name], abs=0.02)
-        assert found[child] != found[name]

@@ -1,7 +1,5 @@
 """The reports in the page: settings, results and advice."""
 
-from __future__ import annotations
-
 import json
 import threading
 from functools import partial
@@ -10,7 +8,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.report import worker
-from pgraph_app.report.view import compared_with, drawn, page, reports
+from pgraph_app.report.view import drawn, page, reports
 from pgraph_app.run.view import run
 
 from .store import LIMIT, ME, after, begun, do, until
@@ -44,14 +42,12 @@ def two_methods():
 
 @pytest.fixture(scope="module")
 def precise():
-    """A report on a double pendulum's error against run time."""
     state = after(begun(pg.Model.serial(2)), do.SetReport(ME, 1, "t_end", "0.1"))
     return measured(state, "precision")
 
 
 @pytest.fixture(scope="module")
 def both(precise):
-    """The same with a map over the ratio of masses, made later."""
     state = after(precise, do.SetReport(ME, 2, "axis", "mass_ratio"))
     return measured(state, "stability")
 
@@ -116,16 +112,6 @@ def test_each_verdict_of_a_map_is_a_line_and_the_legend_is_above_it(both):
         assert svg.index(f">{verdict.lower()}: ") < svg.index(found.methods[0] + "</text>")
 
 
-def test_references_of_a_map_are_grouped():
-    one, two = "dop853 rtol 1e-12", "dopri5 rtol 1e-11"
-    known = (f"{one}: known to 3e-13", f"{one}: known to 2e-12", f"{two}: known to 1e-9")
-    first, second = compared_with(known)
-    assert first.endswith(f"{one}: known to 3e-13 to 2e-12")
-    assert second.endswith(f"{two}: known to 1e-9")
-    (closed,) = compared_with(["a closed form"])
-    assert closed.endswith("a closed form")
-
-
 def test_a_report_that_cannot_be_made_says_why():
     state = after(begun(pg.Model.serial(1)), do.SetReport(ME, 1, "axis", "contact_stiffness"))
     state = measured(state, "stability")
@@ -134,7 +120,6 @@ def test_a_report_that_cannot_be_made_says_why():
 
 
 def test_a_cancelled_report_ends(monkeypatch):
-    """It measures until it is told that nobody wants to know."""
 
     def measure(analysis, progress):
         until(lambda: not progress(0.5), "the cancellation")

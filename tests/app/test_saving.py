@@ -1,7 +1,5 @@
 """Save replaces only files of its own session, unless a person allows more."""
 
-from __future__ import annotations
-
 import os
 
 import pytest
@@ -68,15 +66,11 @@ def test_a_link_is_followed_and_its_place_is_named(tmp_path, save):
     assert save(circle).problem
 
 
-@pytest.mark.parametrize("name", ["\u202e.json", "a\x1b[2J.json", "x.json/", "a\nb.json"])
-def test_a_name_that_nobody_can_read_is_refused(tmp_path, save, name):
-    assert save(f"{tmp_path}/{name}", replace=True).problem
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("name", ["x" * 300, "nul\0", "round"])
-def test_paths_that_cannot_be_are_refused(tmp_path, save, name):
-    (tmp_path / "round.json").symlink_to("round.json")
-    problem = save(f"{tmp_path}/{name}.json").problem
+@pytest.mark.parametrize(
+    "name", ["\u202e.json", "a\x1b[2J.json", "x.json/", "a\nb.json", "x" * 300, "nul\0.json"]
+)
+def test_a_name_that_nobody_can_read_or_that_cannot_be_is_refused(tmp_path, save, name):
+    problem = save(f"{tmp_path}/{name}", replace=True).problem
     assert problem
     assert not any(word in problem for word in ("Errno", "embedded"))
+    assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,5 @@
 """The scenario editor: its events, and its switches in a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +35,6 @@ def slider():
 
 
 def switch(number, **fields):
-    """Return what is typed into these cells of a switch."""
     return [do.EditSwitch(ME, 1, number, field, text) for field, text in fields.items()]
 
 
@@ -46,13 +43,11 @@ def given(field, text, *index):
 
 
 def motor(torque):
-    """Return what gives body b a motor and lets it start at rest."""
     drive = do.EditDrive(ME, 3, "motor", "torque", (((), torque),))
     return [do.AddDrive(ME, "motor", "b"), drive, given("bodies", "b"), given("v", "0", 0, 0)]
 
 
 def run_of(state):
-    """Return what Simulate computes of the state."""
     state = after(state, do.Simulate(ME))
     assert state.job is not None, state.run_problem
     return simulated(state.job, lambda _: 1)
@@ -110,23 +105,6 @@ def test_a_latch_opens_at_a_force(slider):
     exact = 50 / 6 * (1 - a**3) - 50 / 2 * a**2 * (1 - a)
     np.testing.assert_allclose(run.events[0].t, a, rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-8)
-
-
-def test_a_clutch_engages_at_a_coordinate():
-    """Two discs of 1 and 2 kg m²; the first turns at 6 rad/s and grips at 3 rad: both then at 2."""
-    inertia = np.diag([1.0, 1.0, 1.0])
-    first = pg.Body(name="a", joint="revolute", axes=((1, 0, 0),), inertia=inertia, v=(6.0,))
-    second = pg.Body(name="c", joint="revolute", axes=((1, 0, 0),), inertia=2 * inertia)
-    clutch = pg.Constraint(
-        name="clutch", kind="velocity", body="a", coefficients={"a": (1.0,), "c": (-1.0,)},
-        active=False,
-    )  # fmt: skip
-    model = pg.Model(bodies=(first, second), constraints=(clutch,), gravity=(0.0, 0.0, 0.0))
-    state = after(begun(model), do.AddSwitch(ME, "clutch"))
-    run = run_of(after(state, *switch(0, what="coordinate", value="3")))
-    np.testing.assert_allclose(run.v[-1], 2.0, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(run.q[-1], [3 + 2 * 1.5, 2 * 1.5], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.events[0].t, 0.5, rtol=0, atol=1e-9)
 
 
 def test_a_foot_sticks_at_a_gap():

@@ -1,7 +1,5 @@
 """Marks in the 3D view, joint sliders and the gizmo."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from types import SimpleNamespace
@@ -33,23 +31,17 @@ def pose(state, body, index, value, serial=0):
 
 
 def simulated(state, t_end):
-    """Return the state at the end of a run of its model."""
     result = pg.simulate(pg.Mechanism(state.model), t_end=t_end, step=1e-3)
     return after(ran(state, result), do.Scrub(ME, t_end))
 
 
 def touching(*balls):
-    """Return the state of balls that may touch the ground."""
     return begun(pg.Model(bodies=balls, contacts=(pg.Contact(name="c", body="*"),)))
 
 
 @pytest.mark.parametrize(
     ("name", "points"),
-    [
-        ("four_bar", [(0, 0, 0), (1, 0, 0)]),
-        ("double_pendulum", [(0, 0, 2.2)]),
-        ("quadruped", []),
-    ],
+    [("four_bar", [(0, 0, 0), (1, 0, 0)]), ("double_pendulum", [(0, 0, 2.2)]), ("quadruped", [])],
 )
 def test_each_pivot_on_the_ground_has_a_bracket_along_its_axis(name, points):
     model = built_in(name)
@@ -107,9 +99,6 @@ def test_a_slider_says_what_it_cannot_do(quadruped):
     held = pose(state, "slider", 0, 100.0)
     assert "loops" in held.pose_problem
     assert held.pose is state.pose
-    gone = pose(quadruped, "left_femur", 1, 0.4)  # a page may ask before it has heard of the edit
-    assert gone.posed is None
-    assert gone.pose_problem.endswith("2")
     early = pose(begun(built_in("four_bar"), compiled=False), "left crank", 0, 1.6)
     assert "compiled" in early.pose_problem
 
@@ -195,8 +184,6 @@ def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     assert np.linalg.norm(arrow[1] - arrow[0]) == pytest.approx(size[0, 2], rel=1e-3)
     assert size[0, 0] / 2 / size[0, 2] == pytest.approx(state.model.ground.friction)
     cone = shapes.cone()  # opens upwards from its apex, its faces outwards
-    low = cone.vertices[np.isclose(cone.vertices[:, 2], 0.0)]
-    assert low == pytest.approx(np.zeros((len(low), 3)), abs=1e-12)
     assert cone.bounds[1] == pytest.approx((0.5, 0.5, 1.0), abs=0.01)
     assert cone.volume > 0
 
@@ -209,6 +196,9 @@ def test_a_run_that_leaves_the_picture_is_detected(speed, left):
     state = simulated(touching(ball(v=(0, 0, 0, speed, 0, 0))), 0.5)
     page = dataclasses.replace(state.clients[ME], aspect=1.0)
     assert camera.went(handle, state, page) == left
+    assert page.follow == left
+    chosen = after(state, do.Show(ME, "follow", not left))
+    assert ran(chosen, state.run.result).clients[ME].follow != left  # a person's own choice stays
 
 
 @pytest.mark.parametrize(("speed", "whole"), [(2.0, True), (1e3, False)])
@@ -222,11 +212,6 @@ def test_a_view_holds_the_whole_run_unless_the_mechanism_leaves(speed, whole):
     now = np.ptp(camera.extent(state)[:, 0])
     assert (now > max(before, 0.99 * speed)) == whole
     assert len(camera.passed(state)) > 0 or not whole
-    empty = begun(pg.Model(bodies=()))
-    for aspect in (0.4, 2.0):  # from 2 cm away the squares of the ground filled the picture
-        position, target = camera.viewpoint(empty, aspect)
-        size = empty.derived.size
-        assert size < np.linalg.norm(position - target) < 10 * size
 
 
 def test_arrows_of_resting_bodies_stay_visible_after_an_impact():
@@ -300,16 +285,3 @@ def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle):
     now = after(state, do.Gripped(ME, "a", "rotation", tuple(turned(typed).tolist()), True))
     found, wanted = np.asarray(now.model.body("a").rotation), turned(angle)
     np.testing.assert_allclose(found * np.sign(found @ wanted), wanted, atol=1e-9)
-
-
-def test_copies_of_a_solid_are_independent():
-    shape = pg.Shape(kind="capsule", radius=0.1, end_radius=0.05, length=0.4, role="visual")
-    moved = shape.model_copy(update={"position": (0.0, 0.0, 0.3)})
-    here, there = (shapes.pieces(pg.Body(name="a", shape=s), ()) for s in (shape, moved))
-    first = shapes.mesh(here)
-    before = first.vertices.copy()
-    second = shapes.mesh(there)
-    np.testing.assert_allclose(second.vertices, before + np.array((0.0, 0.0, 0.3)), atol=1e-12)
-    np.testing.assert_array_equal(second.faces, first.faces)
-    second.vertices *= 2.0
-    np.testing.assert_array_equal(shapes.mesh(here).vertices, before)

@@ -1,7 +1,5 @@
 """Many edits of two people, each with an undo of their own (interface 1.9, 1.11)."""
 
-from __future__ import annotations
-
 import json
 import random
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The table: rows selected, copied, moved, pasted and counted (interface 1.2 to 1.4)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -9,6 +7,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import initial
 from pgraph_app.model.view import toolbar
+from pgraph_app.table import update
 from pgraph_app.table.paste import copied
 
 from .store import ME, OTHER, after, begun, do, notice, seven
@@ -28,6 +27,7 @@ def test_several_rows_are_selected_in_the_table_s_order(state):
     assert state.clients[OTHER].selected == ()
     assert after(state, do.Select(ME, "3")).clients[ME].selected == ("3",)
     assert after(state, do.Select(ME, None)).clients[ME].selected == ()
+    assert after(state, do.Select(ME, "nobody"), do.Select(99, "3")) is state
 
 
 def test_ctrl_clicks_join_and_leave_in_their_order(state):
@@ -208,3 +208,9 @@ def test_rows_move_before_another_to_the_end_or_to_another_parent(state):
     assert after(state, do.MoveRows(ME, ("2",), "2")).model is state.model
     moved = after(state, do.SetParent(ME, ("3", "6"), "1"))
     assert [moved.model.body(n).parent for n in ("3", "6")] == ["1", "1"]
+
+
+def test_a_table_may_have_exactly_as_many_bodies_as_allowed(state, monkeypatch):
+    monkeypatch.setattr(update, "MOST_BODIES", 8)
+    state = after(state, do.AddBody(ME, "3"))
+    assert len(state.model.bodies) == len(after(state, do.AddBody(ME, "3")).model.bodies) == 8

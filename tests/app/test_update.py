@@ -1,7 +1,5 @@
 """The reducer: edits, undo, runs, playback and messages of the page."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
@@ -18,7 +16,6 @@ from pgraph_app.model import Found
 from pgraph_app.model.derived import derive
 from pgraph_app.model.update import LONG, sent
 from pgraph_app.model.worker import answer
-from pgraph_app.properties.view import without_noise
 from pgraph_app.run import FREE_RUN, Run
 from pgraph_app.run.view import hints, kept, summary
 from pgraph_core.show.animation import between
@@ -48,17 +45,7 @@ def result(t_end=1.0, nb=7):
 
 @pytest.fixture
 def ran(state):
-    """The state after a simulation."""
     return after(state, do.Simulate(ME), do.Simulated(1, result()))
-
-
-def test_selections_are_a_page_s_own_and_of_what_is_there(state):
-    state = after(state, do.Select(ME, "3"), do.Select(OTHER, "5"))
-    assert (state.clients[ME].selection, state.clients[OTHER].selection) == ("3", "5")
-    assert after(state, do.Select(ME, None)).clients[ME].selection is None
-    assert after(state, do.Select(ME, "nobody")) is state
-    assert after(state, do.Select(99, "3")) is state
-    assert set(after(state, do.Disconnected(ME)).clients) == {OTHER}
 
 
 def test_theme_view_and_downloads_are_a_page_s_own_and_switches_shared(state):
@@ -76,9 +63,8 @@ def test_an_accepted_edit_is_answered_and_the_same_value_is_no_undo_step(state):
     assert (done.clients[ME].reply.serial, done.clients[ME].reply.text) == (5, "")
     assert (done.model.body("3").mass, len(done.undo)) == (1500.0, 1)
     assert after(done, typed("3", "mass", "1500")).undo == done.undo
-    skew = after(state, typed("3", "inertia", "1e-4", 0, 1), typed("3", "com", "-.25", 2))
-    assert skew.model.body("3").inertia[1][0] == 1e-4
-    assert skew.model.body("3").com[2] == -0.25
+    skew = after(state, typed("3", "inertia", "1e-4", 0, 1), typed("3", "tip", "", 0))
+    assert (skew.model.body("3").inertia[1][0], skew.model.body("3").tip) == (1e-4, None)
     assert not after(state, typed("3", "dof", "3")).clients[ME].notice.bad  # what was reset
 
 
@@ -87,13 +73,6 @@ def test_pgraph_and_jdof_follow_an_edit(state):
     state = after(state, typed("6", "parent", "5"))
     assert state.derived.pgraph == (1, 2, 3, 4, 5, 6, 2, 7)
     assert state.derived.jdof == (1, 1, 1, 1, 1, 1, 0, 1)
-
-
-def test_an_empty_tip_is_the_centre_of_mass(state):
-    state = after(state, typed("3", "tip", "", 0))
-    assert state.model.body("3").tip is None
-    state = after(state, typed("3", "tip", "0.5", 1))
-    assert state.model.body("3").tip == (state.model.body("3").com[0], 0.5, 0.0)
 
 
 def test_a_body_is_added_on_the_given_one_and_is_selected(state):
@@ -137,7 +116,6 @@ def test_undo_and_redo_a_hundred_and_fifty_deep(state):
 
 
 def test_the_result_of_an_errand_is_an_undo_step_of_the_page_that_asked(state):
-    """Its answer comes from the server; the page's own Undo takes it back, no other page's."""
     pages = {me: replace(page, page=f"page {me}") for me, page in state.clients.items()}
     state = replace(state, clients=pages)
     asked = sent(state, ME, "fit", lambda _: Found("", {"3": {"mass": 9.0}}))
@@ -214,10 +192,7 @@ def test_settings_and_scenarios(state):
     ("settings", "step", "rtol", "acts"),
     [
         ({"method": "rk4"}, 1e-3, None, (True, False)),  # a step, and no tolerance
-        ({"rtol": "1e-7", "method": "rk4"}, 1e-3, None, (True, False)),
         ({"method": "radau5"}, None, None, (True, True)),  # chosen by the error
-        ({"method": "radau5", "rtol": "1e-7", "step": "0.1"}, 0.1, 1e-7, (True, True)),
-        ({"method": "dopri5", "step": "0.1"}, 0.1, None, (True, True)),
         ({"method": "dopri5", "rtol": "1e-7", "step": ""}, None, 1e-7, (True, True)),
         ({"rtol": "1e-7"}, 1e-3, 1e-7, (True, True)),  # automatic takes either
     ],
@@ -252,9 +227,7 @@ def test_a_scenario_brings_its_settings_and_changes_of_them_are_shown():
     [
         ("moreau_jean", 0.09, True),  # usual for a method of first order
         ("moreau_jean", 0.3, False),
-        ("moreau_jean", 0.001, True),
         ("rk4", 0.09, False),
-        ("radau5", 0.001, True),
     ],
 )
 def test_a_drift_is_bad_where_it_is_for_its_method(method, drift, good):
@@ -294,26 +267,15 @@ EDIT = '{"event": "Edit", "serial": 3, "body": "a", "field": %s, "index": %s, "t
     "text",
     [
         "",
-        "null",
         "[]",
         '{"event": "Connected"}',
-        '{"event": "Tick", "dt": 1}',
-        '{"event": "Select"}',
         '{"event": "Select", "body": 5}',
         '{"event": "Select", "body": "a", "more": 1}',
         EDIT % ('"bodies"', "[]"),
-        EDIT % ('"com"', "[-1]"),
         '{"event": "Scrub", "time": NaN}',
-        '{"event": "Speed", "speed": 1e9}',
         '{"event": "Show", "what": "everything", "on": true}',
         '{"event": "Gripped", "body": "a", "what": "mass", "vector": [0, 0, 0], "done": true}',
-        '{"event": "Gripped", "body": "a", "what": "com", "vector": [0, 0, 1e999], "done": true}',
         '{"event": "Pull", "body": "a", "point": [0, 0], "target": [0, 0, 0]}',
-        '{"event": "MoveJoint", "serial": 1, "body": "a", "index": 9, "text": "1"}',
-        '{"event": "Drop", "serial": 1, "body": "a", "parent": null, "loop": false}',
-        '{"event": "AddPart", "part": "bodies", "kind": "point", "body": null}',
-        '{"event": "ErrandDone", "id": 1}',
-        '{"event": "MobilityFound", "model": null, "found": null}',
         "[" * 100_000,
     ],
 )
@@ -416,6 +378,16 @@ def test_nothing_of_a_model_stays_with_another_one(ran, event):
     assert (page.selection, page.selected, page.gizmo, page.plots) == (None, (), "", ())
 
 
-def test_rounding_errors_of_an_inertia_read_zero():
-    rows = ((2.0, 3.9e-17, 0.0), (3.9e-17, 1e-6, "=a"), (0.0, "=a", 3.0))
-    assert without_noise(rows) == [[2.0, 0.0, 0.0], [0.0, 1e-6, "=a"], [0.0, "=a", 3.0]]
+def test_a_preview_ends_with_the_run(ran):
+    state = replace(ran, playback=replace(ran.playback, time=0.5, playing=False, preview=True))
+    for time, preview in ((0.75, True), (1.0, False)):
+        state = after(state, do.Tick(0.25))
+        assert (state.playback.time, state.playback.preview) == (time, preview)
+
+
+def test_a_run_of_one_instant_has_no_frames_to_step_through(state):
+    one = result()
+    one.t, one.body_pose = one.t[:1], one.body_pose[:1]
+    state = after(state, do.Simulate(ME), do.Simulated(1, one))
+    state = replace(state, playback=replace(state.playback, playing=True))
+    assert after(state, do.StepFrames(ME, 1)) is state

@@ -1,7 +1,5 @@
 """Runs that fail at once, absurd numbers, and models in which nothing moves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -37,22 +35,17 @@ def test_absurd_sizes_are_refused_by_the_body(fields):
         pg.simulate(hinge(), t_end=1.0, frames=10**9)
 
 
-TO_TWO = {
-    "name": "drive",
-    "kind": "motion",
-    "q_of_t": {"kind": "polynomial", "coefficients": (0, 2)},
-}
+LINE = {"kind": "polynomial", "coefficients": (0, 2)}
+TO_TWO = {"name": "drive", "kind": "motion", "q_of_t": LINE}
 
 
 def blamed(run, *names):
     """Whether one notice of a run names the constraint and what it contradicts."""
-    return any(
-        all(f"'{name}'" in text for name in ("drive", *names))
-        for text in (*run.notices, run.message)
-    )
+    named = [f"'{name}'" for name in ("drive", *names)]
+    return any(all(name in text for name in named) for text in (*run.notices, run.message))
 
 
-@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 1e-3}])
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
 def test_a_motion_into_a_limit_names_both(options):
     """q = 2 t, and a limit at 1 rad: no motion fits; t = 0.5 s is where they part."""
     body = pg.Body(name="b", mass=1.0, inertia=np.eye(3), limits=((-1.0, 1.0),))
@@ -82,10 +75,9 @@ def test_limits_that_hold_are_not_noticed():
     body = pg.Body(name="b", mass=1.0, com=(1, 0, 0), axes=((0, 1, 0),), limits=((-0.5, 0.5),))
     drive = {"body": "b", **TO_TWO, "q_of_t": {"kind": "sine", "amplitude": 0.49}}
     for constraints in ((), (drive,)):
+        model = pg.Model(bodies=(body,), constraints=constraints)
         for options in ({}, {"rtol": 1e-8}):
-            run = pg.simulate(
-                pg.Model(bodies=(body,), constraints=constraints), t_end=2.0, **options
-            )
+            run = pg.simulate(model, t_end=2.0, **options)
             assert run.status.ok
             assert not any("limit" in text for text in run.notices)
 

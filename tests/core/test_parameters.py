@@ -1,7 +1,5 @@
 """Named parameters: one number for many cells, in files and through every edit."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re
@@ -11,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.model.parameters import evaluated, names_in, negated
+from pgraph_core.model.parameters import evaluated
 
 NAMES = {"a": 2.0, "thigh": 0.22, "n": -3.0}
 
@@ -20,12 +18,10 @@ NAMES = {"a": 2.0, "thigh": 0.22, "n": -3.0}
     ("text", "value"),
     [
         ("=thigh", 0.22),
-        ("= thigh/2 ", 0.11),
         ("=-(a + n)*3", 3.0),
         ("=a**3 - 1e-3", 7.999),
         ("=sqrt(a*2) + max(1, 2, a)", 4.0),
         ("=30*pi/180", math.pi / 6),
-        ("=1e-6", 1e-6),
     ],
 )
 def test_a_formula_has_the_value_of_its_arithmetic(text, value):
@@ -37,10 +33,8 @@ def test_a_formula_has_the_value_of_its_arithmetic(text, value):
     [
         ("=thig", "'thig'; choose one of a, thigh, n"),
         ("=1/(a-2)", "divides by zero"),
-        ("=1e400", "finite"),
         ("=9**9**9**9", "too large"),
         ("=n**0.5", "finite"),
-        ("=sqrt(n)", "no value"),
         ("=sqrt()", "no value"),
         ("=" + "1+" * 5000 + "1", "200 characters"),
         *(
@@ -65,7 +59,6 @@ def test_any_text_is_a_number_or_refused_with_a_reason(text):
 
 @pytest.fixture
 def legs():
-    """Two legs of one thigh length."""
     chain = pg.Model.serial(3).replace(parameters={"thigh": 0.22, "heavy": 2.0})
     chain = chain.edit("1", tip=("=thigh", 0.0, 0.0), mass="=heavy")
     return chain.edit("2", link=("=thigh", 0, 0), com=("=thigh/2", 0, 0), damping="=heavy/100")
@@ -110,12 +103,6 @@ def test_formulas_follow_a_new_name_and_go_with_their_body(legs):
     assert {f.path[0] for f in legs.edit("2", dof=0).formulas} == {"tip", "mass", "link", "com"}
 
 
-def test_an_edit_with_a_name_and_a_formula(legs):
-    edited = legs.edit("3", name="foot", link=("=thigh", "=thigh/2", 0))
-    assert edited.body("foot").link == (0.22, 0.11, 0)
-    assert sum(f.name == "foot" for f in edited.formulas) == 2
-
-
 def test_copies_and_several_edits_share_the_parameter(legs):
     twins = legs.duplicate("2")
     assert twins.replace(parameters={**legs.parameters, "thigh": 0.5}).body("4").link[0] == 0.5
@@ -152,11 +139,6 @@ def test_formulas_in_constraints_shapes_and_forces():
 def test_a_parameter_in_use_cannot_go(legs):
     with pytest.raises(pg.ModelError, match="'thigh'"):
         legs.replace(parameters={"heavy": 1.0})
-
-
-def test_names_of_a_formula():
-    assert names_in("=a/(b_2 + 1)*sqrt(c)") == {"a", "b_2", "c", "sqrt"}
-    assert names_in("=)") == set()
 
 
 TIED = """{"parameters": {"r": 0.1, "side": 0.07, "none": 0.0, "k": 50.0}, "bodies": [
@@ -196,13 +178,3 @@ def test_to_copy_and_to_change_a_parameter_commute(copy):
     changed, expected = twins.replace(parameters=other), copied(model.replace(parameters=other))
     assert changed.formulas == expected.formulas
     assert changed == expected
-
-
-def test_a_formula_reflected_twice_is_itself():
-    for text in ("=a", "=-a", "=a + b", "=-(a + b)", "=-(a) + (b)", "=(a)*(b)"):
-        once = negated(text)
-        names = {"a": 0.3, "b": 0.7}
-        assert evaluated(once, names) == -evaluated(text, names)
-        assert evaluated(negated(once), names) == evaluated(text, names)
-    assert negated(negated("=a + b")) == "=a + b"
-    assert negated("=-a") == "=a"

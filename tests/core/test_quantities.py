@@ -9,15 +9,11 @@ from pgraph_core.paper import Operators
 from tests.core.trees import random_case, random_model, random_state, scaled_error
 
 
-def case(seed):
-    found = random_case(seed)
-    return pg.Mechanism(found.model), found
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
     """τ · v = d(T + V)/dt, by a central difference of 1e-6 s: 1e-5."""
-    mech, c = case(seed)
+    c = random_case(seed)
+    mech = pg.Mechanism(c.model)
     vdot = mech.forward_dynamics(c.q, c.v, c.tau)
     h = 1e-6
     energies = []

@@ -1,7 +1,5 @@
 """Arguments of runs and sweeps, and results that do not change in place."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
