@@ -1,7 +1,5 @@
 """Settings, markers and clean-up for all tests."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -5,8 +5,6 @@ propagated ([Featherstone 2008, sec. 7.3] in absolute coordinates); the 8 digits
 away costs are there to spend. `inverse_dynamics` checks the result by Newton-Euler.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import mpmath

@@ -4,8 +4,6 @@ They are read from a folder of the user's cache, never kept in the repository. `
 packages with their versions.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

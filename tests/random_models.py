@@ -1,7 +1,5 @@
 """Random trees and forests of every kind of joint, and states for them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

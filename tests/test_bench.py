@@ -3,8 +3,6 @@
 No test looks at a time: how fast something is belongs to the benchmarks, not to the tests.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

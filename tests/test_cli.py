@@ -1,7 +1,5 @@
 """The command line: its answers, its exit codes, and the packages that it loads."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Runs without a home, in odd folders, with damaged and closed caches, and started otherwise."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

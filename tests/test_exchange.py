@@ -1,7 +1,5 @@
 """Facts that files in other formats carry: sizes, colours, states and what is left out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

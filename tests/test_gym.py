@@ -1,7 +1,5 @@
 """Environments for learning: Gymnasium's own checks, seeds, falls, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

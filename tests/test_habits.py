@@ -1,7 +1,5 @@
 """What users of other tools write is understood."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@ Good files are damaged by their bytes, by their words and numbers, and by pieces
 Each reader works in a process of its own with limited memory, so that a death or a hang is seen.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """MJCF files are read as MuJoCo reads them, and what is left out is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The builders of other engines: they compute what Pgraph computes, on models and motions."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 import numpy as np

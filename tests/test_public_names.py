@@ -1,7 +1,5 @@
 """The public names: listed at once, loaded when used, the same for type checkers."""
 
-from __future__ import annotations
-
 import ast
 import copy
 import pickle

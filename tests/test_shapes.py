@@ -1,7 +1,5 @@
 """Several shapes per body, and the fields that follow from them."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

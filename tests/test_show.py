@@ -1,7 +1,5 @@
 """Pictures and tables for notebooks and files: they hold the model's and the run's numbers."""
 
-from __future__ import annotations
-
 import math
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """URDF in and out: the part for each element, the report on it, and hostile files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

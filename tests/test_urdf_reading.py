@@ -1,7 +1,5 @@
 """URDF files of other programs: what they mean is read, what is doubtful is named or refused."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

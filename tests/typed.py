@@ -5,8 +5,6 @@ What is right passes. What is wrong must be found: an `ignore` that nothing need
 
 # pyright: strict, reportUnnecessaryTypeIgnoreComment=true
 
-from __future__ import annotations
-
 import numpy as np
 
 import pgraph_core as pg

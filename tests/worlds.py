@@ -1,7 +1,5 @@
 """Models and parts that several test files share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The browser of the tests, and a check of how a page looks."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One server, one browser and one page for all browser tests of a process."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

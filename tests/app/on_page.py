@@ -1,7 +1,5 @@
 """What is where on the page, and what a person does there."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Archives as people pack the files of a robot: which file is the model."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 

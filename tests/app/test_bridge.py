@@ -1,7 +1,5 @@
 """One test for each name of viser's that it does not document."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """What an edit touches on the page: the rows and signs that it changes, and nothing else."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

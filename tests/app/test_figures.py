@@ -1,7 +1,5 @@
 """Living figures: a page that computes by itself what Python computes, bit for bit."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Iterator

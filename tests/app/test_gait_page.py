@@ -1,7 +1,5 @@
 """A quadruped walks on the page: it is steered while it plays, looked at, and kept."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator
 from typing import Any

@@ -3,8 +3,6 @@
 One size and one theme here; all scenes, sizes, zooms and themes at night.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

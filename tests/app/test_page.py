@@ -1,7 +1,5 @@
 """A first look at the page: one selection everywhere, files in and out, keys, menus, questions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Forms as a person meets them: numbers, units, repairs, lists, and what is half typed."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

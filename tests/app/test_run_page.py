@@ -1,7 +1,5 @@
 """Runs as a person meets them: play, scrub, live, cancel, plots, operators, reports, export."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

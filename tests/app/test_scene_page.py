@@ -1,7 +1,5 @@
 """Digraph and 3D view by mouse and keys: drag, focus, camera, picking, and what is drawn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two people at one model, and a connection that is lost."""
 
-from __future__ import annotations
-
 import random
 
 from pgraph_app.model.update import Undo

@@ -1,7 +1,5 @@
 """The table as a spreadsheet: keys, focus, drag, clipboard, and what is typed ahead."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

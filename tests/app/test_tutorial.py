@@ -1,7 +1,5 @@
 """The steps of docs/tutorial.md: from New to a four-bar linkage that swings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

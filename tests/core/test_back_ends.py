@@ -1,7 +1,5 @@
 """Back ends: three algorithms for the same dynamics, and wrenches at points and tips."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

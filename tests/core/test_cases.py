@@ -4,8 +4,6 @@
 on models built independently; the tolerance is about three times what was measured.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The choice of `auto`, bad input of runs, and the end of runs that fail."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

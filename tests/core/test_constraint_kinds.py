@@ -1,7 +1,5 @@
 """Every kind of constraint: dense rows against differences, kernels against dense algebra."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

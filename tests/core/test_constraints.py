@@ -1,7 +1,5 @@
 """Constrained dynamics: rank-safe, against dense algebra and closed forms."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a description or from columns to a mechanism, and from one mechanism to the next."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

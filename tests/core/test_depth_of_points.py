@@ -1,7 +1,5 @@
 """Notices of overlapping contact points relative to the size of their body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Derivatives of forward dynamics against differences at 50 digits, over every kind of joint."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The error estimate of a run is of the size of its true error, or unknown where runs part."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

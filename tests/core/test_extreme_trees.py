@@ -1,7 +1,5 @@
 """Trees at extreme angles and ratios of mass to inertia."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Forces over a run: the energy ledger closes; prescribed motions have closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Forces that change with time, in steps that an impact divides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fig. 7: frames updated along Pgraph equal the absolute ones; naive increments drift."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Free joints below a moving body transmit no force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The fuzz test for runs that are wrong without a notice: its judge, and a slice of it."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

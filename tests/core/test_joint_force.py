@@ -1,7 +1,5 @@
 """Joint forces have no component along the free motions of their joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Linearised dynamics, equilibria, inverse kinematics: closed forms and finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.polynomial.laguerre import lagroots

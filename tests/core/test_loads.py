@@ -1,7 +1,5 @@
 """Wrenches and springs between bodies: dense forms by differences, kernels against them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

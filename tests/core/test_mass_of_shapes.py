@@ -1,7 +1,5 @@
 """Mass properties of heightfields against integrals over their columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

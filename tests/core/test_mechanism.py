@@ -1,7 +1,5 @@
 """The kernels against the paper's operators, and laws that every tree obeys."""
 
-from __future__ import annotations
-
 import sys
 from concurrent.futures import ThreadPoolExecutor
 

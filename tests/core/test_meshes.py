@@ -1,7 +1,5 @@
 """Mass properties of shapes and of mesh files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

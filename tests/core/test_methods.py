@@ -1,7 +1,5 @@
 """Methods that choose their steps: accuracy, stiffness, dense output, symplectic steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate._ivp import dop853_coefficients as theirs

@@ -1,7 +1,5 @@
 """MJCF files of gymnasium, dm_control, gymnasium_robotics and robosuite, compared with MuJoCo."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Counting and closing: ranks and redundant rows by name, singular positions, assembly."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 

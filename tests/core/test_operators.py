@@ -1,7 +1,5 @@
 """The paper's operators: structure, and the laws that tie them together."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

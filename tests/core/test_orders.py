@@ -1,7 +1,5 @@
 """The methods converge at their orders, on rotating bodies and with constraints too (R21)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Outputs equal the motion's own derivatives and weights; edits keep them consistent."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Public objects pickle and copy after any use, also between processes, with the same answers."""
 
-from __future__ import annotations
-
 import copy
 import multiprocessing
 import pickle

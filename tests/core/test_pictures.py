@@ -1,7 +1,5 @@
 """Pictures and films: the mechanism where it is, with its colours, at the requested size."""
 
-from __future__ import annotations
-
 import re
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Forward dynamics against mpmath at 50 digits, where rounding is hardest on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

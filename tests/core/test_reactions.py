@@ -1,7 +1,5 @@
 """Reactions of contact torques on the body that is touched."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

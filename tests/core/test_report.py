@@ -1,7 +1,5 @@
 """Error against run time: the measurement, its reference, its text, figure and page."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from xml.etree import ElementTree

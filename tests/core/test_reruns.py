@@ -1,7 +1,5 @@
 """Reruns give the same bits: in another process, with another hash seed, on other threads."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Results: printed, read at times and by joints, as tables, copied."""
 
-from __future__ import annotations
-
 import csv
 import io
 import pickle

@@ -1,7 +1,5 @@
 """Runs in damaged files, equal runs, and wrong types in the calls that take a run or a model."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

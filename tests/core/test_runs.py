@@ -1,7 +1,5 @@
 """Runs: the paper's stance, how runs end, drives, and what they record."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

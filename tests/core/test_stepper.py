@@ -1,7 +1,5 @@
 """The stepper: the states of `simulate` bit for bit, its snapshots, inputs and refusals."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,7 +1,5 @@
 """IDA of SUNDIALS on a loop: another method and another formulation. See also test_peers."""
 
-from __future__ import annotations
-
 import numpy as np
 from sksundae.ida import IDA
 

@@ -1,7 +1,5 @@
 """Constraints that are switched on while something rests on the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Robots of other authors: MuJoCo's and Pinocchio's dynamics, by tests/golden/third_party.py."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

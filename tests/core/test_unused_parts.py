@@ -1,7 +1,5 @@
 """Parts without effect change nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

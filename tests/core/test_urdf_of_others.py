@@ -1,7 +1,5 @@
 """URDF files of example-robot-data and robosuite, compared with Pinocchio."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

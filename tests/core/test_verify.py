@@ -1,7 +1,5 @@
 """Every case comes as near to its reference as it must, by its own file."""
 
-from __future__ import annotations
-
 import json
 
 import mpmath

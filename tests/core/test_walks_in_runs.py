@@ -1,7 +1,5 @@
 """Walks by methods that take runs of their own instead of a stepper."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import pgraph_core as pg

@@ -1,7 +1,5 @@
 """Random models and states, and helpers that move, shuffle and compare them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pgraph_core import joints
