@@ -7,7 +7,7 @@ import numpy as np
 from pgraph_app.scene.camera import extent
 from pgraph_app.server import Server
 
-from .conftest import until
+from .conftest import settled, until
 
 
 def row(page: Any, name: str) -> Any:
@@ -191,16 +191,30 @@ def distance(page: Any) -> float:
 
 
 def at_rest(page: Any) -> np.ndarray:
-    """Where the camera is, once it is drawn from there."""
+    """Where the camera is, once two pictures in a row are drawn from there."""
     page.wait_for_function("""() => {
       const c = window.__viserMutable.cameraControl, at = c.camera.position, end = at.clone();
       c.getPosition(end, true);
       window.__viserMutable.requestRender();
       const eye = c.camera.matrixWorld.elements;
       const drawn = Math.hypot(eye[12] - at.x, eye[13] - at.y, eye[14] - at.z);
-      return at.distanceTo(end) + drawn < 1e-3 * end.length();
+      const before = window.cameraBefore ?? at.clone().multiplyScalar(2);
+      window.cameraBefore = at.clone();
+      return at.distanceTo(end) + at.distanceTo(before) + drawn < 1e-3 * end.length();
     }""")
     return camera(page)
+
+
+def steady(page: Any, served: Server) -> np.ndarray:
+    """Where the camera is, once it stays there while messages go to the page and back."""
+
+    def unmoved() -> bool:
+        before = at_rest(page)
+        settled(page, served)
+        return np.allclose(at_rest(page), before, rtol=1e-6)
+
+    until(unmoved, "a camera at rest")
+    return at_rest(page)
 
 
 def within(page: Any, served: Server) -> bool:

@@ -29,6 +29,7 @@ from .on_page import (
     on_screen,
     refused,
     selections,
+    steady,
     typed,
     within,
 )
@@ -308,7 +309,7 @@ def test_named_views_fit_and_centre_by_buttons_keys_and_wheel(page, served):
     page.mouse.wheel(0, 400)
     until(lambda: served.store.state.clients[client_of(served)].turned, "a person turned it")
     until(lambda: distance(page) > 1.05 * near, "farther by the wheel")
-    still = at_rest(page)
+    still = steady(page, served)
     served.send(EditBodies(NOBODY, 0, ("arm",), "shape_size", (((0,), "0.5"),)))
     page.set_viewport_size({"width": 1100, "height": 700})
     until(lambda: served.store.state.clients[client_of(served)].window == 1100, "the new size told")
@@ -330,7 +331,7 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
         served.send(event)
     at = "(x) => Math.abs((pgraph.latest.follow?.[0] ?? 1e9) - x) < 1e-5"
     page.wait_for_function(at, arg=0)
-    before = at_rest(page)
+    before = steady(page, served)
     for k in range(1, 41):
         served.send(Scrub(client, 0.05 * k))
     page.wait_for_function(at, arg=10)
