@@ -114,10 +114,13 @@ def equal_bits(model, size, act, given=None, again=None, lanes=None, forces=True
     return singles
 
 
-def go(*counts: int):
+def go(*calls):
+    """Return an act of calls: a count of steps, or a method and its arguments, arrays picked."""
+
     def act(stepper, pick) -> None:
-        for n in counts:
-            stepper.step(n=n)
+        for call in calls:
+            name, *given = call if isinstance(call, tuple) else ("step", None, call)
+            getattr(stepper, name)(*(pick(x) if isinstance(x, np.ndarray) else x for x in given))
 
     return act
 
@@ -132,14 +135,8 @@ def tumbling():
     given = {path: spread(*ends, WIDE) for path, ends in given.items()}
     rng = np.random.default_rng(3)
     v, targets = rng.normal(0, 1.5, (WIDE, 9)), rng.uniform(-0.8, 0.8, (WIDE, 3))
-
-    def act(stepper, pick) -> None:
-        stepper.reset(v=pick(v))
-        stepper.step(n=250)
-        for k in range(3):
-            stepper.target(f"leg{k}", pick(targets[:, k]))
-        stepper.step(n=150)
-
+    aims = (("target", f"leg{k}", targets[:, k]) for k in range(3))
+    act = go(("reset", None, v), 250, *aims, 150)
     return tripod(), WIDE, act, {"given": given, "lanes": FeetLanes}
 
 
@@ -149,12 +146,7 @@ def sunk():
     start.step(n=400)
     deeper = np.repeat([start.q], WIDE, axis=0)
     deeper[:, 2] -= np.append(0.0, np.geomspace(1e-9, 3e-3, WIDE - 1))
-
-    def act(stepper, pick) -> None:
-        stepper.reset(pick(deeper))
-        stepper.step(n=60)
-
-    return tripod(), WIDE, act, {"lanes": FeetLanes}
+    return tripod(), WIDE, go(("reset", deeper), 60), {"lanes": FeetLanes}
 
 
 def walking(name):
@@ -170,12 +162,8 @@ def walking(name):
     }
     v = np.random.default_rng(5).normal(0, 0.2, (WIDE, sum(body.dof for body in model.bodies)))
     v[2] += 3.0
-
-    def act(stepper, pick) -> None:
-        stepper.reset(v=pick(v))
-        stepper.step(n=200)
-
-    return model, WIDE, act, {"given": given, "again": 1, "lanes": FeetLanes, "scenario": name}
+    options = {"given": given, "again": 1, "lanes": FeetLanes, "scenario": name}
+    return model, WIDE, go(("reset", None, v), 200), options
 
 
 def closed(name, scenario, path, span, method="rk4"):
@@ -187,20 +175,13 @@ def touching(law, method):
     tau = np.random.default_rng(0).normal(0, 0.1, (3, 7))
     options = {"forces": (law, method) != ("penalty", "rk4"), "method": method, "step": 2e-4}
     given = {"bodies.box.mass": spread(0.8, 1.2)}
-    return box(law=law), 3, lambda s, pick: s.step(pick(tau), 800), {"given": given, **options}
+    return box(law=law), 3, go(("step", tau, 800)), {"given": given, **options}
 
 
 def remembering(method):
     """Memory of implicit methods; the instance at rest stays so."""
     start = np.array([[1.0], [0.5], [0.0], [-1.0]])
-
-    def act(stepper, pick) -> None:
-        stepper.reset(pick(start[::-1]))
-        stepper.step(n=7)
-        stepper.reset(pick(start))
-        for _ in range(40):
-            stepper.step()
-
+    act = go(("reset", start[::-1]), 7, ("reset", start), *[1] * 40)
     return pendulum().replace(gravity=(0, 0, 0)), 4, act, {"again": 1, "method": method}
 
 
@@ -215,26 +196,13 @@ def push(t, q, v):
     return -5.0 * q - v
 
 
-def targets():
-    def act(stepper, pick) -> None:
-        stepper.target("hinge", pick(np.array([0.1, 0.9])))
-        stepper.step(n=200)
-
-    return box(), 2, act, {}
-
-
 def given_stiffness(law):
     """A reset equals a new start: without a stiffness it would fit the speed at the start."""
     rng = np.random.default_rng(4)
     q = np.tile([0, 0, 0.15, 1, 0, 0, 0, 0.0], (3, 1))
     q[:, 3:7] = rng.normal(size=(3, 4))
     q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1)[:, None]
-    v = rng.normal(size=(3, 7))
-
-    def act(stepper, pick) -> None:
-        stepper.reset(pick(q), pick(v))
-        stepper.step(n=150)
-
+    act = go(("reset", q, rng.normal(size=(3, 7))), 150)
     return box(law=law, stiffness=2e4), 3, act, {}
 
 
@@ -260,7 +228,7 @@ CASES = {
             "static_friction": [1.0, 1.2, 1.6]}.items()}}),
     "compiled torques": lambda: (
         pendulum(), 3, go(50), {"given": {"bodies.rod.mass": spread(1, 3)}, "tau": push}),
-    "targets": targets,
+    "targets": lambda: (box(), 2, go(("target", "hinge", np.array([0.1, 0.9])), 200), {}),
 }  # fmt: skip
 
 
