@@ -55,15 +55,28 @@ def read(tmp_path, text=ARM):
     return pg.read_mjcf(path)
 
 
+def loaded(tmp_path, text):
+    """The model of a text, nothing of which is left out."""
+    model, report = read(tmp_path, text)
+    assert report.loaded, report
+    return model
+
+
 def compiled(tmp_path, name="arm.xml"):
     m = mujoco.MjModel.from_xml_path(str(tmp_path / name))
     return m, mujoco.MjData(m)
 
 
+def forward(tmp_path, name="arm.xml"):
+    m, data = compiled(tmp_path, name)
+    mujoco.mj_forward(m, data)
+    return m, data
+
+
 def written(tmp_path, model):
-    """The model of a written file, the report and MuJoCo's model of it."""
-    report = pg.write_mjcf(model, tmp_path / "out.xml")
-    return pg.read_mjcf(tmp_path / "out.xml")[0], report, compiled(tmp_path, "out.xml")[0]
+    """The model of a written file from which nothing is left out, and MuJoCo's model of it."""
+    assert pg.write_mjcf(model, tmp_path / "out.xml").loaded
+    return pg.read_mjcf(tmp_path / "out.xml")[0], compiled(tmp_path, "out.xml")[0]
 
 
 def agree(model, m, ctrl=0.0) -> bool:
@@ -102,8 +115,7 @@ def test_bodies_joints_and_forces_in_and_out(tmp_path):
     assert "solref" in texts(report, "approximated")
     m, _ = compiled(tmp_path)
     assert agree(model, m)
-    again, report, _ = written(tmp_path, model)
-    assert report.loaded
+    again, _ = written(tmp_path, model)
     assert not differences(model, again)
     assert [[s.role for s in b.shapes] for b in again.bodies] == [
         [s.role for s in b.shapes] for b in model.bodies
@@ -117,9 +129,8 @@ def test_hinges_at_several_places_are_bodies_in_between(tmp_path):
     <geom type="box" size="1 2 3"/></body></worldbody></mujoco>"""
     model, report = read(tmp_path, text)
     assert [b.name for b in model.bodies] == ["b/1", "b/2", "b"]
-    assert report.loaded
     assert agree(model, compiled(tmp_path)[0])
-    _, _, m = written(tmp_path, model)  # one body again
+    _, m = written(tmp_path, model)  # one body again
     assert m.nbody == 2
     assert agree(model, m)
 
@@ -127,10 +138,9 @@ def test_hinges_at_several_places_are_bodies_in_between(tmp_path):
 def test_loops_hold_in_mujoco_as_here(tmp_path):
     model = pg.Model.load(pgraph_models.path("four_bar"))
     model = model.replace(gravity=(2.0, -5.0, -9.81))
-    report = pg.write_mjcf(model, tmp_path / "loop.xml")
-    m, data = compiled(tmp_path, "loop.xml")
+    _, m = written(tmp_path, model)
+    data, mech = mujoco.MjData(m), pg.Mechanism(model)
     assert m.neq == 1
-    mech = pg.Mechanism(model)
     mujoco.mj_resetDataKeyframe(m, data, 0)
     mujoco.mj_forward(m, data)
     assert np.abs(data.efc_pos).max() < 1e-12  # the loop is closed
@@ -138,15 +148,12 @@ def test_loops_hold_in_mujoco_as_here(tmp_path):
     mujoco.mj_forward(m, data)
     expected, _ = mech.constrained_dynamics(*mech.home())
     np.testing.assert_allclose(data.qacc, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
-    assert report.loaded
 
 
 def test_a_spring_is_a_tendon_with_the_same_pull(tmp_path):
     rod = pg.Body(name="rod", joint="spherical", mass=1.0, tip=(0, 0, 1), com=(0, 0, 0.5))
     spring = pg.Spring(name="s", body="rod", other_point=(1, 0.5, 0.3), stiffness=30.0, damping=0.7)
-    model = pg.Model(bodies=[rod], forces=[spring])
-    again, report, m = written(tmp_path, model)
-    assert report.loaded
+    again, m = written(tmp_path, pg.Model(bodies=[rod], forces=[spring]))
     rest = np.linalg.norm((1, 0.5, -0.7))
     found = again.forces[0]
     assert (found.name, found.body, found.other, found.stiffness) == ("s", "rod", "ground", 30.0)
@@ -209,8 +216,7 @@ def test_tendons_drives_and_fluid_give_the_forces_of_mujoco(tmp_path):
     for name, u in inputs.items():
         given = given.edit(name, **{model[name].INPUT: u})
     assert agree(given, m, [*inputs.values()])
-    again, report, _ = written(tmp_path, model)
-    assert report.loaded, report
+    again, _ = written(tmp_path, model)
     assert agree(again, m)
     assert not differences(model, again)
 
@@ -223,8 +229,7 @@ def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
     <joint joint="a" coef="1"/><joint joint="b" coef=".5"/></fixed></tendon>
     <equality><tendon name="held" tendon1="t" active="false"/></equality>
     <actuator><motor name="m" joint="b" ctrlrange="-3 3"/></actuator></mujoco>"""
-    model, report = read(tmp_path, text)
-    assert report.loaded
+    model = loaded(tmp_path, text)
     stepper = pg.Stepper(model)
     lengths = []
     for k in range(600):
@@ -255,8 +260,8 @@ INTEGRATED = DYNAMIC.format('dyntype="integrator" actrange="-.5 .6"')
 
 
 def test_a_filter_is_a_lag_and_an_integrator_the_integral_of_the_input(tmp_path):
-    model, report = read(tmp_path, DYNAMIC.format('dyntype="filter" dynprm=".2"'))
-    assert (report.loaded, model["m"].lag) == (True, 0.2)
+    model = loaded(tmp_path, DYNAMIC.format('dyntype="filter" dynprm=".2"'))
+    assert model["m"].lag == 0.2
     x = lambda t: 1.5 * (t**2 / 2 - 0.2 * t + 0.04 * (1 - np.exp(-t / 0.2)))  # noqa: E731
     run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)
     np.testing.assert_allclose(run.q[:, 0], x(run.t), atol=1e-9)
@@ -266,8 +271,7 @@ def test_a_filter_is_a_lag_and_an_integrator_the_integral_of_the_input(tmp_path)
     assert stepper.q[0] == pytest.approx(x(0.5), abs=1e-9)
     assert written(tmp_path, model)[0].forces == model.forces
 
-    model, report = read(tmp_path, INTEGRATED)
-    assert report.loaded
+    model = loaded(tmp_path, INTEGRATED)
     run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)  # 0.6 from t = 0.6 on
     np.testing.assert_allclose(run.vdot[:, 0], 1.5 * np.minimum(run.t, 0.6), atol=1e-13)
     stepper = pg.Stepper(model, step=1e-3)
@@ -370,7 +374,7 @@ def test_outputs_equal_the_sensors_of_mujoco(tmp_path):
         if model.part(name, "output").kind == "rotation" and found @ expected < 0:
             expected = -expected
         np.testing.assert_allclose(np.ravel(found), expected, atol=1e-12, err_msg=name)
-    again, _, _ = written(tmp_path, model)
+    again, _ = written(tmp_path, model)
     assert not differences(model, again)
 
 
@@ -385,7 +389,7 @@ def test_names_that_meet_and_ends_that_are_one_are_written(tmp_path):
               pg.Motor(name="m", body="a 2", input_low=0.0, input_high=0.0)]  # fmt: skip
     coupling = pg.Coupling(name="c", coefficients={"a": (1, 1)})
     model = pg.Model(up="z", bodies=bodies, constraints=[coupling], forces=forces)
-    again, _, m = written(tmp_path, model)
+    again, m = written(tmp_path, model)
     assert len({m.joint(k).name for k in range(3)}) == 3
     assert again.body("a 1").inertia == model.body("a 1").inertia  # of a point
     assert again.part("c tendon", "force").low == pytest.approx(0.0, abs=1e-8)
@@ -404,7 +408,7 @@ def test_each_pair_keeps_its_friction(tmp_path):
             ("a", "d", {"friction": 0.3}),  # neighbours
         )
     ]
-    again, _, _ = written(tmp_path, pg.Model(up="z", bodies=bodies, contacts=contacts))
+    again, _ = written(tmp_path, pg.Model(up="z", bodies=bodies, contacts=contacts))
     kinds = ("friction", "spinning_friction", "rolling_friction")
     before, after = (
         {frozenset(c.pair): [getattr(c, k) or 0.0 for k in kinds] for c in parts}
@@ -443,8 +447,7 @@ def test_a_written_drive_starts_at_its_input(tmp_path, low, high, value):
     arm = pg.Body(name="arm", tip=(1, 0, 0))
     motor = pg.Motor(name="motor", body="arm", torque=value, input_low=low, input_high=high)
     pg.write_mjcf(pg.Model(bodies=[arm], forces=[motor]), tmp_path / "arm.xml")
-    m, data = compiled(tmp_path)
-    mujoco.mj_forward(m, data)
+    m, data = forward(tmp_path)
     assert data.actuator_force[0] == pytest.approx(value, rel=1e-12)
     assert np.ptp(m.actuator_ctrlrange[0]) == pytest.approx(high - low)
 
@@ -488,7 +491,7 @@ def test_fluid_and_keyframes_beyond_limits_stay_through_a_file_and_idle_parts_ar
     assert "key 'far'" in texts(report, "warning")
     assert report.loaded
     assert model.scenario("far").q["a"] == (1.25,)
-    again, _, m = written(tmp_path, model)
+    again, m = written(tmp_path, model)
     assert again.scenario("far").q["a"] == (1.25,)
     assert (m.opt.density, m.opt.viscosity) == (9.0, 0.1)
     assert m.key("far").qpos[0] == 1.25
@@ -505,8 +508,7 @@ def test_gravcomp_by_actuators_acts_only_where_there_are_some(tmp_path, lifted):
     model, report = read(tmp_path, text)
     assert report.loaded
     assert ("actuatorgravcomp" in texts(report, "left out")) != lifted
-    m, data = compiled(tmp_path)
-    mujoco.mj_forward(m, data)
+    m, data = forward(tmp_path)
     run = pg.simulate(model, t_end=1e-3)
     np.testing.assert_allclose(run.vdot[0, 0], data.qacc[0], atol=1e-12)
 
@@ -575,8 +577,7 @@ HEAP = """<mujoco><option><flag {}/></option><worldbody>
 def test_the_bodies_that_may_touch_are_those_of_mujoco(tmp_path, flag):
     """All overlap, so that MuJoCo finds every pair that its rules leave."""
     model, _ = read(tmp_path, HEAP.format(f'{flag}="disable"', NO_MASKS))
-    m, data = compiled(tmp_path)
-    mujoco.mj_forward(m, data)
+    m, data = forward(tmp_path)
     name = lambda g: m.body(m.geom_bodyid[g]).name if g else "ground"  # noqa: E731
     bodies = [b.name for b in model.bodies if b.touching]
     assert {frozenset((x, c.other)) for c in model.contacts
@@ -613,6 +614,7 @@ def test_shapes_are_as_far_from_others_as_in_mujoco(tmp_path, kind):
 
 def test_a_moment_of_inertia_of_a_thin_rod_is_what_mujoco_takes(tmp_path):
     rod = pg.Body(name="rod", mass=1.0, inertia=np.diag([1e-13, 1.0, 1.0]))
-    _, report, m = written(tmp_path, pg.Model(bodies=[rod]))
+    report = pg.write_mjcf(pg.Model(bodies=[rod]), tmp_path / "out.xml")
     assert "'rod'" in texts(report, "approximated")
+    m, _ = compiled(tmp_path, "out.xml")
     assert m.body("rod").inertia.min() == pytest.approx(1e-12)
