@@ -84,7 +84,7 @@ def agree(model, m, ctrl=0.0) -> bool:
     return all(max(errors_of(model, m, rng, ctrl).values()) < 1e-12 for _ in range(2))
 
 
-def texts(report, kind: str) -> str:
+def texts(report, kind):
     return "\n".join(f"{entry.where}: {entry.text}" for entry in report.of(kind))
 
 
@@ -240,8 +240,7 @@ def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
     held = model.edit("held", active=True)
     run = pg.simulate(held, t_end=0.5, inputs={"m": pg.Table(t=[0, 0.5], value=[0, 1])})
     assert run.status.ok
-    assert np.abs(run.q @ (1, 0.5)).max() < 1e-9
-    assert np.ptp(run.q[:, 1]) > 0.1
+    assert np.abs(run.q @ (1, 0.5)).max() < 1e-9 < 0.1 < np.ptp(run.q[:, 1])
     assert run.header["inputs"]["m"]["value"] == (0, 1)
     for call, fact in (
         (lambda: pg.simulate(model, inputs={"m": 4.0}), "'m'.*-3 to 3"),
@@ -321,17 +320,13 @@ LIMITED = """<mujoco><worldbody><body><joint name="x" type="slide" actuatorfrcra
         ('tendon="one"', (-1.5, 1.5)),  # the joint's limit over the tendon's coefficient
         ('tendon="one" gear=".1"', (-7.0, 5.0)),
         ('tendon="two" forcerange="-2 2"', (-2.0, 2.0)),  # never beyond what the joints take
-        ('tendon="two" forcerange="-4 4"', None),
-        ('tendon="two"', None),
+        *((f'tendon="two"{more}', None) for more in (' forcerange="-4 4"', "")),
     ],
 )
 def test_limits_of_joints_and_tendons_bound_their_drives(tmp_path, motor, torques):
     model, report = read(tmp_path, LIMITED.format(motor))
-    assert report.loaded == (torques is not None)
-    if torques is None:
-        assert "'m'" in texts(report, "left out")
-    else:
-        assert model["m"].torques == pytest.approx(torques)
+    assert report.loaded == (torques is not None) == ("'m'" not in texts(report, "left out"))
+    assert torques is None or model["m"].torques == pytest.approx(torques)
 
 
 AXES = ("framepos", "framequat", "framelinvel", "frameangvel")
@@ -519,8 +514,8 @@ def test_a_written_file_that_mujoco_refuses_is_reported_and_can_be_repaired(tmp_
     model, path = pg.Model(bodies=[arm]), tmp_path / "arm.xml"
     report = pg.write_mjcf(model, path)
     assert report.refused
-    first = str(report).splitlines()[0]
-    assert all(part in first for part in ("MuJoCo", "'arm'", "repaired", "--repair"))
+    facts = ("MuJoCo", "'arm'", "repaired", "--repair")
+    assert all(fact in str(report).splitlines()[0] for fact in facts)
     with pytest.raises(ValueError, match="inertia"):
         compiled(tmp_path)
     assert not pg.write_mjcf(report.repaired(model), path).refused
@@ -579,10 +574,10 @@ def test_the_bodies_that_may_touch_are_those_of_mujoco(tmp_path, flag):
     model, _ = read(tmp_path, HEAP.format(f'{flag}="disable"', NO_MASKS))
     m, data = forward(tmp_path)
     name = lambda g: m.body(m.geom_bodyid[g]).name if g else "ground"  # noqa: E731
-    bodies = [b.name for b in model.bodies if b.touching]
-    assert {frozenset((x, c.other)) for c in model.contacts
-            for x in (bodies if c.body == "*" else [c.body])} == {
-        frozenset(map(name, c.geom.tolist())) for c in data.contact[: data.ncon]}  # fmt: skip
+    every = [b.name for b in model.bodies if b.touching]
+    ends = ((c.other, every if c.body == "*" else [c.body]) for c in model.contacts)
+    found = {frozenset((x, other)) for other, bodies in ends for x in bodies}
+    assert found == {frozenset(map(name, pair)) for pair in data.contact.geom.tolist()}
 
 
 GEOMS = {
@@ -607,8 +602,8 @@ def test_shapes_are_as_far_from_others_as_in_mujoco(tmp_path, kind):
     mujoco.mj_kinematics(m, data)
     floor, wall, ball = (mujoco.mj_geomDistance(m, data, g, 3, 1e3, None) for g in range(3))
     gaps = pg.simulate(model, t_end=1e-3).contact_gap
-    found = {c.other if "a" in (c.body, "*") else c.body: gaps[c.name][0] for c in model.contacts}
-    found = sorted(float(gap) for gap in found.values())
+    others = {c.other if "a" in (c.body, "*") else c.body: c.name for c in model.contacts}
+    found = sorted(float(gaps[name][0]) for name in others.values())
     np.testing.assert_allclose(found, sorted((floor, min(wall, ball))), atol=1e-6)
 
 

@@ -300,16 +300,14 @@ def test_an_instance_that_fails_stays_is_named_and_goes_on_after_a_reset():
     assert np.array_equal(batch.q[1], at)
     assert list(batch.failures) == [1]
     assert "rod" in batch.failures[1]
-    for i in (0, 2):
-        stepper = alone(pendulum(), given, i)
+    neighbours = [alone(pendulum(), given, i) for i in (0, 2)]
+    for stepper, i in zip(neighbours, (0, 2)):
         stepper.step(n=200)
         assert np.array_equal(batch.q[i], stepper.q)
     batch.reset(which=[1], numbers=[0])
     assert batch.failures == {}
     batch.step(n=200)
-    stepper = alone(pendulum(), given, 0)
-    stepper.step(n=200)
-    assert np.array_equal(batch.q[1], stepper.q)
+    assert np.array_equal(batch.q[1], neighbours[0].q)
 
 
 def test_a_notice_about_the_start_lists_its_instances():
@@ -327,26 +325,23 @@ def test_angles_that_lanes_cannot_take_are_taken_alone():
     """m g c cos q from the angle's exact sine, by a Stepper of each; also where a step ends far."""
     model, given = pendulum(), {"bodies.rod.mass": np.linspace(0.8, 1.2, SIZE)}
     far = np.array([1.0, -1.5e10, 2e16, 3e20, 0.5])[:, None]
-    batch = pg.BatchStepper(model, SIZE, set=given)
+    fast = np.array([1.0, 2e8, 1e19, 4e7, -1e12])[:, None]  # rad/s: turned far by the first step
+    free = model.edit("rod", stiffness=0.0, damping=0.0)
+    batch, moving = (pg.BatchStepper(m, SIZE, set=given) for m in (model, free))
     batch.reset(far, [3.0])
-    tau = batch.inverse_dynamics(np.ones((SIZE, 1)))
-    vdot = batch.acceleration()
+    moving.reset([0.3], fast)
+    tau, vdot = batch.inverse_dynamics(np.ones((SIZE, 1))), batch.acceleration()
+    assert moving.step(n=5).all()
     for i in range(SIZE):
         mech = alone(model, given, i).mech
         one = pg.Stepper(mech, q=far[i], v=[3.0])
         np.testing.assert_allclose(tau[i], mech.inverse_dynamics(far[i], [3.0], [1.0]), rtol=1e-13)
         np.testing.assert_allclose(vdot[i], one.vdot, rtol=1e-13)
-    fast = np.array([1.0, 2e8, 1e19, 4e7, -1e12])[:, None]  # rad/s: turned far by the first step
-    free = model.edit("rod", stiffness=0.0, damping=0.0)
-    batch = pg.BatchStepper(free, SIZE, set=given)
-    batch.reset([0.3], fast)
-    assert batch.step(n=5).all()
-    for i in range(SIZE):
         one = pg.Stepper(alone(free, given, i).mech, q=[0.3], v=fast[i])
         one.step(n=5)
-        np.testing.assert_allclose(batch.q[i], one.q, rtol=1e-13)
-        np.testing.assert_allclose(batch.v[i], one.v, rtol=1e-13)
-        assert batch.t[i] == one.t
+        np.testing.assert_allclose(moving.q[i], one.q, rtol=1e-13)
+        np.testing.assert_allclose(moving.v[i], one.v, rtol=1e-13)
+        assert moving.t[i] == one.t
 
 
 def test_servos_in_lanes_have_targets_of_their_own():

@@ -288,10 +288,8 @@ def test_numbers_that_follow_from_shapes_are_varied_like_given_ones(axis):
 @pytest.mark.parametrize("name", [n for n in AXES if n.endswith("_scale")])
 def test_no_threshold_has_a_unit(name):
     """The same mechanism in other units: the same verdicts, errors alike."""
-    top = pg.Body(
-        name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
-        inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0),
-    )  # fmt: skip
+    top = pg.Body(name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
+                  inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0))  # fmt: skip
     bob = mass("bob", "top", damping=0.01, stiffness=2.0)
     options = {"values": [1e-9, 1.0, 1e9], "methods": ["rk4"], "steps": [1e-2], "t_end": 0.3}
     found = pg.stability_map(pg.Model(bodies=(top, bob), **DOWN), axis=name, **options)
@@ -304,10 +302,8 @@ def test_no_threshold_has_a_unit(name):
 def test_a_rescaled_model_moves_the_same(factors):
     """Angles as they were, slides and times as many times as large: dimensional analysis."""
     length, weight, time = factors
-    slide = pg.Body(
-        name="s", joint="prismatic", axes=((0, 1, 0),), mass=2.0, stiffness=30.0, damping=0.4,
-        rest=0.1, v=(0.5,),
-    )  # fmt: skip
+    slide = pg.Body(name="s", joint="prismatic", axes=((0, 1, 0),), mass=2.0, stiffness=30.0,
+                    damping=0.4, rest=0.1, v=(0.5,))  # fmt: skip
     forces = (pg.Motor(name="m", body="s", torque=0.7),
               pg.Servo(name="servo", body="a", kp=3.0, kd=0.2, target=0.4),
               pg.Spring(name="spring", body="a", stiffness=20.0, damping=0.1, rest=0.3),
