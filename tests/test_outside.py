@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import zipfile
-from collections.abc import Callable, Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -98,7 +99,7 @@ sys.addaudithook(_hear)
 
 
 @pytest.fixture
-def opened() -> Iterator[list[str]]:
+def opened():
     """The paths of all files that are opened from now on."""
     global OPENED
     OPENED = []
@@ -124,14 +125,11 @@ def of_text(name: str, folder: Path) -> pg.Model:
 
 
 def of_a_run(name: str, folder: Path) -> pg.Model:
-    run = pg.simulate(pg.Mechanism(pg.Model.serial(1)), t_end=0.01)
-    run.save(folder / "run.npz")
-    with np.load(folder / "run.npz") as data:
-        arrays = dict(data)
+    pg.simulate(pg.Model.serial(1), t_end=0.01).save(folder / "run.npz")
+    arrays = dict(np.load(folder / "run.npz"))
     header = json.loads(str(arrays["header"]))
     header["model"]["bodies"][0]["shape"] = shape(name)
-    arrays["header"] = np.array(json.dumps(header))
-    np.savez(folder / "other.npz", **arrays)
+    np.savez(folder / "other.npz", **arrays | {"header": np.array(json.dumps(header))})
     return pg.Result.load(folder / "other.npz").mechanism.model
 
 
@@ -150,41 +148,25 @@ def of_an_archive(name: str, folder: Path) -> pg.Model:
     return archive.unpacked(content.getvalue(), archive.mesh_folder())[0]
 
 
-def of_urdf(name: str, folder: Path) -> pg.Model:
-    return of_markup(
-        folder / "a.urdf",
-        '<robot name="r"><link name="a"/><link name="b"><collision><geometry><mesh filename="{}"/>'
-        '</geometry></collision></link><joint name="j" type="fixed"><parent link="a"/>'
-        '<child link="b"/></joint></robot>',
-        name,
-    )
+MARKUP = {
+    "a.urdf": '<robot name="r"><link name="a"/><link name="b"><collision><geometry>'
+    '<mesh filename="{}"/></geometry></collision></link><joint name="j" type="fixed">'
+    '<parent link="a"/><child link="b"/></joint></robot>',
+    "mesh.xml": '<mujoco><asset><mesh name="m" file="{}"/></asset><worldbody><body name="b">'
+    '<freejoint/><geom type="mesh" mesh="m" mass="1"/></body></worldbody></mujoco>',
+    "include.xml": '<mujoco><include file="{}"/></mujoco>',
+}
 
 
-def of_mjcf(name: str, folder: Path) -> pg.Model:
-    return of_markup(
-        folder / "a.xml",
-        '<mujoco><asset><mesh name="m" file="{}"/></asset><worldbody><body name="b"><freejoint/>'
-        '<geom type="mesh" mesh="m" mass="1"/></body></worldbody></mujoco>',
-        name,
-    )
-
-
-def of_an_included_file(name: str, folder: Path) -> pg.Model:
-    return of_markup(folder / "a.xml", '<mujoco><include file="{}"/></mujoco>', name)
-
-
-def of_markup(file: Path, content: str, name: str) -> pg.Model:
+def of_markup(file: str, name: str, folder: Path) -> pg.Model:
     if "\0" in name:
         raise Refusal("no character of XML")
-    file.write_text(content.format(name.replace("\n", "&#10;")), "utf-8")
-    return pg.read_urdf(file)[0] if file.suffix == ".urdf" else pg.read_mjcf(file)[0]
+    (folder / file).write_text(MARKUP[file].format(name.replace("\n", "&#10;")), "utf-8")
+    return (pg.read_urdf if file.endswith("urdf") else pg.read_mjcf)(folder / file)[0]
 
 
-WAYS: tuple[Callable[[str, Path], pg.Model], ...] = (
-    of_a_file, of_text, of_a_run, of_a_page, of_an_archive, of_urdf, of_mjcf, of_an_included_file,
-)  # fmt: skip
-
-
+WAYS = (of_a_file, of_text, of_a_run, of_a_page, of_an_archive,
+        *(partial(of_markup, file) for file in MARKUP))  # fmt: skip
 NAMED = (("body 'cup'", "shape"), ("body '1'", "shape"))
 
 
@@ -228,15 +210,16 @@ def test_nothing_is_written_over_by_a_page(folders):
     os.mkfifo(folder / "pipe.json")
     sent: list = []
     files, state = Files(sent.append), update(initial(pg.Model.serial(2)), Connected(1))
-    tries = [precious, folder / "linked.json", folder / "../private/precious.json",
-             folder / "linked" / "precious.json", folder / "up/private/precious.json"]  # fmt: skip
+    tries = [mine / "precious.json", *(folder / name for name in (
+        "linked.json", "../private/precious.json", "linked/precious.json",
+        "up/private/precious.json"))]  # fmt: skip
     never = [folder / "pipe.json", Path("/dev/null"), Path("/dev/full"), mine, folder / "linked"]
     odd = ["a\0.json", "~nobody-here/a.json", "", "/proc/self/mem", "/", "/none/a.json"]
-    for path in (*tries, *never, *odd):
-        for replace in (False,) if path in tries else (False, True):
-            files.render(state, update(state, Save(1, 1, str(path), replace)))
-            assert isinstance(sent[-1], Saved)
-            assert sent[-1].problem, path
+    asked = [(path, False) for path in (*tries, *never, *odd)]
+    for path, replace in asked + [(path, True) for path in (*never, *odd)]:
+        files.render(state, update(state, Save(1, 1, str(path), replace)))
+        assert isinstance(sent[-1], Saved)
+        assert sent[-1].problem, path
     assert precious.read_text() == "{}"
 
 
@@ -244,10 +227,13 @@ def mesh_of(model: pg.Model) -> str:
     return model.body("cup").shape.file
 
 
+def cup(file: Path) -> pg.Model:
+    return pg.Model(bodies=[{"name": "cup", "shape": shape(str(file))}])
+
+
 def test_a_saved_run_carries_its_meshes(folders):
     folder, mine = folders
-    cup = {"name": "cup", "shape": {"kind": "mesh", "file": str(mine / "box.stl")}}
-    run = pg.simulate(pg.Mechanism(pg.Model(bodies=[cup])), t_end=0.01)
+    run = pg.simulate(cup(mine / "box.stl"), t_end=0.01)
     run.save(folder / "run.npz")
     again = pg.Result.load(folder / "run.npz")
     np.testing.assert_array_equal(again.q, run.q)
@@ -276,12 +262,10 @@ def test_a_file_without_a_mesh_is_neither_opened_nor_saved(folders, name, tmp_pa
     _, mine = folders
     with pytest.raises(pg.FileError):
         load_mesh(mine / name)
-    model = pg.Model(bodies=[{"name": "cup", "shape": {"kind": "mesh", "file": str(mine / name)}}])
+    model = cup(mine / name)
     (tmp_path / "out").mkdir()
-    with pytest.raises(pg.FileError) as refused:
+    with pytest.raises(pg.FileError, match=f"body 'cup', shape.*{re.escape(str(mine / name))}"):
         model.save(tmp_path / "out" / "m.json")
-    assert "body 'cup', shape" in str(refused.value)
-    assert str(mine / name) in str(refused.value)
     assert not list((tmp_path / "out").rglob("*"))
     with pytest.raises(pg.FileError):
         archive.packed(model)
@@ -292,14 +276,12 @@ def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
     """Equal to the digits of its format, without other content of the file."""
     solid = trimesh.creation.icosphere(subdivisions=1, radius=0.7)
     solid.apply_scale([1, 1 / 3, 1])
-    solid.metadata["note"] = "secret"
     file = tmp_path / f"part.{suffix}"
     solid.export(file)
     with file.open("ab") as more:
         more.write(b"\n# secret\n" if suffix == "obj" else b"")
-    model = pg.Model(bodies=[{"name": "cup", "shape": {"kind": "mesh", "file": str(file)}}])
     (tmp_path / "out").mkdir()
-    model.save(tmp_path / "out" / "m.json")
+    cup(file).save(tmp_path / "out" / "m.json")
     saved = mesh_of(pg.Model.load(tmp_path / "out" / "m.json"))
     again, first = load_mesh(saved), load_mesh(file)
     np.testing.assert_array_equal(again.vertices[again.faces], first.vertices[first.faces])
@@ -309,7 +291,6 @@ def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("text", "fact"),
     [
-        ("[" * 200_000, "100"),
         ('{"a":' * 200_000, "100"),
         ('{"]":' * 101 + "0" + "}" * 101, "100"),
         ('["]", ' * 101 + '"["' + ', "["]' * 101, "100"),
@@ -328,19 +309,19 @@ FIELD = {"kind": "heightfield", "size": [1, 1, 1], "heights": [[0.0] * 400] * 30
 
 
 @pytest.mark.parametrize(
-    ("model", "facts"),
+    ("model", "count", "limit"),
     [
-        ({"bodies": [{"name": str(i)} for i in range(100_000)]}, ("100000 bodies", "1000")),
-        ({"ground": {"steps": [STEP] * 2001}}, ("2001 steps", "2000")),
-        ({"bodies": [{"name": "a", "shape": FIELD}]}, ("120000 heights", "100000")),
-        ({"bodies": [{"name": "a", "shapes": [FIELD]}]}, ("120000 heights", "100000")),
-        ({"sites": [{"name": f"s{k}"} for k in range(2001)]}, ("2001 sites", "2000")),
+        ({"bodies": [{"name": str(i)} for i in range(100_000)]}, "100000 bodies", "1000"),
+        ({"ground": {"steps": [STEP] * 2001}}, "2001 steps", "2000"),
+        ({"bodies": [{"name": "a", "shape": FIELD}]}, "120000 heights", "100000"),
+        ({"bodies": [{"name": "a", "shapes": [FIELD]}]}, "120000 heights", "100000"),
+        ({"sites": [{"name": f"s{k}"} for k in range(2001)]}, "2001 sites", "2000"),
     ],
 )
-def test_the_page_takes_no_more_than_it_can_draw(model, facts):
+def test_the_page_takes_no_more_than_it_can_draw(model, count, limit):
     state = opened_in_a_page({"bodies": [{"name": "a"}]} | model)
     assert state.model.name == "serial 1"
-    assert all(fact in str(state.clients[1].notice) for fact in facts)
+    assert all(fact in str(state.clients[1].notice) for fact in (count, limit))
 
 
 def opened_in_a_page(data: dict):

@@ -16,8 +16,8 @@ from pgraph_core.study.axes import AXES, first_axis
 from pgraph_core.study.map import Verdict
 from pgraph_core.study.rescaling import rescaled
 
-from .test_cases import DOWN, case, mass, worst
-from .test_methods import slider_crank, stiff_pendulum, swing
+from .test_cases import DOWN, mass, worst
+from .test_methods import slider_crank, stiff_pendulum
 
 STIFFNESSES = (1e2, 1e4, 1e6, 1e8)
 STEPS = (1e-1, 1e-2, 1e-3)
@@ -47,22 +47,17 @@ def exact(k, t):
 
     def slope(_, y):
         theta, r, dtheta, dr = y
-        return (
-            dtheta,
-            dr,
-            (-9.81 * np.sin(theta) - 2 * dr * dtheta) / r,
-            r * dtheta**2 + 9.81 * np.cos(theta) - k * (r - 1.0),
-        )
+        turning = (-9.81 * np.sin(theta) - 2 * dr * dtheta) / r
+        return dtheta, dr, turning, r * dtheta**2 + 9.81 * np.cos(theta) - k * (r - 1.0)
 
-    start = (1.0, 1.0 + 9.81 * np.cos(1.0) / k, 0.0, 0.0)
+    def rigid(_, y):
+        return y[1], -9.81 * np.sin(y[0])
+
     if k >= 1e8:
-        rigid = solve_ivp(
-            lambda _, y: (y[1], -9.81 * np.sin(y[0])), (0, t[-1]), (1.0, 0.0), "DOP853", t,
-            rtol=1e-12, atol=1e-12,
-        )  # fmt: skip
-        return rigid.y[0], np.ones_like(t)
-    found = solve_ivp(slope, (0.0, t[-1]), start, "DOP853", t, rtol=1e-8, atol=1e-10)
-    return found.y[0], found.y[1]
+        found = solve_ivp(rigid, (0, t[-1]), (1.0, 0.0), "DOP853", t, rtol=1e-12, atol=1e-12)
+        return found.y[0], np.ones_like(t)
+    start = (1.0, 1.0 + 9.81 * np.cos(1.0) / k, 0.0, 0.0)
+    return solve_ivp(slope, (0.0, t[-1]), start, "DOP853", t, rtol=1e-8, atol=1e-10).y[:2]
 
 
 def test_no_cell_is_bounded_wrong_and_silent(stiff):
@@ -70,24 +65,19 @@ def test_no_cell_is_bounded_wrong_and_silent(stiff):
     t = np.linspace(0.0, 1.0, 21)
     found = {(c.value, c.method, c.step) for c in stiff.cells}
     assert found == set(itertools.product(STIFFNESSES, METHODS, STEPS))
-    wrong = []
-    for k in STIFFNESSES:
-        theta, r = exact(k, t)
-        mech, q = stiff_pendulum(k)
-        for cell in stiff.cells:
-            if cell.value == k and cell.status == "OK":
-                options = {"method": cell.method, "step": cell.step, "estimate": False}
-                run = pg.simulate(mech, q, t_end=1.0, t_eval=t, **options)
-                error = max(worst(run.q[:, 0], theta), worst(1.0 + run.q[:, 1], r))
-                if not error < 1.1 * stiff.target:
-                    wrong.append((cell, error))
-    assert wrong == []
-    assert sum(cell.status == "OK" for cell in stiff.cells) > 20
+    expected = {k: exact(k, t) for k in STIFFNESSES}
+    right = [cell for cell in stiff.cells if cell.status == "OK"]
+    assert len(right) > 20
+    for cell in right:
+        options = {"method": cell.method, "step": cell.step, "estimate": False}
+        run = pg.simulate(*stiff_pendulum(cell.value), t_end=1.0, t_eval=t, **options)
+        theta, r = expected[cell.value]
+        error = max(worst(run.q[:, 0], theta), worst(1.0 + run.q[:, 1], r))
+        assert error < 1.1 * stiff.target, cell
 
 
 def test_every_verdict_has_its_numbers(stiff):
     """RK4 grows where a step is ten rates or more, within ten steps; 2.83 is its limit."""
-    seen = 0
     for cell in stiff.cells:
         assert isinstance(cell.status, Verdict)
         assert cell.text
@@ -96,25 +86,13 @@ def test_every_verdict_has_its_numbers(stiff):
             assert cell.time <= 1.0
         if cell.status == "INACCURATE" and cell.step_needed is not None:
             assert cell.step_needed < cell.step
-        rate = np.sqrt(cell.value)
-        if cell.method == "rk4" and cell.step * rate >= 9.999:
-            seen += 1
-            assert cell.status == "UNSTABLE"
-            assert cell.time <= 10 * cell.step + 1e-12, cell
-            assert cell.step_limit == pytest.approx(2.83 / rate, rel=0.1)
-            assert "radau5" in cell.text
-    assert seen == 6
-
-
-@pytest.mark.parametrize("k", [1e3, 1e6, 1e12])
-def test_radau_is_right_at_every_stiffness(k):
-    """θ is right to 1e-8 at a step of 1e-2 s."""
-    mech, q = stiff_pendulum(k)
-    options = {"values": [k], "methods": ["radau5"], "steps": [1e-2]}
-    assert one_cell(mech, q, target=1e-7, t_end=2.0, **options).status == "OK"
-    t, reference = case("stiff_spring_pendulum")
-    run = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", step=1e-2)
-    assert worst(run.q[:, 0], swing(reference, k)) < 1e-8
+    fast = [c for c in stiff.cells if c.method == "rk4" and c.step * np.sqrt(c.value) >= 9.999]
+    assert len(fast) == 6
+    for cell in fast:
+        assert cell.status == "UNSTABLE"
+        assert cell.time <= 10 * cell.step + 1e-12, cell
+        assert cell.step_limit == pytest.approx(2.83 / np.sqrt(cell.value), rel=0.1)
+        assert "radau5" in cell.text
 
 
 def test_the_limit_of_rk4_is_where_it_is_predicted():
@@ -131,9 +109,8 @@ def test_the_limit_of_rk4_is_where_it_is_predicted():
 
 
 def test_semi_implicit_euler_is_inaccurate_and_the_step_it_names_does(stiff):
-    cell = next(
-        c for c in stiff.cells if (c.value, c.method, c.step) == (1e2, "semi_implicit_euler", 1e-2)
-    )
+    wanted = (1e2, "semi_implicit_euler", 1e-2)
+    cell = next(c for c in stiff.cells if (c.value, c.method, c.step) == wanted)
     assert cell.status == "INACCURATE"
     assert cell.order == pytest.approx(1.0, abs=0.3)
     mech, q = stiff_pendulum(1e2)
@@ -141,13 +118,15 @@ def test_semi_implicit_euler_is_inaccurate_and_the_step_it_names_does(stiff):
     assert one_cell(mech, q, steps=[cell.step_needed / 1.2], **options).status == "OK"
 
 
-def test_lost_energy_is_damping():
+def test_lost_energy_is_damping_and_too_many_steps_are_slow():
     """A spring whose period the step does not resolve, under way: ROS2 takes its energy."""
     mech, q = stiff_pendulum(1e4)
     options = {"values": [1e4], "methods": ["ros2"], "steps": [0.02], "t_end": 1.0}
     cell = one_cell(mech, q + np.array([0.0, 0.02]), **options)
     assert cell.status == "DAMPED"
     assert cell.energy_lost > 0.01
+    cell = one_cell(*stiff_pendulum(1e6), values=[1e6], methods=["rk4"], steps=[1e-9])
+    assert (cell.status, cell.evaluations) == ("SLOW", 4_000_000_000)  # it is not run
 
 
 def test_constraints_that_are_left_are_drift():
@@ -158,20 +137,11 @@ def test_constraints_that_are_left_are_drift():
     assert one_cell(slider_crank(), q, **options).status != "DRIFT"
 
 
-def test_too_many_steps_are_slow_and_not_run():
-    mech, q = stiff_pendulum(1e6)
-    cell = one_cell(mech, q, values=[1e6], methods=["rk4"], steps=[1e-9])
-    assert cell.status == "SLOW"
-    assert cell.evaluations == 4_000_000_000
-
-
 def test_a_refused_run_has_failed_with_a_reason():
     """A penalty contact remembers, which steps to events cannot undo."""
     ball = pg.Body(name="ball", joint="free", q=(0, 0, 0, 1, 0, 0, 0))
-    contacts = (
-        pg.Contact(name="floor", body="ball", law="penalty", points=((0, 0, 0),)),
-        pg.Contact(name="rail", body="ball", points=((0.1, 0, 0),)),
-    )
+    floor = pg.Contact(name="floor", body="ball", law="penalty", points=((0, 0, 0),))
+    contacts = floor, pg.Contact(name="rail", body="ball", points=((0.1, 0, 0),))
     model = pg.Model(bodies=(ball,), contacts=contacts)
     cell = one_cell(model, axis="step", values=[1e-3], methods=["rk4"], t_end=0.01)
     assert cell.status == "FAILED"
@@ -185,19 +155,14 @@ def test_a_motion_that_nobody_knows_is_never_called_right():
     assert one_cell(mech, t_end=60.0, **options).status != "OK"
 
 
-@pytest.fixture(scope="module")
-def small():
-    mech, q = stiff_pendulum(1e6)
+def test_a_map_is_text_json_and_a_picture(tmp_path):
     options = {"values": [1e4, 1e8], "methods": ["rk4", "radau5"], "steps": [1e-2]}
-    return pg.stability_map(mech, q, t_end=0.5, **options)
-
-
-def test_a_map_is_text_json_and_a_picture(small, tmp_path):
+    small = pg.stability_map(*stiff_pendulum(1e6), t_end=0.5, **options)
     assert all(value in str(small) for value in ("10000", "1e+08", "rk4", "radau5"))
     for suffix in ("json", "svg", "html"):
         small.save(tmp_path / f"map.{suffix}")
-    data = json.loads((tmp_path / "map.json").read_text())
-    assert data == json.loads(small.to_json())
+    data = json.loads(small.to_json())
+    assert json.loads((tmp_path / "map.json").read_text()) == data
     assert [c["status"] for c in data["cells"]] == ["OK", "OK", "UNSTABLE", "OK"]
     svg, html = ((tmp_path / f"map.{x}").read_text() for x in ("svg", "html"))
     assert svg.count("<rect") == len(small.cells) + len({c.status for c in small.cells})
@@ -213,13 +178,6 @@ def test_a_map_tells_its_progress_and_can_be_stopped():
     assert seen == sorted(seen)
     assert not found.complete
     assert len(found.cells) < 4
-
-
-def test_a_map_without_an_axis_takes_one_that_the_model_has_and_gives_advice():
-    """A double pendulum has no spring: its mass is varied."""
-    model = pg.Model.load(pgraph_models.path("double_pendulum"))
-    found = pg.stability_map(model, methods=["rk4", "dopri5"], steps=[1e-2, 1e-3], t_end=0.2)
-    assert found.axis == "mass_ratio"
 
 
 def test_the_own_value_of_a_model_is_marked_and_the_best_method_comes_first():
@@ -251,10 +209,6 @@ def test_bad_input(options, facts):
         pg.stability_map(mech, q, **options)
 
 
-def built_in(name):
-    return pg.Model.load(pgraph_models.path(name))
-
-
 def sprung():
     spring = pg.Force(name="s", kind="spring", body="b", stiffness=50.0, rest=0.2)
     bodies = (mass("a", stiffness=200.0, q=(0.1,)), mass("b", "a", above=1.0, v=(2.0,)))
@@ -266,22 +220,17 @@ def touching():
     return pg.Model(bodies=(pg.Body(name="a", joint="free"),), contacts=(contact,))
 
 
-MODELS = {
-    "contact_stiffness": touching,
-    "friction": touching,
-    "inertia": lambda: built_in("quadruped"),
-    "redundancy": lambda: built_in("four_bar"),
-    "singularity": lambda: built_in("four_bar"),
-}
+MODELS = {"contact_stiffness": touching, "friction": touching}
+BUILT_IN = {"inertia": "quadruped", "redundancy": "four_bar", "singularity": "four_bar"}
 
 
 @pytest.mark.parametrize("name", AXES)
 def test_every_usual_value_makes_a_valid_model_and_leaves_the_old_one(name):
-    model = MODELS.get(name, sprung)()
+    made = MODELS.get(name, sprung)
+    model = pg.Model.load(pgraph_models.path(BUILT_IN[name])) if name in BUILT_IN else made()
     before = model.to_json()
     for value in AXES[name].values:
         made = AXES[name].applied(model, value)
-        assert isinstance(made, pg.Model)
         if len(made.bodies) < 300:
             pg.Mechanism(made)
     assert model.to_json() == before
@@ -309,13 +258,12 @@ def test_axes_change_their_numbers_and_keep_the_rest():
     made = AXES["mass_ratio"].applied(sprung(), 1e-9)
     assert made.body("b").mass / made.body("a").mass == pytest.approx(1e-9)
     model = pg.Model(bodies=(mass("a", stiffness=200.0),), gravity=(0, 0, 0))
-    made = AXES["damping_ratio"].applied(model, 1.0)
-    assert made.body("a").damping == pytest.approx((2 * np.sqrt(200.0),))
+    damping = AXES["damping_ratio"].applied(model, 1.0).body("a").damping
+    assert damping == pytest.approx((2 * np.sqrt(200.0),))
     model = pg.Model(bodies=(mass("a", tip=(0, -1, 0)),), **DOWN)
     made = AXES["chain_length"].applied(model, 50)
     assert sum(b.mass for b in made.bodies) == pytest.approx(1.0)
-    position, _ = pg.Mechanism(made).pose(np.zeros(50), "50")
-    assert position[1] == pytest.approx(-0.98)
+    assert pg.Mechanism(made).pose(np.zeros(50), "50")[0][1] == pytest.approx(-0.98)
     own = AXES["chain_length"].own
     assert own(model) == 1.0
     assert own(model.edit("a", stiffness=2.0)) is None  # a chain would lose it
@@ -324,11 +272,8 @@ def test_axes_change_their_numbers_and_keep_the_rest():
 
 @pytest.mark.parametrize("axis", ["mass_ratio", "inertia", "length_scale", "mass_scale"])
 def test_numbers_that_follow_from_shapes_are_varied_like_given_ones(axis):
-    steel = {
-        "shape": pg.Shape(kind="box", size=(1.0, 0.1, 0.1)),
-        "density": 7850.0,
-        "derived": ("mass", "com", "inertia"),
-    }
+    box = pg.Shape(kind="box", size=(1.0, 0.1, 0.1))
+    steel = {"shape": box, "density": 7850.0, "derived": ("mass", "com", "inertia")}
     bodies = (pg.Body(name="a", **steel), pg.Body(name="b", parent="a", link=(1, 0, 0), **steel))
     model = plain = pg.Model(bodies=bodies)
     for body in bodies:
@@ -343,10 +288,8 @@ def test_numbers_that_follow_from_shapes_are_varied_like_given_ones(axis):
 @pytest.mark.parametrize("name", [n for n in AXES if n.endswith("_scale")])
 def test_no_threshold_has_a_unit(name):
     """The same mechanism in other units: the same verdicts, errors alike."""
-    top = pg.Body(
-        name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
-        inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0),
-    )  # fmt: skip
+    top = pg.Body(name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
+                  inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0))  # fmt: skip
     bob = mass("bob", "top", damping=0.01, stiffness=2.0)
     options = {"values": [1e-9, 1.0, 1e9], "methods": ["rk4"], "steps": [1e-2], "t_end": 0.3}
     found = pg.stability_map(pg.Model(bodies=(top, bob), **DOWN), axis=name, **options)
@@ -359,16 +302,12 @@ def test_no_threshold_has_a_unit(name):
 def test_a_rescaled_model_moves_the_same(factors):
     """Angles as they were, slides and times as many times as large: dimensional analysis."""
     length, weight, time = factors
-    slide = pg.Body(
-        name="s", joint="prismatic", axes=((0, 1, 0),), mass=2.0, stiffness=30.0, damping=0.4,
-        rest=0.1, v=(0.5,),
-    )  # fmt: skip
-    forces = (
-        pg.Force(name="m", kind="motor", body="s", torque=0.7),
-        pg.Force(name="servo", kind="servo", body="a", kp=3.0, kd=0.2, target=0.4),
-        pg.Force(name="spring", kind="spring", body="a", stiffness=20.0, damping=0.1, rest=0.3),
-        pg.Force(name="push", kind="wrench", body="a", force=(1.0, 2.0, 0.0)),
-    )
+    slide = pg.Body(name="s", joint="prismatic", axes=((0, 1, 0),), mass=2.0, stiffness=30.0,
+                    damping=0.4, rest=0.1, v=(0.5,))  # fmt: skip
+    forces = (pg.Motor(name="m", body="s", torque=0.7),
+              pg.Servo(name="servo", body="a", kp=3.0, kd=0.2, target=0.4),
+              pg.Spring(name="spring", body="a", stiffness=20.0, damping=0.1, rest=0.3),
+              pg.Force(name="push", kind="wrench", body="a", force=(1.0, 2.0, 0.0)))  # fmt: skip
     model = pg.Model(bodies=(slide, mass("a", "s", damping=0.05)), forces=forces, **DOWN)
     scaled = rescaled(model, length=length, mass=weight, time=time)
     runs = [
@@ -384,13 +323,11 @@ def test_every_shape_of_a_body_is_rescaled():
     box = {"kind": "box", "size": (0.1, 0.2, 0.4), "position": (0.1, 0.0, 0.2)}
     ball = {"kind": "sphere", "radius": 0.3, "role": "collision", "colour": "#ff0000"}
     rod = {"kind": "capsule", "radius": 0.1, "length": 0.5, "role": "visual"}
-    body = pg.Body(
-        name="a", shapes=(box, ball, rod), density=500, derived=("mass", "com", "inertia", "tip")
-    )
+    derived = ("mass", "com", "inertia", "tip")
+    body = pg.Body(name="a", shapes=(box, ball, rod), density=500, derived=derived)
     scaled = rescaled(pg.Model(bodies=[body]), length=2.0, mass=3.0).body("a")
-    assert [s.size or (s.radius, s.length) for s in scaled.shapes] == [
-        (0.2, 0.4, 0.8), (0.6, None), (0.2, 1.0),
-    ]  # fmt: skip
+    sizes = [s.size or (s.radius, s.length) for s in scaled.shapes]
+    assert sizes == [(0.2, 0.4, 0.8), (0.6, None), (0.2, 1.0)]
     assert scaled.shape == scaled.shapes[0]
     assert scaled.shapes[0].position == (0.2, 0.0, 0.4)
     assert [s.role for s in scaled.shapes] == ["both", "collision", "visual"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -28,20 +29,19 @@ LEFT_OUT = "core/test_compilation test_benchmarks test_site test_packages test_r
 def main() -> None:
     """Parse the command line, make the copy, trace it and run the mutants."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
-    here = HERE.parent.parent
-    parser.add_argument(
-        "--tree", type=Path, default=here, help="repository to test (default: this one)"
-    )
-    parser.add_argument("--at", type=Path, help="working folder (default: build/mutants)")
-    parser.add_argument("--seed", type=int, default=32, help="seed of the draw")
-    parser.add_argument("--count", type=int, default=200, help="number of mutants")
+    for name, kind, default, text in (
+        ("tree", Path, HERE.parent.parent, "repository to test (default: this one)"),
+        ("at", Path, None, "working folder (default: build/mutants)"),
+        ("seed", int, 32, "seed of the draw"),
+        ("count", int, 200, "number of mutants"),
+        ("jobs", int, 1, "parallel processes"),
+        ("budget", float, 20.0, "seconds of recorded test time per mutant"),
+        ("again", Path, None, "earlier results: run the same mutants and compare"),
+    ):
+        parser.add_argument(f"--{name}", type=kind, default=default, help=text)
     parser.add_argument("--trace", action="store_true", help="only trace the tests again")
-    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="run only these mutants")
-    parser.add_argument("--jobs", type=int, default=1, help="parallel processes")
-    parser.add_argument(
-        "--again", type=Path, help="earlier results: run the same mutants and compare"
-    )
     parser.add_argument("--list", action="store_true", help="only list the mutants")
+    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="run only these mutants")
     given = parser.parse_args()
     tree = given.tree.resolve()
     known = json.loads(given.again.read_text()) if given.again else []
@@ -67,40 +67,27 @@ def main() -> None:
     (at / "wanted.json").write_text(json.dumps(task))
     pytest(at, "run")
     found = json.loads((at / "found.json").read_text())
+    fields = ("area", "file", "line", "column", "kind", "description")
     results = [
-        {"k": k, "area": s.area, "file": s.file, "line": s.line, "column": s.column}
-        | {"kind": s.kind, "description": s.description, **found[str(k)]}
-        for k, s in enumerate(sites)
+        {"k": k, **{field: getattr(site, field) for field in fields}, **found[str(k)]}
+        for k, site in enumerate(sites)
         if str(k) in found
     ]
     (at / "results.json").write_text(json.dumps(results, indent=1) + "\n")
     print(table(results))
-    for before, now in zip(known, results) if not given.only else ():
-        if before["result"] != now["result"]:
-            print(
-                f"{now['k']} {now['file']}:{now['line']}: {before['result']}, now {now['result']}"
-            )
+    for old, new in zip(known, results) if not given.only else ():
+        if old["result"] != new["result"]:
+            print(f"{new['k']} {new['file']}:{new['line']}: {old['result']}, now {new['result']}")
 
 
 def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
     """Write the tree's files with all mutants into `copied`, keeping its compiled kernels."""
-    listed = (
-        "git",
-        "-C",
-        str(tree),
-        "ls-files",
-        "-z",
-        "--cached",
-        "--others",
-        "--exclude-standard",
-    )
-    names = subprocess.run(listed, check=True, capture_output=True, text=True).stdout.split("\0")
-    wanted = {name for name in names if name and os.path.lexists(tree / name)}
+    listed = f"git -C {shlex.quote(str(tree))} ls-files -z --cached --others --exclude-standard"
+    names = subprocess.run(shlex.split(listed), check=True, capture_output=True, text=True).stdout
+    wanted = {name for name in names.split("\0") if name and os.path.lexists(tree / name)}
     for path in sorted(copied.rglob("*"), reverse=True):
-        if path.is_file() and not {"__pycache__", *wanted} & {
-            *path.parts,
-            path.relative_to(copied).as_posix(),
-        }:
+        kept = path.relative_to(copied).as_posix() in wanted or "__pycache__" in path.parts
+        if path.is_file() and not kept:
             path.unlink()
     inside = defaultdict(list)
     for k, site in enumerate(sites):
@@ -116,17 +103,14 @@ def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
             shutil.copy2(tree / name, path, follow_symlinks=False)
 
 
-def python(
-    at: Path, *args: str, mode: str = "", output: object = None, check: bool = False
-) -> None:
+def python(at: Path, *args: str, mode: str = "", **options) -> None:
     """Run Python with the packages of the copy."""
     paths = (at / "tree", at / "tree" / "typings", HERE)  # `typings` links packages to folders
     here = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PGRAPH_MUTANTS": f"{mode}:{at}"}
     if mode == "trace":
         here["PGRAPH_MUTANTS_TRACED"] = str(at / "traced")
     environment = {**os.environ, **here, "PYTHONHASHSEED": "0"}
-    command = (sys.executable, *args)
-    subprocess.run(command, cwd=at / "tree", env=environment, stdout=output, check=check)
+    subprocess.run((sys.executable, *args), cwd=at / "tree", env=environment, **options)
 
 
 def pytest(at: Path, mode: str, *more: str) -> None:
@@ -134,11 +118,9 @@ def pytest(at: Path, mode: str, *more: str) -> None:
     settings = tomllib.loads((at / "tree" / "pyproject.toml").read_text())
     markers = settings["tool"]["pytest"]["ini_options"]["markers"]
     not_run = " or ".join(name for name in NOT_RUN if any(m.startswith(name) for m in markers))
+    plain = shlex.split("-p mutant_plugin -p no:cacheprovider -q --no-header -s --tb=no")
     left_out = (f"--ignore=tests/{name}.py" for name in LEFT_OUT.split())
-    plain = ("-p", "mutant_plugin", "-p", "no:cacheprovider", "-q", "--no-header", "-s")
-    python(
-        at, "-m", "pytest", *plain, "--tb=no", "-m", f"not ({not_run})", *left_out, *more, mode=mode
-    )
+    python(at, "-m", "pytest", *plain, "-m", f"not ({not_run})", *left_out, *more, mode=mode)
 
 
 def table(results: list[dict]) -> str:

@@ -94,12 +94,11 @@ class Run:
         self.sound: dict[str, bool] = {}  # whether a test passes without a mutant
         self.failed: list[str] = []
         self.found: dict[int, dict] = {}
-        self.budget = 0.0  # seconds of recorded test time per mutant
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Turn off Hypothesis' shrinking of failing examples."""
-        profile = settings(settings.default, phases=[Phase.explicit, Phase.generate])
-        settings.register_profile("mutants", profile)
+        phases = [Phase.explicit, Phase.generate]
+        settings.register_profile("mutants", settings(settings.default, phases=phases))
         settings.load_profile("mutants")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -109,10 +108,13 @@ class Run:
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Run all mutants, `jobs` at a time, and write each result when it is known."""
-        _load_kernels()
+        from pgraph_core.engine import warm_up
+
+        for _ in warm_up():  # load all kernels before forking
+            pass
         items = {item.nodeid: item for item in session.items}
         given = json.loads((AT / "wanted.json").read_text())
-        self.budget = given["budget"]
+        self.budget = given["budget"]  # seconds of recorded test time per mutant
         waiting, running = list(given["mutants"]), {}
         while waiting or running:
             while waiting and len(running) < given["jobs"]:
@@ -123,8 +125,6 @@ class Run:
             if pid not in running:
                 continue
             k, chosen = running.pop(pid)
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(pid, signal.SIGKILL)  # subprocesses of its tests
             result = self.result(pid, status, len(chosen))
             killer = result.get("test")
             if killer and not self.is_sound(items[killer]):
@@ -153,12 +153,8 @@ class Run:
         cost = defaultdict(float)  # per file, so that tests of one file stay together
         for seconds, name in taken:
             cost[name.split("::")[0]] += seconds
-        return [
-            n
-            for _, _, _, n in sorted(
-                (cost[n.split("::")[0]], n.split("::")[0], s, n) for s, n in taken
-            )
-        ]
+        files = {name: name.split("::")[0] for _, name in taken}
+        return [n for s, n in sorted(taken, key=lambda x: (cost[files[x[1]]], files[x[1]], *x))]
 
     def start(self, k: int, items: list[pytest.Item]) -> int:
         """Fork a child that runs tests against mutant k until one fails; return its process id."""
@@ -174,10 +170,9 @@ class Run:
         os.setsid()
         place = tempfile.mkdtemp(prefix="mutant")
         os.environ["PYTEST_DEBUG_TEMPROOT"] = place
-        out = os.open(os.devnull, os.O_WRONLY)
         report = (AT / f"child.{os.getpid()}").open("w")
-        os.dup2(out, 1)
-        os.dup2(out, 2)
+        for stream in (1, 2):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
         signal.alarm(STUCK)
         switch.activate(k)
         start = time.process_time()
@@ -189,14 +184,15 @@ class Run:
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             if self.failed:
                 break
-        print(
-            f"\n{'failed' if self.failed else 'end'} {time.process_time() - start:.1f}", file=report
-        )
+        word, seconds = "failed" if self.failed else "end", time.process_time() - start
+        print(f"\n{word} {seconds:.1f}", file=report)
         report.close()
         shutil.rmtree(place, ignore_errors=True)
 
     def result(self, pid: int, status: int, count: int) -> dict:
         """Read a child's result. If a signal killed it, the current test caught the mutant."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)  # subprocesses of its tests
         path = AT / f"child.{pid}"
         *tests, last = path.read_text().split("\n")[:-1] or [""]
         path.unlink()
@@ -207,12 +203,8 @@ class Run:
         if word == "end" and not os.WIFSIGNALED(status):
             return {"result": "survived", "tests": count, "seconds": float(seconds)}
         if word == "failed":
-            return {
-                "result": "caught",
-                "tests": len(ran),
-                "seconds": float(seconds),
-                "test": ran[-1],
-            }
+            taken = {"tests": len(ran), "seconds": float(seconds)}
+            return {"result": "caught", **taken, "test": ran[-1]}
         how = signal.Signals(os.WTERMSIG(status)).name if os.WIFSIGNALED(status) else "exit"
         return {"result": "caught", "tests": len(ran) + 1, "how": how, "test": last}
 
@@ -220,16 +212,6 @@ class Run:
         """Return whether a test passes in a child without a mutant, tried once per test."""
         if item.nodeid not in self.sound:
             pid = self.start(switch.NONE, [item])
-            _, status = os.waitpid(pid, 0)
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(pid, signal.SIGKILL)
-            self.sound[item.nodeid] = self.result(pid, status, 1)["result"] == "survived"
+            result = self.result(*os.waitpid(pid, 0), 1)
+            self.sound[item.nodeid] = result["result"] == "survived"
         return self.sound[item.nodeid]
-
-
-def _load_kernels() -> None:
-    """Load all kernels before forking."""
-    from pgraph_core.engine import warm_up
-
-    for _ in warm_up():
-        pass

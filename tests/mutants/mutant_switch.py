@@ -28,9 +28,8 @@ def _memory() -> mmap.mmap:
     path = os.environ.get(TRACED)
     if path is None:
         return mmap.mmap(-1, SIZE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    file = os.open(
-        f"{path}.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}", os.O_RDWR | os.O_CREAT
-    )
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
+    file = os.open(f"{path}.{worker}", os.O_RDWR | os.O_CREAT)
     os.ftruncate(file, SIZE)
     return mmap.mmap(file, SIZE)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import builtins
-import copy
 import random
 from collections import defaultdict
 from collections.abc import Iterator
@@ -20,36 +19,20 @@ AREAS = {  # number of mutants out of 200, and files
     "tree": (35, "engine/tree/*.py", "engine/motion.py", "engine/inverse.py"),
     "constraints": (25, "engine/constraints/*.py", "packing/constraints.py"),
     "contact": (35, "engine/contact/*.py"),
-    "integration": (
-        30,
-        "engine/stepping/*.py",
-        *(f"simulation/{n}.py" for n in ("estimate", "contact_events", "loop", "switches", "walk")),
-    ),
+    "integration": (30, "engine/stepping/*.py", *(f"simulation/{name}.py" for name in (
+        "estimate", "contact_events", "loop", "switches", "walk"))),
     "formats": (25, "formats/*.py", "model/files.py"),
     "model": (25, "model/*.py"),
     "page": (25, "../app/*/update.py", "../app/core/edit.py"),
-}
+}  # fmt: skip
 ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 BOUNDARIES = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt}
-OPPOSITES = {
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-    ast.In: ast.NotIn,
-    ast.NotIn: ast.In,
-}
+OPPOSITES = {ast.Eq: ast.NotEq, ast.Is: ast.IsNot, ast.In: ast.NotIn}
+OPPOSITES |= {b: a for a, b in OPPOSITES.items()}
 PAIRS = "add sub, min max, mul mul_t, more most, larger smaller, both either, any all, sin cos"
 FUNCTIONS = {a: b for pair in PAIRS.split(", ") for a, b in (pair.split(), pair.split()[::-1])}
 ORDERED = {"cross", "sub", "atan2"}  # kernel helpers with two arguments of one type
-TYPED = {
-    "isinstance",
-    "getattr",
-    "setattr",
-    "cast",
-    "array_equal",
-    "allclose",
-}  # functions never mutated this way
+TYPED = {"isinstance", "getattr", "setattr", "cast", "array_equal", "allclose"}  # arguments stay
 LEFT_OUT = {"couple"}  # kernel on the type `Three`, which has no division
 CHOSEN = "_mutant"
 
@@ -79,10 +62,10 @@ class Site:
         new = "(dropped)" if self.new is None else self.new
         return " ".join(f"{self.old} -> {new}".split())
 
-    def overlaps(self, other: Site) -> bool:
-        """Return whether two sites share source text."""
-        start, other_start = (self.line, self.column), (other.line, other.column)
-        return self.file == other.file and start < other.end and other_start < self.end
+    def in_any(self, others: list[Site]) -> bool:
+        """Return whether the site shares source text with others."""
+        here = [s for s in others if s.file == self.file and (self.line, self.column) < s.end]
+        return any((s.line, s.column) < self.end for s in here)
 
 
 def draw(tree: Path, seed: int, count: int) -> list[Site]:
@@ -103,7 +86,7 @@ def draw(tree: Path, seed: int, count: int) -> list[Site]:
         while wanted > 0 and (left := [sites for sites in left if sites]):
             for sites in left:
                 site = sites.pop()
-                if wanted > 0 and not any(site.overlaps(other) for other in chosen):
+                if wanted > 0 and not site.in_any(chosen):
                     chosen.append(site)
                     wanted -= 1
     return sorted(chosen, key=lambda s: (list(AREAS).index(s.area), s.file, s.line, s.column))
@@ -114,12 +97,9 @@ def found_again(tree: Path, known: list[dict]) -> list[Site]:
     sites: list[Site] = []
     for old in known:
         text = (tree / old["file"]).read_text(encoding="utf-8")
-        alike = [
-            site
-            for site in sites_of(old["area"], old["file"], text)
-            if (site.kind, site.description) == (old["kind"], old["description"])
-            and not any(site.overlaps(other) for other in sites)
-        ]
+        same = (old["kind"], old["description"])
+        all_sites = sites_of(old["area"], old["file"], text)
+        alike = [s for s in all_sites if (s.kind, s.description) == same and not s.in_any(sites)]
         if not alike:
             raise SystemExit(f"mutant {old['k']} is gone: {old['file']} {old['description']}")
         line, column = old["line"], old["column"]
@@ -159,9 +139,7 @@ def _indices(function: ast.FunctionDef) -> set[str]:
 
 
 def _is_range(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "range"
-    )
+    return isinstance(node, ast.Call) and getattr(node.func, "id", "") == "range"
 
 
 def _inside(function: ast.FunctionDef, compiled: bool, indices: set[str]) -> Iterator[ast.AST]:
@@ -174,18 +152,14 @@ def _inside(function: ast.FunctionDef, compiled: bool, indices: set[str]) -> Ite
             continue
         if isinstance(node, (ast.JoinedStr, ast.Raise, ast.Assert, ast.ClassDef, ast.pattern)):
             continue
-        if isinstance(node, ast.AnnAssign):
+        if isinstance(node, ast.AnnAssign) or (compiled and isinstance(node, ast.Subscript)):
             left += [node.value] if node.value else []
             continue
         if compiled:
-            if isinstance(node, ast.Subscript):
-                left.append(node.value)
-                continue
             set_here = getattr(node, "targets", [getattr(node, "target", None)])
             names = {n.id for t in set_here if t for n in ast.walk(t) if isinstance(n, ast.Name)}
-            if _is_range(node) or (
-                isinstance(node, (ast.Assign, ast.AugAssign)) and names & indices
-            ):
+            sets = isinstance(node, (ast.Assign, ast.AugAssign)) and names & indices
+            if sets or _is_range(node):
                 continue
         yield node
         left += reversed([*ast.iter_child_nodes(node)])
@@ -196,10 +170,8 @@ def _faults(node: ast.AST, compiled: bool, known: set[str]) -> Iterator[tuple[st
     match node:
         case ast.BinOp(op=op) if type(op) in ARITHMETIC:
             values = [getattr(n, "value", None) for n in (node.left, node.right)]
-            texts = any(isinstance(n, ast.JoinedStr) for n in (node.left, node.right))
-            if not texts and not any(
-                isinstance(x, (int, str) if compiled else str) for x in values
-            ):
+            values += [str(n) for n in (node.left, node.right) if isinstance(n, ast.JoinedStr)]
+            if not any(isinstance(x, (int, str) if compiled else str) for x in values):
                 yield "arithmetic", _with(node, op=ARITHMETIC[type(op)]())
         case ast.UnaryOp(op=ast.USub()) if not isinstance(node.operand, ast.Constant):
             yield "sign", node.operand
@@ -208,8 +180,7 @@ def _faults(node: ast.AST, compiled: bool, known: set[str]) -> Iterator[tuple[st
         case ast.Compare(ops=[op]) if type(op) in BOUNDARIES:
             yield "boundary", _with(node, ops=[BOUNDARIES[type(op)]()])
         case ast.Compare(ops=[op]) if type(op) in OPPOSITES:
-            fixed = compiled and isinstance(op, (ast.Is, ast.IsNot))  # known when it is compiled
-            if not fixed:
+            if not (compiled and isinstance(op, (ast.Is, ast.IsNot))):  # known to the compiler
                 yield "condition", _with(node, ops=[OPPOSITES[type(op)]()])
         case ast.BoolOp(op=op):
             yield "logic", _with(node, op=ast.Or() if isinstance(op, ast.And) else ast.And())
@@ -235,10 +206,7 @@ def _drops(node: ast.AST) -> Iterator[tuple[str, None]]:
 
 
 def _with(node: ast.expr, **fields: object) -> ast.expr:
-    changed = copy.copy(node)
-    for name, value in fields.items():
-        setattr(changed, name, value)
-    return changed
+    return type(node)(**{**vars(node), **fields})
 
 
 def rewritten(text: str, sites: list[tuple[int, Site]]) -> str:
@@ -253,16 +221,9 @@ def rewritten(text: str, sites: list[tuple[int, Site]]) -> str:
             lines[last] = lines[last][:end] + b"))" + lines[last][end:]
             start = f"(({site.new}) if {CHOSEN}({k}) else (".encode()
             lines[row] = lines[row][:column] + start + lines[row][column:]
-    first = next(node for node in ast.parse(text).body if _is_import(node))
+    imports = (n for n in ast.parse(text).body if isinstance(n, (ast.Import, ast.ImportFrom)))
+    first = next(n for n in imports if getattr(n, "module", "") != "__future__")
     row, end = first.end_lineno - 1, first.end_col_offset
     start = f"; from mutant_switch import mutant as {CHOSEN}".encode()
     lines[row] = lines[row][:end] + start + lines[row][end:]
     return b"".join(lines).decode()
-
-
-def _is_import(node: ast.stmt) -> bool:
-    """Return whether a statement is an import, other than from `__future__`."""
-    return (
-        isinstance(node, (ast.Import, ast.ImportFrom))
-        and getattr(node, "module", "") != "__future__"
-    )
