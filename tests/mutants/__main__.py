@@ -54,7 +54,7 @@ def main() -> None:
     if given.trace or not trace.exists():
         make_copy(tree, copied, sites)
         print("compile the kernels", flush=True)
-        python(at, "-m", "pgraph_core.engine", output=subprocess.DEVNULL, check=True)
+        python(at, "-m", "pgraph_core.engine", stdout=subprocess.DEVNULL, check=True)
         for path in at.glob("trace*"):
             path.unlink()
         workers = ("-n", str(given.jobs), "--dist", "loadfile") if given.jobs > 1 else ()

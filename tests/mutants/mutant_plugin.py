@@ -146,10 +146,9 @@ class Run:
             ranked += [(s * rank, s, name) for rank, (s, name) in enumerate(sorted(tests), start=1)]
         spent, taken = 0.0, []
         for _, seconds, name in sorted(ranked):
-            if len(taken) >= LEAST and spent + seconds > self.budget:
-                continue
-            spent += seconds
-            taken.append((seconds, name))
+            if len(taken) < LEAST or spent + seconds <= self.budget:
+                spent += seconds
+                taken.append((seconds, name))
         cost = defaultdict(float)  # per file, so that tests of one file stay together
         for seconds, name in taken:
             cost[name.split("::")[0]] += seconds

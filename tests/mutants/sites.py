@@ -81,8 +81,8 @@ def draw(tree: Path, seed: int, count: int) -> list[Site]:
                     kinds[site.kind].append(site)
         for kind in sorted(kinds):
             random.Random(f"{seed} {area} {kind}").shuffle(kinds[kind])
-            kinds[kind] = [site for site in kinds[kind] if site.function not in LEFT_OUT]
-        left, wanted = [kinds[kind] for kind in sorted(kinds)], round(quota * count / 200)
+        left = [[s for s in kinds[kind] if s.function not in LEFT_OUT] for kind in sorted(kinds)]
+        wanted = round(quota * count / 200)
         while wanted > 0 and (left := [sites for sites in left if sites]):
             for sites in left:
                 site = sites.pop()
@@ -124,10 +124,7 @@ def sites_of(area: str, file: str, text: str) -> Iterator[Site]:
 def _functions(node: ast.AST) -> Iterator[ast.FunctionDef]:
     """Yield functions and methods that are not inside another function."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.FunctionDef):
-            yield child
-        else:
-            yield from _functions(child)
+        yield from (child,) if isinstance(child, ast.FunctionDef) else _functions(child)
 
 
 def _indices(function: ast.FunctionDef) -> set[str]:
