@@ -1,7 +1,5 @@
 """MJCF in and out: the part for each element, MuJoCo's numbers for it, and hostile files."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

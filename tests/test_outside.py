@@ -1,8 +1,6 @@
 """No file outside of the allowed folders is opened, copied or overwritten: every spelling of a path
 by every way into the program. What is opened is heard from Python itself, by an audit hook."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Sweeps: paths into a model, designs, metrics, processes, a cluster, interruptions."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """BatchStepper: every instance takes the steps that it takes alone."""
 
-from __future__ import annotations
-
 import copy
 import multiprocessing
 import pickle

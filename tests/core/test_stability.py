@@ -1,7 +1,5 @@
 """The stability map: every verdict, its text, and the axes that it varies."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re
