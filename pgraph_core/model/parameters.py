@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from ..errors import ModelError, Problem, choices, shown
-from .fields import Frozen, fields_of
+from .fields import Frozen, Text, fields_of
 
 PartKind = Literal["bodies", "constraints", "contacts", "forces"]
 KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")
@@ -49,9 +49,9 @@ class Formula(Frozen):
     """What a cell holds in place of a number, and where the cell is."""
 
     part: PartKind = Field(description="one of " + ", ".join(KINDS))
-    name: str = Field(description="the name of the part")
+    name: Text = Field(description="the name of the part")
     path: tuple[str | int, ...] = Field(description="a field, and what leads into it")
-    text: str = Field(description="'=' and an expression")
+    text: Text = Field(description="'=' and an expression")
 
     @property
     def where(self) -> str:

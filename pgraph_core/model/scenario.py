@@ -37,7 +37,7 @@ HARMONICS = 4  # of a wave
 class Footfall(Frozen):
     """When one foot is on the ground."""
 
-    foot: str = Field(description="the name of a contact that is one point of a paw")
+    foot: Text = Field(description="the name of a contact that is one point of a paw")
     offset: Annotated[Number, Field(ge=0, lt=1)] = Field(
         description="a number from 0 to below 1: the part of the stride at which it touches down"
     )
@@ -80,8 +80,8 @@ class Gait(Described):
     fraction p of a stride.
     """
 
-    name: str = Field(description="text that is not empty")
-    description: str = Field(default="", description="a sentence")
+    name: Text = Field(description="text that is not empty")
+    description: Text = Field(default="", description="a sentence")
     feet: tuple[Footfall, ...] = Field(
         description="a list of {'foot': contact, 'offset': 0 to 1, 'duty': 0 to 1}"
     )
@@ -207,7 +207,7 @@ class Switch(Frozen):
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"when": ("t",)}
 
     t: Annotated[Number, Field(ge=0)] | None = Field(default=None, description="a time >= 0 [s]")
-    constraint: str = Field(description="the name of a constraint")
+    constraint: Text = Field(description="the name of a constraint")
     active: Flag = Field(description="true or false")
     when: When | None = field(
         "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
@@ -240,8 +240,8 @@ def _gait_in(value: Gait | Mapping[str, Any] | None) -> Gait | None:
 class Scenario(Described):
     """What `simulate(mech, scenario=name)` runs."""
 
-    name: str = Field(description="text that is not empty")
-    description: str = Field(default="", description="a sentence")
+    name: Text = Field(description="text that is not empty")
+    description: Text = Field(default="", description="a sentence")
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
     v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
     forces: tuple[Force, ...] = field(
@@ -265,7 +265,7 @@ class Scenario(Described):
     )  # fmt: skip
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")
-    method: str = Field(default="auto", description="the name of an integrator")
+    method: Text = Field(default="auto", description="the name of an integrator")
 
     @model_validator(mode="after")
     def _known_method(self) -> Self:

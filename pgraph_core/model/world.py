@@ -15,6 +15,7 @@ from .fields import (
     Described,
     Frozen,
     Number,
+    Text,
     Vec3,
     field,
     fixed,
@@ -134,7 +135,7 @@ def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
 class World(Described):
     """Gravity points down along `up` unless it is given."""
 
-    name: str = Field(default="model", description="text")
+    name: Text = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
     gravity: Vec3 = field(
         "three finite numbers [x, y, z] [m/s^2]", converter=_gravity_in, default=DOWN["z"]
