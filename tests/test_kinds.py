@@ -267,7 +267,6 @@ def test_warnings_go_with_their_reason_and_are_notices_of_a_run():
 @pytest.mark.parametrize("point", [(1, 0, 0), (0, 2, 0), (0.5, 0, 0.5)])
 @pytest.mark.parametrize("other", [(0, 0, 0), (0, 3, 0), (1, 0, 1)])
 def test_a_spring_is_a_warning_where_it_has_no_torque(point, other):
-    """The warning against the kernel: the torque of the spring on the joint at four angles."""
     spring = pg.Spring(**SPRING, point=point, other_point=other, rest=0.2)
     model = pg.Model(bodies=[pg.Body(**ARM)], forces=[spring], gravity=(0, 0, 0))
     mech = pg.Mechanism(model)

@@ -35,7 +35,6 @@ def pendulum() -> pg.Model:
 
 
 def box(**contact) -> pg.Model:
-    """A box that falls flat on the ground, with a servo that turns a lid."""
     size = {"kind": "box", "size": (0.2, 0.2, 0.2)}
     sole = pg.Body(name="box", joint="free", mass=1.0, shape=size, q=(0, 0, 0.15, 1, 0, 0, 0))
     lid = pg.Body(name="lid", parent="box", link=(0, 0, 0.1), mass=0.1, com=(0.05, 0, 0))
@@ -45,14 +44,12 @@ def box(**contact) -> pg.Model:
 
 
 def ball(**contact) -> pg.Model:
-    """A ball of radius 0.1 m that falls from 0.3 m."""
     body = pg.Body(name="ball", joint="free", mass=1.0, q=(0, 0, 0.3, 1, 0, 0, 0),
                    shape={"kind": "sphere", "radius": 0.1})  # fmt: skip
     return pg.Model(bodies=[body], contacts=[pg.Contact(name="floor", body="ball", **contact)])
 
 
 def tripod() -> pg.Model:
-    """A box on three legs with limited motors; feet are points and a ball."""
     box = {"kind": "box", "size": (0.3, 0.2, 0.1)}
     bodies = [pg.Body(name="trunk", joint="free", mass=3.0, inertia=np.diag([0.02, 0.03, 0.04]),
                       shape=box, q=(0, 0, 0.35, 1, 0, 0, 0))]  # fmt: skip
@@ -139,7 +136,6 @@ def tumbling():
 
 
 def sunk():
-    """Feet that start inside the ground come out."""
     start = pg.Stepper(tripod())
     start.step(n=400)
     deeper = np.repeat([start.q], WIDE, axis=0)

@@ -50,7 +50,6 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
 
 @pytest.mark.nightly
 def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
-    """A killed parent closes the pipe."""
     command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent"]
     environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
     child = subprocess.Popen(
@@ -63,7 +62,6 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
 
 
 def test_no_two_modules_have_a_kernel_of_one_name():
-    """They are kept by name, and compiled for the signature that stands with it."""
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 
     assert JIT
@@ -153,7 +151,6 @@ def bits(**environment):
 
 @pytest.mark.nightly
 def test_a_generic_processor_gives_the_bits_of_this_one(tmp_path):
-    """Its kernels are compiled for it, into a cache of its own."""
     generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     assert bits(**generic, PGRAPH_CACHE=str(tmp_path)) == bits()
 

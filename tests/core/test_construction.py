@@ -16,7 +16,6 @@ QUADRUPED = pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:
-    """Whether two mechanisms are packed into the same numbers, bit for bit."""
     return all(map(np.array_equal, one.packed.system, other.packed.system))
 
 
@@ -34,7 +33,6 @@ JOINT_FIELDS = ("q", "v", "armature", "stiffness", "damping", "rest", "friction"
 
 
 def columns_of(model: pg.Model) -> pg.Columns:
-    """The model's numbers as a user would have them in arrays."""
     bodies, rows = model.bodies, model.row
     pairs = [(i, m) for i, b in enumerate(bodies, start=1) for m in b.sequence]
     return pg.Columns(

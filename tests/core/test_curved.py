@@ -31,7 +31,6 @@ def reach(solid: Solid, place: np.ndarray, n: np.ndarray) -> np.ndarray:
 
 
 def separation(shapes, poses, n: np.ndarray) -> np.ndarray:
-    """Between two solids along directions from the second to the first."""
     return -reach(shapes[0], poses[0], -n) - reach(shapes[1], poses[1], n)
 
 

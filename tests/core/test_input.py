@@ -71,7 +71,6 @@ SLOW = {"sweep", "stability_map", "work_precision", "Mechanism.batch", "Result.s
 
 
 def public_calls():
-    """Functions and classes of the package, and methods of what they return, by name."""
     done = pg.simulate(BOTH, t_end=0.01, step=1e-3)
     found = {}
     for name in pg.__all__:
@@ -91,7 +90,6 @@ CALLS = public_calls()
 
 
 def called(call, arguments):
-    """The refusal of a call with these arguments by name, or None."""
     named = dict(arguments)
     only = [p for p in parameters(call) if p.kind is p.POSITIONAL_ONLY]
     first = [named.pop(p.name) for p in only if p.name in named]

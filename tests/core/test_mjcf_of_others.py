@@ -139,7 +139,6 @@ def test_models_are_equal_to_mujoco_and_the_same_out_and_in_again(package, tmp_p
 
 
 def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
-    """Collect the fields of all parts except shapes; a drag's box by its tensor."""
     found = {}
     for key in ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs"):
         for part in getattr(model, key):
@@ -152,7 +151,6 @@ def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
 
 
 def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
-    """List the fields in which two models differ, by part."""
     mine, other = said_of(one), said_of(two)
 
     def same(x: object, y: object) -> bool:

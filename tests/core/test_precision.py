@@ -45,13 +45,11 @@ def chain(n, seed, masses=None, shape=None, speed=1.0) -> State:
 
 
 def straight(n, seed) -> State:
-    """A planar chain stretched out: the worst posture for a mass matrix."""
     state = chain(n, seed, shape=lambda i: PLANAR)
     return state._replace(q=0 * state.q)
 
 
 def far(at):
-    """Body number `at` (from 0) hangs 1e4 m from its parent."""
     return lambda i: {"link": (1e4, -3e3, 2e3)} if i == at else {}
 
 

@@ -24,7 +24,6 @@ def built_in(name: str) -> pg.Mechanism:
 
 @pytest.fixture(scope="module")
 def study() -> pg.Study:
-    """A double pendulum, with a step at which semi-implicit Euler is bad."""
     return pg.work_precision(
         built_in("double_pendulum"),
         t_end=0.5,
@@ -75,7 +74,6 @@ def test_angles_between_rotations_and_norms_of_errors():
 
 
 def top_held_by_a_constraint() -> pg.Model:
-    """The fast top as a free body of which a point is held."""
     (top,) = heavy_top().bodies
     free = pg.Body(
         name="top", joint="free", mass=top.mass, com=top.com, inertia=top.inertia,
@@ -177,7 +175,6 @@ def test_errors_of_velocities_and_of_constraint_forces_can_be_chosen():
 
 
 def test_a_motion_that_is_impossible_is_refused_with_its_cause():
-    """Two constraints that hold the same point in two places."""
     model = pg.Model.serial(1).add(pg.Point(name="a", body="1", point=(1, 0, 0)))
     model = model.add(pg.Point(name="bad", body="1", point=(1, 0, 0), other_point=(3, 3, 3)))
     with pytest.raises(pg.InputError, match="'bad'"):

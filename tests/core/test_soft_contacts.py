@@ -19,7 +19,6 @@ SHAPES = {
 
 
 def drop(lower, upper, law, up="y", **options):
-    """One body falls onto the ground and another, a little beside it, onto that."""
     middle = "xyz".index(up)
     links = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.02]])
     links[:, middle] = 0.25, 0.6
@@ -65,7 +64,6 @@ def test_steps_that_do_not_resolve_a_contact_are_reported(law):
 
 
 def two_balls(m, r, v, apart, law="soft", **fields):
-    """A ball that flies at another one."""
     line = {"joint": "prismatic", "axes": ((1, 0, 0),), "shape": {"kind": "sphere", "radius": r}}
     one = pg.Body(name="a", mass=m[0], v=(v,), inertia=np.zeros((3, 3)), **line)
     two = pg.Body(name="b", mass=m[1], link=(apart, 0, 0), inertia=np.zeros((3, 3)), **line)
@@ -188,7 +186,6 @@ def fingers():
 
 
 def on_a_ball_joint():
-    """A plate on a ball joint that hits with one corner."""
     arm = pg.Body(
         name="arm", joint="prismatic", axes=(0, 0, 1), link=(0, 0, 0.2), mass=0.5, v=(-1,)
     )

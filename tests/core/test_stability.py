@@ -32,7 +32,6 @@ def one_cell(mech, q=None, **options):
 
 @pytest.fixture(scope="module")
 def stiff():
-    """A map of the stiff pendulum by all methods."""
     mech, q = stiff_pendulum(1e6)
     return pg.stability_map(mech, q, values=STIFFNESSES, steps=STEPS, t_end=1.0)
 

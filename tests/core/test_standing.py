@@ -13,7 +13,6 @@ G, SIDE = 9.81, 0.2
 
 
 def tower(masses, x=0.0, name="b", side=SIDE):
-    """Cubes on one another."""
     return [
         box(f"{name}{i}", (x, 0, side * (i + 0.5)), 3 * (side,), mass=m)
         for i, m in enumerate(masses)
@@ -101,7 +100,6 @@ def test_a_start_with_overlap_is_reported_and_saved(tmp_path):
 
 
 def test_the_order_of_bodies_does_not_matter():
-    """Two orders of one stack give the same motion, to the tolerance of the solver."""
     bodies = tower(6 * [1.0])
     turned = [bodies[k] for k in (3, 0, 5, 1, 4, 2)]
     one, other = run_of(bodies), run_of(turned)
@@ -120,7 +118,6 @@ def test_a_stack_that_falls_far_away_changes_no_bit():
 
 
 def gripper(friction, part, kind):
-    """An object of 0.5 kg between two pads, pressed by a part of the force that holds it."""
     length, mass = 0.05, 0.5
     shapes = {
         "box": {"kind": "box", "size": (length,) * 3},

@@ -13,7 +13,6 @@ BALL = {"kind": "sphere", "radius": 0.1}
 
 
 def gap(model, q, name):
-    """The gap of a contact in a configuration."""
     run = pg.simulate(model, q, t_end=1e-9, step=1e-9, frames=2, estimate=False)
     return run.contact_gap[name][0]
 
