@@ -194,10 +194,7 @@ WRONG = [  # columns, and the words that their message must hold: row, field, va
     ({**BALL, "q": [0.0]}, "columns, q: 4 1"),
     ({**BALL, "q": [0.0] * 4}, "row 1, q: quaternion"),
     ({"parent": [0], "gravity": (0, 0)}, "columns, gravity: [0.0, 0.0]"),
-    (
-        {"parent": [0, 1], "motion": ["ball", "rotate"], "motion_of": [2, 1]},
-        "columns, motion_of: 1 2",
-    ),
+    ({"parent": [0, 1], "motion": ["ball"] * 2, "motion_of": [2, 1]}, "columns, motion_of: 1 2"),
     ({"parent": [0], "names": ["a", "b"]}, "columns, names: 1 2"),
     ({"parent": [0, 1], "names": ["a", "a"]}, "row 2, name: 'a' row 1"),
     ({"parent": [0], "names": ["ground"]}, "row 1, name: 'ground'"),

@@ -5,6 +5,8 @@ import pytest
 
 import pgraph_core as pg
 
+from ..worlds import ball, on_ground
+
 
 def hinge(**fields):
     return pg.Model(bodies=(pg.Body(name="b", mass=1.0, com=(1, 0, 0), **fields),))
@@ -58,12 +60,8 @@ def test_a_motion_into_a_limit_names_both(options):
     [("complementarity", {}), ("soft", {}), ("penalty", {}), ("soft", {"rtol": 1e-8})],
 )
 def test_a_motion_into_the_ground_names_both(law, options):
-    ball = pg.Body(
-        name="b", joint="prismatic", axes=((0, 0, -1),), link=(0, 0, 0.6), mass=1.0,
-        inertia=np.zeros((3, 3)), shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    floor = pg.Contact(name="floor", body="b", law=law)
-    model = pg.Model(bodies=(ball,), contacts=(floor,), constraints=({"body": "b", **TO_TWO},))
+    driven = ball(place=(0, 0, 0.6), joint="prismatic", axes=(0, 0, -1))
+    model = on_ground(driven, law=law, model={"constraints": ({"body": "b", **TO_TWO},)})
     assert blamed(pg.simulate(model, t_end=1.0, **options), "floor", "b")
 
 

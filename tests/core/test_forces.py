@@ -78,14 +78,8 @@ LENGTH, MASS = 0.7, 2.0
 
 def arm(q_of_t, **kinds):
     """A point mass on a massless arm about y, along x at q = 0, whose angle is prescribed."""
-    body = pg.Body(
-        name="a",
-        axes=((0, 1, 0),),
-        mass=MASS,
-        com=(LENGTH, 0, 0),
-        inertia=np.zeros((3, 3)),
-        **kinds,
-    )
+    given = {"axes": (0, 1, 0), "mass": MASS, "com": (LENGTH, 0, 0), "inertia": np.zeros((3, 3))}
+    body = pg.Body(name="a", **given, **kinds)
     drive = pg.Constraint(name="drive", kind="motion", body="a", q_of_t=q_of_t)
     return pg.Mechanism(pg.Model(bodies=(body,), constraints=(drive,)))
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 
+from ..worlds import ball, built_in, on_ground
 from .test_cases import DOWN, mass
 
 
 def double_pendulum():
-    return pg.Model.load(pgraph_models.path("double_pendulum"))
+    return built_in("double_pendulum").model
 
 
 def tumbling():
@@ -85,9 +85,7 @@ def test_the_error_between_frames_is_estimated(model, method, frames):
 
 
 def test_an_impact_between_frames_is_in_the_error():
-    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), mass=1.0)
-    floor = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.8)
-    mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,)))
+    mech = pg.Mechanism(on_ground(ball(place=(0, 0, 0.6)), restitution=0.8))
     fine = pg.simulate(mech, t_end=0.6, method="dop853", frames=4001)
     done = pg.simulate(mech, t_end=0.6, method="dop853", frames=31)
     q, _, error = done.at(fine.t)

@@ -55,10 +55,7 @@ def test_towers_of_any_mass_ratio_stand(masses):
 
 
 def even_slide(half, high, mu, speed, spin, seconds):
-    """(x, y, angle) of a square box that slides and spins on its four corners.
-
-    They carry N = a + b x + c y, the normal forces of least norm that hold it level.
-    """
+    """(x, y, angle) of a box on four corners, which carry N = a + b x + c y, of least norm."""
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 
     def rates(_t, y):
@@ -205,20 +202,14 @@ def test_the_inertia_of_a_body_fixed_to_the_ground_does_not_matter():
     """A pendulum of 1 mm with a ball welded to it hits a wall."""
     size, inertia, ends = 1e-3, 1e-6 * np.diag((0.03, 0.02, 0.04)), []
     for of_wall in (1e-8, 1.0):
-        pendulum = pg.Body(
-            name="p", axes=(0, 1, 0), mass=2, com=(0.4 * size, 0, 0), inertia=inertia
-        )
-        ball = pg.Body(
-            name="b", joint="free", link=(0.5 * size, 0.1 * size, 0), mass=1, inertia=inertia,
-            shape={"kind": "sphere", "radius": 0.05 * size},
-        )  # fmt: skip
-        wall = pg.Body(
-            name="wall", joint="weld", link=(0.3 * size, 0, -0.45 * size),
-            inertia=of_wall * np.eye(3), shape={"kind": "box", "size": (2e-3, 2e-3, 2e-4)},
-        )  # fmt: skip
+        own = {"mass": 2, "com": (0.4 * size, 0, 0), "inertia": inertia}
+        pendulum = pg.Body(name="p", axes=(0, 1, 0), **own)
+        load = ball("b", (0.5 * size, 0.1 * size, 0), 0.05 * size, mass=1, inertia=inertia)
+        heavy = {"joint": "weld", "derived": (), "inertia": of_wall * np.eye(3)}
+        wall = box("wall", (0.3 * size, 0, -0.45 * size), (2e-3, 2e-3, 2e-4), **heavy)
         weld = pg.Weld(name="w", body="b", other="p", point=(0, 0, 0))
         hit = pg.Contact(name="c", body="b", other="wall", friction=0.3, restitution=0.4)
-        model = pg.Model(bodies=[pendulum, ball, wall], constraints=[weld], contacts=[hit])
+        model = pg.Model(bodies=[pendulum, load, wall], constraints=[weld], contacts=[hit])
         step = 1e-3 * size**0.5
         ends.append(pg.simulate(model, t_end=500 * step, step=step, estimate=False)["p"][-1])
     assert ends[0] == ends[1] == pytest.approx(0.6296, abs=1e-3)

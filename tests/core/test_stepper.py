@@ -8,7 +8,7 @@ import pytest
 
 import pgraph_core as pg
 
-from ..worlds import built_in
+from ..worlds import ball, box, built_in, on_ground
 
 
 def chain(joint="revolute"):
@@ -179,21 +179,15 @@ def test_a_step_fails_as_a_run_does():
 
 
 def test_notices_report_bodies_in_or_below_the_ground():
-    ball = pg.Body(name="ball", joint="free", mass=1.0, shape={"kind": "sphere", "radius": 0.1},
-                   q=(0, 0, 0.2, 1, 0, 0, 0))  # fmt: skip
-    air = pg.Scenario(name="air", contacts=())
-    touch = pg.Contact(name="touch", body="ball")
-    stepper = pg.Stepper(pg.Model(bodies=[ball], contacts=[touch], scenarios=[air]), scenario="air")
+    air = {"scenarios": [pg.Scenario(name="air", contacts=())]}
+    stepper = pg.Stepper(on_ground(ball("ball", (0, 0, 0.2)), model=air), scenario="air")
     assert stepper.notices == ()
     stepper.step(n=400)
     assert any("'ball'" in text and "ground" in text for text in stepper.notices)
-    box = {"kind": "box", "size": (0.2, 0.2, 0.2)}
-    low = pg.Body(name="box", joint="free", mass=1.0, shape=box, q=(0, 0, 0.07, 1, 0, 0, 0))
-    sole = pg.Contact(name="sole", body="box")
-    stepper = pg.Stepper(pg.Model(bodies=[low], contacts=[sole]))
+    stepper = pg.Stepper(on_ground(box(place=(0, 0, 0.07))))
     for advance in (lambda: stepper.step(n=3), lambda: stepper.record(5)):
         advance()
-        assert any("'sole'" in text for text in stepper.notices)
+        assert any("'floor'" in text for text in stepper.notices)
 
 
 def test_a_scenario_gives_step_and_method_where_the_call_does_not():
