@@ -47,10 +47,7 @@ def quadruped_state(model, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_four_feet_equal_the_dense_pseudo_inverse(quadruped, seed):
-    """One of the twelve rows depends on the others, wherever the body stands (R12).
-
-    Forces of rank 11 are known to rounding over the proximal term, 1e-16 / 1e-9.
-    """
+    """Rank 11 of twelve rows (R12): forces to rounding over the proximal term, 1e-16 / 1e-9."""
     q, v, tau = quadruped_state(quadruped, seed)
     vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
     op = operators_at(quadruped, q, v)
