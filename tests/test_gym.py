@@ -35,7 +35,6 @@ def test_it_stands_where_its_motors_hold_it():
 
 
 def test_one_that_falls_ends_and_starts_again_while_the_others_go_on():
-    """One pulls its legs in and to one side; the step after its end is its start."""
     env = many()
     env.reset(seed=0)
     action = np.zeros((3, 12))

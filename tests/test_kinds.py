@@ -78,28 +78,20 @@ def test_files_of_schema_1_may_name_fields_of_other_kinds():
     assert '"other": "ground"' in model.to_json().split('"constraints"')[1]
 
 
+OFF = {"name": "other", "active": False}
+RUN = {"constraints": ("tie",), "contacts": ("tie", "paw")}
+RUN["switches"] = [{"t": 1, "constraint": "tie", "active": False}]
+
+
 @pytest.fixture
 def model() -> pg.Model:
     """A part of each kind. A contact and a pin share a name, and so do a body and a contact."""
     return pg.Model(
         bodies=(pg.Body(name="arm", tip=(1, 0, 0)), pg.Body(name="paw", parent="arm")),
-        constraints=(
-            pg.Point(name="tie", body="paw"),
-            pg.Weld(name="other", body="arm", active=False),
-        ),
-        contacts=(
-            pg.Contact(name="tie", body="paw", points=[(0, 0, 0)]),
-            pg.Contact(name="paw", body="paw", points=[(0, 0, 0)]),
-        ),
+        constraints=(pg.Point(name="tie", body="paw"), pg.Weld(**OFF, body="arm")),
+        contacts=[pg.Contact(name=n, body="paw", points=[(0, 0, 0)]) for n in ("tie", "paw")],
         forces=(pg.Spring(name="spring", body="paw", stiffness=10, damping=1),),
-        scenarios=(
-            pg.Scenario(
-                name="run",
-                constraints=("tie",),
-                contacts=("tie", "paw"),
-                switches=[{"t": 1, "constraint": "tie", "active": False}],
-            ),
-        ),
+        scenarios=(pg.Scenario(name="run", **RUN),),
     )
 
 
@@ -267,7 +259,6 @@ def test_warnings_go_with_their_reason_and_are_notices_of_a_run():
 @pytest.mark.parametrize("point", [(1, 0, 0), (0, 2, 0), (0.5, 0, 0.5)])
 @pytest.mark.parametrize("other", [(0, 0, 0), (0, 3, 0), (1, 0, 1)])
 def test_a_spring_is_a_warning_where_it_has_no_torque(point, other):
-    """The warning against the kernel: the torque of the spring on the joint at four angles."""
     spring = pg.Spring(**SPRING, point=point, other_point=other, rest=0.2)
     model = pg.Model(bodies=[pg.Body(**ARM)], forces=[spring], gravity=(0, 0, 0))
     mech = pg.Mechanism(model)

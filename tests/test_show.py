@@ -103,7 +103,6 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(package, e
 
 @pytest.mark.parametrize("leaves", [False, True])
 def test_the_camera_of_an_animation_sees_the_whole_motion(server, leaves: bool):
-    """A pendulum swings to the other side, and a box is thrown far away."""
     box = pg.Shape(kind="box", size=(0.2, 0.2, 0.2))
     thrown = pg.Body(name="a", joint="free", v=(0, 3, 0, 4, 0, 2), link=(0, 0, 1), shape=box)
     swings = pg.Body(

@@ -14,7 +14,6 @@ OTHERS = ("composite", "operators")
 
 
 def known(mech, q):
-    """How closely the condition of M lets accelerations be known."""
     return ROUNDING + 1e-15 * (np.linalg.cond(mech.mass_matrix(q)) if mech.nv else 1.0)
 
 

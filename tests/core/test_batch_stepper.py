@@ -10,19 +10,17 @@ import pytest
 from numba import njit
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_core.batches.feet import FeetLanes
 from pgraph_core.batches.loops import LoopLanes
 from pgraph_core.batches.paths import Path
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 
+from ..worlds import ball as worlds_ball
+from ..worlds import built_in, on_ground
+
 SIZE = 5
 EULER = "semi_implicit_euler"
 WIDE = LANE_WIDTH + 2  # one full lane and a rest
-
-
-def built_in(name: str) -> pg.Model:
-    return pg.Model.load(pgraph_models.path(name))
 
 
 def pendulum() -> pg.Model:
@@ -35,7 +33,6 @@ def pendulum() -> pg.Model:
 
 
 def box(**contact) -> pg.Model:
-    """A box that falls flat on the ground, with a servo that turns a lid."""
     size = {"kind": "box", "size": (0.2, 0.2, 0.2)}
     sole = pg.Body(name="box", joint="free", mass=1.0, shape=size, q=(0, 0, 0.15, 1, 0, 0, 0))
     lid = pg.Body(name="lid", parent="box", link=(0, 0, 0.1), mass=0.1, com=(0.05, 0, 0))
@@ -45,14 +42,10 @@ def box(**contact) -> pg.Model:
 
 
 def ball(**contact) -> pg.Model:
-    """A ball of radius 0.1 m that falls from 0.3 m."""
-    body = pg.Body(name="ball", joint="free", mass=1.0, q=(0, 0, 0.3, 1, 0, 0, 0),
-                   shape={"kind": "sphere", "radius": 0.1})  # fmt: skip
-    return pg.Model(bodies=[body], contacts=[pg.Contact(name="floor", body="ball", **contact)])
+    return on_ground(worlds_ball("ball", (0, 0, 0), q=(0, 0, 0.3, 1, 0, 0, 0)), **contact)
 
 
 def tripod() -> pg.Model:
-    """A box on three legs with limited motors; feet are points and a ball."""
     box = {"kind": "box", "size": (0.3, 0.2, 0.1)}
     bodies = [pg.Body(name="trunk", joint="free", mass=3.0, inertia=np.diag([0.02, 0.03, 0.04]),
                       shape=box, q=(0, 0, 0.35, 1, 0, 0, 0))]  # fmt: skip
@@ -77,9 +70,7 @@ def alone(model: pg.Model, given: dict, i: int, **options) -> pg.Stepper:
 def equal_bits(model, size, act, given=None, again=None, lanes=None, forces=True, **options):
     """Drive batches and one Stepper per instance by `act`, and compare the bits of their states.
 
-    `act(stepper, pick)` takes the entry of an instance out of an array by `pick`. The batches
-    differ in their threads and in the order of their instances. Instance `again` is then reset
-    and all take 20 more steps.
+    `act(stepper, pick)` takes the entry of an instance out of an array by `pick`.
     """
     given = given or {}
     singles = [alone(model, given, i, **options) for i in range(size)]
@@ -139,7 +130,6 @@ def tumbling():
 
 
 def sunk():
-    """Feet that start inside the ground come out."""
     start = pg.Stepper(tripod())
     start.step(n=400)
     deeper = np.repeat([start.q], WIDE, axis=0)
@@ -149,7 +139,7 @@ def sunk():
 
 def walking(name):
     """Pushed walks, in other phases and with other gaits; some fall. Damped joints are stiff."""
-    model = built_in("quadruped" if name == "bound" else "quadruped_hips")
+    model = built_in("quadruped" if name == "bound" else "quadruped_hips").model
     for leg in ("left_radius", "right_tibia", "lumbar"):
         model = model.edit(leg, kind="body", damping=[0.02])
     gait = f"scenarios.{name}.gait"
@@ -166,7 +156,7 @@ def walking(name):
 
 def closed(name, scenario, path, span, method="rk4"):
     options = {"again": 2, "lanes": LoopLanes, "scenario": scenario, "method": method}
-    return built_in(name), WIDE, go(40, 10), {"given": {path: spread(*span, WIDE)}, **options}
+    return built_in(name).model, WIDE, go(40, 10), {"given": {path: spread(*span, WIDE)}, **options}
 
 
 def touching(law, method):
@@ -408,7 +398,7 @@ BATCHES = [  # (model, options of a batch of 2, what is named)
     (pendulum, {"tau": lambda t, q, v: -q}, "njit"),
     (pendulum, {"tau": [[1], [2], [3]]}, r"tau.*\(2, 1\)"),
 ]  # fmt: skip
-CALLS = [  # of a batch of 2 pendulums
+CALLS = [  # of a batch of 2 pendulums, and what is named
     (lambda b: b.step(np.zeros((2, 3))), r"tau.*\(2, 1\)"),
     *((lambda b, x=x: b.step(x), "finite|numbers")
       for x in (np.full((2, 1), 5j), np.ma.masked_all((2, 1)), [["1"]] * 2, [[True]] * 2)),
@@ -426,16 +416,12 @@ CALLS = [  # of a batch of 2 pendulums
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("model", "options", "match"), BATCHES)
-def test_bad_batches_are_refused(model, options, match):
+@pytest.mark.parametrize(("model", "given", "match"), BATCHES + [(pendulum, *x) for x in CALLS])
+def test_bad_batches_and_calls_are_refused(model, given, match):
+    call = given if callable(given) else lambda batch: batch
+    options = {} if callable(given) else given
     with pytest.raises(pg.InputError, match=match):
-        pg.BatchStepper(model(), **{"size": 2, **options})
-
-
-@pytest.mark.parametrize(("call", "match"), CALLS)
-def test_bad_calls_are_refused(call, match):
-    with pytest.raises(pg.InputError, match=match):
-        call(pg.BatchStepper(pendulum(), 2))
+        call(pg.BatchStepper(model(), **{"size": 2, **options}))
 
 
 @pytest.mark.parametrize(

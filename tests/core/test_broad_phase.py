@@ -19,7 +19,6 @@ def found(touch) -> set[tuple[int, int]]:
 
 
 def all_pairs(scene: Scene, margin: float) -> set[tuple[int, int]]:
-    """Pairs within the margin, each tested by itself."""
     pairs = list(itertools.combinations(range(len(scene.shapes)), 2))
     return {pair for pair, gap in zip(pairs, scene.gaps(pairs=pairs)) if gap <= margin}
 

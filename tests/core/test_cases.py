@@ -19,7 +19,6 @@ NONE = ((0.0,) * 3,) * 3
 
 
 def case(name):
-    """Times and reference of a case."""
     data = json.loads((pgraph_models.CASES / f"{name}.json").read_text(encoding="utf-8"))
     return np.array(data["t"]), data["reference"]
 
@@ -42,7 +41,6 @@ def rod(name, parent="ground", *, m=1.0, length=1.0, along=(1, 0, 0), link=(0, 0
 
 
 def run(model, t, q, v=None, *, step=1e-3, **options):
-    """The motion recorded at the times of the reference."""
     mech = pg.Mechanism(model)
     v = np.zeros(mech.nv) if v is None else v
     done = pg.simulate(mech, q, v, t_end=t[-1], t_eval=t, method="rk4", step=step, **options)
@@ -51,12 +49,10 @@ def run(model, t, q, v=None, *, step=1e-3, **options):
 
 
 def place(done, name, point):
-    """(n, 3) of a point of a body."""
     return np.array([x + R @ point for x, R in (done.mechanism.pose(q, name) for q in done.q)])
 
 
 def worst(found, expected):
-    """Largest difference."""
     return float(np.abs(np.asarray(found) - np.asarray(expected)).max())
 
 

@@ -32,7 +32,6 @@ def damper():
     ],
 )
 def test_auto_chooses_a_method_that_suits_and_gives_the_reason(make, options, method, why):
-    """The run reaches its end with a small error."""
     run = pg.simulate(make(), frames=11, **({"t_end": 0.2} | options))
     assert run.status.ok, run.message
     assert why in run.header["why"]
@@ -65,7 +64,6 @@ def excited(k):
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
-    """A rod of 1e8 N/m at a step fifty times too wide. A notice warned before."""
     mech, q = excited(1e8)
     run = pg.simulate(mech, q, t_end=1.0, method=method, step=5e-3)
     assert run.status is pg.Status.NOT_FINITE
@@ -77,7 +75,6 @@ def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
 
 
 def test_steps_too_wide_for_newtons_method_are_divided_with_a_notice():
-    """Steps of 2 s on a double pendulum that takes 1.5 s for a swing."""
     q = np.array([2.5, 1.0])
     run = pg.simulate(double_pendulum(), q, t_end=20.0, method="radau5", step=2.0)
     assert run.status.ok

@@ -9,7 +9,6 @@ from ..worlds import ball, box, on_ground
 
 
 def chain(limits=None, law=None):
-    """Four links, perhaps with limits, or with contacts with a wall 1 km away."""
     bodies = [
         pg.Body(
             name=f"a{k}", parent=f"a{k - 1}" if k else "ground", axes=((k % 2, 1 - k % 2, 0),),
@@ -38,7 +37,6 @@ WAYS = [
 
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_contacts_and_limits_out_of_reach_change_no_bit(way):
-    """Limits at 1000 rad, and contacts of each law 1 km away."""
     bare = pg.simulate(chain(), t_end=0.2, **way)
     for far in (chain(limits=(-1000, 1000)), *(chain(law=law) for law in LAWS)):
         run = pg.simulate(far, t_end=0.2, **way)

@@ -50,7 +50,6 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
 
 @pytest.mark.nightly
 def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
-    """A killed parent closes the pipe."""
     command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent"]
     environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
     child = subprocess.Popen(
@@ -63,7 +62,6 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
 
 
 def test_no_two_modules_have_a_kernel_of_one_name():
-    """They are kept by name, and compiled for the signature that stands with it."""
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 
     assert JIT
@@ -78,33 +76,30 @@ def test_no_two_modules_have_a_kernel_of_one_name():
 
 
 def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
-    """Its name counts as well: what is saved of a kernel names its module."""
-    here, there = tmp_path / "here" / "tree.py", tmp_path / "there" / "tree.py"
-    for file in (here, there):
-        file.parent.mkdir()
-        file.write_text("def advance(): ...")
-    assert jit.source_hash(here) != jit.source_hash(there)
-    tree, moving, contact = (tmp_path / name for name in ("tree.py", "moving.py", "contact.py"))
-    sizes = tmp_path / "rows" / "sizes.py"
-    sizes.parent.mkdir()
-    sizes.write_text("WIDTH = 3")
-    tree.write_text("from .rows import sizes as at\nfrom .moving import (\n    advance,\n)\n")
-    moving.write_text("def advance(): ...")
-    contact.write_text("GAP = 1")
-    modules = (tree, moving, contact)
+    """The name counts as well: what is saved of a kernel names its module."""
+    texts = {
+        "tree": "from .rows import sizes as at\nfrom .moving import (\n    advance,\n)\n",
+        "moving": "def advance(): ...",
+        "copied": "def advance(): ...",
+        "rows/sizes": "WIDTH = 3",
+    }
+    (tmp_path / "rows").mkdir()
 
-    def hashes():
+    def hashes(**edits):
+        for name, text in {**texts, **edits}.items():
+            (tmp_path / f"{name}.py").write_text(text)
         for kept in (jit.source_hash, jit._imported, jit._hash):
             kept.cache_clear()
-        return [jit.source_hash(module) for module in modules]
+        return [jit.source_hash(tmp_path / f"{name}.py") for name in ("tree", "moving", "copied")]
 
     first = hashes()
-    assert hashes() == first
-    sizes.write_text("WIDTH = 4")
-    assert [a == b for a, b in zip(first, hashes(), strict=True)] == [False, True, True]
-    sizes.write_text("WIDTH = 3")
-    moving.write_text("def advance(): return 1")
-    assert [a == b for a, b in zip(first, hashes(), strict=True)] == [False, False, True]
+    assert len({*first}) == 3
+    for edits, same in (
+        ({}, [True, True, True]),
+        ({"rows/sizes": "WIDTH = 4"}, [False, True, True]),
+        ({"moving": "def advance(): return 1"}, [False, False, True]),
+    ):
+        assert [a == b for a, b in zip(first, hashes(**edits), strict=True)] == same
 
 
 def test_a_kernel_depends_on_every_engine_module_that_python_loads_for_it():
@@ -153,7 +148,6 @@ def bits(**environment):
 
 @pytest.mark.nightly
 def test_a_generic_processor_gives_the_bits_of_this_one(tmp_path):
-    """Its kernels are compiled for it, into a cache of its own."""
     generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     assert bits(**generic, PGRAPH_CACHE=str(tmp_path)) == bits()
 

@@ -27,7 +27,6 @@ CURVES = (
 
 
 def case(kind, seed):
-    """A random tree in a random state, with one random constraint of a kind."""
     rng = np.random.default_rng(seed)
     kinds = SCALAR if kind in ("gear", "motion") else (*SCALAR, "spherical", "free")
     model = random_model(rng, 5, kinds, roots=2)

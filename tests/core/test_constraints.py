@@ -36,7 +36,6 @@ def rows_at(op):
 
 
 def quadruped_state(model, seed):
-    """A random state near the initial one, its velocities such that the feet stand."""
     rng = np.random.default_rng(seed)
     q, v = pg.Mechanism(model).home()
     q = moved(model, q, 0.2 * rng.normal(size=len(v)))
@@ -48,10 +47,7 @@ def quadruped_state(model, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_four_feet_equal_the_dense_pseudo_inverse(quadruped, seed):
-    """One of the twelve rows depends on the others, wherever the body stands (R12).
-
-    Forces of rank 11 are known to rounding over the proximal term, 1e-16 / 1e-9.
-    """
+    """Rank 11 of twelve rows (R12): forces to rounding over the proximal term, 1e-16 / 1e-9."""
     q, v, tau = quadruped_state(quadruped, seed)
     vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
     op = operators_at(quadruped, q, v)
@@ -70,7 +66,6 @@ def test_four_feet_equal_the_dense_pseudo_inverse(quadruped, seed):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_velocities_that_contradict_the_feet_give_a_compromise(quadruped, seed):
-    """The least-squares v', without unbounded forces."""
     q, _, tau = quadruped_state(quadruped, seed)
     v = np.random.default_rng(seed).normal(size=len(tau))
     vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
@@ -113,7 +108,6 @@ def test_forces_are_those_of_least_norm(quadruped):
 
 
 def with_random_constraints(s, rng):
-    """One to three points of a random model tied to other bodies or to the ground."""
     names = [*s.topology.names, "ground"]
     constraints = []
     for i in range(int(rng.integers(1, 4))):
@@ -181,7 +175,6 @@ def test_a_parallelogram_linkage_moves_as_its_closed_form(angle, speed):
 
 
 def test_omitted_points_and_inactive_constraints():
-    """A point left out stays where it is at home; an inactive constraint does nothing."""
     model = parallelogram()
     q, v = np.array([0.3, -0.3, 0.3]), np.array([1.0, -1.0, 1.0])
     implied = pg.Mechanism(model.edit("loop", other_point=None)).constrained_dynamics(q, v)[0]

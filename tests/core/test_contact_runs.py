@@ -34,7 +34,6 @@ def test_a_loop_and_a_contact_are_solved_together():
 
 
 def column(count: int) -> pg.Model:
-    """Balls on one another."""
     place = [(0, 0, 0.1 + 0.2 * i, 1, 0, 0, 0) for i in range(count)]
     return heaped(ball(f"b{i}", (0, 0, 0), q=q) for i, q in enumerate(place))
 
@@ -106,7 +105,6 @@ def test_a_box_under_a_constant_pull_is_not_stiff(pull):
 
 @pytest.mark.parametrize("away", [0.0, 1e5])
 def test_depth_does_not_grow_with_the_distance_from_the_origin(away):
-    """A dropped box lies at 1e-9 of its size, or at what its coordinates resolve."""
     q = (away, 0, 0, 1, 0, 0, 0)
     model = on_ground(box(place=(0, 0, 0.6), q=q))
     run = pg.simulate(model, t_end=1.0, step=1e-3, method="moreau_jean", frames=2)
@@ -153,7 +151,6 @@ def test_contacts_of_three_laws_carry_in_one_run():
 
 
 def test_the_quadruped_drops_and_stands():
-    """The ground carries its weight, only pushes, and stays within the cones."""
     mech, q, v = quadruped(0.7, drop=0.1)
     servos = [f.model_copy(update={"kp": 2000.0, "kd": 80.0}) for f in mech.model.forces]
     mech = pg.Mechanism(mech.model.replace(forces=servos))

@@ -9,7 +9,6 @@ import pgraph_core as pg
 @pytest.mark.parametrize("size", [1.0, 1e-2, 1e-4])
 @pytest.mark.parametrize(("share", "noticed"), [(1e-3, False), (0.2, True)])
 def test_a_deep_start_is_noticed_at_any_size(size, share, noticed):
-    """A box with points at its corners begins in the ground, by a share of its height."""
     half = size / 2
     body = pg.Body(
         name="b", joint="free", mass=1.0, inertia=size * size / 6 * np.eye(3),

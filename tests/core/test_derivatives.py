@@ -17,7 +17,6 @@ HINGES = ("revolute", "prismatic", "cylindrical", "universal", "planar")
 
 
 def moved(s, j0, h):
-    """q after a move by h along degree of freedom j0, at 50 digits."""
     q, i, j = exact(s.q).copy(), 0, 0
     for body in bodies_of(s.model, s.topology):
         for motion in body.sequence:
@@ -34,7 +33,6 @@ def moved(s, j0, h):
 
 
 def turned(quaternion, axis, angle):
-    """A quaternion turned about an axis of the parent."""
     w, u = quaternion[0], quaternion[1:]
     c, s = mp.cos(angle / 2), mp.sin(angle / 2)
     h = exact(np.eye(3)[axis])
@@ -89,7 +87,6 @@ def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
 
 
 def test_a_small_mechanism_keeps_its_digits():
-    """A mechanism of a micrometre."""
     size = 1e-6
     slider = pg.Body(name="a", joint="prismatic", axes=((1, 0, 0),), mass=1e-9)
     inertia = np.eye(3) * 1e-9 * size**2
@@ -105,7 +102,6 @@ def test_a_small_mechanism_keeps_its_digits():
 
 
 def test_a_long_chain_keeps_its_digits():
-    """M⁻¹ of 200 links compared with `forward_dynamics` under one torque each."""
     n = 200
     mech, rng = pg.Mechanism(pg.Model.serial(n)), np.random.default_rng(0)
     q, v = rng.normal(size=n), np.zeros(n)
@@ -119,7 +115,6 @@ def test_a_long_chain_keeps_its_digits():
 
 
 def test_mechanisms_do_not_share_derivatives():
-    """Each mechanism has its own workspace, also after edits."""
     first, v = pg.Mechanism(pg.Model.serial(5)), np.ones(5)
     before = first.forward_derivatives(v, v, v)
     heavy, sprung = first.edit("2", mass=50.0), first.edit("2", stiffness=(3.0,))

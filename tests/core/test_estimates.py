@@ -17,19 +17,16 @@ G = 9.81
 
 
 def slider(axis=(1, 0, 0), gravity=0.0, contacts=(), **fields) -> pg.Model:
-    """A body of 1 kg that slides along an axis."""
     body = pg.Body(name="a", joint="prismatic", axes=axis, inertia=np.zeros((3, 3)), **fields)
     return pg.Model(bodies=[body], gravity=(0, 0, -gravity), contacts=contacts)
 
 
 def pushed(knots, values, **fields) -> pg.Model:
-    """A slider under a motor whose force is a table."""
     table = pg.Table(t=list(knots), value=list(values))
     return slider(**fields).add(pg.Motor(name="m", body="a", torque=table))
 
 
 def ball(radius, height, gravity, e) -> pg.Model:
-    """A ball that falls from a height above hard ground."""
     floor = pg.Contact(name="floor", body="a", restitution=e, friction=0.0)
     shape = {"kind": "sphere", "radius": radius}
     return slider((0, 0, 1), gravity, (floor,), q=(radius + height,), shape=shape)
@@ -64,13 +61,10 @@ def ramp(late, width):
 
 
 def driven(knots, values):
-    """Motion of 1 kg from rest under a piecewise linear force."""
     return PPoly.from_spline(make_interp_spline(knots, values, k=1)).antiderivative(2)
 
 
 def falling(radius, e):
-    """A ball that falls from ten radii and stays or bounces once."""
-
     def known(t):
         after = np.maximum(t - np.sqrt(2), 0.0)
         rise = e * 10 * np.sqrt(2) * after - 5 * after**2 if e else 0 * after
@@ -80,7 +74,6 @@ def falling(radius, e):
 
 
 def last_bounces(radius, g, height, e, t_end, lively):
-    """A ball that has come to rest after bounces too slow to be located."""
     assert np.sqrt(2 * height / g) * (1 + e) / (1 - e) < t_end
     scene = ball(radius, height, g, e)
     if lively:
@@ -91,7 +84,6 @@ def last_bounces(radius, g, height, e, t_end, lively):
 
 
 def incline(v0, **options):
-    """A block thrown up an incline, which slides back: friction turns within a step."""
     slope, mu = 0.5, 0.3
     way = np.array([np.cos(slope), np.sin(slope)])
     up, down = G * (way[1] + mu * way[0]), G * (way[1] - mu * way[0])
@@ -127,7 +119,6 @@ def overdamped(stiffness, damping, q, v, **options):
 
 
 def penalty(**options):
-    """A ball on a contact spring without damping: free flight, then half a swing."""
     k, radius = 1e4, 0.1
     law = {"law": "penalty", "stiffness": k, "damping": 0.0, "friction": 0.0}
     floor = pg.Contact(name="c", body="a", **law)
@@ -146,8 +137,6 @@ def penalty(**options):
 
 
 def jump(when, method):
-    """A torque function that jumps within a step."""
-
     @njit
     def tau(t, q, v):
         return np.array([10.0 if t >= when else 0.0])
@@ -234,7 +223,6 @@ def test_the_estimate_is_the_difference_from_a_finer_run(what, q, v, options):
 
 
 def test_smooth_runs_are_estimated_within_a_factor_of_ten():
-    """Random trees by all methods, loose and tight: no estimate is far off."""
     choices = [
         {}, {"rtol": 1e-4}, {"rtol": 1e-10}, {"method": "dopri5", "rtol": 1e-6},
         *({"rtol": 1e-4, **ROS2}, {"rtol": 1e-6, **RADAU5}, {"step": 2e-3, **RK4}),
@@ -367,7 +355,6 @@ def test_a_pulse_of_a_torque_function_that_no_step_meets_is_reported():
     ],
 )
 def test_states_between_frames_have_their_error(frames):
-    """Uneven frames, and frames wider than a swing."""
     mech, options = model("pendulum"), {"t_end": 3.0, **frames}
     run = pg.simulate(mech, [0.5], **options)
     t = np.linspace(0.0, run.t[-1], 60)[1:-1]

@@ -5,13 +5,14 @@ import pytest
 
 import pgraph_core as pg
 
+from ..worlds import ball, on_ground
+
 
 def hinge(**fields):
     return pg.Model(bodies=(pg.Body(name="b", mass=1.0, com=(1, 0, 0), **fields),))
 
 
 def test_a_run_that_fails_at_its_start_keeps_its_first_frame():
-    """A hinge without inertia about its axis."""
     none = np.zeros((3, 3))
     point = pg.Body(name="b", mass=1.0, axes=((1, 0, 0),), com=(1, 0, 0), q=(0.3,), inertia=none)
     run = pg.simulate(pg.Model(bodies=(point,)), t_end=1.0)
@@ -40,7 +41,6 @@ TO_TWO = {"name": "drive", "kind": "motion", "q_of_t": LINE}
 
 
 def blamed(run, *names):
-    """Whether one notice of a run names the constraint and what it contradicts."""
     named = [f"'{name}'" for name in ("drive", *names)]
     return any(all(name in text for name in named) for text in (*run.notices, run.message))
 
@@ -60,18 +60,12 @@ def test_a_motion_into_a_limit_names_both(options):
     [("complementarity", {}), ("soft", {}), ("penalty", {}), ("soft", {"rtol": 1e-8})],
 )
 def test_a_motion_into_the_ground_names_both(law, options):
-    """A ball that is driven 2 m down from 0.5 m above the ground."""
-    ball = pg.Body(
-        name="b", joint="prismatic", axes=((0, 0, -1),), link=(0, 0, 0.6), mass=1.0,
-        inertia=np.zeros((3, 3)), shape={"kind": "sphere", "radius": 0.1},
-    )  # fmt: skip
-    floor = pg.Contact(name="floor", body="b", law=law)
-    model = pg.Model(bodies=(ball,), contacts=(floor,), constraints=({"body": "b", **TO_TWO},))
+    driven = ball(place=(0, 0, 0.6), joint="prismatic", axes=(0, 0, -1))
+    model = on_ground(driven, law=law, model={"constraints": ({"body": "b", **TO_TWO},)})
     assert blamed(pg.simulate(model, t_end=1.0, **options), "floor", "b")
 
 
 def test_limits_that_hold_are_not_noticed():
-    """A pendulum that swings against its limits, and a motion that stays within them."""
     body = pg.Body(name="b", mass=1.0, com=(1, 0, 0), axes=((0, 1, 0),), limits=((-0.5, 0.5),))
     drive = {"body": "b", **TO_TWO, "q_of_t": {"kind": "sine", "amplitude": 0.49}}
     for constraints in ((), (drive,)):

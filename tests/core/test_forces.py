@@ -14,7 +14,6 @@ ARM = {"body": "3", "point": (0.1, 0.2, 0.3)}
 
 
 def chain():
-    """Three links in space that swing from an angle."""
     kind = {"mass": 1, "com": (0.2, 0.1, 0.3), "inertia": 0.1 * np.eye(3)}
     link = {"link": (0.3, 0, 0.4), **kind}
     bodies = (
@@ -54,7 +53,6 @@ def test_the_ledger_closes_at_the_order_of_the_method(what):
 
 
 def test_the_ledger_closes_with_friction_and_dampers_of_joints():
-    """A wheel that turns one way, so that friction never sticks."""
     wheel = pg.Body(name="w", mass=1, inertia=0.5 * np.eye(3), friction=0.8, damping=0.1, v=9.0)
     run = pg.simulate(pg.Model(bodies=(wheel,)), t_end=1.0, method="rk4", step=1e-2)
     assert run.energy_drift < 1e-10
@@ -62,7 +60,6 @@ def test_the_ledger_closes_with_friction_and_dampers_of_joints():
 
 
 def test_the_ledger_closes_with_a_servo_at_its_limit():
-    """The torque has kinks, where no method keeps its order: 1e-6 at 1 ms."""
     servo = pg.Force(name="f", kind="servo", body="2", kp=90, kd=9, target=1.0, torque_limit=2.0)
     run = pg.simulate(chain().replace(forces=(servo,)), t_end=1.0, method="rk4", step=1e-3)
     assert run.energy_drift < 1e-6
@@ -81,14 +78,8 @@ LENGTH, MASS = 0.7, 2.0
 
 def arm(q_of_t, **kinds):
     """A point mass on a massless arm about y, along x at q = 0, whose angle is prescribed."""
-    body = pg.Body(
-        name="a",
-        axes=((0, 1, 0),),
-        mass=MASS,
-        com=(LENGTH, 0, 0),
-        inertia=np.zeros((3, 3)),
-        **kinds,
-    )
+    given = {"axes": (0, 1, 0), "mass": MASS, "com": (LENGTH, 0, 0), "inertia": np.zeros((3, 3))}
+    body = pg.Body(name="a", **given, **kinds)
     drive = pg.Constraint(name="drive", kind="motion", body="a", q_of_t=q_of_t)
     return pg.Mechanism(pg.Model(bodies=(body,), constraints=(drive,)))
 

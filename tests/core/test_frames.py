@@ -20,7 +20,6 @@ KINDS = ("free", "spherical", "revolute", "compound", "prismatic", "revolute", "
 
 
 def nested(kinds=KINDS, seed=0):
-    """A tree with a separation body inside the branch of another, and every kind of motion."""
     rng = np.random.default_rng(seed)
     rows = enumerate(zip([f"b{p}" if p else "ground" for p in NESTED], kinds), start=1)
     bodies = [random_body(rng, f"b{i}", parent, kind) for i, (parent, kind) in rows]
@@ -28,7 +27,6 @@ def nested(kinds=KINDS, seed=0):
 
 
 def worst(frames, model, q):
-    """Largest difference from the absolute form: all frame vectors, origins [m], rotations."""
     position, rotation = absolute(model, frames.topology, q)
     made = frame_vectors(model, q)
     found = (frames.vectors, frames.position, frames.rotation)

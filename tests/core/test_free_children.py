@@ -10,7 +10,6 @@ BOX = {"kind": "box", "size": (0.2, 0.3, 0.4)}
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_box_falls_beside_the_body_that_it_names_as_parent(friction):
-    """A free child of a spinning body bounces on the ground like a body without a parent."""
     spun = pg.Body(
         name="a", joint="free", mass=1, inertia=np.diag((1.0, 2.0, 3.0)), q=(0, 0, 5, 1, 0, 0, 0)
     )

@@ -42,11 +42,7 @@ def test_rolling_friction_slows_a_ball(up):
 def test_spinning_friction_slows_a_ball():
     """ω' = -σ m g / I about the normal, and nothing else moves."""
     sigma = 1e-3
-    result = run(
-        ball(place=(0, 0, 0), q=(0, 0, R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0)),
-        1.0,
-        spinning_friction=sigma,
-    )
+    result = run(ball(v=(0, 0, 10, 0, 0, 0)), 1.0, spinning_friction=sigma)
     assert result.v[-1, 2] == pytest.approx(10 - sigma * G / (0.4 * R * R), rel=1e-9)
     assert abs(result.v[-1, [0, 1, 3, 4, 5]]).max() < 1e-12
     torque = result.contact_force["c"][-1, 2]
@@ -59,9 +55,7 @@ def test_a_ball_stays_on_a_slope_below_the_angle_of_rolling_friction(part, rolls
     rho = 0.01
     slope = math.atan(part * rho / R)
     normal = np.array((-math.sin(slope), 0, math.cos(slope)))
-    result = run(
-        ball(place=(0, 0, 0), q=(*(R * normal), 1, 0, 0, 0)), 1.0, slope=slope, rolling_friction=rho
-    )
+    result = run(ball(place=R * normal), 1.0, slope=slope, rolling_friction=rho)
     assert (abs(result.v[-1, 3]) > 1e-4) == rolls
 
 

@@ -27,7 +27,6 @@ mechanism = cache(built_in)
 
 @cache
 def walked(name: str, scenario: str, t_end: float = 3.0, **options) -> pg.Result:
-    """A walk with frames every 1 ms."""
     frames = round(1000 * t_end) + 1
     given = {"t_end": t_end, "frames": frames, "estimate": False, **options}
     return pg.simulate(mechanism(name), scenario=scenario, **given)
@@ -46,7 +45,6 @@ def slips(run: pg.Result, foot: str) -> list[float]:
 
 
 def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
-    """Times at which a foot ends a swing of more than 50 ms."""
     found, left = [], -1.0
     for event in (e for e in run.events if e.contact == foot):
         if event.after == "swing":
@@ -65,7 +63,6 @@ LONG.append(("quadruped_hips", "gallop", 1.2, 30.0))
     [(*walk, 3.0) for walk in WALKS] + [pytest.param(*x, marks=pytest.mark.nightly) for x in LONG],
 )
 def test_a_walk_keeps_its_speed_and_limits(name, scenario, speed, seconds):
-    """Speed, heading, torque limits, slips, and touchdowns per stride."""
     run = walked(name, scenario, seconds)
     assert run.status.ok
     assert not run.notices
@@ -117,7 +114,6 @@ def test_time_stepping_and_events_agree_to_the_order_of_the_step():
 
 
 def test_the_pose_to_start_from_stands_on_its_feet():
-    """Legs' inverse kinematics against the mechanism's own poses."""
     for name in ("quadruped", "quadruped_hips"):
         mech = mechanism(name)
         walk = pg.Controller(mech, pg.gaits()["trot"])
@@ -157,7 +153,6 @@ def test_a_fall_is_reported_and_the_run_goes_on():
 
 
 def lying(name: str, scenario: str, degrees: float, seconds: float) -> pg.Result:
-    """A walk that begins on its side, a little above the ground."""
     mech = mechanism(name)
     q, v = pg.Controller(mech, mech.model.scenario(scenario).gait).start()
     half = np.radians(degrees) / 2

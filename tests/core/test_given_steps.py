@@ -12,7 +12,6 @@ pytestmark = pytest.mark.quick
 
 
 def driven(apart, *, kind="servo"):
-    """A pendulum whose target, or torque, is a table with a knot every `apart` s."""
     t = np.arange(0.0, 0.3 + apart / 2, apart)
     table = pg.Table(t=tuple(t.tolist()), value=tuple((0.4 * np.sin(12 * t)).tolist()))
     fields = {"kp": 200.0, "kd": 2.0, "target": table} if kind == "servo" else {"torque": table}
@@ -103,7 +102,6 @@ def test_steps_that_are_divided_follow_the_motion(frames):
 
 
 def spun(spin, joint, com, **options):
-    """A body without loads, out of reach of a floor, that turns at `spin` [rad/s] at first."""
     speed = (*spin, 0.0, 0.0, 0.0) if joint == "free" else tuple(spin)
     given = {"joint": joint, "mass": 2.0, "com": com, "inertia": np.diag((1.0, 2.0, 2.5))}
     model = on_ground(ball(place=(0, 0, 1e9), v=speed, **given), model={"gravity": (0, 0, 0)})

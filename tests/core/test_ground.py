@@ -19,7 +19,6 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def lowest(scene: Scene, normal: np.ndarray) -> float:
-    """Height of the lowest point by the support function."""
     shape, place = scene.shapes[0], scene.poses[0]
     if shape.kind == CYLINDER:
         tilt = place[3:].reshape(3, 3)[:, 2] @ normal

@@ -141,7 +141,6 @@ L = np.array(((0, 0), (1, 0), (1, 0.2), (0.2, 0.2), (0.2, 1), (0, 1)))
 
 
 def an_l(path) -> str:
-    """A mesh file: an L of two arms, each 1 m long and 0.2 m wide."""
     corners = np.concatenate([np.column_stack((L, np.full(6, z))) for z in (-0.3, 0.3)])
     faces = [(0, k + 1, k) for k in range(1, 5)] + [(6, 6 + k, 7 + k) for k in range(1, 5)]
     for k in range(6):
@@ -154,7 +153,6 @@ def an_l(path) -> str:
 
 
 def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
-    """Inside of the mesh's convex hull."""
     pytest.importorskip("coacd")
     shape = {"kind": "mesh", "file": an_l(tmp_path / "l.obj"), "hull": "parts"}
     corner = pg.Body(name="l", joint="weld", mass=1, inertia=np.eye(3), shape=shape)

@@ -33,7 +33,6 @@ def test_scenes_depend_on_seed_and_number_only():
 
 
 def test_the_judge_finds_a_wrong_closed_form():
-    """A closed form that is off by a thousandth makes every run of it wrong."""
     scene = FAMILIES["pendulum"](np.random.default_rng(3))
     known = scene.known
     assert known is not None

@@ -21,14 +21,12 @@ QUIET = {"frames": 2, "estimate": False}
 
 
 def hit(mech, q, v, way):
-    """Velocities right after the impact of a state."""
     run = pg.simulate(mech, q, v, t_end=INSTANT, **QUIET, **WAYS[way])
     assert run.status.ok, run.message
     return run.v[-1]
 
 
 def scene(bodies, point=(0.0, 0.0, 0.0), **law):
-    """A mechanism whose last body touches the ground z = 0 with a point, in its home state."""
     tip = pg.Contact(name="tip", body=bodies[-1].name, points=(point,), **law)
     model = pg.Model(bodies=bodies, contacts=(tip,), gravity=(0, 0, 0))
     mech = pg.Mechanism(model)
@@ -52,7 +50,6 @@ def legs(rng, **law):
 
 
 def planar(rng, **law):
-    """No motion across the x-z plane."""
     motions = ("translate", (1, 0, 0)), ("translate", (0, 0, 1)), ("rotate", (0, 1, 0))
     return scene(
         [pg.Body(name="b", joint="compound", motions=motions, inertia=0.1 * np.eye(3))],
@@ -61,7 +58,6 @@ def planar(rng, **law):
 
 
 def uneven(rng, **law):
-    """A free body with inertias of 1e-3 to 1 kg m²."""
     inertia = np.diag((0.5, 0.5, 10 ** rng.uniform(-3, 0)))
     return scene([pg.Body(name="b", joint="free", inertia=inertia)], rng.normal(size=3), **law)
 
@@ -307,7 +303,6 @@ def test_a_plank_that_tips_over_lies_flat_on_a_thin_slab():
 
 
 def rebounds(masses, x, u, width, e, t_end):
-    """Places and velocities of balls on a line after impacts one by one."""
     t, x, u = 0.0, x.copy(), u.copy()
     while True:
         closing = u[:-1] - u[1:]
@@ -345,7 +340,6 @@ def test_a_chain_of_balls_hits_in_turn(count, e):
 
 
 def test_an_impact_in_the_last_step_happens():
-    """A ball hits the floor a fifth of a step before the end."""
     fall = np.sqrt(2 / G)
     end = fall + 2e-4
     model = on_ground(ball(place=(0, 0, 1.1)), restitution=0.5)

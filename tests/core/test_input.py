@@ -71,7 +71,6 @@ SLOW = {"sweep", "stability_map", "work_precision", "Mechanism.batch", "Result.s
 
 
 def public_calls():
-    """Functions and classes of the package, and methods of what they return, by name."""
     done = pg.simulate(BOTH, t_end=0.01, step=1e-3)
     found = {}
     for name in pg.__all__:
@@ -91,7 +90,6 @@ CALLS = public_calls()
 
 
 def called(call, arguments):
-    """The refusal of a call with these arguments by name, or None."""
     named = dict(arguments)
     only = [p for p in parameters(call) if p.kind is p.POSITIONAL_ONLY]
     first = [named.pop(p.name) for p in only if p.name in named]
@@ -107,7 +105,10 @@ def parameters(call):
     return [p for p in taken if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
 
 
-def refuse_wrong(name, share):
+@pytest.mark.parametrize("share", [3, pytest.param(1, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("name", CALLS)
+def test_a_wrong_argument_never_ends_in_an_error_of_python_s(name, share, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     call = CALLS[name]
     taken = parameters(call)
     base = {p.name: RIGHT.get(p.name, "zz") for p in taken if p.default is p.empty}
@@ -118,12 +119,6 @@ def refuse_wrong(name, share):
             called(call, {**base, p.name: value})
     with pytest.raises(pg.PgraphError):
         call(*range(30))
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_a_wrong_argument_never_ends_in_an_error_of_python_s(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    refuse_wrong(name, 3)
 
 
 NAMED = [x for x in CALLS if x.startswith(("Mechanism.", "simulate")) and "at_tips" not in x]
@@ -153,10 +148,3 @@ def test_a_state_of_the_wrong_size_or_type_is_refused(name):
         for value, facts in STATES if "other" not in base else ():
             text = str(called(CALLS[name], {**base, field: value}))
             assert [fact for fact in (field, *facts) if fact not in text] == [], text
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", CALLS)
-def test_every_wrong_argument_never_ends_in_an_error_of_python_s(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    refuse_wrong(name, 1)

@@ -18,7 +18,6 @@ NAMES += ["rolling_disc", "skate", "geared"]
 
 
 def geared() -> pg.Model:
-    """Two fingers that a gear keeps together; each carries a hinge."""
     hinge = {"axes": (0, 1, 0), "com": (0.1, 0, 0.05), "inertia": 0.01 * np.eye(3)}
     bodies = []
     for name, x in (("left", -0.1), ("right", 0.1)):

@@ -14,18 +14,15 @@ HALF, WHOLE = 0.12, 0.25
 
 
 def swinging() -> pg.Model:
-    """Two rods, driven by a torque table whose knots are not at ends of steps."""
     drive = pg.Table(t=(0.0, 0.07, 0.2), value=(0.0, 3.0, -2.0))
     return pg.Model.serial(2).replace(forces=(pg.Motor(name="drive", body="1", torque=drive),))
 
 
 def bouncing() -> pg.Model:
-    """A ball that meets the ground before the run is cut, and again after it."""
     return on_ground(ball(place=(0, 0, 0.06), radius=0.05), restitution=0.8)
 
 
 def halves(model: pg.Model, **settings) -> tuple[pg.Result, pg.Result, pg.Result]:
-    """Two runs, of which the second begins where the first ended, and both joined."""
     first = pg.simulate(model, t_end=HALF, **settings)
     state = first.q[-1], first.v[-1]
     second = pg.simulate(model, *state, t_start=HALF, t_end=WHOLE, **settings)

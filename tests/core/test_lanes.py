@@ -11,7 +11,6 @@ pytestmark = pytest.mark.quick
 
 
 def states(mech, size, seed=0):
-    """Random states and torques of `size` instances."""
     rng = np.random.default_rng(seed)
     q, _ = mech.home()
     qs = np.repeat(q[None], size, axis=0) + 0.3 * rng.normal(size=(size, mech.nq))
@@ -46,7 +45,6 @@ def balls():
 
 
 def loaded():
-    """A chain with all kinds of loads, a motor by a table, and a ball joint."""
     wind = pg.VectorTable(t=(0.0, 0.02, 0.05), value=((0, 0, 0), (3, 2, 1), (-4, 0, 2)))
     where = {"body": "4", "other": "1"}
     loads = (

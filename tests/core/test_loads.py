@@ -56,7 +56,6 @@ def test_torsion_springs_measure_hinges_and_springs_are_relaxed_at_home():
 
 @pytest.mark.parametrize("which", range(6))
 def test_the_first_acceleration_of_a_run_is_that_of_the_dense_load(which):
-    """At two times of the table; and the energy ledger closes along the run."""
     s = random_case(9)
     force = forces(s)[which]
     model = s.model.replace(forces=(force,))
@@ -117,7 +116,6 @@ def test_slopes_of_a_spring_are_good_to_1e_11(length):
 
 @pytest.mark.parametrize("seed", [8, 10])
 def test_joint_forces_of_a_run_balance_with_its_loads(seed, tmp_path):
-    """Also of a run loaded from its file."""
     s = random_case(seed)
     model = s.model.replace(constraints=(), forces=forces(s))
     run = pg.simulate(pg.Mechanism(model), s.q, 0.2 * s.v, t_end=2e-3, step=1e-3, method="rk4")

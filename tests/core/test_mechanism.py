@@ -20,7 +20,6 @@ ROUNDING = 1e-12  # relative: sums over at most 12 bodies
 
 
 def both(seed, **options):
-    """A random state, the mechanism and the operators of it."""
     s = random_case(seed, **options)
     return s, pg.Mechanism(s.model), Operators(s.model, s.topology, s.q, s.v)
 

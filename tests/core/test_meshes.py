@@ -128,7 +128,6 @@ def test_hulls_are_closed_and_convex(points, tolerance, slack):
 
 
 def open_box(folder: Path) -> Path:
-    """A box of which one facet lacks."""
     box = trimesh.creation.box((1, 1, 1))
     box.update_faces(np.arange(12) != 3)
     box.export(folder / "open.stl")

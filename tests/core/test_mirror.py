@@ -12,7 +12,6 @@ PLANES = ("x", "y", "z")
 
 
 def image(model: pg.Model, plane) -> pg.Model:
-    """The mirror image alone, its rows in the same order, under reflected gravity."""
     root = model.bodies[0].name
     both = model.mirror(root, plane=plane)
     alone = both.remove(root, children="delete")
@@ -20,7 +19,6 @@ def image(model: pg.Model, plane) -> pg.Model:
 
 
 def reflected(model: pg.Model, mech: pg.Mechanism, field: str, x, plane) -> np.ndarray:
-    """q or v of all bodies in the mirror image."""
     mirror, found, start = Mirror(PLANES.index(plane)), [], 0
     for name in mech.names:
         body = model.body(name)

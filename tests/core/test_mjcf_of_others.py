@@ -30,10 +30,7 @@ def loaded_by_mujoco(path: Path):
 
 
 def start_of(mech: pg.Mechanism, m, rng, given=None):
-    """(q, v, qpos, qvel, T) a state in both programs' coordinates: qvel = T v, by place.
-
-    qpos is the one given, else random.
-    """
+    """(q, v, qpos, qvel, T) a state in both programs' coordinates: qvel = T v, by place."""
     qpos, T = (m.qpos0 if given is None else given).copy(), np.zeros((m.nv, mech.nv))
     q, v = mech.home()[0], rng.normal(0, 1, mech.nv)
     names = [mech.model.bodies[k].name for k in range(len(mech.model.bodies))]
@@ -82,14 +79,12 @@ def errors_of(model: pg.Model, m, rng, ctrl=0.0) -> dict[str, float]:
     mujoco.mj_forward(m, data)
     M = np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, data, M)
+    bias, size = T.T @ data.qfrc_bias, np.abs(M).max(initial=0.0)
     errors = {
         "M": largest_error(mech.mass_matrix(q), T.T @ M @ T),
-        "bias": largest_error(
-            mech.bias_force(q, v), T.T @ data.qfrc_bias, np.abs(M).max(initial=0.0)
-        ),
+        "bias": largest_error(mech.bias_force(q, v), bias, size),
     }
-    forces = mech.model.forces
-    packed = mech.packed
+    forces, packed = mech.model.forces, mech.packed
     scene = Scene(packed, packed.drives(forces), packed.loads(forces), NO_CONSTRAINTS)
     tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
     motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
@@ -139,7 +134,6 @@ def test_models_are_equal_to_mujoco_and_the_same_out_and_in_again(package, tmp_p
 
 
 def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
-    """Collect the fields of all parts except shapes; a drag's box by its tensor."""
     found = {}
     for key in ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs"):
         for part in getattr(model, key):
@@ -152,7 +146,6 @@ def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
 
 
 def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
-    """List the fields in which two models differ, by part."""
     mine, other = said_of(one), said_of(two)
 
     def same(x: object, y: object) -> bool:

@@ -22,7 +22,6 @@ def like(part, **changes):
 
 
 def windows(n):
-    """n parallelograms in a row, of rods of 1 m."""
     model = pg.Model.load(pgraph_models.path("four_bar"))
     crank, coupler, _ = model.bodies
     bodies, loops = [like(crank, name="crank 0")], []
@@ -61,7 +60,6 @@ def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
 
 @pytest.mark.parametrize("name", ["slider_crank", "bricard", "quadruped", "andrews"])
 def test_the_rank_is_that_of_the_dense_rows(name):
-    """Against the singular values of all rows."""
     mech = mechanism(name)
     q, v = mech.home()
     q, v, _ = mech.assemble(q + 0.05 * (np.abs(q) < 0.4), v)

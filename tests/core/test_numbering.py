@@ -16,7 +16,6 @@ SAME = 1e-12  # relative: sums over at most 12 bodies, in another order
 
 
 def pair(seed):
-    """A random forest of all joints, its mechanism, and that of its rows in another order."""
     s = random_case(seed)
     other = shuffled(np.random.default_rng(seed), s.model)
     return s, pg.Mechanism(s.model), pg.Mechanism(other)
@@ -52,7 +51,6 @@ def test_joint_space_quantities_are_permuted(seed):
 @given(seeds)
 @settings(max_examples=20)
 def test_bodies_move_and_press_alike(seed):
-    """Poses, velocities, accelerations, full joint forces; energy, momentum, Jacobians."""
     s, one, other = pair(seed)
     i, j = order(one, other, "q"), order(one, other, "v")
     body = [one.names.index(name) for name in other.names]

@@ -18,13 +18,11 @@ ROUNDING = 1e-12  # relative: sums over paths of at most 12 bodies
 
 
 def random_operators(seed, **options):
-    """A random state and all operators of it."""
     s = random_case(seed, **options)
     return s, Operators(s.model, s.topology, s.q, s.v)
 
 
 def pattern(matrix):
-    """Which 6x6 blocks of a block matrix are there."""
     nb = matrix.shape[0] // 6
     return abs(matrix.toarray()).reshape(nb, 6, nb, 6).sum(axis=(1, 3)) > 0
 
@@ -119,7 +117,6 @@ def test_inverse_dynamics_is_linear_in_the_acceleration(seed):
 
 
 def test_root_force_carries_the_weight_of_a_body_at_rest():
-    """A welded body of 2 kg (R7)."""
     body = pg.Body(name="a", dof=0, mass=2.0, com=(0.3, 0, 0))
     model = pg.Model(bodies=(body,))
     op = Operators(model, pg.Topology.of(model), np.zeros(0))

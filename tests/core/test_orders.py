@@ -34,7 +34,6 @@ def assert_order(order, model, method, counts, t_end, reference=None, **options)
 
 
 def tumbling_body():
-    """A free body that turns about its middle axis, which is not stable."""
     body = pg.Body(
         name="tumbling", joint="free", mass=2.0, com=(0.1, -0.05, 0.2),
         inertia=np.diag([0.1, 0.2, 0.25]), v=(0.3, 5.0, 0.2, 1.0, 0.5, -0.3),
@@ -43,7 +42,6 @@ def tumbling_body():
 
 
 def heavy_top():
-    """A fast top on a ball joint."""
     top = pg.Body(
         name="top", joint="spherical", mass=1.0, com=(0, 0, 0.2), v=(0.2, 1.0, 15.0),
         inertia=np.diag([0.02, 0.02, 0.03]), q=(np.cos(0.2), np.sin(0.2), 0, 0),
@@ -52,7 +50,6 @@ def heavy_top():
 
 
 def mixed_tree():
-    """A forest with ball, free and compound joints, in motion."""
     s = random_case(5, most=6)
     return with_joints(s, q=s.q, v=0.3 * s.v)
 

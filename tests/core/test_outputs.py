@@ -31,7 +31,6 @@ def arm():
 
 
 def loaded():
-    """The arm with a spring, a wrench, a loop and a contact."""
     forces = [
         pg.Spring(name="spring", body="tool", other_point=(0, 1, 1), stiffness=40.0, damping=1.0),
         pg.Wrench(name="push", body="lower", point=(0.1, 0, 0), force=(1, 2, 3)),

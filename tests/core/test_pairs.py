@@ -30,7 +30,6 @@ def scene_of(seed: int, kinds: tuple[str, str], *, square: bool = False) -> Scen
 
 
 def true_gap(scene: Scene) -> float:
-    """By the oracle."""
     a, b = scene.shapes
     return signed_distance(scene.placed(0), scene.placed(1)) - rounded(a) - rounded(b)
 
@@ -82,7 +81,6 @@ def test_points_have_the_gap_of_the_nearest_of_them():
 
 
 def check(scene: Scene, touch: Touch) -> None:
-    """Check the laws of all contact points."""
     assert 1 <= len(touch.gap) <= 8
     np.testing.assert_allclose(np.linalg.norm(touch.normal, axis=1), 1, atol=ROUNDING)
     along = ((touch.a - touch.b) * touch.normal).sum(axis=1)

@@ -28,20 +28,17 @@ def reference(name):
 
 
 def run(model, **options):
-    """An event-driven run that reached its end."""
     done = pg.simulate(model, **options)
     assert done.status.ok, done.message
     return done
 
 
 def touching(body, *, points=((0.0, 0.0, 0.0),), ground=None, **contact):
-    """A model of one body with one contact, called floor."""
     floor = pg.Contact(name="floor", body=body.name, points=points, **contact)
     return pg.Model(bodies=(body,), contacts=(floor,), **({"ground": ground} if ground else {}))
 
 
 def falling(height):
-    """A point of 1 kg on a vertical rail."""
     return pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), q=(height,))
 
 
@@ -108,7 +105,6 @@ def test_restitution_that_would_raise_the_energy_is_left_out_and_reported():
 
 @pytest.mark.parametrize("start", [0.6, 0.1001, 0.1])
 def test_the_first_impact_without_restitution_is_an_event(start):
-    """A ball thrown down from afar, from near by, and where it touches."""
     thrown = ball(joint="prismatic", axes=((0, 0, 1),), place=(0, 0, 0), q=(start,), v=(-1.0,))
     (hit,) = run(on_ground(thrown, restitution=0.0), t_end=0.5, rtol=1e-9).events
     exact = (np.sqrt(1 + 2 * G * (start - 0.1)) - 1) / G
@@ -175,7 +171,6 @@ def test_a_joint_goes_to_and_fro_between_elastic_limits(options):
 
 
 def block(slope=0.0, speed=0.0):
-    """A box on a plane that rises along x by `slope`."""
     normal = np.array([-np.sin(slope), 0.0, np.cos(slope)])
     q = (*(0.05 * normal), np.cos(slope / 2), 0.0, -np.sin(slope / 2), 0.0)
     body = box(place=(0, 0, 0), size=(0.2, 0.2, 0.1), q=q, v=(0, 0, 0, speed, 0, 0))
@@ -226,7 +221,6 @@ def test_a_slide_across_a_slope_keeps_the_order_and_the_tolerance_of_the_method(
 
 
 def leaning_rod(lean, mu):
-    """A rod that stands on its tip in the plane, leaning along +x."""
     rod = pg.Body(
         name="rod", joint="planar", axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)),
         inertia=np.diag((1 / 12, 1 / 12, 0)), q=(0.5 * np.sin(lean), 0.5 * np.cos(lean), lean),
@@ -276,7 +270,6 @@ def test_painleves_rod_is_reported_and_survived(mu, degrees, spin, way):
 
 
 def quadruped(mu, *, drop=0.0, scenario="stand", damping=1.6):
-    """The quadruped on contacts in place of its constraints, moved by its servos."""
     base = pg.Model.load(pgraph_models.path("quadruped"))
     contacts = tuple(
         pg.Contact(name=c.body, body=c.body, points=(c.point,), friction=mu)
@@ -295,7 +288,6 @@ def quadruped(mu, *, drop=0.0, scenario="stand", damping=1.6):
     "t_end", [2.5, pytest.param(60.0, marks=pytest.mark.nightly)], ids=["short", "minute"]
 )
 def test_the_quadruped_drops_on_its_four_feet_and_stands(t_end):
-    """Four impacts, weight acceptance and stance, then the ground carries its weight."""
     mech, q, v = quadruped(0.6, drop=0.1)
     done = run(mech, q=q, v=v, t_end=t_end, estimate=False, **WAYS["rk4"])
     first = {name: next(e for e in done.events if e.contact == name) for name in FEET}

@@ -18,7 +18,6 @@ COPIES["copy"] = copy.copy
 
 
 def used(name: str) -> pg.Mechanism:
-    """A mechanism of which everything has been asked once."""
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     q, v = mech.home()
     mech.constrained_dynamics(q, v)
@@ -30,7 +29,6 @@ def used(name: str) -> pg.Mechanism:
 
 
 def answers(mech: pg.Mechanism) -> list[Any]:
-    """Numbers of every kind that a mechanism gives."""
     q, v = mech.home()
     v = v + 0.1
     vdot, forces = mech.constrained_dynamics(q, v)
@@ -76,7 +74,6 @@ def test_mechanisms_runs_and_errors_go_between_processes() -> None:
 
 @pytest.fixture(scope="module")
 def objects() -> dict[str, tuple[Any, Any]]:
-    """One public object of each kind, used, and what its copy must give as well."""
     mech, cat = used("four_bar"), used("quadruped_hips")
     model, run = pg.Model.load(pgraph_models.path("quadruped")), pg.simulate(mech, t_end=0.02)
     walk = pg.Walk(cat, scenario="trot")

@@ -26,10 +26,7 @@ def bending(n):
 
 
 def chain(n, seed, masses=None, shape=None, speed=1.0) -> State:
-    """Hinged bodies in a row, the rest at random; `masses` scales mass and inertia.
-
-    `shape` (i) gives the fields of body i that are not random.
-    """
+    """Hinged bodies in a row, at random but for `masses` and the fields by `shape` of a number."""
     rng = np.random.default_rng(seed)
     bodies = []
     for i in range(n):
@@ -45,21 +42,16 @@ def chain(n, seed, masses=None, shape=None, speed=1.0) -> State:
 
 
 def straight(n, seed) -> State:
-    """A planar chain stretched out: the worst posture for a mass matrix."""
     state = chain(n, seed, shape=lambda i: PLANAR)
     return state._replace(q=0 * state.q)
 
 
 def far(at):
-    """Body number `at` (from 0) hangs 1e4 m from its parent."""
     return lambda i: {"link": (1e4, -3e3, 2e3)} if i == at else {}
 
 
 def turned(state: State) -> State:
-    """The same chain in another orientation, with every body frame turned at random.
-
-    No frame lies along a rod or the world any more: what luck of the axes hides comes out.
-    """
+    """The same chain with every frame turned at random, so that no luck of the axes helps."""
     rng = np.random.default_rng(1)
     turn = {"ground": random_quaternion(rng)}
     bodies = []
@@ -81,10 +73,7 @@ def turned(state: State) -> State:
 
 
 def cases(n):
-    """Chains of n bodies: state by seed, bound of the relative error, and bound of turned frames.
-
-    1000: packing makes home rotations orthonormal body by body.
-    """
+    """Chains of n bodies: state by seed, bound of the relative error, bound of turned frames."""
     tip, taper = (*np.ones(n - 1), 1e6), np.geomspace(1, 1e-8, n)
     return {
         f"{n} at random": (lambda seed: chain(n, seed), ALIKE),

@@ -4,26 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.engine import motion as kernels
 from pgraph_core.paper import Operators
-from tests.core.trees import random_case, random_model, random_state, scaled_error
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
-    """τ · v = d(T + V)/dt, by a central difference of 1e-6 s: 1e-5."""
-    c = random_case(seed)
-    mech = pg.Mechanism(c.model)
-    vdot = mech.forward_dynamics(c.q, c.v, c.tau)
-    h = 1e-6
-    energies = []
-    for sign in (-1.0, 1.0):
-        q = c.q.copy()
-        kernels.move(mech.packed.system.rows, q, c.v + 0.5 * sign * h * vdot, sign * h)
-        energies.append(sum(mech.energy(q, c.v + sign * h * vdot)))
-    power = (energies[1] - energies[0]) / (2 * h)
-    scale = max(1.0, abs(power), float(np.abs(c.tau * c.v).sum()))
-    assert abs(power - mech.inverse_dynamics(c.q, c.v, vdot) @ c.v) < 1e-5 * scale
+from tests.core.trees import random_model, random_state, scaled_error
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,25 +5,17 @@ import pytest
 
 import pgraph_core as pg
 
-G, R = 9.81, 0.1
+from ..worlds import ball, box
+
+G = 9.81
 
 
 def test_a_spinning_ball_turns_the_table_below_it():
     """The weld of the table carries the torque σ m g of spinning friction."""
-    sigma = 1e-3
-    table = pg.Body(
-        name="table",
-        joint="weld",
-        mass=1,
-        inertia=np.eye(3),
-        shape={"kind": "box", "size": (1, 1, 1)},
-    )
-    ball = pg.Body(
-        name="b", joint="free", mass=1, inertia=0.4 * R * R * np.eye(3),
-        shape={"kind": "sphere", "radius": R}, q=(0, 0, 0.5 + R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0),
-    )  # fmt: skip
+    sigma, spin = 1e-3, (0, 0, 10, 0, 0, 0)
+    bodies = box("table", (0, 0, 0), (1, 1, 1), joint="weld"), ball(place=(0, 0, 0.6), v=spin)
     contact = pg.Contact(name="c", body="b", other="table", spinning_friction=sigma)
-    model = pg.Model(bodies=[table, ball], contacts=[contact])
+    model = pg.Model(bodies=bodies, contacts=[contact])
     result = pg.simulate(model, t_end=0.1, method="moreau_jean", step=1e-3)
     assert result.contact_force["c"][-1, 2] == pytest.approx(-sigma * G, rel=1e-9)
     assert result.joint_force[-1, 0, 2] == pytest.approx(-sigma * G, rel=1e-9)

@@ -8,23 +8,18 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 from pgraph_core.study.measures import Errors, angles, measured, observed_order, ratios, spread
 from pgraph_core.study.reference import growth_of, horizon
 from pgraph_core.study.report import seconds_at
 
+from ..worlds import ball, built_in, on_ground
 from .test_orders import heavy_top, tumbling_body
 
 ONE = {"methods": "rk4", "steps": 0.01, "rounds": 1}  # a study of one run
 
 
-def built_in(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
-
-
 @pytest.fixture(scope="module")
 def study() -> pg.Study:
-    """A double pendulum, with a step at which semi-implicit Euler is bad."""
     return pg.work_precision(
         built_in("double_pendulum"),
         t_end=0.5,
@@ -43,6 +38,8 @@ def test_every_method_runs_at_every_setting(study: pg.Study):
     assert found == steps + [("dop853", None, rtol) for rtol in (1e-4, 1e-7, 1e-13)]
     assert all(row.ok and row.seconds and row.error for row in study.rows)
     assert [row.counters["steps"] for row in study.rows if row.method == "rk4"] == [30, 50, 100]
+    assert study.reference["accuracy"] < 1e-12
+    assert study.reference["limit"] == 10 * study.reference["accuracy"]
 
 
 def test_errors_are_distances_of_tips(study: pg.Study):
@@ -57,7 +54,7 @@ def test_errors_are_distances_of_tips(study: pg.Study):
 
 def test_the_error_does_not_depend_on_the_place_of_the_mechanism():
     """1e4 m away a point's distance from the origin would make every error 1e4 times smaller."""
-    model = pg.Model.load(pgraph_models.path("double_pendulum"))
+    model = built_in("double_pendulum").model
     away = model.edit(model.bodies[0].name, link=(1e4, 0.0, 0.0))
     here, there = (pg.work_precision(m, t_end=0.3, frames=11, **ONE) for m in (model, away))
     assert here.rows[0].error == pytest.approx(there.rows[0].error, rel=0.2)
@@ -75,7 +72,6 @@ def test_angles_between_rotations_and_norms_of_errors():
 
 
 def top_held_by_a_constraint() -> pg.Model:
-    """The fast top as a free body of which a point is held."""
     (top,) = heavy_top().bodies
     free = pg.Body(
         name="top", joint="free", mass=top.mass, com=top.com, inertia=top.inertia,
@@ -125,12 +121,6 @@ def test_an_order_that_is_lost_is_explained():
     assert any("rk4" in note and "table" in note for note in found.notes)
 
 
-def test_a_made_reference_has_a_known_accuracy(study: pg.Study):
-    assert study.reference["accuracy"] < 1e-12
-    assert study.reference["limit"] == 10 * study.reference["accuracy"]
-    assert "dop853" in study.reference["source"]
-
-
 def test_errors_below_the_limit_of_the_reference_are_marked():
     mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
     rough = pg.simulate(mech, t_end=0.3, t_eval=t, method="rk4", step=0.01)
@@ -177,7 +167,6 @@ def test_errors_of_velocities_and_of_constraint_forces_can_be_chosen():
 
 
 def test_a_motion_that_is_impossible_is_refused_with_its_cause():
-    """Two constraints that hold the same point in two places."""
     model = pg.Model.serial(1).add(pg.Point(name="a", body="1", point=(1, 0, 0)))
     model = model.add(pg.Point(name="bad", body="1", point=(1, 0, 0), other_point=(3, 3, 3)))
     with pytest.raises(pg.InputError, match="'bad'"):
@@ -210,10 +199,8 @@ def test_a_study_tells_its_progress_and_can_be_stopped():
 
 def test_contacts_are_measured_too():
     """Rigid contact: moreau_jean and the methods that go from event to event."""
-    ball = pg.Body(name="ball", joint="free", mass=1.0, q=(0, 0, 0.2, 1, 0, 0, 0))
-    touch = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
-    mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(touch,)))
-    found = pg.work_precision(mech, t_end=0.3, steps=(0.01, 0.005), rounds=1, frames=7)
+    bouncing = on_ground(ball(place=(0, 0, 0.2)), points=((0, 0, 0),), restitution=0.5)
+    found = pg.work_precision(bouncing, t_end=0.3, steps=(0.01, 0.005), rounds=1, frames=7)
     assert found.methods == ("semi_implicit_euler", "rk4", "dopri5", "dop853", "moreau_jean")
     best = min(found.rows, key=lambda row: row.error or np.inf)
     assert best.method in ("dopri5", "dop853", "rk4")
@@ -223,13 +210,8 @@ def test_contacts_are_measured_too():
 def test_rounds_are_interleaved_and_ratios_are_taken_within_a_round():
     """The machine slows down tenfold in the second round: the ratio does not see it."""
     order: list[int] = []
-
-    def run(i: int) -> float:
-        order.append(i)
-        return float(i + 1)
-
-    found = measured([lambda i=i: run(i) for i in range(3)], [1.0, 1.0, 1.0], 4)
-    assert found == [[1.0] * 4, [2.0] * 4, [3.0] * 4]
+    runs = [lambda i=i: order.append(i) or i + 1.0 for i in range(3)]
+    assert measured(runs, [1.0] * 3, 4) == [[1.0] * 4, [2.0] * 4, [3.0] * 4]
     assert [sorted(order[3 * k : 3 * k + 3]) for k in range(4)] == [[0, 1, 2]] * 4
     assert order != [0, 1, 2] * 4
     assert ratios([3.0, 30.0, 3.0], [1.0, 10.0, 1.0]) == (3.0, 3.0, 3.0)

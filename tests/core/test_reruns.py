@@ -23,7 +23,6 @@ def digest(*arrays):
 
 
 def answers():
-    """Hashes of the answers of mechanisms, of runs and of batches on one and two threads."""
     found = {}
     for seed in SEEDS:
         s = random_case(seed)

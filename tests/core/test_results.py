@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 
+from ..worlds import ball, built_in, on_ground
 from .test_cases import DOWN, mass
 
 
 def double_pendulum():
-    return pg.Model.load(pgraph_models.path("double_pendulum"))
+    return built_in("double_pendulum").model
 
 
 def tumbling():
@@ -38,7 +38,6 @@ def test_an_option_that_only_equals_one_of_an_earlier_run_is_refused():
 
 
 def test_the_method_is_chosen_for_the_state_of_each_run():
-    """Also where a mechanism has run before."""
     body = mass("a", stiffness=2e4)
     mech = pg.Mechanism(pg.Model(bodies=(body, mass("b", "a", above=1.0)), **DOWN))
     slow, fast = np.zeros(2), np.array([0.0, 5e4])
@@ -86,10 +85,7 @@ def test_the_error_between_frames_is_estimated(model, method, frames):
 
 
 def test_an_impact_between_frames_is_in_the_error():
-    """A ball on hard ground, its bounce within an interval."""
-    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), mass=1.0)
-    floor = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.8)
-    mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,)))
+    mech = pg.Mechanism(on_ground(ball(place=(0, 0, 0.6)), restitution=0.8))
     fine = pg.simulate(mech, t_end=0.6, method="dop853", frames=4001)
     done = pg.simulate(mech, t_end=0.6, method="dop853", frames=31)
     q, _, error = done.at(fine.t)

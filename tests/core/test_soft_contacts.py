@@ -19,7 +19,6 @@ SHAPES = {
 
 
 def drop(lower, upper, law, up="y", **options):
-    """One body falls onto the ground and another, a little beside it, onto that."""
     middle = "xyz".index(up)
     links = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.02]])
     links[:, middle] = 0.25, 0.6
@@ -65,7 +64,6 @@ def test_steps_that_do_not_resolve_a_contact_are_reported(law):
 
 
 def two_balls(m, r, v, apart, law="soft", **fields):
-    """A ball that flies at another one."""
     line = {"joint": "prismatic", "axes": ((1, 0, 0),), "shape": {"kind": "sphere", "radius": r}}
     one = pg.Body(name="a", mass=m[0], v=(v,), inertia=np.zeros((3, 3)), **line)
     two = pg.Body(name="b", mass=m[1], link=(apart, 0, 0), inertia=np.zeros((3, 3)), **line)
@@ -135,10 +133,7 @@ def test_a_start_deeper_than_the_weight_presses_is_reported(law, depth, said):
 
 
 def bounce(e, speed, *, size=0.1, mass=1.0, hit="face", tree: Any = "free", law: Any = "soft"):
-    """Restitution of a cube that hits the ground with a face, an edge or a corner.
-
-    No gravity; a stiffness with which it goes in by about 1e-4 of its size.
-    """
+    """Restitution of a cube without gravity that goes in by about 1e-4 of its size."""
     deep = 1e-4 * size
     stiffness = mass * speed**2 * (1.25 / deep**2.5 if law == "soft" else 1.0 / deep**2)
     corners = 0.5 * size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -188,14 +183,10 @@ def fingers():
 
 
 def on_a_ball_joint():
-    """A plate on a ball joint that hits with one corner."""
-    arm = pg.Body(
-        name="arm", joint="prismatic", axes=(0, 0, 1), link=(0, 0, 0.2), mass=0.5, v=(-1,)
-    )
-    plate = pg.Body(
-        name="h", parent="arm", joint="spherical", rotation=(0.995, 0.05, 0.03, 0), mass=2.0,
-        link=(0, 0, -0.08), shape={"kind": "box", "size": (0.6, 0.4, 0.1)}, derived=("inertia",),
-    )  # fmt: skip
+    slide = {"joint": "prismatic", "axes": (0, 0, 1), "mass": 0.5}
+    arm = pg.Body(name="arm", link=(0, 0, 0.2), v=(-1,), **slide)
+    hung = {"parent": "arm", "joint": "spherical", "rotation": (0.995, 0.05, 0.03, 0)}
+    plate = box("h", (0, 0, -0.08), (0.6, 0.4, 0.1), mass=2.0, **hung)
     return [arm, plate], {"body": "h"}
 
 

@@ -13,7 +13,6 @@ G, SIDE = 9.81, 0.2
 
 
 def tower(masses, x=0.0, name="b", side=SIDE):
-    """Cubes on one another."""
     return [
         box(f"{name}{i}", (x, 0, side * (i + 0.5)), 3 * (side,), mass=m)
         for i, m in enumerate(masses)
@@ -56,10 +55,7 @@ def test_towers_of_any_mass_ratio_stand(masses):
 
 
 def even_slide(half, high, mu, speed, spin, seconds):
-    """(x, y, angle) of a square box that slides and spins on its four corners.
-
-    They carry N = a + b x + c y, the normal forces of least norm that hold it level.
-    """
+    """(x, y, angle) of a box on four corners, which carry N = a + b x + c y, of least norm."""
     corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 
     def rates(_t, y):
@@ -101,7 +97,6 @@ def test_a_start_with_overlap_is_reported_and_saved(tmp_path):
 
 
 def test_the_order_of_bodies_does_not_matter():
-    """Two orders of one stack give the same motion, to the tolerance of the solver."""
     bodies = tower(6 * [1.0])
     turned = [bodies[k] for k in (3, 0, 5, 1, 4, 2)]
     one, other = run_of(bodies), run_of(turned)
@@ -120,7 +115,6 @@ def test_a_stack_that_falls_far_away_changes_no_bit():
 
 
 def gripper(friction, part, kind):
-    """An object of 0.5 kg between two pads, pressed by a part of the force that holds it."""
     length, mass = 0.05, 0.5
     shapes = {
         "box": {"kind": "box", "size": (length,) * 3},
@@ -208,20 +202,14 @@ def test_the_inertia_of_a_body_fixed_to_the_ground_does_not_matter():
     """A pendulum of 1 mm with a ball welded to it hits a wall."""
     size, inertia, ends = 1e-3, 1e-6 * np.diag((0.03, 0.02, 0.04)), []
     for of_wall in (1e-8, 1.0):
-        pendulum = pg.Body(
-            name="p", axes=(0, 1, 0), mass=2, com=(0.4 * size, 0, 0), inertia=inertia
-        )
-        ball = pg.Body(
-            name="b", joint="free", link=(0.5 * size, 0.1 * size, 0), mass=1, inertia=inertia,
-            shape={"kind": "sphere", "radius": 0.05 * size},
-        )  # fmt: skip
-        wall = pg.Body(
-            name="wall", joint="weld", link=(0.3 * size, 0, -0.45 * size),
-            inertia=of_wall * np.eye(3), shape={"kind": "box", "size": (2e-3, 2e-3, 2e-4)},
-        )  # fmt: skip
+        own = {"mass": 2, "com": (0.4 * size, 0, 0), "inertia": inertia}
+        pendulum = pg.Body(name="p", axes=(0, 1, 0), **own)
+        load = ball("b", (0.5 * size, 0.1 * size, 0), 0.05 * size, mass=1, inertia=inertia)
+        heavy = {"joint": "weld", "derived": (), "inertia": of_wall * np.eye(3)}
+        wall = box("wall", (0.3 * size, 0, -0.45 * size), (2e-3, 2e-3, 2e-4), **heavy)
         weld = pg.Weld(name="w", body="b", other="p", point=(0, 0, 0))
         hit = pg.Contact(name="c", body="b", other="wall", friction=0.3, restitution=0.4)
-        model = pg.Model(bodies=[pendulum, ball, wall], constraints=[weld], contacts=[hit])
+        model = pg.Model(bodies=[pendulum, load, wall], constraints=[weld], contacts=[hit])
         step = 1e-3 * size**0.5
         ends.append(pg.simulate(model, t_end=500 * step, step=step, estimate=False)["p"][-1])
     assert ends[0] == ends[1] == pytest.approx(0.6296, abs=1e-3)

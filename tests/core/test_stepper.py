@@ -8,11 +8,10 @@ import pytest
 
 import pgraph_core as pg
 
-from ..worlds import built_in
+from ..worlds import ball, box, built_in, on_ground
 
 
 def chain(joint="revolute"):
-    """Two bodies; the first hangs on the given joint."""
     part = {"com": (0, -0.5, 0), "inertia": np.diag([0.1, 0.2, 0.3])}
     upper = pg.Body(name="upper", joint=joint, **part)
     lower = pg.Body(name="lower", parent="upper", link=(0, -1, 0), **part)
@@ -37,7 +36,6 @@ def case(name):
 
 @pytest.mark.parametrize(("name", "method"), CASES)
 def test_same_bits_as_a_run(name, method):
-    """Steps one by one, many at once, read in between, and recorded."""
     mech, given = case(name)
     run = pg.simulate(mech, t_end=0.25, step=1e-3, method=method, estimate=False, **given)
     single, many, parts = (pg.Stepper(mech, step=1e-3, method=method, **given) for _ in range(3))
@@ -111,7 +109,6 @@ def test_a_servo_follows_its_target():
 
 
 def test_constraints_are_switched_between_steps():
-    """As the switches of `simulate` at the same time."""
     model = built_in("four_bar").model
     name = model.constraints[0].name
     options = {"t_end": 0.3, "step": 1e-3, "method": "rk4", "estimate": False}
@@ -170,7 +167,6 @@ def test_a_step_that_fails_is_not_taken():
 
 
 def test_a_step_fails_as_a_run_does():
-    """Also where contacts stand idle."""
     mech, width = built_in("quadruped"), 1e-3
     tau = np.random.default_rng(0).normal(size=(2, mech.nv))[1] * 0.5
     run = pg.simulate(mech, scenario="stand", tau=tau, t_end=0.3, step=width, method="rk4")
@@ -183,22 +179,15 @@ def test_a_step_fails_as_a_run_does():
 
 
 def test_notices_report_bodies_in_or_below_the_ground():
-    """With and without a record of the state."""
-    ball = pg.Body(name="ball", joint="free", mass=1.0, shape={"kind": "sphere", "radius": 0.1},
-                   q=(0, 0, 0.2, 1, 0, 0, 0))  # fmt: skip
-    air = pg.Scenario(name="air", contacts=())
-    touch = pg.Contact(name="touch", body="ball")
-    stepper = pg.Stepper(pg.Model(bodies=[ball], contacts=[touch], scenarios=[air]), scenario="air")
+    air = {"scenarios": [pg.Scenario(name="air", contacts=())]}
+    stepper = pg.Stepper(on_ground(ball("ball", (0, 0, 0.2)), model=air), scenario="air")
     assert stepper.notices == ()
     stepper.step(n=400)
     assert any("'ball'" in text and "ground" in text for text in stepper.notices)
-    box = {"kind": "box", "size": (0.2, 0.2, 0.2)}
-    low = pg.Body(name="box", joint="free", mass=1.0, shape=box, q=(0, 0, 0.07, 1, 0, 0, 0))
-    sole = pg.Contact(name="sole", body="box")
-    stepper = pg.Stepper(pg.Model(bodies=[low], contacts=[sole]))
+    stepper = pg.Stepper(on_ground(box(place=(0, 0, 0.07))))
     for advance in (lambda: stepper.step(n=3), lambda: stepper.record(5)):
         advance()
-        assert any("'sole'" in text for text in stepper.notices)
+        assert any("'floor'" in text for text in stepper.notices)
 
 
 def test_a_scenario_gives_step_and_method_where_the_call_does_not():

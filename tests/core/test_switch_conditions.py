@@ -11,7 +11,6 @@ SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e
 
 
 def slider(*, forces=(), active=False, q=0.0, v=0.0):
-    """A body on a rail that two constraints, latch and second, can hold."""
     body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=2.0, q=(q,), v=(v,))
     latches = tuple(pg.Constraint(name=n, kind="point", body="b", active=active and n == "latch")
                     for n in ("latch", "second"))  # fmt: skip
@@ -44,7 +43,6 @@ def test_a_latch_breaks_at_a_force(options):
 
 
 def resting(height, law="complementarity"):
-    """A ball on a vertical rail above the ground, and a latch."""
     body = ball(joint="prismatic", axes=((0, 0, 1),), place=(0, 0, 0), q=(height,))
     latch = pg.Constraint(name="latch", kind="point", body="b", active=False)
     return on_ground(body, law=law).replace(constraints=(latch,))
@@ -52,7 +50,6 @@ def resting(height, law="complementarity"):
 
 @pytest.mark.parametrize(("law", "options"), [("complementarity", {"rtol": 1e-8}), ("soft", {})])
 def test_a_gap_locks_a_falling_ball(law, options):
-    """0.25 m above the ground."""
     model = resting(1.1, law)
     switch = pg.Switch(constraint="latch", active=True, when={"gap": "floor", "below": 0.25})
     run = pg.simulate(model, t_end=1.0, switches=[switch], **options)
@@ -92,7 +89,6 @@ def test_a_condition_that_holds_at_the_start_is_reported():
 
 
 def scenario(*switches, constraints=None):
-    """Two bodies, three constraints of which `held` is on, a contact, and these switches."""
     b = ball(joint="prismatic", axes=((1, 0, 0),), limits=((-2.0, 2.0),))
     ties = tuple(
         pg.Constraint(name=n, kind="point", body="b", active=n == "held")

@@ -20,7 +20,6 @@ FOOT = "left_hind_paw"
 
 
 def pair(kind: Any, **fields: Any) -> pg.Mechanism:
-    """Two bodies that tumble past each other in space, and an inactive tie between them."""
     q = ((0, 0, 0, 1, 0, 0, 0), (1, 0, 0, 1, 0, 0, 0))
     v = ((0.3, 0.2, -0.5, 0, 1, 0), (-0.4, 0.1, 1.0, 0, -1, 0.5))
     bodies = tuple(
@@ -35,7 +34,6 @@ def pair(kind: Any, **fields: Any) -> pg.Mechanism:
 
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["method"])
 def test_a_foot_that_is_released_is_two_runs_in_one(how):
-    """A run to the instant, and one from there with the other constraints."""
     mech = built_in("quadruped")
     names = [c.name for c in mech.model.constraints if c.name != FOOT]
     rest = pg.Mechanism(
@@ -102,7 +100,6 @@ def test_a_weld_keeps_the_pose_at_which_it_goes_on():
 
 
 def test_runs_with_contacts_switch_constraints():
-    """A rod is held at its end, let go, and lands on its contact."""
     rod = pg.Body(
         name="rod", joint="free", inertia=np.diag((0.1, 0.1, 0.01)), q=(0, 0, 0.5, 1, 0, 0, 0)
     )

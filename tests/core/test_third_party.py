@@ -21,7 +21,6 @@ AGREE = 1e-9  # relative
 
 
 def case(name):
-    """The model, its q, v and tau, and what the oracle says by quantity."""
     entry = ENTRIES[NAMES.index(name)]
     numbers = {k.split("/")[1]: NUMBERS[k] for k in NUMBERS.files if k.split("/")[0] == name}
     state = [numbers.pop(key) for key in ("q", "v", "tau")]

@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 
+from ..worlds import ball, box, on_ground
+
 pytestmark = pytest.mark.quick
 
 G = 9.81
@@ -13,7 +15,6 @@ BALL = {"kind": "sphere", "radius": 0.1}
 
 
 def gap(model, q, name):
-    """The gap of a contact in a configuration."""
     run = pg.simulate(model, q, t_end=1e-9, step=1e-9, frames=2, estimate=False)
     return run.contact_gap[name][0]
 
@@ -70,13 +71,11 @@ def test_steps_lie_where_the_description_says(up):
 @pytest.mark.parametrize("mass", [1.0, 1e3])
 def test_a_penalty_contact_without_stiffness_gives_way_by_a_part_of_the_size(mass):
     """The weight presses it in by 1e-4 of the radius of gyration, over sqrt(3/2)."""
-    inertia = mass * np.eye(3) * 0.004
-    body = pg.Body(name="b", joint="free", link=(0, 0, 0.1), mass=mass, inertia=inertia, shape=BALL)
-    floor = pg.Contact(name="f", body="b", law="penalty", restitution=0.1)
-    run = pg.simulate(pg.Model(bodies=(body,), contacts=(floor,)), t_end=0.3, estimate=False)
+    model = on_ground(ball(mass=mass), law="penalty", restitution=0.1)
+    run = pg.simulate(model, t_end=0.3, estimate=False)
     size = np.sqrt(1.5 * 0.004)
-    assert -run.contact_gap["f"][-1] == pytest.approx(1e-4 * size, rel=1e-2)
-    assert run.contact_force["f"][-1, 5] == pytest.approx(mass * G, rel=1e-2)
+    assert -run.contact_gap["floor"][-1] == pytest.approx(1e-4 * size, rel=1e-2)
+    assert run.contact_force["floor"][-1, 5] == pytest.approx(mass * G, rel=1e-2)
 
 
 @pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
@@ -98,16 +97,12 @@ def test_friction_and_restitution_default_to_those_of_the_ground(law):
 @pytest.mark.parametrize("mass", [1e-3, 1e3])
 def test_a_wall_welded_to_the_ground_has_the_stiffness_of_the_ground(law, mass):
     """Whatever its mass, on a base that is welded as well."""
-    ball = pg.Body(name="b", joint="free", link=(0, 0, 0.11), shape=BALL, mass=2.0)
     base = pg.Body(name="base", joint="weld", mass=mass)
-    wall = pg.Body(
-        name="wall", parent="base", joint="weld", link=(0, 0, -0.5), mass=mass,
-        shape={"kind": "box", "size": (1, 1, 1)},
-    )  # fmt: skip
+    wall = box("wall", (0, 0, -0.5), (1, 1, 1), parent="base", joint="weld", mass=mass)
     heights = []
     for other in ("ground", "wall"):
         hit = pg.Contact(name="hit", body="b", other=other, law=law, restitution=0.4)
-        model = pg.Model(bodies=(ball, base, wall), contacts=(hit,))
+        model = pg.Model(bodies=(ball(place=(0, 0, 0.11), mass=2.0), base, wall), contacts=(hit,))
         run = pg.simulate(model, t_end=0.1, step=1e-5, method="rk4", frames=21, estimate=False)
         heights.append(run.q[:, 2])
     np.testing.assert_allclose(*heights, atol=1e-9)

@@ -16,7 +16,6 @@ SAME = 1e-9  # relative
 
 
 def by_pinocchio(path: Path, mech: pg.Mechanism, rng) -> dict[str, float]:
-    """Largest relative errors of M, bias and acceleration at a random state."""
     m = pin.buildModelFromUrdf(str(path))
     m.armature = np.zeros(m.nv)
     child = {j.get("name"): j.first("child").get("link") for j in read_markup(path).all("joint")}

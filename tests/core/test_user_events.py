@@ -14,9 +14,8 @@ METHODS = [
 
 def falling(**contact):
     ball = pg.Body(name="ball", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(1.0,))
-    contacts = ()
-    if contact:
-        contacts = (pg.Contact(name="floor", body="ball", points=((0, 0, 0),), **contact),)
+    floor = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), **contact)
+    contacts = (floor,) if contact else ()
     return pg.Mechanism(pg.Model(bodies=(ball,), contacts=contacts, gravity=(0, 0, -G)))
 
 
@@ -155,17 +154,12 @@ def test_a_zero_that_is_touched_or_lasts_is_one_event(options):
 def test_a_zero_exactly_at_a_frame_hides_none_right_after_it(options, frames, between):
     """(t - 0.5) (t - 0.5 - between) is zero at a frame and once more soon after."""
 
-    def product(t, q, v):
-        return (t - 0.5) * (t - 0.5 - between)
-
-    def directed(way):
-        def function(t, q, v):
-            return product(t, q, v)
-
-        function.__dict__["direction"] = way
+    def product(way):
+        function = lambda t, q, v: (t - 0.5) * (t - 0.5 - between)  # noqa: E731
+        function.direction = way
         return function
 
-    events = [product, directed(1), directed(-1)]
+    events = [product(way) for way in (0, 1, -1)]
     run = pg.simulate(falling(), t_end=1.0, events=events, frames=frames, **options)
     for number, expected in enumerate(([0.5, 0.5 + between], [0.5 + between], [0.5])):
         found = [event.t for event in run.user_events if event.number == number]

@@ -29,7 +29,6 @@ def test_every_case_reaches_its_target(name):
 
 
 def test_case_files_are_as_built(tmp_path):
-    """References as they came; models, runs and targets from the code."""
     build_cases.write(tmp_path)
     for file in sorted(pgraph_models.CASES.rglob("*.json")):
         again = tmp_path / file.relative_to(pgraph_models.CASES)
@@ -45,7 +44,6 @@ def test_a_family_and_its_members():
 
 
 def own_case(file, **changes):
-    """Write a case of the user's own: a pendulum that stays where it hangs."""
     body = {"name": "a", "com": [0, 0, -1], "axes": [[0, 1, 0]]}
     seen = {"kind": "q", "reference": "q", "target": 1e-12, **changes}
     texts = dict.fromkeys(("name", "description", "why_hard", "how_obtained"), "own")
