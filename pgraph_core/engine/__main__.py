@@ -20,12 +20,12 @@ from . import second_process, warm_up
 
 
 def main() -> None:
-    """Compile kernels, saying which; what else runs on the machine, a page, goes first."""
+    """Compile kernels, saying which."""
     words = sys.argv[1:]
     if "--with-parent" in words:
         threading.Thread(target=_end_with_parent, daemon=True).start()
-    if hasattr(os, "nice"):  # not on Windows
-        os.nice(10)
+        if hasattr(os, "nice"):  # not on Windows; the parent, a page, goes first
+            os.nice(10)
     if "--later" in words:
         for name in _compile_later():
             print(name, flush=True)
@@ -55,10 +55,8 @@ def _compile_later() -> Iterator[str]:
 @contextmanager
 def _later_process() -> Iterator[None]:
     """Within it another process compiles what few scenes need; it is waited for at the end."""
-    command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent", "--later"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, "-m", "pgraph_core.engine", "--later"]):
         yield
-        process.wait()
 
 
 def _end_with_parent() -> None:
