@@ -18,7 +18,7 @@ test: check browser kernels ## set up everything that the tests need, and run th
 	@echo "Running the tests in $(WORKERS) processes ..."
 	@$(PYTEST)
 
-quick: $(VENV)/installed-for-tests ## the quick tests, without a browser: under a minute
+quick: kernels ## the quick tests, without a browser: under a minute
 	@$(PYTEST) -m quick
 
 nightly: $(VENV)/installed-for-nights check browser kernels ## every test, the long ones too, with new random cases

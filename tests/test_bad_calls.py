@@ -370,7 +370,7 @@ def test_a_switch_a_gait_or_a_study_that_does_not_fit_is_refused(call, facts):
 
 def test_a_target_that_no_method_reaches_is_answered_with_the_best(tmp_path):
     given = {"methods": "rk4", "steps": [0.1, 1e-2, 1e-8], "rounds": 1, "target": 1e-12}
-    study = pg.work_precision(PENDULUM, t_end=0.2, longest=0.2, **given)
+    study = pg.work_precision(PENDULUM, t_end=0.2, longest=20, **given)
     best = min((row for row in study.rows if row.error), key=lambda row: row.error)
     facts = ("recommend, target", "1e-12", f"{best.error:.2g}", "rk4", f"{best.step:g} s")
     error = str(refusal(study.recommend, pg.InputError))

@@ -229,8 +229,13 @@ def alone() -> pg.Sweep:
 def test_processes_give_the_same_bits_also_in_a_file(alone, monkeypatch, tmp_path):
     import pandas
 
-    monkeypatch.setattr(tasks, "PATIENCE", 0.0)
+    started = []
+    pool = tasks._by_processes
+    for name, value in (("PATIENCE", 0.0), ("MEASURED", 0.0)):
+        monkeypatch.setattr(tasks, name, value)
+    monkeypatch.setattr(tasks, "_by_processes", lambda *x: started.append(x) or pool(*x))
     assert chain(workers=2).to_csv() == alone.to_csv()
+    assert started
     alone.save(tmp_path / "table.csv")
     read = pandas.read_csv(tmp_path / "table.csv")
     for name, column in {**alone.values, "bodies.2.mass": alone.points[:, 0]}.items():

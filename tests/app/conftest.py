@@ -15,7 +15,7 @@ from pgraph_app.report.update import CancelAnalysis
 from pgraph_app.run.update import Cancel, StopLive
 from pgraph_app.scene.update import Show
 from pgraph_app.server import Server, serve
-from pgraph_app.session.update import Select, SetDisplay
+from pgraph_app.session.update import SetDisplay
 
 from .chromium import FLAGS, browser_path
 
@@ -116,12 +116,12 @@ def the_page(open_page: Callable[[], Any]) -> Any:
 def settled(page: Any, served: Server) -> None:
     """All that the server has sent is on the page, where nothing is selected afterwards.
 
-    Messages come in order, so a selection made now is the last of them.
+    Messages come in order. A selection that the page itself asks for comes after what the page
+    asked for before, and its answer after all that the server had sent.
     """
     names = [body.name for body in served.store.state.model.bodies]
     for name in (names[0], None):
-        for client in served.store.state.clients:
-            served.send(Select(client, name))
+        page.evaluate("(body) => pgraph.send('Select', { body })", name)
         page.wait_for_function(
             "(name) => pgraph.latest.selection === name && pgraph.latest.selected.length ==="
             " Number(Boolean(name)) && document.querySelectorAll('tr.selected').length ==="

@@ -16,7 +16,7 @@ from pgraph_app.scenario.view import ScenarioView
 from pgraph_app.server import serve
 from pgraph_app.session.update import Connected, Sees, Select
 
-from .conftest import NOBODY, ON_PURPOSE, settled, until
+from .conftest import LIMIT, NOBODY, ON_PURPOSE, settled, until
 
 
 def test_viser_is_the_version_whose_names_these_are():
@@ -160,7 +160,7 @@ def test_messages_may_be_sent_by_any_thread():
         return await waits and not alone
 
     with ThreadPoolExecutor() as other:  # Playwright has a loop in this thread
-        assert other.submit(lambda: asyncio.run(in_the_loop())).result(20)
+        assert other.submit(lambda: asyncio.run(in_the_loop())).result(LIMIT)
 
 
 def test_buffers_of_all_pages_and_of_one_are_woken_in_their_loop(page, served):

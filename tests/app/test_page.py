@@ -62,8 +62,9 @@ def test_one_selection_is_shown_by_table_digraph_pgraph_properties_and_3d(page, 
     assert served.store.state.model.body("shank").parent == "femur"
 
 
-def test_a_second_page_has_its_own_selection_and_sees_the_edits(page, open_page, served):
+def test_a_second_page_has_its_own_selection_and_sees_the_edits(page, open_page, served, request):
     other = open_page()
+    request.addfinalizer(other.close)
     assert not other.evaluate("window.uncovered")
     row(page, "thigh").locator("td.number").click()
     row(other, "shank").locator("td.number").click()

@@ -23,7 +23,7 @@ from .sites import AREAS, Site, draw, found_again, rewritten
 HERE = Path(__file__).resolve().parent
 NOT_RUN = ("browser", "timed", "nightly")  # markers, where the repository has them
 # Tests of compilers, benchmarks and the repository.
-LEFT_OUT = "core/test_compilation test_benchmarks test_site test_packages test_repository"
+LEFT_OUT = "core/test_compilation test_bench test_site test_packages test_repository"
 
 
 def main() -> None:
