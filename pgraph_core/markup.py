@@ -217,11 +217,11 @@ DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 
 
 def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str]:
-    """XML text in UTF-8, and the encoding that its first line names.
+    """Return XML text in UTF-8, and the encoding that its first line declares.
 
-    The encoding is "" where the first bytes of the file say that it is in UTF-8 or UTF-16. Expat
-    knows few others, and Python knows those that old files have. An encoding in which markup is
-    not written as in ASCII is refused. Raises FileError.
+    The encoding is "" if a byte-order mark says that the text is in UTF-8 or UTF-16. Python decodes
+    the others, because Expat knows few. An encoding that does not contain ASCII is refused, since
+    its markup would read as other text. Raises FileError.
     """
     if content.startswith((b"\xff\xfe", b"\xfe\xff", b"\xef\xbb\xbf")):
         return content, ""

@@ -60,7 +60,7 @@ HEAD = 65536  # bytes of a file in which its first element stands
 
 
 def _by_root(path: str | Path, otherwise: Any) -> Any:
-    """The reader for the first element of an XML file; `otherwise` where that is another one."""
+    """Return the reader for the first element of an XML file, or `otherwise` if there is none."""
     try:
         with ordinary(path) as file:
             head = re.sub(rb"<!--.*?-->", b"", file.read(HEAD), flags=re.DOTALL)

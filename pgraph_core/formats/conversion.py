@@ -67,8 +67,8 @@ class Report:
         """Whether nothing that acts is left out."""
         return not any(entry.acts for entry in self.of("left out"))
 
-    def told_to(self, model: Model) -> Model:
-        """The model, which knows from now on what of its file is left out and acts."""
+    def attached_to(self, model: Model) -> Model:
+        """Return the model with the entries that act and are left out as `model.lost`."""
         lost = (f"{e.where}: {e.text}" for e in self.of("left out") if e.acts)
         vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
         return model

@@ -22,6 +22,7 @@ from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
+from .mjcf_contacts import Contacts
 from .mjcf_parts import Group, Parts, is_set, within_margin
 from .mjcf_schema import newer
 
@@ -89,15 +90,15 @@ def _whole(text: str) -> int:
 
 
 def slashed(path: str) -> str:
-    """A path as MuJoCo takes it, to which a backslash is a slash on every system."""
+    """Return a path with slashes: MuJoCo takes a backslash for one on every system."""
     return path.replace("\\", "/")
 
 
 def _readable(path: Path) -> Element:
-    """The root of an XML file that MuJoCo reads as we do. Raises FileError.
+    """Return the root of an XML file, in an encoding that MuJoCo reads. Raises FileError.
 
-    MuJoCo looks at bytes, whatever the encoding. In those of several bytes a letter may end in what
-    is a quote to MuJoCo, and the file that it opens would be another one than the one checked here.
+    MuJoCo reads bytes, whatever encoding the file declares. In an encoding of several bytes, part
+    of a letter can look like a quote, so that MuJoCo would open another file than the one checked.
     """
     root = read_markup(path)
     if root.tag == "mujoco" and root.encoding not in ENCODINGS:
@@ -133,7 +134,7 @@ class _Files:
                 self._look(file, element)
 
     def spec(self, mujoco: Any) -> Any:
-        """MuJoCo's description of the file, which it reads by its suffix if it knows that."""
+        """Return MuJoCo's description of the file, read as text if MuJoCo knows no such suffix."""
         path = self.roots[0][0].absolute()
         if path.suffix.lower() in (".xml", ".urdf"):
             return mujoco.MjSpec.from_file(str(path))
@@ -231,9 +232,10 @@ class _Reader:
         if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
             self.gravity[:] = 0.0
         parts = Parts(self)
-        self.planes = {*parts.floors, *parts.walls}
+        contacts = Contacts(self, parts.filters)
+        self.planes = {*contacts.floors, *contacts.walls}
         bodies = [fields for b in range(1, m.nbody) for fields in self._bodies(b)]
-        bodies += parts.world()
+        bodies += contacts.world()
         sites = parts.sites([body["name"] for body in bodies])
         outputs = parts.outputs(sites)
         fields: dict[str, Any] = {
@@ -242,7 +244,7 @@ class _Reader:
             "gravity": tuple(self.gravity.tolist()),
             "bodies": bodies,
             "constraints": parts.constraints(),
-            "contacts": list[Contact](parts.contacts(bodies)),
+            "contacts": list[Contact](contacts.contacts(bodies)),
             "forces": list[Force](parts.forces()),
             "scenarios": parts.keyframes(),
             "sites": sites,
@@ -264,7 +266,7 @@ class _Reader:
         count = len(m.actuator_trnid)
         text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {count} actuators"
         self.report.add("read", self.path.name, text)
-        return self.report.told_to(model), self.report
+        return self.report.attached_to(model), self.report
 
     def _start(self, fields: dict[str, Any]) -> None:
         """A keyframe of this name is how the model starts."""
@@ -325,7 +327,7 @@ class _Reader:
         ]  # fmt: skip
 
     def _between(self, name: str, k: int) -> str:
-        """A name, not taken yet, for a body without mass before body `name`."""
+        """Return a free name for a body without mass before body `name`."""
         found = f"{name}/{k}"
         while found in self.taken:
             found += "'"
@@ -333,7 +335,7 @@ class _Reader:
         return found
 
     def _repeats(self, j: int, before: int) -> bool:
-        """Whether a joint moves along the axis of the joint before it, as backlash does."""
+        """Return whether a joint moves along the axis of the joint before it, as backlash does."""
         m = self.m
         if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
             return False

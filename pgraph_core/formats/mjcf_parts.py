@@ -1,8 +1,7 @@
-"""What acts in an MJCF file besides its bodies: equalities, actuators, contacts, keyframes."""
+"""Equalities, actuators, tendons, sites, sensors and keyframes of an MJCF file."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -13,7 +12,6 @@ from ..errors import choices, needed, shown
 from ..model import (
     Actuator,
     Constraint,
-    Contact,
     Coupling,
     Drag,
     Force,
@@ -29,9 +27,9 @@ from ..model import (
     Tendon,
     Wrench,
 )
-from ..model.fields import EVERY, GROUND, name_problem
+from ..model.fields import GROUND, name_problem
 from ..model.output import Kind
-from ..rotation import matrix, multiply, quaternion_of, unit
+from ..rotation import matrix, multiply, unit
 from .conversion import Report, suspect_rings
 
 Array = np.ndarray
@@ -47,9 +45,6 @@ SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
     "force": "force", "torque": "torque",
 }  # fmt: skip
 LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
-THICK = 1.0  # m: of the box that stands for a plane that is no ground
-WIDE = 50.0  # m: half the edge of such a box, since a plane of MuJoCo has no end
-SHEET = 0.01  # m: thickness of the box that shows a plane
 FLAT = 1e-9
 FAR = 1e9  # m, rad: an end of a range this far is none
 GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
@@ -98,22 +93,12 @@ class Sums(dict[int, float]):
     """Coefficients of a sum of coordinates, by joint."""
 
 
-class Law(NamedTuple):
-    """Friction of a pair: sliding, spinning, rolling."""
-
-    sliding: float
-    spinning: float
-    rolling: float
-
-
 class Parts:
     """The parts of a model other than its bodies."""
 
     def __init__(self, reader: Reading):
         self.reader, self.m, self.report = reader, reader.m, reader.report
         self.obey_flags()
-        self.placed = self._placed()
-        self.floors, self.walls = self._planes()
 
     def obey_flags(self) -> None:
         """Take out what the file switches off as a whole."""
@@ -306,14 +291,14 @@ class Parts:
         yield from self._lifts()
 
     def _channel(self, a: int) -> tuple[int, int]:
-        """Rows of an actuator's only output and input in MuJoCo's tables of them."""
+        """Return the rows of an actuator's output and input in MuJoCo's tables."""
         m = self.m
         if not hasattr(m, "actuator_outadr"):  # before MuJoCo 4 each actuator has one of both
             return a, a
         return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
 
     def _several(self, a: int) -> str:
-        """Why an actuator has not one input and one output; "" where it has."""
+        """Return a reason if an actuator has not one input and one output, else ""."""
         m = self.m
         inputs, outputs = (
             int(table[a]) if (table := getattr(m, f"actuator_{word}num", None)) is not None else 1
@@ -599,228 +584,6 @@ class Parts:
                 density=float(m.opt.density), viscosity=float(m.opt.viscosity),
             )  # fmt: skip
 
-    # -- what touches ----------------------------------------------------------------------------
-
-    def _planes(self) -> tuple[list[int], list[int]]:
-        """Planes of the world that are the ground, and others."""
-        m = self.m
-        floors: list[int] = []
-        walls: list[int] = []
-        for g in range(m.ngeom):
-            if m.geom_type[g] != 0 or m.body_weldid[m.geom_bodyid[g]] != 0:
-                continue
-            place, turn = self.placed[g]
-            flat = turn[2, 2] > 1 - FLAT and abs(place[2]) < FLAT
-            touches = self.reader.touches(g)
-            if not touches:
-                text = "a plane that touches nothing"
-                self.reader.left_out("geom", m.geom(g).name, text, acts=False)
-            if flat or not touches:
-                floors.append(g)
-            else:
-                walls.append(g)
-        return floors, walls
-
-    def _placed(self) -> list[tuple[Array, Array]]:
-        """Place and axes of each geom in the world, in the file's initial pose."""
-        mujoco, m = needed("mujoco", "mjcf"), self.m
-        data = mujoco.MjData(m)
-        mujoco.mj_kinematics(m, data)
-        axes = data.geom_xmat.reshape(-1, 3, 3)
-        return list(zip(data.geom_xpos.copy(), axes.copy(), strict=True))
-
-    def world(self) -> list[dict[str, Any]]:
-        """A body on the ground with the solids of the world, if there are any."""
-        shapes = [shape for g in self.walls for shape in self._wall(g)]
-        shapes += self._solids_of_the_world()
-        if not shapes:
-            return []
-        none = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3, "joint": "weld"}
-        return [{"name": "world", "shapes": shapes, **none}]
-
-    def _solids_of_the_world(self) -> Iterator[dict[str, Any]]:
-        planes = {*self.floors, *self.walls}
-        for g in range(self.m.body_geomadr[0], self.m.body_geomadr[0] + self.m.body_geomnum[0]):
-            if g not in planes and (shape := self.reader.solid(g, 0)):
-                yield shape
-
-    def _wall(self, g: int) -> Iterator[dict[str, Any]]:
-        """Boxes whose face is a plane: one that touches, and where it has a size one to look at."""
-        m = self.m
-        drawn = [float(s) for s in m.geom_size[g][:2]]
-        place, axes = self.placed[g]
-        where = self.reader.where("geom", m.geom(g).name)
-        wide = [max(s, WIDE) for s in drawn]
-        text = f"a plane that is not z = 0 is a box {THICK} m thick and {2 * min(wide):g} m wide"
-        self.report.add("approximated", where, text)
-        for role, (x, y), thick in (("collision", wide, THICK), ("visual", drawn, SHEET)):
-            if x and y:
-                yield {
-                    "kind": "box",
-                    "size": (2 * x, 2 * y, thick),
-                    "position": tuple((place - thick / 2 * axes[:, 2]).tolist()),
-                    "rotation": quaternion_of(axes),
-                    "role": role if all(drawn) else "both",
-                }
-
-    def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """What may touch what, by MuJoCo's rules; all pairs of one law as one contact of '*'."""
-        solid = {
-            b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
-        }
-        laws = self._laws()
-        floor = {
-            body: law for (body, other), law in laws.items() if other == GROUND and body in solid
-        }
-        moving = {n for b, n in enumerate(self.reader.names) if b and self.m.body_weldid[b] != 0}
-        if floor and set(floor) == solid & moving == solid and len(set(floor.values())) == 1:
-            yield _contact("floor", EVERY, GROUND, next(iter(floor.values())))
-        else:
-            yield from (_contact(f"{b} floor", b, GROUND, law) for b, law in floor.items())
-        pairs = {
-            pair: law for pair, law in laws.items() if GROUND not in pair and set(pair) <= solid
-        }
-        if pairs and len(set(pairs.values())) == 1 and set(pairs) == self._all_pairs(solid):
-            yield _contact("bodies", EVERY, EVERY, next(iter(pairs.values())))
-            return
-        for (body, other), law in pairs.items():
-            yield _contact(f"{body}, {other}", body, other, law)
-
-    def _all_pairs(self, solid: set[str]) -> set[tuple[str, str]]:
-        """The pairs that '*' and '*' mean: all but what a joint or a weld ties."""
-        m, names = self.m, self.reader.names
-        found: set[tuple[str, str]] = set()
-        for b in range(1, m.nbody):
-            for a in range(1, b):
-                tied = m.body_parentid[b] == a or m.body_weldid[a] == m.body_weldid[b]
-                if not tied and names[a] in solid and names[b] in solid:
-                    found.add((names[a], names[b]))
-        return found
-
-    def _laws(self) -> dict[tuple[str, str], Law]:
-        """(body, other) -> friction, of all pairs that may touch; the ground's planes are one."""
-        m = self.m
-        excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
-        excluded |= {(b, a) for a, b in excluded}
-        able = [g for g in range(m.ngeom) if self.reader.touches(g)]
-        alike: dict[Any, list[int]] = {}
-        for g in able:
-            alike.setdefault(self._alike(g), []).append(g)
-        found: dict[tuple[str, str], Counter[Law]] = {}  # pairs of geoms by their friction
-        listed = self._listed()
-        classes = list(alike.values())
-        for n, these in enumerate(classes):
-            for those in classes[: n + 1]:
-                g, h = these[0], those[0]
-                pair = self._pair(g, h)
-                if pair is None or not self._masks(g, h):
-                    continue
-                a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
-                if (a, b) in excluded or self._related(a, b):
-                    continue
-                planes = (these if g in self.floors else those) if GROUND in pair else ()
-                count = len(these) * len(those) // max(len(planes), 1)
-                count -= sum(k in listed for k in self._keys(these, those)) if listed else 0
-                found.setdefault(pair, Counter())[self._friction(g, h)] += count
-        for (g, h), law in listed.items():
-            if (pair := self._pair(g, h)) is not None:
-                found.setdefault(pair, Counter())[law] += 1
-        found = {pair: +laws for pair, laws in found.items() if +laws}
-        mixed = [pair for pair, laws in found.items() if len(laws) > 1]
-        if mixed:
-            text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
-            self.report.add("approximated", self.reader.path.name, text)
-        count = Counter(self._owner(g) for g in able)
-        count[GROUND] = 1
-        more = [
-            f"'{body}' and '{other}'"
-            for (body, other), laws in found.items()
-            if laws.total() < count[body] * count[other]
-        ]
-        if more:
-            text = "touch with all of their shapes; in the file some of their geoms do not touch"
-            self.report.add("approximated", self.reader.path.name, f"{choices(more, 4)} {text}")
-        if found:
-            text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
-            self.report.add("approximated", self.reader.path.name, text)
-        touching = (m.geom_contype | m.geom_conaffinity) > 0
-        wide = int((touching & (m.geom_margin > m.geom_gap)).sum())
-        wide += int((m.pair_margin > m.pair_gap).sum())
-        if found and wide:
-            text = (
-                f"{wide} geoms or pairs push before they touch, by their margin: here they do not"
-            )
-            self.report.add("approximated", self.reader.path.name, text)
-        return {pair: max(laws) for pair, laws in found.items()}
-
-    def _alike(self, g: int) -> Any:
-        """What decides with whom a geom touches and how; geoms that share it are alike."""
-        m = self.m
-        rules = (m.geom_contype[g], m.geom_conaffinity[g], m.geom_condim[g], m.geom_priority[g])
-        return self._owner(g), int(m.geom_bodyid[g]), *map(int, rules), *m.geom_friction[g].tolist()
-
-    def _masks(self, g: int, h: int) -> bool:
-        """Whether the masks of two geoms let them touch."""
-        m = self.m
-        return bool(
-            m.geom_contype[g] & m.geom_conaffinity[h] or m.geom_contype[h] & m.geom_conaffinity[g]
-        )
-
-    def _listed(self) -> dict[tuple[int, int], Law]:
-        """Friction of the pairs of geoms that the file lists, whatever their masks are."""
-        m, found = self.m, dict[tuple[int, int], Law]()
-        for p in np.flatnonzero(m.pair_dim):
-            one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
-            key = self._geoms(int(m.pair_geom1[p]), int(m.pair_geom2[p]))
-            found[key] = _law(int(m.pair_dim[p]), one, spin, roll)
-        return found
-
-    def _keys(self, these: list[int], those: list[int]) -> set[tuple[int, int]]:
-        """All pairs of geoms of two classes."""
-        return {self._geoms(g, h) for g in these for h in those}
-
-    def _pair(self, g: int, h: int) -> tuple[str, str] | None:
-        """(body, other) of two geoms; None where nothing of it can move."""
-        m = self.m
-        a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
-        if m.body_weldid[a] == m.body_weldid[b]:
-            return None
-        (_, body), (_, other) = sorted(((b, self._owner(h)), (a, self._owner(g))))
-        return (other, body) if body == GROUND else (body, other)
-
-    def _owner(self, g: int) -> str:
-        """The name of what has a geom here: the ground, "world", or a body."""
-        if g in self.floors:
-            return GROUND
-        b = int(self.m.geom_bodyid[g])
-        return "world" if b == 0 or g in self.walls else self.reader.names[b]
-
-    def _geoms(self, g: int, h: int) -> tuple[int, int]:
-        """Two geoms, the smaller number first; all planes of the ground count as the first."""
-        one, two = sorted(self.floors[0] if x in self.floors else x for x in (g, h))
-        return one, two
-
-    def _related(self, a: int, b: int) -> bool:
-        """Whether MuJoCo takes a pair for neighbours: welded, or parent and child but the world."""
-        m = self.m
-        one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
-        if one == two:
-            return True
-        above = [int(m.body_weldid[m.body_parentid[x]]) for x in (one, two)]
-        parent = (one == above[1] and one != 0) or (two == above[0] and two != 0)
-        return parent and self.filters
-
-    def _friction(self, g: int, h: int) -> Law:
-        m = self.m
-        one, two = int(m.geom_priority[g]), int(m.geom_priority[h])
-        if one != two:
-            x = m.geom_friction[g if one > two else h]
-            dim = int(m.geom_condim[g if one > two else h])
-        else:
-            x = np.maximum(m.geom_friction[g], m.geom_friction[h])
-            dim = max(int(m.geom_condim[g]), int(m.geom_condim[h]))
-        return _law(dim, *(float(c) for c in x))
-
     def sites(self, taken: list[str]) -> list[Site]:
         """Sites; one with the name of a body gets another."""
         m, found = self.m, dict[str, Site]()
@@ -1034,19 +797,6 @@ def is_set(m: Any, table: str, k: int) -> bool:
     """Whether an entry is not zero of a table that not all versions of MuJoCo have."""
     found = getattr(m, table, None)
     return found is not None and bool(np.any(found[k]))
-
-
-def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:
-    return Law(
-        sliding if dim > 1 else 0.0, spinning if dim > 3 else 0.0, rolling if dim > 4 else 0.0
-    )
-
-
-def _contact(name: str, body: str, other: str, law: Law) -> Contact:
-    return Contact(
-        name=name, body=body, other=other, friction=law.sliding,
-        spinning_friction=law.spinning or None, rolling_friction=law.rolling or None,
-    )  # fmt: skip
 
 
 def _relative(a: Array, b: Array) -> Any:

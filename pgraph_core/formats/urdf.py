@@ -145,7 +145,7 @@ class _Reader:
         moving = sum(body.joint != "weld" for body in model.bodies)
         text = f"{len(bodies)} links, {moving} joints that move, {len(model.forces)} motors"
         self.report.add("read", self.source.name, text)
-        return self.report.told_to(model), self.report
+        return self.report.attached_to(model), self.report
 
     # -- faults: all are found before the file is refused ----------------------------------------
 
@@ -169,7 +169,7 @@ class _Reader:
         return self._numbers(element, name, (default,), what)[0]
 
     def _bound(self, element: Element | None, name: str, what: str) -> float:
-        """A number that may be infinite, for no bound; 0 where it is not given."""
+        """Return a bound, which may be infinite; 0 if it is not given."""
         read = self.source.number
         return self._noted(0.0, lambda: read(element, name, 0.0, what, infinite=True))
 
@@ -423,7 +423,7 @@ class _Reader:
                         self.faults.append(error)
                     else:  # what is only seen moves nothing
                         where = self.source.at(element, what)
-                        self.report.add("left out", where, f"a visual: {_said(error)}", part=name)
+                        self.report.add("left out", where, f"a visual: {_fault(error)}", part=name)
                     continue
                 if shape is None:
                     continue
@@ -476,7 +476,7 @@ class _Reader:
         return shape
 
     def _zero(self, solid: Element, what: str) -> str:
-        """The dimension of a solid that is zero, so that it is a placeholder; "" for none."""
+        """Return the name of a dimension that is zero, as of a placeholder, or "" if none is."""
         sizes = {"box": {"size": (1.0,) * 3}, "sphere": {"radius": (1.0,)}}
         round_ = {"radius": (1.0,), "length": (1.0,)}
         given = sizes.get(solid.tag, round_ if solid.tag in ("cylinder", "capsule") else {})
@@ -545,7 +545,7 @@ class _Reader:
         return mesh
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
-        """The colour of a material; one that is wrong is left out, since it moves nothing."""
+        """Return the colour of a material. A wrong one is left out, since it moves nothing."""
         colour = material.first("color")
         if colour is None or colour in self.wrong_colours:
             return None
@@ -553,7 +553,7 @@ class _Reader:
             rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
         except FileError as error:
             self.wrong_colours.add(colour)
-            self.report.add("left out", self.source.at(colour, "material"), _said(error))
+            self.report.add("left out", self.source.at(colour, "material"), _fault(error))
             return None
         return tuple(min(max(x, 0.0), 1.0) for x in rgba)
 
@@ -602,7 +602,7 @@ class _Reader:
         return found
 
     def _following(self, bodies: list[Body], constraints: list[Constraint]) -> list[Body]:
-        """The bodies, those that follow others where their leaders put them at first."""
+        """Return the bodies, with each follower where its leader puts it."""
         found = {body.name: body for body in bodies}
         gears = {c.body: c for c in constraints if isinstance(c, Gear)}
 
@@ -695,8 +695,8 @@ class _Reader:
             self.report.add("approximated", self.source.name, text)
 
 
-def _said(error: FileError) -> str:
-    """The field and the text of an error's first problem, without its place."""
+def _fault(error: FileError) -> str:
+    """Return the field and the text of an error's first problem, without its place."""
     problem = error.problems[0]
     return f"{problem.field} {problem.text}" if problem.field else problem.text
 

@@ -132,7 +132,7 @@ def _ordered(value: Any) -> Any:
 
 
 def _inertia(value: Any) -> Any:
-    """A matrix; three numbers are the moments about the axes of the body."""
+    """Return a matrix; three numbers are its diagonal."""
     value = _ordered(value)
     if (
         isinstance(value, tuple)

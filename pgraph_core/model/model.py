@@ -205,9 +205,9 @@ class Model(World):
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """What acts in the file that the model was read from and is not in the model.
+        """Parts of the file that act on the motion and are not in the model, a sentence each.
 
-        A sentence each, empty for files of Pgraph. Edits keep them, and a run repeats them.
+        Empty for files of Pgraph. Edits keep them, and each run has a notice of them.
         """
         return vars(self).get(LOST, ())
 

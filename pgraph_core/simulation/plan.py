@@ -712,7 +712,7 @@ def _corners_inside(bends: Array, times: Array, width: Array) -> Array:
 
 
 def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
-    """A notice of what the reader of a file left out of the model, which a run cannot show."""
+    """Return a notice of the parts of a file that act and are not in the model."""
     if not lost:
         return ()
     text = "parts of the file that act are not in the model, so this is another motion than the "
