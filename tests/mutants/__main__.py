@@ -44,8 +44,9 @@ def main() -> None:
     parser.add_argument("--only", type=int, nargs="+", metavar="K", help="run only these mutants")
     given = parser.parse_args()
     tree = given.tree.resolve()
-    known = json.loads(given.again.read_text()) if given.again else []
-    sites = found_again(tree, known) if known else draw(tree, given.seed, given.count)
+    again = found_again(tree, json.loads(given.again.read_text())) if given.again else []
+    known = [old for old, _ in again]
+    sites = [site for _, site in again] or draw(tree, given.seed, given.count)
     if given.list:
         print(*(f"{k} {s.key}  {s.description}" for k, s in enumerate(sites)), sep="\n")
         return

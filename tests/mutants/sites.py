@@ -92,19 +92,25 @@ def draw(tree: Path, seed: int, count: int) -> list[Site]:
     return sorted(chosen, key=lambda s: (list(AREAS).index(s.area), s.file, s.line, s.column))
 
 
-def found_again(tree: Path, known: list[dict]) -> list[Site]:
-    """Locate the mutants of earlier results in a changed tree, by text and nearest line."""
-    sites: list[Site] = []
+def found_again(tree: Path, known: list[dict]) -> list[tuple[dict, Site]]:
+    """Pair earlier results with their mutants in a changed tree, by text and nearest line.
+
+    A mutant whose text is gone is named and dropped.
+    """
+    found: list[tuple[dict, Site]] = []
     for old in known:
-        text = (tree / old["file"]).read_text(encoding="utf-8")
+        path, taken = tree / old["file"], [site for _, site in found]
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
         same = (old["kind"], old["description"])
         all_sites = sites_of(old["area"], old["file"], text)
-        alike = [s for s in all_sites if (s.kind, s.description) == same and not s.in_any(sites)]
+        alike = [s for s in all_sites if (s.kind, s.description) == same and not s.in_any(taken)]
         if not alike:
-            raise SystemExit(f"mutant {old['k']} is gone: {old['file']} {old['description']}")
+            print(f"mutant {old['k']} ({old['result']}) is gone: {old['file']} {same[1]}")
+            continue
         line, column = old["line"], old["column"]
-        sites.append(min(alike, key=lambda s: (abs(s.line - line), abs(s.column - column))))
-    return sites
+        best = min(alike, key=lambda s: (abs(s.line - line), abs(s.column - column)))
+        found.append((old, best))
+    return found
 
 
 def sites_of(area: str, file: str, text: str) -> Iterator[Site]:
