@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,26 @@ def rows(effort: Effort) -> Iterator[Row]:
     yield from from_model(effort, chain)
     yield from parent_changed(effort, quadruped.model)
     yield from mass_changed(effort, quadruped.model)
+    if has("mujoco"):
+        yield from many_geoms(effort)
+
+
+def many_geoms(effort: Effort) -> Iterator[Row]:
+    """An MJCF file with many boxes in the world, read as a Model; MuJoCo reads and compiles it."""
+    import mujoco
+
+    count = effort.pick(3000, 100)
+    box = '<geom type="box" size=".1 .1 .1" pos="{} 0 0"/>'
+    boxes = "".join(box.format(k) for k in range(count))
+    ball = '<body pos="0 0 1"><freejoint/><geom size=".1" mass="1"/></body>'
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "boxes.xml")
+        path.write_text(f"<mujoco><worldbody>{boxes}{ball}</worldbody></mujoco>", encoding="utf-8")
+        sides: Calls = {
+            "pgraph, read_mjcf": lambda: pg.read_mjcf(path),
+            "MjModel.from_xml_path": lambda: mujoco.MjModel.from_xml_path(str(path)),
+        }
+        yield from compared(effort, f"MJCF file of {count} boxes", sides, unit="file")
 
 
 def from_columns(effort: Effort, place: Scene) -> Iterator[Row]:
