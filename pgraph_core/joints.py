@@ -172,10 +172,13 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
             "turn one of them",
         )
         for a, b in itertools.pairwise(motions)
-        if a.kind == b.kind
-        and a.kind in ("rotate", "translate")
-        and _norm(_cross(a.axis, b.axis)) <= 1e-9 * _norm(a.axis) * _norm(b.axis)
+        if a.kind == b.kind and a.kind in ("rotate", "translate") and parallel(a.axis, b.axis)
     ]
+
+
+def parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Return whether two directions are parallel to 1e-9 rad, so that a joint cannot have both."""
+    return _norm(_cross(a, b)) <= 1e-9 * _norm(a) * _norm(b)
 
 
 def _norm(x: tuple[float, ...]) -> float:

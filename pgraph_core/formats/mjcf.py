@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, ModelError, Problem, explained, needed, shown
+from ..joints import parallel
 from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
@@ -339,7 +340,7 @@ class _Reader:
         m = self.m
         if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
             return False
-        return bool(np.linalg.norm(np.cross(m.jnt_axis[j], m.jnt_axis[before])) < PARALLEL)
+        return parallel(tuple(m.jnt_axis[j].tolist()), tuple(m.jnt_axis[before].tolist()))
 
     def _anchored(self, j: int) -> bool:
         return self.m.jnt_type[j] in (BALL, HINGE)
@@ -577,5 +578,4 @@ class _Reader:
 
 
 GREY = (0.5, 0.5, 0.5, 1.0)
-PARALLEL = 1e-9  # sine of the angle below which a model refuses two successive axes
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

@@ -55,6 +55,12 @@ LOOPS = {  # types of <loop_joint> -> kinds of constraints
     "ball": "point",
 }
 WORLD = "world"  # a root link of this name without content is the ground
+DIMENSIONS = {  # of solids
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
 ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
 XACRO = "of xacro, which has to expand the file first: xacro robot.urdf.xacro > robot.urdf"
 KNOWN = {"link", "joint", "material", "loop_joint"}  # of what stands in <robot>
@@ -477,12 +483,9 @@ class _Reader:
 
     def _zero(self, solid: Element, what: str) -> str:
         """Return the name of a dimension that is zero, as of a placeholder, or "" if none is."""
-        sizes = {"box": {"size": (1.0,) * 3}, "sphere": {"radius": (1.0,)}}
-        round_ = {"radius": (1.0,), "length": (1.0,)}
-        given = sizes.get(solid.tag, round_ if solid.tag in ("cylinder", "capsule") else {})
-        for field, default in given.items():
-            found = self.source.numbers(solid, field, default, what)
-            if min(found) >= 0 and not all(found) and not (solid.tag == "capsule" == field):
+        for field in DIMENSIONS.get(solid.tag, ()):
+            given = self.source.numbers(solid, field, (1.0,) * (3 if field == "size" else 1), what)
+            if min(given) == 0:
                 return field
         return ""
 

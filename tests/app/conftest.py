@@ -2,7 +2,6 @@
 
 import contextlib
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -18,8 +17,8 @@ from pgraph_app.server import Server, serve
 from pgraph_app.session.update import SetDisplay
 
 from .chromium import FLAGS, browser_path
+from .store import LIMIT, until
 
-LIMIT = 120.0  # [s] reached only where something is broken
 SIZE = {"width": 1150, "height": 660}
 UNCOVERED = """setInterval(() => { // viser's own panel seen before ours
   if (document.body && !document.querySelector("#pgraph-loading, table.bodies tr[data-name]"))
@@ -27,16 +26,6 @@ UNCOVERED = """setInterval(() => { // viser's own panel seen before ours
 }, 10)"""
 ON_PURPOSE = "thrown by a test"
 NOBODY = -1  # a page that is not there: events of the tests themselves
-
-
-def until(true: Callable[[], Any], what: str, seconds: float = LIMIT) -> Any:
-    """Wait for a truthy value; fails saying what did not come."""
-    end = time.monotonic() + seconds
-    while not (value := true()):
-        if time.monotonic() > end:
-            pytest.fail(f"after {seconds:g} s still not: {what}")
-        time.sleep(0.02)
-    return value
 
 
 @contextlib.contextmanager

@@ -69,13 +69,13 @@ def built_in(name: str) -> pg.Model:
     return pg.Model.load(pgraph_models.path(name))
 
 
-def until(true: Callable[[], Any], what: str) -> Any:
-    """Wait for a truthy value and return it."""
-    end = time.monotonic() + LIMIT
+def until(true: Callable[[], Any], what: str, seconds: float = LIMIT) -> Any:
+    """Wait for a truthy value and return it; fail with what did not come."""
+    end = time.monotonic() + seconds
     while not (value := true()):
         if time.monotonic() > end:
-            pytest.fail(f"still not: {what}")
-        time.sleep(0.005)
+            pytest.fail(f"after {seconds:g} s still not: {what}")
+        time.sleep(0.01)
     return value
 
 
