@@ -25,7 +25,7 @@ nightly: $(VENV)/installed-for-nights check browser kernels ## every test, the l
 	@PGRAPH_EXPLORE=1 $(PYTEST) -m "nightly or not nightly"
 	@$(MAKE) --no-print-directory mutants
 
-mutants: $(VENV)/installed-for-tests ## which of 200 small faults in the sources the tests find: an hour
+mutants: $(VENV)/installed-for-tests ## which of 200 small faults in the sources the tests find: ten minutes
 	@$(BIN)/python -m tests.mutants
 
 check: $(VENV)/installed-for-tests ## format, lint, types and the direction of imports
