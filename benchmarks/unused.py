@@ -20,7 +20,7 @@ LINKS = 6
 FAR = 100.0  # m above the ground
 METHODS: dict[str, dict[str, Any]] = {
     "semi_implicit_euler": {"step": 1e-3}, "rk4": {"step": 1e-3}, "gauss6": {"step": 1e-3},
-    "generalised_alpha": {"step": 1e-3}, "dopri5": {}, "dop853": {}, "radau5": {},
+    "dopri5": {}, "dop853": {}, "radau5": {},
 }  # fmt: skip
 FEW = ("a limit out of reach", "a rigid contact far away")  # tried with every method
 

@@ -193,11 +193,6 @@ def _decoupled(a: Array) -> Array:
     return np.vstack((t, np.linalg.inv(t), last))
 
 
-def ros2() -> Tableau:
-    """Linearly implicit, order 2 with any Jacobian, L-stable ([Verwer et al. 1999])."""
-    return Tableau(NONE, np.array([1.5, 0.5]), np.array([0.0, 1.0]), NONE, NONE)
-
-
 def gauss6() -> Tableau:
     """Gauss collocation of three stages, order 6, symplectic ([Hairer et al. 2006, II.1.3])."""
     r = np.sqrt(15.0)
@@ -210,14 +205,6 @@ def gauss6() -> Tableau:
     )
     c = np.array([0.5 - r / 10, 0.5, 0.5 + r / 10])
     return Tableau(a, np.array([5.0, 8.0, 5.0]) / 18.0, c, NONE, NONE)
-
-
-def generalised_alpha(radius: float) -> Tableau:
-    """(α_m, α_f, β, γ) for a spectral radius at infinity ([Chung, Hulbert 1993, eqs. 17 to 25])."""
-    mass, force = (2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0)
-    gamma = 0.5 - mass + force
-    a = np.array([[mass, force, 0.25 * (1.0 - mass + force) ** 2, gamma]])
-    return Tableau(a, np.array([1.0]), np.array([0.0, 1.0]), NONE, NONE)
 
 
 DOP853_THIRD = (0.244094488188976377952755905512, 0.733846688281611857341361741547,
@@ -429,16 +416,6 @@ METHODS = {
             "gauss6", 6, gauss6(),
             "conservative trees for very long: symplectic, the energy stays within a bound",
             "gauss.gauss", limit=3.0, implicit=True,
-        ),
-        Method(
-            "ros2", 2, ros2(), "stiff motion for playback: one factorisation a step",
-            "implicit.ros2", adaptive=True, controller=_pi(2, 0.0, 6.0), implicit=True,
-            jacobian=True,
-        ),
-        Method(
-            "generalised_alpha", 2, generalised_alpha(0.8),
-            "stiff and constrained motion at a fixed step: one implicit evaluation a step",
-            "alpha.generalised_alpha", implicit=True, jacobian=True,
         ),
         Method(
             "radau5", 5, radau5(),

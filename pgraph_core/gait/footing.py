@@ -137,7 +137,7 @@ def underfoot(
     """The model on different ground: the given properties change for all contacts with the ground.
 
     A law comes with the stiffness and damping of a paw's sole: with "penalty" explicit methods can
-    take steps of 0.25 ms, while "soft" needs an implicit method, "ros2".
+    take steps of 0.25 ms, while "soft" needs an implicit method, "radau5".
     """
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:

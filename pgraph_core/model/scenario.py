@@ -282,8 +282,6 @@ METHOD_NAMES = {  # as in calls and files -> as a person chooses them
     "dopri5": "Dormand-Prince 5",
     "dop853": "Dormand-Prince 8",
     "gauss6": "Gauss 6 (symplectic)",
-    "ros2": "Rosenbrock 2 (stiff)",
-    "generalised_alpha": "generalised alpha (stiff)",
     "radau5": "Radau 5 (stiff)",
     "moreau_jean": "Moreau-Jean (impacts)",
 }

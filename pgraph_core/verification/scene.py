@@ -21,10 +21,10 @@ SOLVED = 1e-8  # of the motion: to which impulses are solved
 SMOOTH: tuple[dict[str, Any], ...] = (
     {"method": "dopri5", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-10},
     {"method": "dop853", "rtol": 1e-4}, {"method": "radau5", "rtol": 1e-6},
-    {"method": "ros2", "rtol": 1e-4}, {"method": "rk4", "parts": 100},
+    {"method": "rk4", "parts": 100},
     {"method": "rk4", "parts": 1000}, {"method": "semi_implicit_euler", "parts": 1000},
     {"method": "radau5", "parts": 100}, {"method": "dop853", "parts": 20},
-    {"method": "radau5", "parts": 20, "frames": 21}, {"method": "ros2", "parts": 40, "frames": 41},
+    {"method": "radau5", "parts": 20, "frames": 21},
     {"method": "rk4", "parts": 50, "frames": 51},
 )  # fmt: skip
 TOUCHING: tuple[dict[str, Any], ...] = ({"rtol": 1e-8}, {"method": "rk4", "parts": 500})

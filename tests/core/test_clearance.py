@@ -31,7 +31,7 @@ WAYS = [
     {"method": "radau5", "step": 2e-3},
     *(pytest.param(way, marks=pytest.mark.nightly)
       for way in ({"step": 1e-3}, {"rtol": 1e-5}, {"method": "semi_implicit_euler", "step": 1e-3},
-                  {"method": "ros2", "step": 1e-3}, {"method": "dop853"}, {"method": "dopri5"})),
+                  {"method": "dop853"}, {"method": "dopri5"})),
 ]  # fmt: skip
 
 

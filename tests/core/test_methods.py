@@ -80,15 +80,6 @@ def test_radau_swings_right_however_stiff(k):
     assert done.counters["steps"] < 1000
 
 
-@pytest.mark.parametrize("k", [1e3, 1e12])
-def test_ros2_swings_right_however_stiff(k):
-    t, reference = case("stiff_spring_pendulum")
-    mech, q = stiff_pendulum(k)
-    done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="ros2", step=1e-3)
-    assert worst(done.q[:, 0], swing(reference, k)) < 3e-6
-    assert done.error_estimate < 3e-6
-
-
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     """The limit is that of the method: 5 % below it the run lives, 20 % above it does not."""

@@ -361,7 +361,6 @@ def test_methods_that_locate_events_and_those_that_do_not():
     stairs = {"steps": ({"low": (0, 0), "high": (1, 1), "height": 0.1},)}
     for refused, options, key in (
         (model, {"method": "radau5"}, "dense output"),
-        (model, {"method": "ros2"}, "dense output"),
         (model, {"method": "moreau_jean", "rtol": 1e-6}, "tolerance"),
         (stop, {"rtol": 1e-6}, "penalty"),
         (touching(cylinder, points=()), {"method": "rk4"}, "cylinder.*moreau_jean"),

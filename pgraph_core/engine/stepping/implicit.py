@@ -1,4 +1,4 @@
-"""Implicit steps: Radau IIA of order 5, and the linearly implicit ROS2; compiled where asked for.
+"""Implicit steps by Radau IIA of order 5, compiled on first use.
 
 A step is taken in local coordinates z = (ξ, w): q moved along ξ from where the step began, and
 v = v₀ + w. Balls and free bodies turn by the exponential of ξ, whose rate is dexp⁻¹(ξ) ω, so that
@@ -6,7 +6,7 @@ orders hold on rotations too. In (λ - J) z = r with J = [W 1; A B], ξ alone is
 
     (λ² - λ (B + W) - (A - B W)) ξ = r₂ + (λ - B) r₁,    w = (λ - W) ξ - r₁
 
-A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8] and [Verwer et al. 1999].
+A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8].
 """
 
 import math
@@ -16,7 +16,7 @@ from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
-from ..records import CHOSEN, WIDEST
+from ..records import CHOSEN
 from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
@@ -33,9 +33,7 @@ LEAST = 6  # columns
 TURN = 1e-6  # step of differences over their scale
 KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian
 ITERATIONS = 12
-SHARE = 0.1  # of nv: steps that ROS2 takes with one Jacobian
 ROUNDING = 1e-13  # a correction below it, over its scale, is rounding
-GAMMA = 1.0 - math.sqrt(0.5)  # of ROS2: L-stable
 
 
 @sweep
@@ -204,9 +202,6 @@ def finish_local(run, z, power, loss):
     stages[at.CANDIDATE, nq + nv + 1] += loss
 
 
-# -- Radau IIA ------------------------------------------------------------------------------------
-
-
 @sweep
 def factor_radau(run, h):
     """Both matrices of a step of width h, factored; whether they can be."""
@@ -371,56 +366,3 @@ def radau(run, h):
         loss += h * data.tableau.b[i] * real[base + POWERS, 2 * i + 1]
     finish_local(run, real[base + Z + 2], power, loss)
     return error if finite(stages[at.CANDIDATE]) else math.inf
-
-
-# -- ROS2 -----------------------------------------------------------------------------------------
-
-
-@kernel(STEP, nogil=True, later=True)
-def ros2(run, h):
-    """One step of ROS2; its error over the tolerance, of order 1.
-
-    (1 - γ h J) k₁ = f(z₀), (1 - γ h J) k₂ = f(z₀ + h k₁) - 2 k₁, z₁ = z₀ + 3/2 h k₁ + 1/2 h k₂.
-    Its order holds for any J: an old one serves several steps of their own choice where J costs
-    more than they do.
-    """
-    data = opened_run(run)
-    control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
-    nq, nv = size_of_state(run)
-    base = 3 * nv
-    rows = opened(data.scene).rows
-    prepare(run)
-    control.jacobian_rate += 1.0  # steps with it, here
-    old = control.jacobian_rate > SHARE * nv or control.rejected == 1
-    if control.jacobian_time != control.time and (old or control.widths == WIDEST):
-        jacobian(run)
-        control.jacobian_rate = 0.0
-    shift = 1.0 / (GAMMA * h)
-    factors, pivots = real[2 * nv : base], real[base + PIVOTS]
-    if control.factored != h:
-        assemble(shift, real, nv, factors)
-        control.factored = h
-        data.counters[0].factorisations += 1
-        if not factor(factors, nv, pivots):
-            return NOT_SOLVED
-    scratch = real[base + SCRATCH]
-    first, second, z = real[base + RIGHT], real[base + F], real[base + Z]
-    for j in range(nv):
-        first[j] = shift * stages[at.Y, nq + j]
-        first[nv + j] = shift * stages[at.SLOPE, nq + j]
-    solve(rows, shift, real, nv, factors, pivots, first, scratch)
-    for j in range(2 * nv):
-        z[j] = h * first[j]
-    local_slope(run, min(control.time + h, control.clip), z, second)
-    for j in range(2 * nv):
-        second[j] = shift * (second[j] - 2.0 * first[j])
-    solve(rows, shift, real, nv, factors, pivots, second, scratch)
-    for j in range(2 * nv):
-        z[j] = h * (1.5 * first[j] + 0.5 * second[j])
-        first[j] = 0.5 * h * (first[j] + second[j])
-    power = 0.5 * h * (stages[at.SLOPE, nq + nv] + flow[0])
-    loss = 0.5 * h * (stages[at.SLOPE, nq + nv + 1] + flow[1])
-    finish_local(run, z, power, loss)
-    if not finite(stages[at.CANDIDATE]):
-        return math.inf
-    return size_of_local(first, real[base + WEIGHTS], 2 * nv)
