@@ -199,7 +199,7 @@ TWENTY = {"t_end": 0.5, "step": 1e-3, "method": "semi_implicit_euler"}
 REFERENCED: dict[str, Any] = {
     "wide steps, rk4": ("pendulum", [2.5], None, {"t_end": 2.0, "step": 0.1, **RK4}),
     "wide steps, radau5": ("pendulum", [2.5], None, {"t_end": 2.0, "step": 0.5, **RADAU5}),
-    "frames end steps": ("pendulum", [1], None, {"t_end": 1, "frames": 101, "step": 0.015, **RADAU5}),
+    "frames end steps": ("pendulum", [1], None, {"t_end": 1, "frames": 101, "step": 0.015, **RK4}),
     "frames in steps": ("pendulum", [1], None, {"t_end": 1, "frames": 101, "step": 0.04, **RADAU5}),
     "knots at steps": (SAW, None, None, {"t_end": 1.0, "step": 0.01, **RK4}),
     "knots end steps": (SHAKEN, None, None, {"t_end": 10, "frames": 50, "step": 1.0, **DOP853}),
