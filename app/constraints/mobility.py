@@ -66,12 +66,13 @@ def lines_of(state: State, found: Any) -> list[Payload]:
         _line(name, needless(name, kinds.get(name, ""), rows), False)
         for name, rows in by_name.items()
     ]
-    if found.redundant and found.dof == 0:
-        text = (
-            "Nothing can move: a loop of hinges that are not parallel is locked; look at the axes."
-        )
+    if found.prescribed:
+        moves = counted(found.prescribed, "way") + " to move"
+        lines.append(_line("", f"Prescribed motions drive it: they decide {moves}.", False))
+    elif found.redundant and found.dof == 0:
+        text = "Nothing can move: a loop of hinges that are not parallel is locked. Check the axes."
         lines.append(_line("", text, True))
-    elif found.redundant:
+    if found.redundant and found.dof + found.prescribed > 0:
         text = "The motion is right all the same; of the forces along these the least are taken."
         lines.append(_line("", text, False))
     if found.extra:

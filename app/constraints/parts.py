@@ -108,7 +108,7 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
         case _, "skate":
             return {"axis": (0.0, 1.0, 0.0)}
         case _, "velocity" | "coupling" | "tendon":
-            return {"coefficients": {body: (1.0,) + (0.0,) * (first.dof - 1)}}
+            return {"coefficients": {body: _unit_row(model, body)}}
         case "forces", "servo":
             return {**gains(model, body), "target": start}
         case "forces", "speed_servo":
@@ -396,13 +396,17 @@ def _points(
 def _coefficients(
     model: pg.Model, data: dict[str, Any], index: tuple[int, ...], text: str
 ) -> dict[str, Any]:
-    """Rows of a velocity constraint: a number typed; without index a body's name joins or goes."""
+    """Set a number of a sum over joints, or, without an index, add or take out a body.
+
+    A part that acts on the joint of its body alone keeps that joint when another one is added.
+    """
     rows = dict(data["coefficients"])
     if not index:
         if text in rows:
             del rows[text]
         else:
-            rows[text] = (1.0,) + (0.0,) * (model.body(text).dof - 1)
+            rows = rows or {data["body"]: _unit_row(model, data["body"], data["coordinate"])}
+            rows[text] = _unit_row(model, text)
     else:
         name = list(rows)[index[0]]
         rows[name] = replaced(tuple(rows[name]), index[1:], content(text, "number", Display()))
@@ -411,6 +415,11 @@ def _coefficients(
     if not rows:
         return {**data, "coefficients": {}}
     return {**data, "coefficients": rows, "body": next(iter(rows))}
+
+
+def _unit_row(model: pg.Model, body: str, coordinate: int = 0) -> tuple[float, ...]:
+    """Return coefficients that pick one coordinate of a joint."""
+    return tuple(float(i == coordinate) for i in range(model.body(body).dof))
 
 
 def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, Any]:

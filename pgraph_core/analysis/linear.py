@@ -117,9 +117,10 @@ class Balance:
     @cached_property
     def free_places(self) -> Array:
         """As `free`, for the rows that positions obey."""
-        if all(group.holonomic for group in self.rows.groups):
+        groups = [group for group in self.rows.groups if group.holonomic]
+        if len(groups) == len(self.rows.groups):
             return self.free
-        return self.rows.step(complement(judged(self.rows, holonomic=True)[0], self.mech.nv))
+        return self.rows.step(complement(judged(self.rows, groups)[0], self.mech.nv))
 
     def torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of all drives and loads at t = 0."""

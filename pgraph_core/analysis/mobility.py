@@ -17,6 +17,7 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..errors import InputError, counted, explained
+from ..model import Motion
 from ..packing import Array
 from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
@@ -65,6 +66,7 @@ class Mobility:
     joints: tuple[str, ...]  # that take part in motions, where the position is singular
     branches: tuple[tuple[float, ...], ...]  # (nv,) directions in which motions lead away
     branch: int  # index of the one that the velocity takes; -1: none
+    prescribed: int  # ways to move that prescribed motions decide
     moved: float  # how far the position was from meeting the constraints [rad or m]
     names: tuple[str, ...]  # the joint of each degree of freedom
     doubts: tuple[str, ...] = ()  # defaults of constraints that hardly fit the model
@@ -104,8 +106,8 @@ def mobility(
         raise InputError(contradiction(mech, ended))
     here = ended.rows
     basis, found = judged(here)
-    everywhere = all(group.holonomic for group in here.groups)
-    holonomic = len(basis) if everywhere else len(judged(here, holonomic=True)[0])
+    holonomic = rank_of(here, [group for group in here.groups if group.holonomic], basis)
+    free = rank_of(here, [g for g in here.groups if not isinstance(g.constraint, Motion)], basis)
     generic, finite_, again, branches = len(basis), True, found, ()
     if found:
         generic, finite_, again, branches = _around(here, basis, found)
@@ -123,6 +125,7 @@ def mobility(
         joints=_moving(here, basis) if extra else (),
         branches=tuple(tuple(d.tolist()) for d in branches),
         branch=_taken(here, branches, v),
+        prescribed=len(basis) - free,
         moved=float(np.max(np.abs(apart(mech, at, here.q)), initial=0.0)),
         names=_joint_of_each(here),
         doubts=tuple(text for text in mech.model.doubts if text.startswith("constraint")),
@@ -132,9 +135,16 @@ def mobility(
 Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, rows)
 
 
-def judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
+def rank_of(state: Rows, groups: Sequence[Group], basis: Array) -> int:
+    """Return the rank of some groups of rows; `basis` is that of all of them."""
+    return len(basis if len(groups) == len(state.groups) else judged(state, groups)[0])
+
+
+def judged(
+    state: Rows, groups: Sequence[Group] | None = None, cut: float = CUT
+) -> tuple[Array, Found]:
     """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
-    groups = [group for group in state.groups if group.holonomic or not holonomic]
+    groups = state.groups if groups is None else groups
     basis, rank = np.empty((min(len(state.J), state.nv), state.nv)), 0
     found: Found = []
     for first in range(0, len(groups), PANEL):
@@ -300,6 +310,8 @@ def _counts(m: Mobility) -> list[str]:
         f"{counted(m.constraints, 'active constraint')}, rank {m.rank}: "
         f"{counted(m.dof, 'degree')} of freedom left{m.locked}"
     ]
+    if m.prescribed:
+        lines.append(f"prescribed motions decide {m.prescribed} more: they drive the mechanism")
     if m.positions != m.dof:
         lines.append(
             f"velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "

@@ -169,6 +169,32 @@ def test_d16_d17_active_switch_and_joint_limits(state):
     assert "limit" in notice(refused)
 
 
+@pytest.mark.parametrize("kind", ["motor", "servo", "speed_servo", "actuator"])
+@pytest.mark.parametrize("coordinate", [0, 1])
+def test_a_drive_that_gets_a_second_body_keeps_its_own(kind, coordinate):
+    model = pg.Model.serial(3).edit("2", joint="universal", axes=((1, 0, 0), (0, 1, 0)))
+    state = add(begun(model), "forces", kind, "2")
+    if coordinate:
+        state = edit(state, "forces", kind, "coordinate", ((), str(coordinate)))
+    state = edit(state, "forces", kind, "coefficients", ((), "3"))
+    (drive,) = state.model.forces
+    row = tuple(float(i == coordinate) for i in range(2))
+    assert (drive.body, dict(drive.coefficients)) == ("2", {"2": row, "3": (1.0,)})
+
+
+@pytest.mark.parametrize(("name", "body"), [("slider_crank", "crank"), ("four_bar", "left crank")])
+def test_a_driven_mechanism_is_not_called_locked(name, body):
+    model = built_in(name)
+    start = model.body(body).q[0]
+    curve = pg.Sine(mean=start, amplitude=0.1, frequency=1.0)
+    motion = pg.Motion(name="drive", body=body, q_of_t=curve)
+    lines = shown(reported(begun(model.add(motion))))["mobility"]["lines"]
+    assert not any(line["bad"] for line in lines)
+    found = pg.Mechanism(model.add(motion)).mobility()
+    assert (found.dof, found.prescribed) == (0, 1)
+    assert pg.Mechanism(model).mobility().prescribed == 0
+
+
 @pytest.mark.parametrize(
     ("part", "kind", "field", "entries", "value"),
     [
