@@ -19,7 +19,6 @@ FRAME = 1 / 60  # [s] between ticks while playing
 MOST_WAITING = 1000  # events of one page
 MOST_AHEAD = 20  # events of pages that may pass one of the server
 AGAIN = 0.1  # [s] between looks whether the pages are ready for a picture that waits
-SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
 
 
@@ -188,14 +187,12 @@ class Store:
             spent |= self._render(self._workers, old, self.state)
         if self.state is not self._drawn and (not event.collapses or self.ready()):
             spent |= self._show(True)
-        whole = sum(spent.values())
-        slowest = max(spent, key=spent.__getitem__)
-        level = logging.WARNING if whole > SLOW else logging.INFO
-        if log.isEnabledFor(level):
+        if log.isEnabledFor(logging.INFO):  # with `--log`
+            slowest = max(spent, key=spent.__getitem__)
             sender = f"page {event.client}" if isinstance(event, FromPage) else "server"
-            log.log(
-                level, "%s of %s: %.1f ms, of which %s %.1f ms",
-                name, sender, 1e3 * whole, slowest, 1e3 * spent[slowest],
+            log.info(
+                "%s of %s: %.1f ms, of which %s %.1f ms",
+                name, sender, 1e3 * sum(spent.values()), slowest, 1e3 * spent[slowest],
             )  # fmt: skip
 
     def _show(self, at_once: bool = False) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -363,6 +364,18 @@ def test_a_view_that_failed_draws_the_whole_change_next_time(state):
     until(lambda: len(seen) == 2, "the second picture")
     store.stop()
     assert seen == [(0, 0), (0, 2)]
+
+
+@pytest.mark.parametrize("event", [do.Select(ME, None), do.Progress(1, 0.5), do.Tick(0.1)])
+def test_an_event_of_any_length_is_no_news_for_the_terminal(state, event, caplog, monkeypatch):
+    clock = SimpleNamespace(perf_counter=count(step=1000.0).__next__)
+    monkeypatch.setattr("pgraph_app.core.store.time", clock)
+    store = Store(state, lambda state, event: replace(state, jobs=state.jobs + 1))
+    store.start([])
+    store.send(event)
+    until(lambda: store.state.jobs, "the event")
+    store.stop()
+    assert caplog.records == []
 
 
 @pytest.mark.parametrize(
