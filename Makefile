@@ -12,6 +12,7 @@ help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
 
 run: $(VENV)/installed ## start the app with the quadruped and open the browser
+	@echo "Starting the page, in 1 to 3 s ..."
 	@$(BIN)/python -m app
 
 test: check browser kernels ## set up everything that the tests need, and run them: under ten minutes
@@ -58,20 +59,21 @@ clean: ## remove the virtual environment and all caches
 # An interrupted set-up leaves no stamp and starts over; a changed pyproject.toml installs again.
 $(VENV)/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Pgraph needs Python 3.11 or newer; $(PYTHON) is not: name one with make PYTHON=python3.12 ..." >&2; exit 1; }
+	@echo "Making a Python environment in $(VENV), usually in 3 s ..."
 	@$(PYTHON) -m venv --clear $(VENV) || { echo "Python's venv is missing; on Debian: apt-get install python3-venv" >&2; exit 1; }
 	@touch $@
 
 $(VENV)/installed: $(VENV)/made pyproject.toml setup.py
-	@echo "Installing Pgraph into $(VENV) ..."
-	@$(PIP) install --editable .
+	@echo "Installing Pgraph and its page into $(VENV): 150 MB to load, then usually 10 s ..."
+	@$(PIP) install --no-compile --editable . # Python compiles what it imports: half as long
 	@touch $@
 
 $(VENV)/installed-for-tests: $(VENV)/made pyproject.toml setup.py
-	@echo "Installing Pgraph and what its tests need into $(VENV) ..."
+	@echo "Installing Pgraph and what its tests need into $(VENV), usually in 1 min ..."
 	@$(PIP) install --editable '.[test]'
 	@touch $(VENV)/installed $@
 
 $(VENV)/installed-for-nights: $(VENV)/installed-for-tests
-	@echo "Installing what the nightly tests and the site need into $(VENV) ..."
+	@echo "Installing what the nightly tests and the site need into $(VENV), usually in 30 s ..."
 	@$(PIP) install --editable '.[nightly]'
 	@touch $(VENV)/installed $(VENV)/installed-for-tests $@

@@ -153,13 +153,19 @@ def _is_ours(value: Any) -> bool:
     return type(value).__module__.startswith("pgraph_")
 
 
-def needed(module: str, extra: str) -> Any:
-    """The imported `module`. Raises MissingPackage naming the `extra` of pgraph-dynamics."""
+def needed(module: str, extra: str = "") -> Any:
+    """Return the imported `module`.
+
+    Raises MissingPackage naming the `extra` of pgraph-dynamics that brings it. Without one it is a
+    package of the page, which only a lean installation lacks.
+    """
     try:
         return import_module(module)
     except ImportError as error:
         package = module.split(".")[0]
-        text = f"is not installed; type: pip install 'pgraph-dynamics[{extra}]'"
+        text = "is not part of a lean installation; install pgraph-dynamics without PGRAPH_LEAN"
+        if extra:
+            text = f"is not installed; type: pip install 'pgraph-dynamics[{extra}]'"
         raise MissingPackage(Problem(f"package '{package}'", "", text)) from error
 
 

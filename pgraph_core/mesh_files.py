@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .errors import FileError, ModelError, PgraphError, Problem, choices
+from .errors import FileError, ModelError, PgraphError, Problem, choices, needed
 from .markup import Element, Source, content_of, parse_markup, reason_of
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
@@ -40,8 +40,7 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
 
 def parsed_mesh(file: str | Path) -> Any:
     """The geometry in a file, as it stands there. Opens that one file and none that it names."""
-    import trimesh  # not before a file is opened: half a second
-
+    trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):
         text = f"no mesh is read from .{suffix} files; give one of {choices(FORMATS)}"

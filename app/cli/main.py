@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pgraph_models
 from pgraph_core.engine import second_process
-from pgraph_core.errors import InputError, PgraphError, Problem, plain
+from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
 from . import bench, models, run, study, verify
 from .terminal import open_model, port, print_answer, print_problems
@@ -144,6 +144,7 @@ def start(args: Namespace) -> None:
     _bind(args.host)
     if args.log is not None:
         _log_to(args.log)
+    needed("viser")
     from ..run.update import Simulate
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder

@@ -35,7 +35,7 @@ Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
 
 def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None = None) -> str:
     """The page of a `pg.Result`. Needs viser. `extra` draws more into every picture."""
-    viser = needed("viser", "page")
+    viser = needed("viser")
     with contextlib.redirect_stdout(io.StringIO()):  # viser's banner
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

@@ -101,7 +101,7 @@ def _own(shape: Any) -> Piece:
 def mesh(parts: Sequence[Piece]) -> Any:
     """The pieces as one trimesh.Trimesh in body axes."""
     solids = [_solid(part) for part in parts]
-    return needed("trimesh", "page").util.concatenate(solids)
+    return needed("trimesh").util.concatenate(solids)
 
 
 def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
@@ -121,7 +121,7 @@ def _solid(part: Piece, *, many: bool = False) -> Any:
     match part.kind:
         case "heightfield":
             vertices, faces = part.file.surface()
-            solid = needed("trimesh", "page").Trimesh(vertices, faces, process=False)
+            solid = needed("trimesh").Trimesh(vertices, faces, process=False)
         case "mesh":
             solid = _file(part.file)
             solid.apply_scale(part.size)
@@ -136,7 +136,7 @@ def _solid(part: Piece, *, many: bool = False) -> Any:
 @lru_cache(maxsize=256)
 def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: bool) -> Any:
     """A trimesh with its middle in the origin; copies of a body have the same one."""
-    creation, (x, _, z) = needed("trimesh", "page").creation, size
+    creation, (x, _, z) = needed("trimesh").creation, size
     if kind == "box":
         return creation.box(extents=size)
     if kind == "sphere":
@@ -165,7 +165,7 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
     else:
         radii, z = np.array((0.0, near, far, 0.0)), np.array((-1.0, -1.0, 1.0, 1.0)) * tall / 2
     radii[[0, -1]] = 0.0
-    return needed("trimesh", "page").creation.revolve(np.column_stack((radii, z)), sections=28)
+    return needed("trimesh").creation.revolve(np.column_stack((radii, z)), sections=28)
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
@@ -185,12 +185,12 @@ def coil(turns: int = 9, wire: float = 0.07) -> Any:
         np.stack((a, b, a + around), -1).reshape(-1, 3),
         np.stack((b, b + around, a + around), -1).reshape(-1, 3),
     ])  # fmt: skip
-    return needed("trimesh", "page").Trimesh(vertices, faces, process=False)
+    return needed("trimesh").Trimesh(vertices, faces, process=False)
 
 
 def bracket() -> Any:
     """A trimesh of the hatched foot of a pivot within the unit cube: its tip is at z = 1/2."""
-    trimesh = needed("trimesh", "page")
+    trimesh = needed("trimesh")
     profile = [(-0.1, 0.5), (0.1, 0.5), (0.36, -0.22), (-0.36, -0.22)]  # x, z
     wedge = np.array([(x, y, z) for y in (-0.2, 0.2) for x, z in profile])
     parts = [trimesh.convex.convex_hull(wedge), trimesh.creation.box(extents=(1.0, 0.6, 0.08))]
@@ -207,7 +207,7 @@ def bracket() -> Any:
 
 def cone() -> Any:
     """A trimesh that opens from the origin upwards to the unit square at height 1."""
-    solid = needed("trimesh", "page").creation.cone(radius=0.5, height=1.0, sections=32)
+    solid = needed("trimesh").creation.cone(radius=0.5, height=1.0, sections=32)
     solid.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))  # the apex is above: turned about x
     solid.apply_translation((0.0, 0.0, 1.0))
     return solid
@@ -217,7 +217,7 @@ def _file(name: str) -> Any:
     """The mesh in a file; a box of 0.1 m if it cannot be read, so that the body is still seen."""
     found = _read(name, _changed(name))
     if isinstance(found, str):
-        return needed("trimesh", "page").creation.box(extents=(0.1, 0.1, 0.1))
+        return needed("trimesh").creation.box(extents=(0.1, 0.1, 0.1))
     return found.copy()
 
 
