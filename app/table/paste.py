@@ -24,6 +24,7 @@ HEADINGS = {
     "constraint type": "constraint", "mass": "mass",
 }  # fmt: skip
 UNIT = re.compile(r"\s*[\[(]\s*([^\])]*)[\])]\s*$")  # at the end of a heading: mass [kg]
+AXIS = re.compile(r"[+-]?[xyzXYZ]")
 VECTOR = re.compile(r"(link|com|tip) ([xyz])")
 FIELDS = (*(f for f in pg.Body.model_fields if f not in ("motions", "shapes")), "motions", "shapes")
 LENGTHS = ("link", "com", "tip")
@@ -38,7 +39,7 @@ Rod = Callable[[pg.Model, str, str], pg.Body]
 def rows_of(
     model: pg.Model, text: str, rows: Sequence[str], column: int, under: str | None, rod: Rod
 ) -> tuple[pg.Model, tuple[str, ...], str]:
-    """The model with the pasted lines, the bodies they are, and what was left out.
+    """The model with the pasted lines, the bodies they are, and what is not as it was typed.
 
     Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
     names are made free where `rows` is empty. Raises Refusal or PgraphError, naming the line.
@@ -75,7 +76,8 @@ def rows_of(
             text = text.replace(f"'{place}'", f"'{name}'")
         raise Refusal(text) from None
     filled = [changes[name].get("name", name) for name in (*rows[: len(lines)], *places)]
-    return after, tuple(filled), _left_out(columns, lines)
+    told = (_renamed(names), _left_out(columns, lines))
+    return after, tuple(filled), " ".join(text for text in told if text)
 
 
 def copied(model: pg.Model, names: Sequence[str]) -> str:
@@ -127,6 +129,8 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], li
     if None not in first and ("name" in first or len(first) > 1):
         units = tuple(m[1].strip() if (m := UNIT.search(x)) else "" for x in lines[0])
         columns, lines = tuple(str(f) for f in first), lines[1:]
+        if twice := [f for i, f in enumerate(columns) if f and f in columns[:i]]:
+            raise Refusal(f"two columns are headed '{twice[0]}'; leave one of them out")
     else:
         _no_heading(lines[0], first)
         columns = COLUMNS[column:]
@@ -184,12 +188,13 @@ def _places(model: pg.Model, count: int) -> tuple[str, ...]:
 
 
 def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: Rod) -> pg.Model:
-    """A rod for each new row, on the ground for now."""
+    """A rod on a hinge for each new row, on the ground for now."""
     if not places:
         return model
+    chain = pg.Model.serial(1)
     on = under if under in model.row else "ground"
-    first = rod(model, places[0], str(on))
-    more = rod(pg.Model.serial(1), "more", "1")
+    first = rod(model if model.bodies else chain, places[0], str(on))
+    more = rod(chain, "more", "1")
     new = [first, *(more.unchecked_copy({"name": name}) for name in places[1:])]
     new = [body.unchecked_copy({"parent": "ground"}) for body in new]
     return model.replace(bodies=(*model.bodies, *new))
@@ -269,6 +274,8 @@ def _value(field: str, text: str, unit: str) -> Any:
     words = re.split(r"[\s,;]+", text.strip())
     if field == "derived":
         return tuple(words)
+    if field == "axes" and all(AXIS.fullmatch(word) for word in words):
+        return tuple(_unit_vector(word) for word in words)
     if field not in (*LENGTHS, "inertia", "rotation", "axes", "q", "v"):
         numbers = [cells.number(word) for word in words]
         return numbers[0] if len(numbers) == 1 else tuple(numbers)
@@ -283,6 +290,12 @@ def _value(field: str, text: str, unit: str) -> Any:
     if len(numbers) != 3:
         raise Refusal(f"needs the 3 moments about x, y, z or all 9 numbers; given {len(numbers)}")
     return tuple(tuple(m if i == k else 0.0 for k in range(3)) for i, m in enumerate(numbers))
+
+
+def _unit_vector(axis: str) -> tuple[float, ...]:
+    """Return the direction of '-y'."""
+    sign = -1.0 if axis[0] == "-" else 1.0
+    return tuple(sign if letter == axis[-1].lower() else 0.0 for letter in "xyz")
 
 
 def _joint(body: pg.Body, text: str) -> dict[str, Any]:
@@ -314,6 +327,13 @@ def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
                 "constraints: add it there"
             )
     return {}
+
+
+def _renamed(names: Sequence[tuple[str, str]]) -> str:
+    """Return a sentence that lists the bodies whose typed names were taken."""
+    changed = [f"'{old}' became '{new}'" for old, new in names if old and old != new]
+    more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
+    return f"Names are unique: {', '.join(changed[:5])}{more}." if changed else ""
 
 
 def _left_out(columns: Sequence[str], lines: Sequence[Sequence[str]]) -> str:

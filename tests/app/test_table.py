@@ -10,7 +10,7 @@ from pgraph_app.model.view import toolbar
 from pgraph_app.table import update
 from pgraph_app.table.paste import copied
 
-from .store import ME, OTHER, after, begun, do, notice, seven
+from .store import ME, OTHER, after, begun, do, notice, reply, seven
 
 pytestmark = pytest.mark.quick
 
@@ -179,10 +179,33 @@ def test_headings_name_any_field_in_any_order_with_their_units(state):
 
 def test_the_first_body_of_an_empty_table_is_free_and_can_be_saved(state):
     empty = after(state, do.DeleteBodies(ME, ("1",), "delete"))
-    for event in (do.AddBody(ME, None), paste("a\tground"), do.CountBodies(ME, 1, "2")):
+    for event in (do.AddBody(ME, None), do.CountBodies(ME, 1, "2")):
         model = after(empty, event).model
         assert model.bodies[0].joint == "free"
         assert pg.Model.from_json(model.to_json()) == model
+
+
+def test_pasted_rows_have_the_joint_of_the_description_where_they_name_none(state):
+    """The first one on the ground too: lines of a table are a description."""
+    empty = after(state, do.DeleteBodies(ME, tuple(state.model.row), "delete"))
+    for start in (state, empty):
+        rows = after(start, paste("name\tparent\tmass\naa\tground\t1\nbb\taa\t2")).model
+        assert [(b.name, b.joint) for b in rows.bodies[-2:]] == [
+            ("aa", "revolute"), ("bb", "revolute"),
+        ]  # fmt: skip
+        turned = after(start, paste("name\tparent\taxes\naa\tground\tx\nbb\taa\t-y")).model
+        assert [b.axes for b in turned.bodies[-2:]] == [((1, 0, 0),), ((0, -1, 0),)]
+        both = after(start, paste("name\tjoint\taxes\nu\tuniversal\tz x")).model
+        assert both.bodies[-1].axes == ((0, 0, 1), (1, 0, 0))
+
+
+def test_pasted_headings_that_repeat_are_refused_and_new_names_are_listed(state):
+    doubled = after(state, paste("name\tmass\tname\na\t1\tb"))
+    assert doubled.model is state.model
+    assert "'name'" in reply(doubled)
+    again = after(state, paste("name\n7\n7\nnew"))
+    assert [b.name for b in again.model.bodies[-3:]] == ["8", "9", "new"]
+    assert "'7' became '8', '7' became '9'" in notice(again)
 
 
 def test_several_branches_are_mirrored_as_one_step_each_once():
