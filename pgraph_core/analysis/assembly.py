@@ -16,20 +16,13 @@ from ..errors import InputError, Problem, explained, one_of
 from ..model.doubts import unlinked
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
+from ..tolerances import FAINT, LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
 from .rows import ANGLE, Rows, apart
 
 ASSEMBLY_ROUNDS = 50  # of the projection, which is enough from nearby
-FAR = 0.5  # rad, m: a projection that moves more may have ended anywhere
-NOTABLE = 1e-6  # rad, m, rad/s, m/s: a move that is reported
 ROUNDS = 150
-ROUNDING = 1e-13  # relative to the mechanism's size: a gap that is none
-CLOSED = 1e-9  # relative to it: what is left open after all rounds
-LONGEST = 0.5  # rad, or of the mechanism's size: one step
-STALLED = 1e-6  # of the gap gained in a step that gains nothing
-IDLE = 8  # such steps in a row, and it ends
+IDLE = 8  # steps in a row that gain nothing notable, and the search ends
 TRIES = 3  # from other starts, where the first ends in a valley
-SUSPECT = 1e-3  # of the largest gap: what may contradict
-SPEED = 1e-9  # relative: a velocity that is met
 
 
 @explained
@@ -111,7 +104,7 @@ def assembled(
     if rounds >= 0 and max(changes) <= NOTABLE:
         return new_q, new_v, Assembly(changes[0], "", True, changes[1])
     rows = Rows.of(mech, active, q, v, t)
-    far = rounds < 0 or float(np.abs(apart(mech, q, new_q)).max(initial=0.0)) > FAR
+    far = rounds < 0 or float(np.abs(apart(mech, q, new_q)).max(initial=0.0)) > LONGEST_STEP
     if far or not np.isfinite(new_v).all():
         ended = closed(rows)
         if not ended.closed and rounds < 0:
@@ -125,7 +118,7 @@ def assembled(
 
 def _speeds(rows: Rows) -> Array:
     v, missed = stopped(rows)
-    if missed > SPEED and float(np.abs(rows.at(rows.q, v).slip).max()) > NOTABLE:
+    if missed > SOLVED and float(np.abs(rows.at(rows.q, v).slip).max()) > NOTABLE:
         raise InputError(speed_contradiction(rows))
     return v
 
@@ -161,7 +154,7 @@ def closed(rows: Rows) -> Closing:
     random = np.random.default_rng(0)
     for n in range(TRIES if not best.closed else 0):
         turned = random.normal(size=rows.nv) * (0.3 + 0.4 * n)
-        other = descended(rows.at(rows.advanced(turned * _longest(rows) / LONGEST)))
+        other = descended(rows.at(rows.advanced(turned * _longest(rows) / LONGEST_STEP)))
         if other.closed:
             return other
         best = min(best, other, key=lambda c: _gap(c.rows))
@@ -182,10 +175,10 @@ def descended(rows: Rows, enough: float = ROUNDING, rounds: int = ROUNDS) -> Clo
             rows, damping = trial, damping / 4
         else:
             damping *= 8
-        idle = 0 if gained > STALLED else idle + 1
+        idle = 0 if gained > NOTABLE else idle + 1
         if idle > IDLE:
             break
-    return Closing(rows, rounds, _gap(rows) <= CLOSED * rows.size)
+    return Closing(rows, rounds, _gap(rows) <= SOLVED * rows.size)
 
 
 def _step(rows: Rows, damping: float) -> Array:
@@ -200,7 +193,7 @@ def _step(rows: Rows, damping: float) -> Array:
 
 
 def _longest(rows: Rows) -> Array:
-    return np.where(rows.turns, LONGEST, LONGEST * rows.size)
+    return LONGEST_STEP * np.where(rows.turns, 1.0, rows.size)
 
 
 def _gap(rows: Rows) -> float:
@@ -212,7 +205,7 @@ def stopped(rows: Rows) -> tuple[Array, float]:
 
     `missed` is relative to the speeds at hand.
     """
-    y = np.linalg.lstsq(rows.scaled, -rows.slip, rcond=1e-10)[0].astype(float, copy=False)
+    y = np.linalg.lstsq(rows.scaled, -rows.slip, rcond=ROUNDING)[0].astype(float, copy=False)
     v = rows.v + rows.step(y)
     left = rows.slip + rows.scaled @ y
     scale = float(np.max(np.abs(rows.slip), initial=0.0)) or 1.0
@@ -240,7 +233,7 @@ def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
 def speed_contradiction(rows: Rows) -> Problem:
     """As `contradiction`, of the velocities that the constraints ask for."""
     for c in reversed(rows.constraints):
-        if stopped(rows.without(c.name))[1] > SPEED:
+        if stopped(rows.without(c.name))[1] > SOLVED:
             rows = rows.without(c.name)
     v, _ = stopped(rows)
     left = rows.at(rows.q, v).slip
@@ -252,7 +245,7 @@ def speed_contradiction(rows: Rows) -> Problem:
 
 
 def _missed(rows: Rows) -> list[str]:
-    largest = SUSPECT * float(np.max(np.abs(rows.gap), initial=0.0))
+    largest = FAINT * float(np.max(np.abs(rows.gap), initial=0.0))
     names = [g.constraint.name for g in rows.groups if np.abs(rows.gap[g.rows]).max() > largest]
     return list(dict.fromkeys(names))
 

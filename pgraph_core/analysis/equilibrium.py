@@ -21,6 +21,15 @@ from ..errors import InputError, Problem
 from ..model import Wrench
 from ..packing import Array, Drives
 from ..packing.forces import NO_LOADS
+from ..tolerances import (
+    DIFFERENCED,
+    EPS,
+    LONGEST_STEP,
+    NOTABLE,
+    ROUNDING,
+    SOLVED,
+    SUFFICIENT_DECREASE,
+)
 from .assembly import assemble
 from .linear import Balance, state_of
 from .rows import apart
@@ -28,13 +37,6 @@ from .targets import bounds, single
 
 ROUNDS = 300
 HALVINGS = 40
-LONGEST = 0.3  # rad, or of the mechanism's size: one step
-STILL = 1e-12  # relative to the forces of the model: a start that is an equilibrium already
-SETTLED = 1e-9  # relative: what may be left where Newton's steps gain no more
-CALM = 1e-5  # relative: so near a saddle that its curvature says where to go
-SOFT = 1e-9  # of the largest stiffness: a curvature that is rounding
-NOISE = 1e-14  # of the energy at hand: a change of it that is rounding
-DESCENT = 1e-4  # of the decrease that the slope promises: a step that is taken
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
@@ -67,7 +69,7 @@ class Place(Balance):
     def multipliers(self) -> Array:
         """λ (m,) that leave least of the forces, in the mass metric."""
         rows: Any = self.rows
-        return np.linalg.lstsq(rows.scaled.T, rows.gradient(self.pull), rcond=1e-10)[0]
+        return np.linalg.lstsq(rows.scaled.T, rows.gradient(self.pull), rcond=ROUNDING)[0]
 
     @cached_property
     def motors(self) -> Drives:
@@ -153,8 +155,8 @@ class Place(Balance):
 
     @cached_property
     def energy_noise(self) -> float:
-        """Changes of the energy below this are rounding [J]."""
-        return NOISE * (float(self.weights @ self.reach) + abs(self.energy))
+        """Rounding of the energy [J]: a sum of about six products for each coordinate."""
+        return 6 * self.mech.nv * EPS * (float(self.weights @ self.reach) + abs(self.energy))
 
 
 def _first(value: object) -> Array:
@@ -177,13 +179,13 @@ class _Ways(NamedTuple):
     @property
     def curved_down(self) -> bool:
         """Whether the energy falls to both sides along some way."""
-        return bool(len(self.values) and self.values[0] < -SOFT * np.abs(self.values).max())
+        return bool(len(self.values) and self.values[0] < -DIFFERENCED * np.abs(self.values).max())
 
     @property
     def newton(self) -> Array:
         """(nv,) Newton's step, turned downhill where it would climb."""
         largest = float(np.abs(self.values).max(initial=0.0))
-        stiff = np.maximum(np.abs(self.values), max(SOFT * largest, 1e-300))
+        stiff = np.maximum(np.abs(self.values), max(DIFFERENCED * largest, 1e-300))
         return -self.free @ (self.vectors @ ((self.vectors.T @ self.slope) / stiff))
 
 
@@ -216,7 +218,7 @@ class _Search:
         if not self.held.any():
             return free
         _, sizes, right = np.linalg.svd(free[self.held])
-        return free @ right[int(np.sum(sizes > 1e-10 * sizes.max(initial=0.0))) :].T
+        return free @ right[int(np.sum(sizes > ROUNDING * sizes.max(initial=0.0))) :].T
 
     def released(self) -> bool:
         """Let go of the joint that is pushed off its limit most; whether there was one."""
@@ -224,12 +226,13 @@ class _Search:
             return False
         here, held = self.here, np.flatnonzero(self.held)
         push = -self.slope(here, here.free)
-        along = np.linalg.lstsq(here.free[held].T, push, rcond=1e-10)[0]
-        upper = single(here.rows)[held] >= self.high[held]
+        along = np.linalg.lstsq(here.free[held].T, push, rcond=ROUNDING)[0]
+        at_q = single(here.rows)[held]
+        upper = self.high[held] - at_q < at_q - self.low[held]  # the nearer limit stopped it
         inwards = np.where(upper, -along, along)
         most = int(inwards.argmax())
         scale = self.size * float(np.linalg.norm(here.free[held[most]])) or 1.0
-        if inwards[most] * np.linalg.norm(here.free[held[most]]) ** 2 <= STILL * scale:
+        if inwards[most] * np.linalg.norm(here.free[held[most]]) ** 2 <= ROUNDING * scale:
             return False
         self.held[held[most]] = False
         return True
@@ -250,7 +253,7 @@ class _Search:
     def share(self, step: Array) -> float:
         """How much of a step is short enough, and stays within the limits."""
         longest = float(np.max(np.abs(step) / self.here.reach, initial=0.0))
-        most = 1.0 / max(longest / LONGEST, 1.0)
+        most = 1.0 / max(longest / LONGEST_STEP, 1.0)
         at_q = single(self.here.rows)
         room = np.where(step > 0, self.high - at_q, at_q - self.low)
         stopped = np.flatnonzero((np.abs(step) * most > room) & ~self.held)
@@ -258,7 +261,7 @@ class _Search:
         if len(stopped):
             self.stopper = int(stopped[np.argmin(room[stopped] / np.abs(step[stopped]))])
             most = max(float(room[self.stopper] / abs(step[self.stopper])), 0.0)
-        return most if most * longest > STILL else 0.0
+        return most if most * longest > ROUNDING else 0.0
 
     def taken(self, new: Place) -> Place:
         """A step's place; the joint that its limit stopped is held from now on."""
@@ -275,15 +278,15 @@ class _Search:
             here, ways = self.here, self.ways()
             self.size = max(self.size, here.force)
             left = ways.left / self.size
-            if left <= CALM and self.released():
+            if left <= NOTABLE and self.released():
                 least = np.inf
                 continue
-            if taken == 0 and left <= STILL:
+            if taken == 0 and left <= ROUNDING:
                 return here
-            if left <= CALM and ways.curved_down and (new := self.off_the_saddle(ways)):
+            if left <= NOTABLE and ways.curved_down and (new := self.off_the_saddle(ways)):
                 self.here, least = new, np.inf
                 continue
-            if left <= SETTLED and left >= least / 2:
+            if left <= SOLVED and left >= least / 2:
                 return self.best
             if left < least:
                 self.best, least = here, left
@@ -293,14 +296,14 @@ class _Search:
             if new is None:
                 break
             self.here = new
-        return self.best if least <= SETTLED else None
+        return self.best if least <= SOLVED else None
 
     def off_the_saddle(self, ways: _Ways) -> Place | None:
         """A lower place along the way of most negative curvature, to the side that falls."""
         way = ways.vectors[:, 0]
         way = way if way @ ways.slope <= 0 else -way
         for side in (ways.free @ way, -(ways.free @ way)):
-            step = side * LONGEST / float(np.max(np.abs(side) / self.here.reach))
+            step = side * LONGEST_STEP / float(np.max(np.abs(side) / self.here.reach))
             step = self.share(step) * step
             for _ in range(8):
                 new = self.moved(self.here, step)
@@ -325,7 +328,7 @@ class _Search:
             return self.taken(new) if left < ways.left else None
         for _ in range(HALVINGS):
             new = self.moved(self.here, share * step)
-            if self.here.rise(new) <= DESCENT * share * promised:
+            if self.here.rise(new) <= SUFFICIENT_DECREASE * share * promised:
                 return self.taken(new)
             share, self.stopper = share / 2, -1
         return None
@@ -341,12 +344,12 @@ class _Search:
             self.size = max(self.size, here.force)
             norm = float(np.linalg.norm(slope))
             left = norm / self.size
-            if left <= CALM and self.released():
+            if left <= NOTABLE and self.released():
                 least = np.inf
                 continue
-            if left == 0.0 or (taken == 0 and left <= STILL):
+            if left == 0.0 or (taken == 0 and left <= ROUNDING):
                 return here
-            if left <= SETTLED and left >= least / 2:
+            if left <= SOLVED and left >= least / 2:
                 return self.best
             if left < least:
                 self.best, least = here, left
@@ -357,9 +360,9 @@ class _Search:
                 min(h, 0.5 / unstable) if unstable > 0 else h
             )  # else it would end where it pushes off
             before = norm
-            step = -free @ np.linalg.lstsq(np.eye(len(K)) / h + K, slope, rcond=1e-12)[0]
+            step = -free @ np.linalg.lstsq(np.eye(len(K)) / h + K, slope, rcond=ROUNDING)[0]
             self.here = self.taken(self.moved(here, self.share(step) * step))
-        return self.best if least <= SETTLED else None
+        return self.best if least <= SOLVED else None
 
     def balanced(self) -> Place | None:
         """Where damped least squares leave nothing of the forces, stable or not."""
@@ -368,16 +371,16 @@ class _Search:
             here, free = self.here, self.free(self.here)
             slope = self.slope(here, free)
             norm = float(np.linalg.norm(slope))
-            if norm / self.size <= SETTLED and norm >= least / 2:
+            if norm / self.size <= SOLVED and norm >= least / 2:
                 return here
             K, least = free.T @ here.stiffness @ free, norm
             scale = float(np.max(np.sum(K**2, axis=0), initial=0.0))
             wanted = K.T @ K + damping * scale * np.eye(len(K))
-            step = -free @ np.linalg.lstsq(wanted, K.T @ slope, rcond=1e-14)[0]
+            step = -free @ np.linalg.lstsq(wanted, K.T @ slope, rcond=ROUNDING)[0]
             new = self.moved(here, self.share(step) * step)
             if np.linalg.norm(self.slope(new, self.free(new))) < norm:
                 self.here, damping = self.taken(new), damping / 10
-            elif norm / self.size <= SETTLED:
+            elif norm / self.size <= SOLVED:
                 return here
             elif (damping := damping * 10) > 1e8:
                 break

@@ -26,17 +26,16 @@ from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..rotation import normals_of
+from ..tolerances import EPS, NAMED, NOTABLE, ROUNDING, SOLVED, TOUCHING
 from .mobility import complement, judged
 from .rows import Rows
 
-REACHED = 1e-9  # relative: what is left of the equations of motion, or of the constraints
-MET = 1e-6  # of the mechanism's size or of its speeds: a state that meets its constraints
-RANK = 1e-11  # of the largest singular value: below it an actuator has no leverage
-TOUCHING = 1e-3  # of the mechanism's size: a gap of a contact that carries
 EDGES = 8  # of the first pyramid inside a friction cone
 REFINEMENTS = 12  # of it, each by the directions in which it is used
-LIGHT = 1e-4  # of a force's cost against a torque's: it decides only where torques do not
-BALANCE = 1e4  # weight of what torques cannot balance, before it is met exactly
+# Cost of a force against that of a torque, where its square is half the digits: it decides only
+# where torques do not. What torques cannot balance weighs as much more, before it is met exactly
+# (weighting method; Lawson and Hanson, Solving Least Squares Problems, chapter 22).
+LIGHT = EPS**0.25
 
 
 def constrained_inverse_dynamics(
@@ -67,9 +66,9 @@ def constrained_inverse_dynamics(
     points = _points(mech, q, contacts) if contacts else []
     if points:
         wanted = wanted - _carried(points, free, leverage, wanted, size)
-    given = np.linalg.lstsq(leverage, wanted, rcond=RANK)[0]
+    given = np.linalg.lstsq(leverage, wanted, rcond=ROUNDING)[0]
     left = wanted - leverage @ given
-    if np.linalg.norm(left) > REACHED * size:
+    if np.linalg.norm(left) > SOLVED * size:
         raise InputError(_unreached(mech, rows.root @ rows.root.T @ (free @ left), actuated))
     tau = np.zeros(mech.nv)
     tau[chosen] = scale * given
@@ -178,8 +177,8 @@ def _refuse_wrong_state(rows: Rows) -> None:
     """Raise InputError where q or v do not meet the constraints."""
     speed = float(np.max(np.abs(rows.J) @ np.abs(rows.v), initial=0.0))
     for what, missed, most, unit in (
-        ("q", rows.gap, MET * rows.size, "m"),
-        ("v", rows.slip, MET * max(speed, MET), "m/s"),
+        ("q", rows.gap, NOTABLE * rows.size, "m"),
+        ("v", rows.slip, NOTABLE * max(speed, NOTABLE), "m/s"),
     ):
         worst = float(np.max(np.abs(missed), initial=0.0))
         if worst > most:
@@ -195,7 +194,7 @@ def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
     allowed, _ = rows.mech.constrained_dynamics(rows.q, rows.v)
     mine, theirs = rows.root.T @ vdot, rows.root.T @ allowed
     missed = float(np.linalg.norm(basis @ (mine - theirs)))
-    if missed > REACHED * float(np.linalg.norm(mine) + np.linalg.norm(theirs)):
+    if missed > SOLVED * float(np.linalg.norm(mine) + np.linalg.norm(theirs)):
         off = rows.J @ (vdot - allowed)
         text = (
             f"cannot be reached: constraint '{_blamed(rows, off)}' forbids it, by "
@@ -215,7 +214,7 @@ def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> P
     """Which joints would have to carry what no actuator gives."""
     missing = {name: float(np.abs(left[j.v]).max()) for name, j in mech.joints.items()}
     most = max(missing.values())
-    named = [name for name, x in sorted(missing.items(), key=lambda m: -m[1]) if x > 0.1 * most]
+    named = [name for name, x in sorted(missing.items(), key=lambda m: -m[1]) if x > NAMED * most]
     by = "every joint" if actuated is None else choices(actuated) or "no joint"
     text = f"the motion cannot be reached with torques of {by}: forces of up to {most:.3g} (N m or"
     text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
@@ -290,7 +289,7 @@ def _carried(
     least-squares problem, and the torques fall from one to the next.
     """
     left, sizes, right = np.linalg.svd(leverage, full_matrices=True)
-    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+    rank = int((sizes > ROUNDING * sizes.max(initial=0.0)).sum())
     by_torque, beyond = left[:, :rank].T / sizes[:rank, None], left[:, rank:].T
     angles = [np.linspace(0, 2 * np.pi, EDGES, endpoint=False) for _ in points]
     effect = np.zeros(len(wanted))
@@ -302,7 +301,7 @@ def _carried(
         light = LIGHT * float(np.max(np.abs(torques), initial=0.0)) or 1.0
         cost = np.vstack((torques, light * _apart(edges)))
         aim = np.concatenate((by_torque @ wanted, np.zeros(len(cost) - len(by_torque))))
-        weight = BALANCE * float(np.abs(cost).max())
+        weight = float(np.abs(cost).max()) / LIGHT
         share, _ = nnls(
             np.vstack((cost, weight * beyond @ pushes)),
             np.concatenate((aim, weight * beyond @ wanted)),
@@ -318,7 +317,7 @@ def _carried(
             first += e.shape[1]
             if np.hypot(*force[1:]) > 0:
                 angles[k] = np.append(angles[k], np.arctan2(force[2], force[1]))
-        if np.linalg.norm(effect - before) <= 1e-10 * size:
+        if np.linalg.norm(effect - before) <= SOLVED * size:
             break
     return effect
 
@@ -343,5 +342,5 @@ def _apart(edges: list[Array]) -> Array:
 def _balanced(balance: Array, owed: Array, share: Array) -> Array:
     """The shares that meet the balance exactly, nearest to least cost; all stay >= 0."""
     for _ in range(3):
-        share = share + np.linalg.lstsq(balance, owed - balance @ share, rcond=RANK)[0]
+        share = share + np.linalg.lstsq(balance, owed - balance @ share, rcond=ROUNDING)[0]
     return np.maximum(share, 0.0) if len(share) else share

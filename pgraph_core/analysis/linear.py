@@ -31,13 +31,11 @@ from ..errors import choices
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..rotation import skew
+from ..tolerances import DIFFERENCED, EPS, NOTABLE
 from .assembly import assemble
 from .mobility import complement, judged
 from .rows import Rows
 from .touching import Touching
-
-STILL = 1e-6  # of the forces at hand: what is left where a state is called an equilibrium
-SYMMETRIC = 1e-8  # relative: a stiffness that comes from an energy
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +310,7 @@ def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
     vdot = here.vdot
     forces = np.abs(here.M) @ np.abs(vdot)
     size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(here.torque(here.q, here.v))
-    if not np.any(here.v) and forces.max(initial=0.0) > STILL * size.max(initial=1e-300):
+    if not np.any(here.v) and forces.max(initial=0.0) > NOTABLE * size.max(initial=1e-300):
         k = int(np.argmax(np.abs(vdot)))
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
         found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
@@ -335,7 +333,7 @@ def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array
     if np.any(here.v) or np.any(force_v) or by_place.shape[1] != here.free.shape[1]:
         return False
     K = by_place.T @ force_q @ by_place
-    return bool(np.abs(K - K.T).max(initial=0.0) <= SYMMETRIC * np.abs(K).max(initial=0.0))
+    return bool(np.abs(K - K.T).max(initial=0.0) <= DIFFERENCED * np.abs(K).max(initial=0.0))
 
 
 def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]:
@@ -497,14 +495,12 @@ def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
 def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
     """(nv, nv) slopes in v of the torque of loads, exact but for drags that change their side.
 
-    Dampers are linear in v and drags quadratic: central differences have no error of order.
+    Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
+    of the largest speed times the cube root of EPS err least where a drag changes its side.
     """
     quadratic = len(loads.table) and (loads.table["density"] > 0).any()
-    h = NEAR * max(1.0, float(np.abs(v).max(initial=0.0))) if quadratic else 1.0
+    h = EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0))) if quadratic else 1.0
     return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
-
-
-NEAR = 1e-5  # of the largest speed: of the steps where a drag's slope jumps
 
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:

@@ -1,9 +1,9 @@
 """Degrees of freedom that constraints leave: ranks, redundant rows by name, singular positions.
 
-Ranks are those of the rows in the mass metric, turning rows times the model's length, with a cut
-of 1e-7, since positions that are good to rounding are 1e-8 off where constraints meet to second
-order only; rows are judged in the order of the model, so that the later of two that say the same is
-called redundant.
+Ranks are those of the rows in the mass metric, turning rows times the model's length. Where
+constraints meet to second order only, a gap g leaves positions, and with them rows, uncertain by
+the square root of g: smaller singular values are zero. Rows are judged in the order of the model:
+the later of two that say the same is called redundant.
 """
 
 from __future__ import annotations
@@ -19,19 +19,14 @@ from ..dynamics.arguments import finite, position
 from ..errors import InputError, counted, explained
 from ..model import Motion
 from ..packing import Array
+from ..tolerances import EPS, NEARBY, NOTABLE, SOLVED
 from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
 
-CUT = 1e-7  # of a group's largest singular value: below it a row says nothing new
-CUT_AROUND = 1e-4  # the same at positions around, which are met to MET
-MET = 1e-11  # of the mechanism's size: to second order that is 3e-6 of a turn
-NEARBY = 0.05  # rad, or of the mechanism's size: a look at the positions around
-STAYED = 0.2  # of that: a move that was taken back
 LOOK_ROUNDS = 40
 LOOKS = 3  # at positions around
 BRANCH_LOOKS = 12  # where there are branches
-SAME = 0.99  # cosine between two directions of one branch
-PART = 1e-6  # of the largest: a joint that moves
+ALONG = np.cos(2 * NEARBY)  # cosine between directions of one branch
 PANEL = 16  # groups that are freed of what came before at once: a matrix product, not a vector's
 LISTED = 8  # rows, joints or branches in a sentence
 
@@ -105,9 +100,12 @@ def mobility(
     if not ended.closed:
         raise InputError(contradiction(mech, ended))
     here = ended.rows
-    basis, found = judged(here)
-    holonomic = rank_of(here, [group for group in here.groups if group.holonomic], basis)
-    free = rank_of(here, [g for g in here.groups if not isinstance(g.constraint, Motion)], basis)
+    gap = _relative_gap(here)
+    basis, found = judged(here, gap=gap)
+    position_rows = [group for group in here.groups if group.holonomic]
+    holonomic = rank_of(here, position_rows, basis, gap)
+    undriven = [g for g in here.groups if not isinstance(g.constraint, Motion)]
+    free = rank_of(here, undriven, basis, gap)
     generic, finite_, again, branches = len(basis), True, found, ()
     if found:
         generic, finite_, again, branches = _around(here, basis, found)
@@ -135,15 +133,21 @@ def mobility(
 Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, rows)
 
 
-def rank_of(state: Rows, groups: Sequence[Group], basis: Array) -> int:
+def rank_of(state: Rows, groups: Sequence[Group], basis: Array, gap: float) -> int:
     """Return the rank of some groups of rows; `basis` is that of all of them."""
-    return len(basis if len(groups) == len(state.groups) else judged(state, groups)[0])
+    return len(basis if len(groups) == len(state.groups) else judged(state, groups, gap)[0])
 
 
 def judged(
-    state: Rows, groups: Sequence[Group] | None = None, cut: float = CUT
+    state: Rows, groups: Sequence[Group] | None = None, gap: float = 0.0
 ) -> tuple[Array, Found]:
-    """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
+    """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn.
+
+    `gap` is the largest one, relative to the mechanism's size L. A singular value below 4 √gap of
+    the largest of its group is zero: a gap g of second order, κ s²/2, leaves s = √(2 g / κ), which
+    is 4 √g at a curvature of κ = 1/(8 L).
+    """
+    cut = 4 * np.sqrt(max(gap, EPS))
     groups = state.groups if groups is None else groups
     basis, rank = np.empty((min(len(state.J), state.nv), state.nv)), 0
     found: Found = []
@@ -162,6 +166,10 @@ def judged(
             basis[rank : rank + new] = right[:new]
             rank += new
     return basis[:rank], found
+
+
+def _relative_gap(state: Rows) -> float:
+    return float(np.max(np.abs(state.gap), initial=0.0)) / state.size
 
 
 def complement(basis: Array, n: int) -> Array:
@@ -200,7 +208,7 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
             back += 1
             continue
         steps.append(step)
-        around, redundant = judged(other, cut=CUT_AROUND)
+        around, redundant = judged(other, gap=_relative_gap(other))
         if len(around) > most:
             most, again = len(around), redundant
     if back and not steps:
@@ -213,19 +221,22 @@ def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
     """A position around: the move to it, and itself; `here` where it led back, None if nowhere."""
     reach = np.where(here.turns, 1.0, here.size)
     step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
-    ended = descended(here.at(here.advanced(step)), MET, LOOK_ROUNDS)
+    ended = descended(here.at(here.advanced(step)), rounds=LOOK_ROUNDS)
     moved = apart(here.mech, here.q, ended.rows.q)
     if not ended.closed:
         return moved, None
-    stayed = float(np.max(np.abs(moved) / reach)) < STAYED * NEARBY
+    stayed = float(np.max(np.abs(moved) / reach)) < NEARBY / 2
     return moved, here if stayed else ended.rows
 
 
 def _branches(here: Rows, steps: list[Array]) -> tuple[Array, ...]:
-    """The directions of moves, each once, the largest entry 1."""
+    """The directions of moves, each once, the largest entry 1.
+
+    Those of one branch differ by its curvature: by NEARBY at most, for each of two moves.
+    """
     found: list[Array] = []
     for step in steps:
-        if all(abs(_cosine(here, step, other)) < SAME for other in found):
+        if all(abs(_cosine(here, step, other)) < ALONG for other in found):
             found.append(step / step[np.abs(step).argmax()])
     return tuple(found)
 
@@ -239,7 +250,7 @@ def _taken(here: Rows, branches: tuple[Array, ...], v: Array | None) -> int:
     if v is None or not branches or not np.abs(v).max() > 0:
         return -1
     along = [abs(_cosine(here, d, v)) for d in branches]
-    return int(np.argmax(along)) if max(along) > SAME else -1
+    return int(np.argmax(along)) if max(along) > ALONG else -1
 
 
 def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
@@ -276,11 +287,11 @@ def _directions(state: Rows, group: Group, null: Array) -> list[str]:
 def _upright(vectors: Array) -> list[Array]:
     """Unit vectors with the span of the rows: along world axes where that holds some."""
     _, sizes, right = np.linalg.svd(vectors)
-    basis = right[: int((sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)).sum())]
+    basis = right[: int((sizes > SOLVED * sizes.max(initial=0.0)).sum())]
     found: list[Array] = []
     while len(basis):
         inside = basis.T @ basis
-        axis = int(np.argmax(np.diag(inside) - 1e-9 * np.arange(3)))
+        axis = int(np.argmax(np.diag(inside) - SOLVED * np.arange(3)))
         chosen = inside[axis] / np.linalg.norm(inside[axis])
         found.append(chosen)
         rest = basis - np.outer(basis @ chosen, chosen)
@@ -296,7 +307,7 @@ def _moving(state: Rows, basis: Array) -> tuple[str, ...]:
     """Joints that a motion which all rows allow moves."""
     size = np.linalg.norm(state.step(_freed(basis, np.eye(state.nv)).T), axis=1)
     largest = float(size.max(initial=0.0))
-    return tuple(name for name, s in state.joints if size[s].max() > PART * largest)
+    return tuple(name for name, s in state.joints if size[s].max() > NOTABLE * largest)
 
 
 # -- in words ----------------------------------------------------------------------------------
@@ -317,7 +328,7 @@ def _counts(m: Mobility) -> list[str]:
             f"velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "
             "rolling and blades forbid velocities, not places"
         )
-    if m.moved > 1e-6:
+    if m.moved > NOTABLE:
         lines.append(
             f"counted where constraints are met, up to {m.moved:.3g} (rad or m in a joint) away"
         )

@@ -21,6 +21,7 @@ from ..packing import Array, Ints, plain
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..rotation import multiply, unit
+from ..tolerances import NOTABLE, SOLVED
 
 LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"
 
@@ -217,7 +218,7 @@ class Rows:
             root = np.linalg.cholesky(M)
         except np.linalg.LinAlgError:
             largest = float(np.max(np.diag(M), initial=0.0)) or 1.0
-            root = np.linalg.cholesky(M + 1e-9 * largest * np.eye(len(M)))
+            root = np.linalg.cholesky(M + SOLVED * largest * np.eye(len(M)))
         return np.array(root, dtype=np.float64)
 
     @cached_property
@@ -316,8 +317,8 @@ def axis_name(direction: Array, rows: Rows, other: int) -> str:
         frames.append((rows.poses[1][other - 1], f" of '{rows.mech.names[other - 1]}'"))
     for frame, of in frames:
         along = np.abs(frame.T @ direction)
-        if along.max() > 1 - 1e-9:
+        if along.max() > 1 - NOTABLE:
             return "xyz"[int(along.argmax())] + of
-    first = direction[np.abs(direction) > 1e-6][0]  # the largest may be two, equal to rounding
+    first = direction[np.abs(direction) > NOTABLE][0]  # the largest may be two, equal to rounding
     x, y, z = direction if first > 0 else -direction
     return f"({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"

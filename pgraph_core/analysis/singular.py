@@ -19,24 +19,12 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED
 from ..packing import Array, Ints
+from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
 from .rows import Rows
 
-UPRIGHT = 1 - 1e-6  # cosine between a direction and an axis that it is named after
 LISTED = 4
-SHARE = 1e-6  # of the largest: an entry of a null direction that is not rounding
-
-NULL = 1e-8  # of the mean of Ω's diagonal: an eigenvalue that is zero
-TOUCHES = 1e-6  # of it: a position as good as singular, a thousandth of a radian away
-REACH = 1.5  # times the way between two evaluations: how far the nearest place can be
 LOOKS = 4  # parabolas through the eigenvalue
-ALIKE = 1e-6  # of the width: two places that are one
-AWAY = 0.05  # rad, m: from a singular position to a place that is none
-NEAR_SHARE = 1e-2  # of the largest: an entry of a direction that is null but for a thousandth
-
-FAINT = 1e-3  # of the largest: singular values of rows that runs take for none
-MOSTLY = 0.9  # of the gap: the part that lies where rows are faint
-NAMED = 0.3  # of the largest: a constraint that takes part
-OTHER = 1e-4  # of the mechanism's size: a gap that is no drift
+NULL = FAINT**2  # of the mean of Ω's diagonal: eigenvalues are squares of singular values
 
 # -- redundant rows ---------------------------------------------------------------------------
 
@@ -67,7 +55,7 @@ def named(scene: Scene, rows: list[int]) -> list[str]:
     return [_name(scene, every[r]) for r in rows]
 
 
-def standing_for(nulls: Array, share: float = SHARE) -> list[int]:
+def standing_for(nulls: Array, share: float = NOTABLE) -> list[int]:
     """Columns that stand for the null directions, from the last one on; ascending.
 
     Entries below `share` of the largest are none.
@@ -108,7 +96,7 @@ def _direction(kind: int, d: Array) -> str:
     what = "rotation about" if kind == at.T_ALIGN else "translation along"
     size = float(np.linalg.norm(d))
     along = np.abs(d) / (size or 1.0)
-    if along.max() > UPRIGHT:
+    if along.max() > 1 - NOTABLE:
         return f"{what} {'xyz'[int(along.argmax())]}"
     x, y, z = d / size if size and d[np.abs(d).argmax()] > 0 else -d / (size or 1.0)
     return f"{what} ({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"
@@ -159,26 +147,24 @@ class _Look:
     def only_there(self, tau: float, usual: Array) -> Passed | None:
         """The position a time tau on, if rows are null there besides the `usual` combinations."""
         values, vectors = self.eigen(tau)
-        count = int((values < TOUCHES).sum())
+        count = int((values < NULL).sum())
         if count <= usual.shape[1]:
             return None
         always = standing_for(usual.T)
-        rows = [r for r in standing_for(vectors[:, :count].T, NEAR_SHARE) if r not in always]
+        rows = [r for r in standing_for(vectors[:, :count].T, 10 * FAINT) if r not in always]
         return Passed(self.t + tau, tuple(named(self.scene, rows)))
 
     def lowest(self, width: float, nulls: int) -> float:
         """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(LOOKS):
-            if min(value for _, value in seen) < NULL:
-                break
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
             rise = (at_b - at_a) / (b - a)
             bend = ((at_c - at_b) / (c - b) - rise) / (c - a)
             if not bend > 0:
                 break
             x = float(np.clip(0.5 * (a + b - rise / bend), -width, width))
-            if min(abs(x - other) for other, _ in seen) <= ALIKE * width:
+            if min(abs(x - other) for other, _ in seen) <= NOTABLE * width:
                 break
             seen.remove(max(seen, key=lambda pair: pair[1]))
             seen.append((x, float(self.eigen(x)[0][nulls])))
@@ -193,7 +179,7 @@ def passed(scene: Scene) -> list[Passed]:
         if dip["depth"] > 0:
             q, v = np.split(state[: nq + nv].copy(), [nq])
             look, apart = _Look(scene, float(dip["time"]), q, v), float(dip["apart"])
-            place = _touched(look, REACH * apart)
+            place = _touched(look, 2 * apart)
             if place and not any(abs(place.t - other.t) <= apart for other in found):
                 found.append(place)
     return found
@@ -204,7 +190,7 @@ def _touched(look: _Look, width: float) -> Passed | None:
     fastest = float(np.max(np.abs(look.v), initial=0.0))
     if fastest == 0.0 or look.rows == 0:
         return None
-    around = [look.eigen(sign * max(width, AWAY / fastest)) for sign in (-1.0, 1.0)]
+    around = [look.eigen(sign * max(width, NEARBY / fastest)) for sign in (-1.0, 1.0)]
     values, usual = min(around, key=lambda eigen: int((eigen[0] < NULL).sum()))
     nulls = int((values < NULL).sum())
     if nulls == len(values):
@@ -216,7 +202,7 @@ def _touched(look: _Look, width: float) -> Passed | None:
 def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
     """The initial position, where rows are null that are not at the end of the run."""
     values, usual = _Look(scene, *end).eigen(0.0)
-    return _Look(scene, *start).only_there(0.0, usual[:, values < TOUCHES])
+    return _Look(scene, *start).only_there(0.0, usual[:, values < NULL])
 
 
 def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool) -> str:
@@ -256,13 +242,13 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
     state = Rows.of(mech, active, q, v, t)
     rows, gap = state.scaled[state.holonomic], state.gap[state.holonomic]
     whole = float(np.linalg.norm(gap))
-    if not 0.0 < whole <= OTHER * state.size:
+    if not 0.0 < whole < np.inf:
         return ""
     u, s, _ = np.linalg.svd(rows)
     sizes = np.concatenate((s, np.zeros(len(u) - len(s))))
     faint = u[:, sizes <= FAINT * sizes[0]]
     combination = faint @ (faint.T @ gap)
-    if np.linalg.norm(combination) < MOSTLY * whole:
+    if np.linalg.norm(combination) < np.linalg.norm(gap - combination):
         return ""
     motion = state.step(rows.T @ combination)
     joint, _ = max(state.joints, key=lambda j: float(np.linalg.norm(motion[j[1]])))

@@ -17,15 +17,13 @@ from ..engine import layout as at
 from ..errors import InputError, Problem, choices, shown
 from ..packing import Array
 from ..rotation import matrix
+from ..tolerances import LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
 from .linear import acting, state_of
 from .rows import Rows
 
 WHERE = "inverse_kinematics"
 ROUNDS = 100
 STARTS = 8  # if the first one misses the targets
-REACHED = 1e-11  # relative to the mechanism's size
-MISSED = 1e-8  # ... where it goes no further
-LONGEST = 0.5  # rad, or of the mechanism's size: one step
 
 
 class Target(NamedTuple):
@@ -54,7 +52,7 @@ def inverse_kinematics(
                                wanted, low, high)  # fmt: skip
         if left < least:
             best, least = end, left
-        if least <= MISSED * rows.size:
+        if least <= SOLVED * rows.size:
             return best
     raise InputError(
         [_missed(mech, best, target, rows) for target in _off(mech, best, wanted, rows)]
@@ -91,7 +89,7 @@ def _turn(name: str, given: Any) -> Array:
     turn = np.asarray(given, dtype=float)
     if turn.shape == (4,) and 0.5 < np.linalg.norm(turn) < 2:
         return matrix(turn.tolist())
-    if turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() < 1e-6:
+    if turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() < NOTABLE:
         return turn
     text = f"must be a unit quaternion [w, x, y, z] or a rotation (3, 3); given {shown(given)}"
     raise InputError(Problem(WHERE, f"rotation of '{name}'", text))
@@ -113,7 +111,7 @@ def bounds(mech: Dynamics) -> tuple[Array, Array]:
 def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
     """(nv,) how far each degree of freedom may move, in one step."""
     here = single(rows)
-    longest = np.where(rows.turns, LONGEST, LONGEST * rows.size)
+    longest = LONGEST_STEP * np.where(rows.turns, 1.0, rows.size)
     down, up = np.maximum(low - here, -longest), np.minimum(high - here, longest)
     return np.minimum(down, -1e-15), np.maximum(up, 1e-15)
 
@@ -143,7 +141,7 @@ def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tup
     error, J = _errors(rows, wanted)
     left = float(np.linalg.norm(error))
     for _ in range(ROUNDS):
-        if left <= REACHED * rows.size:
+        if left <= ROUNDING * rows.size:
             break
         weight = np.sqrt(damping) * min(left / rows.size, 1.0)
         weights = np.where(rows.turns, rows.length, 1.0) * weight
@@ -157,7 +155,7 @@ def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tup
             gained = 1 - size / left
             rows, error, J, left = trial, new, slope, size
             damping = max(damping / 5, 1e-12)
-            if gained < 1e-9:
+            if gained < NOTABLE:
                 break
         else:
             damping *= 10
@@ -192,7 +190,9 @@ def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Tar
     """The targets that are missed; all where only loops are."""
     here = rows.at(q)
     loops = len(here.holonomic)
-    found = [t for t in wanted if np.linalg.norm(_errors(here, [t])[0][loops:]) > MISSED]
+    found = [
+        t for t in wanted if np.linalg.norm(_errors(here, [t])[0][loops:]) > SOLVED * rows.size
+    ]
     return found or wanted
 
 

@@ -17,10 +17,9 @@ from ..model.fields import GROUND
 from ..model.force import ends_of
 from ..packing import Array, Drives, Loads
 from ..packing.forces import length_at, points_of_spring, terms_of
+from ..tolerances import EPS, SOLVED
 
-NEAR = 1e-9  # m, rad, of the mechanism's size: a gap that is shut
 DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences
-SLIPS = 1e-2  # of the slip at which regularised friction bends: a step of differences in v
 
 
 def length_of(mech: Dynamics, f: Force, q: Array) -> float:
@@ -73,7 +72,7 @@ class Touching:
         touching = self.scenes[1].touching
         assert touching is not None
         motion.residuals(address, 0.0, q, v, none, none)  # places the bodies
-        reach = NEAR * max(1.0, mech.packed.length)
+        reach = SOLVED * max(1.0, mech.packed.length)
         depths = []
         for one in touching.found[: kernels.find(address, reach, 0)]:
             contact = tables.touches[int(one["pair"])].contact
@@ -90,8 +89,8 @@ class Touching:
             at, body = joint.q.start, self.mech.model.body(name)
             for (kind, _), pair in zip(body.motions, body.limits):
                 low, high = pair or (None, None)
-                below = low is not None and q[at] <= low + NEAR
-                if below or (high is not None and q[at] >= high - NEAR):
+                below = low is not None and q[at] <= low + SOLVED
+                if below or (high is not None and q[at] >= high - SOLVED):
                     self.shut.append(f"the limit of joint '{name}'")
                 at += {"ball": 4, "free": 7}.get(kind, 1)
         for f in self.mech.model.forces:
@@ -99,8 +98,8 @@ class Touching:
             if low is None and high is None:
                 continue
             length = length_of(self.mech, f, q)
-            below = low is not None and length <= low + NEAR
-            if below or (high is not None and length >= high - NEAR):
+            below = low is not None and length <= low + SOLVED
+            if below or (high is not None and length >= high - SOLVED):
                 self.shut.append(f"the limit of {f.kind} '{f.name}'")
 
     def torque(self, q: Array, v: Array) -> Array:
@@ -120,8 +119,11 @@ class Touching:
         return tuple(share * self.depth / max(1.0, self.mech.packed.length) for share in DEPTHS)
 
     def slopes_in_v(self, q: Array, v: Array) -> Array:
-        """(nv, nv) slopes of `torque` in v, by differences of order four."""
-        h = SLIPS * CREEP / max(1.0, self.mech.packed.length)
+        """(nv, nv) slopes of `torque` in v, by differences of order four.
+
+        Their best step is EPS^(1/5) of the slip at which regularised friction bends.
+        """
+        h = EPS ** (1 / 5) * CREEP / max(1.0, self.mech.packed.length)
 
         def odd(step: Array) -> Array:
             return self.torque(q, v + step) - self.torque(q, v - step)
