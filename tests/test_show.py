@@ -178,10 +178,10 @@ def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
         assert stage.in_picture(points, axis, at, aspect).all()
         right, above = stage.frame(axis, way)
         deep = (at.position - points) @ way
-        half = math.tan(stage.FIELD_OF_VIEW / 2)
-        x = np.abs((points - at.position) @ right) / (deep * half * aspect * stage.MARGIN)
+        half = math.tan(stage.FRAMING.field_of_view / 2)
+        x = np.abs((points - at.position) @ right) / (deep * half * aspect * stage.FRAMING.margin)
         y = (points - at.position) @ above / (deep * half)
-        y = np.where(y > 0, y / stage.MARGIN, -y / stage.LOWER)
+        y = np.where(y > 0, y / stage.FRAMING.margin, -y / stage.FRAMING.lower)
         fills = max(x.max(), y.max())
         assert fills == pytest.approx(1, abs=1e-9) or np.linalg.norm(at.position - at.target) < 0.03
 

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from pgraph_core.show import bodies, shapes, stage
-from pgraph_core.show.stage import FIELD_OF_VIEW, GRID, Viewpoint, in_picture
+from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
 from ..core.state import Client, State, poses
@@ -110,7 +110,8 @@ class CameraView:
         # viser returns to this after a change of `up`, so it has to suit the pages that are open
         known = (page.aspect for page in state.clients.values() if page.aspect is not None)
         start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
-        start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
+        start.up, start.fov = up, FRAMING.field_of_view
+        start.near, start.far = size / 100, 1000 * size
 
 
 def _view(page: Client) -> tuple[float | None, float]:
@@ -128,7 +129,7 @@ def look(
     if which in ("fit", "centre"):
         way = np.asarray(at.position) - np.asarray(at.look_at)
         way = way / np.linalg.norm(way)
-        if np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
+        if np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
             way = stage.towards(state.model.up, "top")
     else:
         way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
@@ -200,7 +201,7 @@ def holds(
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
-    if page.aspect is None or np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
+    if page.aspect is None or np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
         return np.zeros(len(positions), bool)
     return in_picture(positions, up, at, page.aspect, covered)
 

@@ -25,7 +25,7 @@ from .run import BASE, LiveRun
 TRIED = 3  # values within the range, besides its ends
 MOST_VALUES = 200  # that are worked out one by one
 SOME = 21  # values of a field where the browser knows no rule
-FARTHER = 4.0  # how many times smaller or larger a value may be where no range is given
+FARTHER = 4  # how many times smaller or larger a value may be where no range is given
 TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
 PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
 

@@ -188,7 +188,7 @@ BASE = 1 << 21  # [bytes] where images begin: over the stack and the constants o
 # methods of a figure
 SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
 LOADS, CORNERS = offset_of(SCENE, "loads", "table"), offset_of(RUN, "corners")
-LONGEST = 1e8  # steps that a reader may ask for: what happens later is left out
+LONGEST = 100_000_000  # steps that a reader may ask for: what happens later is left out
 
 
 def offsets(kind: Any) -> dict[str, int]:

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import needed
 from .bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, extent, looks
 from .shapes import branch_colors, children_of, reach, to_matrix
-from .stage import FIELD_OF_VIEW, GRID, depth, fitted, floor, grid, light, steps, towards
+from .stage import FRAMING, GRID, depth, fitted, floor, grid, light, steps, towards
 
 if TYPE_CHECKING:
     import viser
@@ -73,7 +73,7 @@ def draw(
     camera.position, camera.look_at = fitted(
         whole(found, pose, up, leaves), up, towards(model.up, "start"), ASPECT
     )
-    camera.up, camera.fov = up, FIELD_OF_VIEW
+    camera.up, camera.fov = up, FRAMING.field_of_view
     light(scene, False, model.up)
     kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
     drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)

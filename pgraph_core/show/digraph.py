@@ -200,7 +200,7 @@ def _shifted(place: Layout, routes: tuple[tuple[Point, ...], ...]) -> Layout:
 
 # -- the picture of a notebook ---------------------------------------------------------------
 
-RADIUS = 11.0  # [px] of a node
+RADIUS = 11  # [px] of a node
 LOOP = "#d9730d"
 
 

@@ -16,9 +16,7 @@ from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
 FINER = 2  # pixels that are drawn for each that is shown, each way
 SHADOWS = 1536  # pixels of the sun's screen, each way
-CREASE = 0.6  # [rad] between faces whose edge is seen
 TILT = (-0.45, 0.25, 1.0)  # of the sun, as parts along right, towards the viewer, and up
-AROUND = 0.55  # of the sun's light: what comes from all around
 MOST_PIXELS = 8192  # each way
 MOST_IN_ALL = 4096 * 4096  # pixels of a picture: about 2 GB while it is drawn
 LEAST_PIXELS = 16
@@ -144,7 +142,7 @@ class Drawing:
     def camera(self, pose: np.ndarray) -> Camera:
         """The camera that looks at bodies at `pose` (nb, 7)."""
         width, height = self.size[0] * FINER, self.size[1] * FINER
-        step = 2 * np.tan(stage.FIELD_OF_VIEW / 2) / height
+        step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
         eye = self._view.position + self._gone(pose)
         return Camera._make(map(_three, (eye, corner, self._right * step, -self._above * step)))
@@ -201,7 +199,7 @@ def tones(of: stage.Tones, up: str) -> Tones:
     """A theme of the page, as linear light."""
     sky, soil = np.array(linear(of.sky)), np.array(linear(of.soil))
     fill = np.array(stage.ABOVE[up]) / np.linalg.norm(stage.ABOVE[up])
-    around = AROUND * of.ambient
+    around = 0.55 * of.ambient  # against the sun's light
     lights = (around * sky, 0.8 * around * soil, 0.95 * np.ones(3), 0.35 * of.fill * sky, fill)
     colors = (of.zenith, of.horizon, of.floor, of.section)
     return Tones._make((*map(linear, colors), *map(_three, lights)))
@@ -227,10 +225,11 @@ def _three(x: Any) -> tuple[float, float, float]:
     return a, b, c
 
 
-def _normals(corners: np.ndarray) -> np.ndarray:
+def _normals(corners: np.ndarray, crease: float = 0.6) -> np.ndarray:
     """(3 m, 3) normals at the corners of faces (m, 3, 3): means over faces without a crease.
 
-    Weighted by area; corners at one place belong together.
+    Weighted by area; corners at one place belong together. The edge of faces that meet at more than
+    `crease` [rad] is seen.
     """
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
@@ -245,7 +244,7 @@ def _normals(corners: np.ndarray) -> np.ndarray:
     for k in range(int(counts.max(initial=0))):  # the k-th face at the vertex of each corner
         has = counts[vertex] > k
         other = owner[order[(starts[vertex] + k)[has]]]
-        near = (unit[owner[has]] * unit[other]).sum(axis=1) > np.cos(CREASE)
+        near = (unit[owner[has]] * unit[other]).sum(axis=1) > np.cos(crease)
         rows = np.flatnonzero(has)[near]
         found[rows] += flat[other[near]]
     lengths = np.linalg.norm(found, axis=1, keepdims=True)

@@ -24,7 +24,7 @@ from .vector import view_svg
 
 DPI = 100  # of plots: their size is in pixels
 MOST_FRAMES = 20_000  # of a film
-MOST_OF_A_GIF = 1e9  # pixels of all its frames, a byte each, which are kept until it is written
+MOST_OF_A_GIF = 1_000_000_000  # pixels of all its frames, a byte each, in memory
 GIF_RATES = (50, 33, 25, 20, 10, 5, 2, 1)  # frames a second that viewers of GIF keep
 QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 is coarse
 Progress = Callable[[float], Any] | None

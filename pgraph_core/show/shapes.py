@@ -23,7 +23,7 @@ from ..mesh_files import load_mesh
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips
 TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
-LARGEST = 1e150  # of a length that is drawn [m]: its square is still a number
+LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radius [m]
 
 

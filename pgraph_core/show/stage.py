@@ -23,7 +23,6 @@ STEP = (150, 158, 168)
 BOX = ((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7),
        (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5))  # fmt: skip
 ABOVE = {"x": (-0.3, 1.0, 0.5), "y": (0.5, -0.3, 1.0), "z": (1.0, 0.5, -0.3)}  # the fill light
-BELOW = 2e-3  # of the model's size: the floor lies under the ground, which takes the shadows
 
 
 class Tones(NamedTuple):
@@ -91,7 +90,8 @@ def floor(
         shadow_opacity=0.0,
         fade_distance=26 * size,
         fade_strength=0.9,
-        position=-(low + BELOW * size) * np.asarray(model.ground_normal),
+        # under the ground, which takes the shadows
+        position=-(low + 2e-3 * size) * np.asarray(model.ground_normal),
         wxyz=tilt(np.array(up), np.asarray(model.ground_normal)),
     )
 
@@ -176,12 +176,6 @@ def tilt(up: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 Which = Literal["front", "side", "top", "isometric", "start"]
-FIELD_OF_VIEW = 0.7  # of the height [rad]
-MARGIN = 0.92  # of half the width and of half the height above: what the points take
-LOWER = 0.66  # of half the height below: the playback covers the rest
-GAP, MOST_COVERED = 0.02, 0.7  # of the height: above what covers it, and the most that may
-LEAST = 0.02  # [m] least distance: of a model that is a point
-
 # From the model to the camera, by the axis that is up. Models look along x (along y if x is up).
 TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
     "x": {"front": (0, 1, 0), "side": (0, 0, -1), "top": (1, 0, 0), "isometric": (1, 1, -1),
@@ -191,7 +185,21 @@ TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
     "z": {"front": (1, 0, 0), "side": (0, -1, 0), "top": (0, 0, 1), "isometric": (1, -1, 1),
           "start": (0.55, -1.0, 0.4)},
 }  # fmt: skip
-STEEP = 1e-3  # of the direction "top": a camera that looks straight down has no upright picture
+
+
+class Framing(NamedTuple):
+    """How a camera frames what it sees."""
+
+    field_of_view: float = 0.7  # of the height [rad]
+    margin: float = 0.92  # of half the width, and of half the height above the middle
+    lower: float = 0.66  # of half the height below the middle: the playback covers the rest
+    gap: float = 0.02  # of the height, above what covers its bottom
+    most_covered: float = 0.7  # of the height
+    distance: float = 0.02  # least distance [m], of a model that is a point
+    lean: float = 1e-3  # of the direction "top": straight down there is no upright picture
+
+
+FRAMING = Framing()
 
 
 class Viewpoint(NamedTuple):
@@ -205,7 +213,7 @@ def towards(up: str, which: Which) -> np.ndarray:
     """(3,) unit vector from the model to the camera."""
     way = np.array(TOWARDS[up][which], float)
     if which == "top":
-        way += STEEP * np.array(TOWARDS[up]["side"])
+        way += FRAMING.lean * np.array(TOWARDS[up]["side"])
     return way / np.linalg.norm(way)
 
 
@@ -221,13 +229,14 @@ def fitted(
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
-    half = math.tan(FIELD_OF_VIEW / 2)
-    h, v = MARGIN * half * aspect, MARGIN * half
-    w = min(LOWER, 1 - 2 * min(covered + GAP, MOST_COVERED)) * half
+    half = math.tan(FRAMING.field_of_view / 2)
+    h, v = FRAMING.margin * half * aspect, FRAMING.margin * half
+    low = 1 - 2 * min(covered + FRAMING.gap, FRAMING.most_covered)
+    w = min(FRAMING.lower, low) * half
     x_high, x_low = (x + h * z).max(), (x - h * z).min()
     y_high, y_low = (y + v * z).max(), (y - w * z).min()
     middle = (z.min() + z.max()) / 2
-    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (v + w), middle + LEAST)
+    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (v + w), middle + FRAMING.distance)
     a, b = (x_high + x_low) / 2, (y_high - v * d + y_low + w * d) / 2
     target = a * right + b * above + middle * way
     return Viewpoint(target + (d - middle) * way, target)
@@ -248,7 +257,7 @@ def in_picture(
     way = way / np.linalg.norm(way)
     right, above = frame(up, way)
     deep = (at.position - points) @ way
-    half = math.tan(FIELD_OF_VIEW / 2)
+    half = math.tan(FRAMING.field_of_view / 2)
     x, y = np.abs((points - at.position) @ right), (points - at.position) @ above
     low = (1 - 2 * covered) * half
     return (deep > 0) & (x <= half * aspect * deep) & (y <= half * deep) & (-y <= low * deep)

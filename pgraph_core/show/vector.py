@@ -12,7 +12,6 @@ from .drawing import CODES, FINER
 from .notebook import hull, outline
 
 LINES = 14  # of the ground, each way from its middle
-SHADOW = 0.22  # how dark it is
 TOP, BOTTOM = 1.18, 0.72  # of a piece's colour, at its upper and lower end
 
 
@@ -57,7 +56,7 @@ def view_svg(drawing: Any, pose: np.ndarray) -> str:
         f'{below} fill="{_code(tones.floor)}"/>'
         f'<path d="{_lines(drawing, pose)}" stroke="{_code(tones.line)}" fill="none"/>'
         f'{below} fill="url(#{own}-haze)"/>'
-        f'<g opacity="{SHADOW}">{"".join(shadows)}</g>'
+        f'<g opacity=".22">{"".join(shadows)}</g>'
         f'<g stroke="#000" stroke-opacity=".25" stroke-width=".7" stroke-linejoin="round">'
         f"{''.join(drawn)}</g></svg>"
     )

@@ -25,6 +25,7 @@ FRAMES = 1000  # recorded by default
 MARKS = 10  # times at which runs are compared, at least
 LEAST_MARKED = 100  # steps: as many as are compared with coarser runs
 SAME = 1e-9  # of a step: times this near are the same
+RTOL = 1e-8  # of adaptive runs
 FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
 STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -121,7 +122,7 @@ class Options(NamedTuple):
             return None
         widest = length if step is None else positive("step", step)
         fixed = step is not None and rtol is None
-        rtol = rtol or (FIXED_RTOL if fixed else 1e-8)
+        rtol = rtol or (FIXED_RTOL if fixed else RTOL)
         return Tolerance(rtol, float(atol), widest, int(most), np.zeros(0), fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
