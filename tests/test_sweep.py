@@ -185,7 +185,7 @@ def test_a_script_without_a_guard_is_warned(workers, tmp_path):
     script.write_text(
         "import numpy as np, pgraph_core as pg\n"
         "from pgraph_core.sweeps import tasks\n"
-        "tasks.PATIENCE = tasks.MEASURED = 0.0\n"
+        "tasks.CHUNK = 0.0\n"
         "masses = {'bodies.2.mass': np.linspace(1, 2, 20)}\n"
         f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=20.0, workers={workers})\n"
         "print('table')\n"
@@ -231,8 +231,7 @@ def test_processes_give_the_same_bits_also_in_a_file(alone, monkeypatch, tmp_pat
 
     started = []
     pool = tasks._by_processes
-    for name, value in (("PATIENCE", 0.0), ("MEASURED", 0.0)):
-        monkeypatch.setattr(tasks, name, value)
+    monkeypatch.setattr(tasks, "CHUNK", 0.0)
     monkeypatch.setattr(tasks, "_by_processes", lambda *x: started.append(x) or pool(*x))
     assert chain(workers=2).to_csv() == alone.to_csv()
     assert started

@@ -13,14 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..packing import Array
+from ..tolerances import ROUNDING, SOLVED
 
 STEPS, HALVINGS = 40, 12  # of Newton's method, and of one step
-ROUNDED = 1e-14  # of the largest velocity: where it ends
-FITS = 1e-11  # of the largest velocity: laws that are kept
-AT_REST = 1e-9  # of the largest velocity: what stays on the ground meets an impact, too
 ROUNDS, SWEEPS = 30, 20  # rounds of contacts in turn before it, sweeps in each
 DIRECTIONS = 48  # of slip among which a root is looked for
-RANK = 1e-10
 
 
 class ContactRow(NamedTuple):
@@ -45,7 +42,7 @@ class Solution(NamedTuple):
 def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
     """λ of all rows; the first `bilateral` ones are held at zero velocity."""
     b = slice(0, bilateral)
-    inverse = np.linalg.pinv(omega[b, b], rcond=RANK, hermitian=True)
+    inverse = np.linalg.pinv(omega[b, b], rcond=ROUNDING, hermitian=True)
     reduced = omega - omega[:, b] @ inverse @ omega[b]
     free = u - omega[:, b] @ (inverse @ u[b])
     lam = np.zeros(len(u))
@@ -69,11 +66,11 @@ def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) ->
         return 0.0
     starts = _at_once(omega, free, rows), np.zeros(len(free))
     tries = [_newton(omega, free, rows, start) for start in starts[:1]]
-    if tries[0][1] > FITS:
+    if tries[0][1] > SOLVED:
         tries.append(_newton(omega, free, rows, starts[1]))
     found, left = min(tries, key=lambda each: each[1])
     turns = starts[1]
-    for _ in range(ROUNDS if left > FITS else 0):
+    for _ in range(ROUNDS if left > SOLVED else 0):
         for _ in range(SWEEPS):
             for row, part in zip(rows, parts):
                 own = omega[part, part]
@@ -81,7 +78,7 @@ def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) ->
         turns, missed = _newton(omega, free, rows, turns)
         if missed < left:
             found, left = turns.copy(), missed
-        if left <= FITS:
+        if left <= SOLVED:
             break
     lam[:] = found
     return left
@@ -93,14 +90,14 @@ def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
     A contact at rest counts as closing: else rounding of its velocity chooses between solutions.
     """
     lam = np.zeros(len(free))
-    slow = AT_REST * float(np.abs(free).max(initial=0.0))
+    slow = SOLVED * float(np.abs(free).max(initial=0.0))
     closing = [row for row in rows if row.held or free[row.first] + row.restitution_velocity < slow]
     picked = [row.first + k for row in closing for k in range(row.size)]
     wanted = free.copy()
     for row in closing:
         wanted[row.first] += row.restitution_velocity
     block = omega[np.ix_(picked, picked)]
-    lam[picked] = -np.linalg.lstsq(block, wanted[picked], rcond=RANK)[0]
+    lam[picked] = -np.linalg.lstsq(block, wanted[picked], rcond=ROUNDING)[0]
     for row in closing:
         drag, most = lam[row.first + 1 : row.first + row.size], row.friction * lam[row.first]
         if row.size == 1 or row.held or np.linalg.norm(drag) <= most:
@@ -135,9 +132,9 @@ def _newton(
     missed, slope = _laws(omega, free + back, rows, lam)
     left = float(np.linalg.norm(missed))
     for _ in range(STEPS):
-        if left <= ROUNDED * size or not np.isfinite(slope).all():
+        if left <= ROUNDING * size or not np.isfinite(slope).all():
             break
-        step = np.linalg.lstsq(slope, -missed, rcond=RANK)[0]
+        step = np.linalg.lstsq(slope, -missed, rcond=ROUNDING)[0]
         for _ in range(HALVINGS):
             new = lam + step
             found = _laws(omega, free + back, rows, new)
@@ -194,8 +191,8 @@ def _one(omega: Array, u: Array, row: ContactRow) -> Array:
         return none
     if row.size == 1:
         return -target / omega[0, 0]
-    stick = -np.linalg.pinv(omega, rcond=RANK, hermitian=True) @ target
-    if row.held or math.hypot(stick[1], stick[2]) <= row.friction * stick[0] * (1 + 1e-12):
+    stick = -np.linalg.pinv(omega, rcond=ROUNDING, hermitian=True) @ target
+    if row.held or math.hypot(stick[1], stick[2]) <= row.friction * stick[0] * (1 + ROUNDING):
         return stick if stick[0] > 0 else none
     return _sliding(omega, target, row.friction)
 

@@ -43,13 +43,12 @@ from ..model import Model, Shape
 from ..model.shape import MassProperties as MassProperties
 from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
+from ..tolerances import NOTABLE
 
 # -- what bounds a solid ---------------------------------------------------------------------------
 
 
 Array = np.ndarray
-FLAT = 1e-12  # 1 - cosine of the angle below which two facets of a hull are one face
-LEVEL = 3e-7  # of the extent of a hull: corners so near to one plane may be of one face
 
 
 @dataclass(frozen=True)
@@ -150,7 +149,7 @@ def hull(places: Any) -> Solid:
     group = np.arange(len(normals))
     for f in range(len(normals)):
         for g in found.neighbors[f]:
-            if group[f] != group[g] and normals[f] @ normals[g] > 1 - FLAT:
+            if group[f] != group[g] and normals[f] @ normals[g] > 1 - NOTABLE**2 / 2:
                 group[group == group[g]] = group[f]
     triangles = _turned(found)
     _make_convex(places, triangles, group)
@@ -200,7 +199,7 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
     Between corners that are in one plane to rounding, facets have whatever normals.
     """
     over = {(u, v): f for f, t in enumerate(triangles.tolist()) for u, v in zip(t, t[1:] + t[:1])}
-    near = LEVEL * float(np.ptp(places, axis=0).max())
+    near = NOTABLE * float(np.ptp(places, axis=0).max())
     numbers, counts = np.unique(group, return_counts=True)
     waiting = numbers[counts > 1].tolist()
     while waiting:

@@ -34,6 +34,7 @@ from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocit
 from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
 from ..packing.forces import points_of_spring, terms_of
 from ..rotation import matrix
+from ..tolerances import NAMED
 from ..topology import Topology
 from . import solids
 from .solids import Placed, Solid, terrain_of
@@ -47,7 +48,6 @@ ON_FIELD = 64  # of a shape on a heightfield
 SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
 LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
 DEEPEST = 0.1  # of the thinner shape: how deep the speed at the start leads, if nothing is given
-FILLED = 1.1  # times a mesh's volume: a convex hull that is much larger
 
 
 class ContactPair(NamedTuple):
@@ -206,7 +206,7 @@ class _Shapes:
         parts = _solids(c.name, body.name, shape)
         if shape.kind == "mesh" and shape.hull is None:
             excess = solids.hull_excess(shape.file or "", shape.scale)
-            if excess > FILLED:
+            if excess > 1 + NAMED:
                 self.hulls.append((excess, body.name))
         return [Placed(solid, row, number, position, rotation) for solid in parts]
 

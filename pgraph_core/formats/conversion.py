@@ -15,6 +15,7 @@ from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
 from ..model.model import LOST
+from ..tolerances import SOLVED
 
 Kind = Literal["read", "converted", "approximated", "left out", "warning"]
 KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "read")
@@ -128,8 +129,6 @@ class Report:
 
 # -- joints that follow each other ----------------------------------------------------------------
 
-MEETS = 1e-9  # of numbers about one
-
 
 def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
     """Warn of each gear (and its place) that ties joints which others tie to each other already."""
@@ -148,9 +147,9 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
                 if known == root:
                     tied[end] = base, f * factor / own_factor, f * gap / own_factor + x
             continue
-        if abs(slope) > MEETS * max(abs(factor), abs(own_factor)):
+        if abs(slope) > SOLVED * max(abs(factor), abs(own_factor)):
             text = f"all joints of the ring are held, '{base[0]}' at q = {gap / slope:.6g}"
-        elif abs(gap) > MEETS * max(1.0, abs(at), abs(own_at)):
+        elif abs(gap) > SOLVED * max(1.0, abs(at), abs(own_at)):
             text = "no position of the joints meets all of its gears"
         else:
             text = "the gear follows from the others"
@@ -160,7 +159,7 @@ def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
 
 # -- inertias --------------------------------------------------------------------------------------
 
-MOST_INERTIA = 1e150  # [kg m^2] its square is still a number
+MOST_INERTIA = float(np.finfo(float).max ** 0.5) / 10  # [kg m^2] squares of it can be added
 
 
 def why_unphysical(inertia: np.ndarray) -> str:
@@ -214,6 +213,10 @@ def unphysical(
     report.add("warning", where, f"the inertia {text}", part=name)
     return {"any_inertia": True}
 
+
+# -- limits --------------------------------------------------------------------------------------
+
+NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit where a format asks for a number
 
 # -- units -----------------------------------------------------------------------------------------
 

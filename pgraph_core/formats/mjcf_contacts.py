@@ -12,14 +12,13 @@ from ..errors import choices, needed
 from ..model import Contact
 from ..model.fields import EVERY, GROUND
 from ..rotation import quaternion_of
+from ..tolerances import SOLVED
 from .mjcf_parts import Reading
 
 Array = np.ndarray
 PLANE = 0  # mjtGeom
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of such a box, since a plane of MuJoCo has no end
-SHEET = 0.01  # m: thickness of the box that shows a plane
-FLAT = 1e-9
 
 
 class Law(NamedTuple):
@@ -51,7 +50,7 @@ class Contacts:
             if m.geom_type[g] != PLANE or m.body_weldid[m.geom_bodyid[g]] != 0:
                 continue
             place, turn = self.placed[g]
-            flat = turn[2, 2] > 1 - FLAT and abs(place[2]) < FLAT
+            flat = turn[2, 2] > 1 - SOLVED and abs(place[2]) < SOLVED
             touches = self.reader.touches(g)
             if not touches:
                 text = "a plane that touches nothing"
@@ -94,7 +93,7 @@ class Contacts:
         wide = [max(s, WIDE) for s in drawn]
         text = f"a plane that is not z = 0 is a box {THICK} m thick and {2 * min(wide):g} m wide"
         self.report.add("approximated", where, text)
-        for role, (x, y), thick in (("collision", wide, THICK), ("visual", drawn, SHEET)):
+        for role, (x, y), thick in (("collision", wide, THICK), ("visual", drawn, THICK / 100)):
             if x and y:
                 yield {
                     "kind": "box",

@@ -29,17 +29,15 @@ from ..model.files import gathered, write_atomic
 from ..model.force import OnJoint, ends_of
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
-from .conversion import Report, named, nearest_inertia, why_unphysical
+from ..tolerances import ROUNDING, SOLVED
+from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
-from .mjcf_parts import FAR, SENSORS, end_name
+from .mjcf_parts import MINVAL, SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 MESHES = (".stl", ".obj", ".msh")
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
-THIN = 1e-12  # relative: a moment of inertia that MuJoCo takes for none
-CLOSE = 1e-9  # relative: ends of a range that are the same
-LEAST = 1e-14  # kg m^2: above mjMINVAL
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"
 
@@ -191,7 +189,7 @@ class _Writer:
         """The inertia; MuJoCo refuses bodies that move without one, as rods without thickness."""
         inertia = np.array(body.inertia)
         moments, axes = np.linalg.eigh(inertia)
-        least = max(THIN * float(np.abs(moments).max()), LEAST)
+        least = max(ROUNDING * float(np.abs(moments).max()), 10 * MINVAL)
         if moments[0] > least or body.any_inertia:
             (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
             return {"fullinertia": (xx, yy, zz, xy, xz, yz)}
@@ -696,9 +694,9 @@ def _own_box(f: Drag, body: Body) -> bool:
 
 def _between(low: float | None, high: float | None) -> tuple[float, float]:
     """A range as MuJoCo takes it: of finite ends that differ."""
-    least = -FAR if low is None else max(low, -FAR)
-    most = FAR if high is None else min(high, FAR)
-    apart = CLOSE * max(1.0, abs(least))
+    least = -NO_LIMIT if low is None else max(low, -NO_LIMIT)
+    most = NO_LIMIT if high is None else min(high, NO_LIMIT)
+    apart = SOLVED * max(1.0, abs(least))
     return (least, most) if most - least > apart else (least - apart, most + apart)
 
 

@@ -30,7 +30,8 @@ from ..model import (
 from ..model.fields import GROUND, name_problem
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
-from .conversion import Report, suspect_rings
+from ..tolerances import SOLVED
+from .conversion import NO_LIMIT, Report, suspect_rings
 
 Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
@@ -44,9 +45,7 @@ SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
     "force": "force", "torque": "torque",
 }  # fmt: skip
-LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
-FLAT = 1e-9
-FAR = 1e9  # m, rad: an end of a range this far is none
+MINVAL = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, below which a mass or an inertia is none
 GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
 
 
@@ -413,7 +412,7 @@ class Parts:
         margin = float(self.m.tendon_margin[t])
         low, high = within_margin(self.reader, "tendon", name, low, high, margin)
         found = {"low": low, "high": high}
-        return {key: end for key, end in found.items() if abs(end) < FAR}
+        return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
     def _straight(self, t: int, name: str) -> Spring | None:
         """A tendon straight from one site to another as a spring."""
@@ -573,10 +572,10 @@ class Parts:
             self.reader.left_out("option", "", text)
             return
         for b in range(1, m.nbody):
-            if m.body_mass[b] < LEAST or not m.body_dofnum[m.body_weldid[b]]:
+            if m.body_mass[b] < MINVAL or not m.body_dofnum[m.body_weldid[b]]:
                 continue
             moments = m.body_inertia[b]
-            squares = np.maximum(moments.sum() - 2 * moments, LEAST) / m.body_mass[b] * 6
+            squares = np.maximum(moments.sum() - 2 * moments, MINVAL) / m.body_mass[b] * 6
             yield Drag(
                 name=f"fluid around {self.reader.names[b]}", body=self.reader.names[b],
                 size=tuple(np.sqrt(squares).tolist()), rotation=unit(m.body_iquat[b].tolist()),
@@ -693,7 +692,7 @@ class Parts:
             ):
                 if np.any(given):
                     self.reader.left_out("key", name, text, acts=False)
-            if np.any(np.abs(self.m.key_mpos[k] - self._mocap()).max(initial=0.0) > FLAT):
+            if np.any(np.abs(self.m.key_mpos[k] - self._mocap()).max(initial=0.0) > SOLVED):
                 text = "where it puts bodies that MuJoCo's user moves"
                 self.reader.left_out("key", name, text)
             found.append(Scenario(name=name, q=q, v=v))

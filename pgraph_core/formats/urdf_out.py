@@ -16,12 +16,11 @@ from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.fields import GROUND
 from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
-from .conversion import Report, named
+from .conversion import NO_LIMIT, Report, named
 from .urdf import LOOPS, WORLD
 
 TYPES = {"rotate": "revolute", "translate": "prismatic"}
 TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
-NO_LIMIT = 1e9  # effort and velocity of joints that bound neither: URDF asks for numbers
 
 
 @explained

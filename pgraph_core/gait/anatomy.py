@@ -19,10 +19,10 @@ from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
 from ..model.checks import soles_among
 from ..packing import Array, Ints
+from ..tolerances import SOLVED
 from .footing import height_under
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
-FLAT = 1e-9  # m: what counts as no distance to the side
 
 
 class Anatomy(NamedTuple):
@@ -119,7 +119,7 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
     lengths = found[0]
     tip = np.array(contact.points[0])
     parts = np.array([shank.link, paw.link, tip])
-    if np.abs(parts[:, 2]).max() > FLAT:
+    if np.abs(parts[:, 2]).max() > SOLVED:
         raise _refused(gait, f"a leg lies in a plane across z; that of '{fall.foot}' does not")
     for name, part in zip(("thigh", "shank", "paw"), parts):
         lengths[name] = part[:2]

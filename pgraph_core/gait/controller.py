@@ -30,12 +30,12 @@ from ..model import Gait, Model
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Portable
+from ..tolerances import EPS
 from .anatomy import Anatomy, anatomy, standing
 from .footing import terrain_of
 
 SAMPLES = 400  # of a stride, to plan its waves
 LOW, UPRIGHT, LIMP = 0.6, 0.5, 15.0  # what counts as a fall; how joints slow down after it [1/s]
-BLURRED = 1e-14  # of a time: the clock's rounding
 REACH = 0.98  # of the longest leg that a step may use
 
 
@@ -95,7 +95,7 @@ class Controller(Portable):
         parts = np.concatenate((feet["offset"], feet["offset"] + feet["duty"]))
         phase = np.add.outer(turns, np.unique(parts % 1.0)).ravel()
         t = s["clock_time"] + (phase - s["clock_phase"]) * s["stride"]
-        apart = BLURRED * np.maximum(np.abs(t), s["stride"])
+        apart = 64 * EPS * np.maximum(np.abs(t), s["stride"])
         t = np.union1d(t - apart, t + apart)
         return t[(t > t_start) & (t < t_end)]
 

@@ -24,6 +24,7 @@ from ..joints import (
     joint_problems,
     physics_problems,
 )
+from ..tolerances import NOTABLE, SOLVED
 from .fields import (
     EVERY,
     GROUND,
@@ -365,10 +366,9 @@ class Body(Described):
 def _alike(a: Any, b: Any) -> bool:
     """Whether two derived values agree but for rounding."""
     size = np.abs(b).max(initial=0.0)
-    return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= SAME * size)
+    return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
 
 
-SAME = 1e-6  # of its largest number: a value in a file that follows from the shapes
 NAMING = {"name", "parent"}
 KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
 
@@ -485,9 +485,6 @@ def _count(n: int) -> str:
     return {0: "no axes", 1: "one axis [x, y, z]"}.get(n, f"{n} axes, each [x, y, z]")
 
 
-TRIANGLE = 1e-9  # relative slack of the inertia's symmetry and triangle inequality
-
-
 def name_problems(name: str) -> list[Finding]:
     """Names that would not show as they are, or that mean something else."""
     if text := name_problem(name):
@@ -502,11 +499,9 @@ def name_problems(name: str) -> list[Finding]:
 def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
     """Symmetry, positive semidefiniteness and the triangle inequality of the inertia."""
     size = max(abs(x) for row in inertia for x in row)
-    if any(
-        abs(inertia[i][j] - inertia[j][i]) > TRIANGLE * size for i, j in ((0, 1), (0, 2), (1, 2))
-    ):
+    if any(abs(inertia[i][j] - inertia[j][i]) > SOLVED * size for i, j in ((0, 1), (0, 2), (1, 2))):
         return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
-    slack = TRIANGLE * size
+    slack = SOLVED * size
     if _is_plainly_right(inertia, 0.5 * slack):
         return []
     a, b, c = _principal_moments(inertia)

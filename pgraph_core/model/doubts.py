@@ -11,6 +11,7 @@ from typing import Any
 
 from ..errors import shown
 from ..joints import beyond
+from ..tolerances import NAMED, SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
 from .fields import EVERY, GROUND, Vec3
@@ -36,7 +37,7 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
         arm = body.mass * sum(x * x for x in body.com)
-        counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
+        counts = DEFAULT_INERTIA[0][0] > NAMED * arm  # next to the mass at its distance
         left = body.inertia == DEFAULT_INERTIA and "inertia" not in body.model_fields_set
         if turns and counts and body.mass != DEFAULT_MASS and left:
             shape = "" if body.shape else "a shape and "
@@ -183,7 +184,8 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
     motion = body.sequence[0]
     if isinstance(f, Torsion):
         axis = f.axis or (0.0, 0.0, 1.0)
-        across = abs(_dot(axis, motion.axis)) < TINY * math.hypot(*axis) * math.hypot(*motion.axis)
+        product = math.hypot(*axis) * math.hypot(*motion.axis)
+        across = abs(_dot(axis, motion.axis)) < SOLVED * product
         if motion.kind == "translate" or (motion.kind == "rotate" and not flipped and across):
             return f"the joint of '{body.name}' does not turn about its axis {shown(axis)}"
         return ""
@@ -192,10 +194,10 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
     if flipped:
         own, other = other, own
     arm = tuple(a - b for a, b in zip(other, body.link))  # from the joint, in the parent's axes
-    turned = body.rotation[0] ** 2 < (1 - TINY) * sum(x * x for x in body.rotation)
+    turned = body.rotation[0] ** 2 < (1 - SOLVED) * sum(x * x for x in body.rotation)
     on_axis = _along(own, motion.axis) or (not turned and _along(arm, motion.axis))
     fixed = motion.kind == "rotate" and on_axis
-    fixed |= motion.kind in ("rotate", "ball") and (not any(own) or math.hypot(*arm) < TINY)
+    fixed |= motion.kind in ("rotate", "ball") and (not any(own) or math.hypot(*arm) < SOLVED)
     if not fixed:
         return ""
     text = f"the joint of '{body.name}' turns about one of its ends, so that its length is constant"
@@ -206,7 +208,7 @@ def _along(x: Sequence[float], axis: Vec3) -> bool:
     """Whether a point lies on the axis."""
     square, length = _dot(axis, axis), math.hypot(*x)
     off = [a - _dot(x, axis) / square * b for a, b in zip(x, axis)]
-    return math.hypot(*off) <= TINY * length
+    return math.hypot(*off) <= SOLVED * length
 
 
 def _dot(x: Sequence[float], y: Sequence[float]) -> float:
@@ -239,8 +241,6 @@ def _idle_parameters(model: Any) -> Iterator[str]:
 MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
 MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
 Z = (0.0, 0.0, 1.0)
-LITTLE = 0.01  # of a joint's inertia: less changes no result much
 DEFAULT_MASS = Body.model_fields["mass"].default
 DEFAULT_INERTIA = Body.model_fields["inertia"].default
-TINY = 1e-9  # of a length
 MANY = 300  # contacts that are compared with each other

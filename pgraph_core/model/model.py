@@ -59,10 +59,6 @@ from .poses import home_poses, poses
 from .scenario import Scenario
 from .world import DOWN, World
 
-# serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
-ROD = 0.2
-ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
-
 # fields of a body that nothing else in a model depends on, but for the tree
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
@@ -310,15 +306,17 @@ class Model(World):
 
     @classmethod
     def serial(cls, n: int) -> Self:
-        """Sec. 4.1's first table: n bodies in a row, one hinge each, named "1" to "n"."""
+        """Return n rods in a row, one hinge each, named "1" to "n": section 4.1's first table.
+
+        They are 0.2 m long and slender, lie along x, and turn about y, so that they swing.
+        """
         count = whole(n)
         if count is None or count < 1:
             raise ModelError(Problem("model", "n", f"must be a whole number >= 1; given {n!r}"))
-        rod = Body(
-            name="1", axes=((0, 1, 0),), com=(ROD / 2, 0, 0), inertia=ROD_INERTIA, tip=(ROD, 0, 0)
-        )
+        inertia = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
+        rod = Body(name="1", axes=((0, 1, 0),), com=(0.1, 0, 0), inertia=inertia, tip=(0.2, 0, 0))
         rows = [rod.unchecked_copy({"name": "1"})]
-        linked = Body(**{**fields_of(rod), "link": (ROD, 0, 0)})
+        linked = Body(**{**fields_of(rod), "link": rod.tip})
         for i in range(2, count + 1):
             rows.append(linked.unchecked_copy({"name": str(i), "parent": str(i - 1)}))
         return cls(name=f"serial {count}", bodies=tuple(rows))

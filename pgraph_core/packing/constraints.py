@@ -40,6 +40,7 @@ from ..model import (
 from ..model.constraint import AlongAxes, AtPoints
 from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
+from ..tolerances import NOTABLE
 from ..topology import Topology
 from . import (
     Array,
@@ -51,8 +52,6 @@ from . import (
     row_of_velocity,
 )
 from .forces import terms_of
-
-APART = 1e-6  # rad: axes of a prismatic constraint that differ by more contradict each other
 
 
 class Block(NamedTuple):
@@ -173,7 +172,7 @@ def _revolute(e: Endpoints, c: Revolute) -> list[Block]:
 def _prismatic(e: Endpoints, c: Prismatic) -> list[Block]:
     axis, other = e.directions(c)
     apart = float(np.arccos(np.clip(abs(other @ e.turn @ axis), 0.0, 1.0)))
-    if apart > APART:
+    if apart > NOTABLE:
         text = (
             "a prismatic constraint keeps the orientation of the initial state, in which axis and "
             f"other_axis are {apart:.3g} rad apart; leave one of them out"

@@ -12,15 +12,12 @@ import numpy as np
 from ..engine import layout as at
 from ..errors import InputError, Problem
 from ..packing import Array, Ints, plain, quaternions
+from ..tolerances import NAMED, NOTABLE, SOLVED
 
-OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
-TURN = 3.0  # rad of an oscillation: wider frames show a slower one
+TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
 TOO_WIDE = "frames are too wide"  # how the notice of such an oscillation begins
-OFTEN = 0.1  # of the frames: what fewer of them show may be transients, or impacts
-STILL = 1e-7  # rad, or of the length: what moves by less is at rest
-SETTLED = 1e-5  # of the range of a coordinate: what swings by less has died away
-GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
+GAIN = 16  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
 
 
 def states_at(
@@ -69,19 +66,19 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
     """
     t, q, v, vdot = frames
     spans = _spans(rows)
-    least, least_v = np.full(q.shape[1], STILL), np.full(v.shape[1], STILL)
+    least, least_v = np.full(q.shape[1], NOTABLE), np.full(v.shape[1], NOTABLE)
     shown = np.ptp(q, axis=0)
     for kind, of_q, of_v in spans:
         if kind in (at.TRANSLATE, at.FREE):
-            least[of_q][:3] = least_v[of_v][-3:] = STILL * (length or 1.0)
-        least_v[of_v] += SETTLED * shown[of_q].max()
+            least[of_q][:3] = least_v[of_v][-3:] = NOTABLE * (length or 1.0)
+        least_v[of_v] += NOTABLE * shown[of_q].max()
     with np.errstate(over="ignore", invalid="ignore"):
         h = np.diff(t)[:, None] / TURN
         rate, bend = (np.abs(x[:-1]) for x in _derivatives(rows, q, v, vdot))
         sped = h * np.abs(vdot[:-1])
         far = np.maximum(h * rate, h * h * bend) > 0.5 * shown + least
         fast = (sped > 0.5 * np.ptp(v, axis=0)) & (h * sped > least_v)
-    often = max(2.0, OFTEN * len(h))
+    often = max(2.0, NAMED * len(h))
     missed, missed_v = far.sum(axis=0) >= often, fast.sum(axis=0) >= often
     return [k for k, (_, i, j) in enumerate(spans, 1) if missed[i].any() or missed_v[j].any()]
 
@@ -108,7 +105,7 @@ def _inside(asked: Any, t: Array) -> Array:
         raise InputError(Problem("run.at", "t", text))
     if not len(t):
         raise InputError(Problem("run.at", "t", "the run has no frame; see run.message"))
-    slack = OUTSIDE * (t[-1] - t[0])
+    slack = SOLVED * (t[-1] - t[0])
     outside = (times < t[0] - slack) | (times > t[-1] + slack)
     if outside.any():
         bad = float(np.atleast_1d(times)[np.atleast_1d(outside)][0])

@@ -19,16 +19,14 @@ from ..model.files import write_atomic
 from ..packing import Array, row_of_velocity
 from ..portable import Hinting
 from ..result import Result, Status
-from .measures import joint_errors
+from ..tolerances import NAMED
+from .measures import OFF, TRUST, joint_errors
 from .page import Key, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
 from .report import plain
 
 NAN = float("nan")
-WRONG = 1.0  # rad, or of the length, or of the energies: from there on the motion is another one
-NEAR = 0.9  # of the limit of explicit methods: the fastest rate is known to 10 %
-LUCK = 10.0  # times the target at half of the step: an error that met the target by accident
-SLOPE = 0.3  # least order that counts as convergence
+WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
 
 
 class Verdict(StrEnum):
@@ -146,7 +144,7 @@ def steady_loss(growth: Array) -> float:
 def _unstable(found: Evidence) -> Cell | None:
     """The motion grows, by spurious energy or beyond the stability limit of the method."""
     run, cell = found.run, found.cell
-    beyond = cell.step > NEAR * cell.step_limit
+    beyond = cell.step > (1 - NAMED) * cell.step_limit
     missed = not cell.error <= found.target and cell.energy_gained > found.target
     sudden = not cell.order < METHODS[cell.method].order + 1  # an error of order shrinks with it
     grown = found.growth > WRONG
@@ -210,7 +208,7 @@ def _damped(found: Evidence) -> Cell | None:
 
 def _inaccurate(found: Evidence) -> Cell | None:
     error, half, target = found.cell.error, found.cell.error_half, found.target
-    if error <= target and half <= LUCK * target:
+    if error <= target and half <= TRUST * target:
         return None
     text = f"error {error:.1e}"
     if error <= target:
@@ -221,7 +219,7 @@ def _inaccurate(found: Evidence) -> Cell | None:
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
     """The cell, with the step at which `excess` meets the target by the observed order."""
     cell = found.cell
-    if not cell.order > SLOPE:
+    if not cell.order > OFF:
         text += "; it does not shrink with the step"
         return replace(cell, status=status, text=text)
     order = min(cell.order, METHODS[cell.method].order + 0.5)
@@ -231,7 +229,7 @@ def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> 
 
 
 OWN = "◂"  # marks the model's own value
-COLUMN = 420.0  # width of a narrow figure [px]
+COLUMN = 420  # width of a narrow figure [px]
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.OK: (".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
     Verdict.INACCURATE: ("i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"),

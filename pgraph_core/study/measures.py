@@ -21,13 +21,13 @@ from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result
+from ..tolerances import EPS, SOLVED
 
 COARSE = 0.1  # errors above show no order
-FLOOR = 20.0  # times the least error that can be seen: closer to it rounding dominates
-ROUNDING = 1e-15
+TRUST = 10.0  # an error estimate is right within this factor; so is what a reference resolves
 LEAST = 3  # points of a slope
+OFF = 0.5  # orders closer than this are the same: methods have whole ones
 STEADY = 0.75  # least to largest slope within points that show an order
-SMALL = 1e-9  # larger errors are not rounding
 MOST_STEPS = 2048
 
 
@@ -213,7 +213,7 @@ def step_counts() -> list[int]:
 
 def levelled(errors: Sequence[float]) -> bool:
     """Whether shorter steps no longer help, because of rounding or an inner tolerance."""
-    return len(errors) > 4 and min(errors) < SMALL and errors[-1] > 0.7 * min(errors[-5:-3])
+    return len(errors) > 4 and min(errors) < SOLVED and errors[-1] > 0.7 * min(errors[-5:-3])
 
 
 def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) -> float | None:
@@ -225,8 +225,8 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
     """
     ordered = sorted((n, e) for n, e in points if n > 0)
     errors = [e for _, e in ordered]
-    floor = FLOOR * max(limit, min(errors, default=0.0) if levelled(errors) else 0.0)
-    usable = [(n, e) for n, e in ordered if max(ROUNDING, floor) < e < COARSE]
+    floor = 2 * TRUST * max(limit, min(errors, default=0.0) if levelled(errors) else 0.0)
+    usable = [(n, e) for n, e in ordered if max(8 * EPS, floor) < e < COARSE]
     best, most = None, 1.0
     for first in range(len(usable)):
         for last in range(first + LEAST, len(usable) + 1):

@@ -14,32 +14,30 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result, Status
+from ..tolerances import ROUNDING, SOLVED
 from ..verification import Case, States
-from .measures import Measure, Motion, joint_errors, measure_of, rms
+from .measures import TRUST, Measure, Motion, joint_errors, measure_of, rms
 from .task import Progress, Setting, Task
 
-GIVEN, MADE = 3.0, 10.0  # errors below so many times the reference's own are not resolved
-GOOD = 1e-10  # accuracy at which the search for a better reference ends
+GIVEN, MADE = 3.0, TRUST  # errors below so many times the reference's own are not resolved
+GOOD = SOLVED / TRUST  # accuracy at which the search for a better reference ends
 APART = 1e-4  # two runs further apart than this do not agree
-AGREE = 1e-9  # up to where two runs of a chaotic motion count as one
 OF_STATES = ("q", "point", "direction", "rotation")  # observables that follow from q alone
 FINEST = {"dop853": (1e-14, 1e-13), "radau5": (1e-13, 1e-12)}
 
-SAME = 1e-12  # of the duration: times closer than this are one
 LARGE = 20  # degrees of freedom from which implicit methods cost too much for a second opinion
 FINER = 1e-7  # tolerance of the reference, relative to the largest error that is OK
 RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
 CALM = 1e4  # radians of the fastest oscillation up to which implicit methods cost far more
 ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
 PATIENCE = 5  # times the budget of a cell
-TRUST = 10.0  # times its own estimate: how far another run may be off
 STATES = 5  # at which the fastest rate is evaluated
 NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
 LATE = "it took too long"
-FEWEST = 1e-3  # of the duration: no shorter part of it is compared
-SHORTER = 4.0  # times shorter, where no reference of the whole is found in time
+SHORTER = 4  # times shorter, where no reference of the whole is found in time
+MOST_DIVISIONS = 5  # and no oftener
 GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
 FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time make
 
@@ -202,7 +200,7 @@ def _of_a_part(
 ) -> tuple[Reference, Task]:
     """The reference of as much of the motion as can be computed in time. Raises InputError."""
     shorter = task.t_end / SHORTER
-    if LATE not in failures or shorter < FEWEST * task.asked:
+    if LATE not in failures or shorter * SHORTER**MOST_DIVISIONS < task.asked:
         why = next((text for text in failures if text != LATE), "they would take too long")
         text = f"no method reached the end at its finest setting: {why}"
         raise refusal("work_precision", "reference", text)
@@ -242,7 +240,7 @@ def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Ca
 
 def horizon(apart: Array) -> int:
     """The number of times from the start at which two runs agree."""
-    far = np.flatnonzero(apart.max(axis=1) > AGREE)
+    far = np.flatnonzero(apart.max(axis=1) > SOLVED)
     return int(far[0]) if len(far) else len(apart)
 
 
@@ -257,13 +255,13 @@ class KnownMotion(NamedTuple):
 
     def at(self, t: Array) -> Array:
         """(len(t), nq) states at these times, which must be among its own."""
-        return self.run.q[np.searchsorted(self.run.t, t * (1 - SAME) - 1e-300)]
+        return self.run.q[np.searchsorted(self.run.t, t * (1 - ROUNDING) - 1e-300)]
 
 
 def merged(times: list[Array], t_end: float) -> Array:
     """All times in order, once each."""
     every = np.unique(np.concatenate(times))
-    return every[np.diff(every, prepend=-t_end) > SAME * t_end]
+    return every[np.diff(every, prepend=-t_end) > ROUNDING * t_end]
 
 
 def known_motion(
@@ -277,7 +275,7 @@ def known_motion(
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])
-    rtol = min(1e-9, max(FINER * target, 1e-12))
+    rtol = min(SOLVED, max(FINER * target, 1e-12))
     allowed = PATIENCE * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []

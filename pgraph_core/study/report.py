@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, counted, explained, refusal
 from ..model.files import write_atomic
 from ..portable import Hinting
+from ..tolerances import NOTABLE
 from .measures import Errors, Spread
 from .page import (
     WIDE,
@@ -38,7 +39,6 @@ HEADER = (
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)  # on a terminal
 
-USUAL_TARGET = 1e-6  # where none is given
 LEFT_OUT = "left out: it would take more than"  # how the reason of a run begins that was not made
 
 
@@ -308,7 +308,7 @@ class Study(Hinting):
         None where no run reached the end.
         """
         try:
-            return self.recommend(USUAL_TARGET if self.target is None else self.target)
+            return self.recommend(NOTABLE if self.target is None else self.target)
         except InputError:
             ours = [row for row in self.rows if not row.peer and row.error and row.seconds]
             return min(ours, key=lambda row: row.error or np.inf, default=None)
@@ -324,7 +324,7 @@ class Study(Hinting):
         return f"Cancelled after {counted(measured, 'run')}. {self._answer()}"
 
     def _answer(self) -> str:
-        row, wanted = self.advised(), USUAL_TARGET if self.target is None else self.target
+        row, wanted = self.advised(), NOTABLE if self.target is None else self.target
         if row is None:
             why = next((each.reason for each in self.rows if each.reason), "none was measured")
             return f"No method reached the end: {why}."

@@ -20,15 +20,14 @@ from ..model import Model
 from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
+from ..tolerances import NOTABLE
 from .axes import AXES, Axis, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
 from .task import Setting, Task, finite_numbers, methods_of, positive
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
-TARGET = 1e-3  # rad, or of the mechanism's length
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
-SAME_VALUE = 1e-6  # relative
 FRAMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
 CALL = "stability_map"
@@ -79,7 +78,7 @@ def stability_map(
     methods: Iterable[str] | str | None = None,
     steps: Iterable[float] | None = None,
     t_end: float | None = None,
-    target: float = TARGET,
+    target: float = 1e-3,
     scenario: str | None = None,
     stabilise: str | None = "project",
     budget: int = BUDGET,
@@ -144,11 +143,11 @@ def _checked(
         text = "the values of axis 'step' are the steps; leave steps out"
         raise refusal(CALL, "steps", text)
     own, usual = chosen.own(model), chosen.values
-    if own is not None and not any(math.isclose(x, own, rel_tol=SAME_VALUE) for x in usual):
+    if own is not None and not any(math.isclose(x, own, rel_tol=NOTABLE) for x in usual):
         usual = tuple(sorted((*usual, own)))
     numbers = finite_numbers(CALL, "values", usual if values is None else values)
     if own is not None:
-        near = (x for x in numbers if math.isclose(x, own, rel_tol=SAME_VALUE))
+        near = (x for x in numbers if math.isclose(x, own, rel_tol=NOTABLE))
         own = next(near, None)
     widths: tuple[float, ...] = ()
     if not chosen.of_steps:

@@ -14,8 +14,10 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..simulation.plan import active_constraints
+from ..tolerances import EPS, NOTABLE, SOLVED
 from . import reference as references
 from .measures import (
+    OFF,
     QUANTITIES,
     Errors,
     Motion,
@@ -30,7 +32,7 @@ from .measures import (
     step_counts,
 )
 from .reference import Reference
-from .report import LEFT_OUT, USUAL_TARGET, Row, Study
+from .report import LEFT_OUT, Row, Study
 from .task import (
     Ladder,
     Outcome,
@@ -49,14 +51,11 @@ from .task import (
 )
 
 FRAMES = 101  # times at which motions are compared, by default
-LONGEST = 1.0  # s that a run may take
 CLOCKS = ("wall", "processor")
 PATIENCE = 10.0  # times longer than others a run of a reference may take
 MOST_GROWTH = 4.0  # of the time from one tolerance to the next: more is the machine
 EXTRA = 4  # rounds more, where times contradict the work that they are of
 NOISE = 0.8  # of the time of a run that does less work: no run that does more takes less
-ROUNDED = 36.8  # -log 1e-16
-OFF = 0.5  # between the order that is seen and the method's own: more is explained
 DIVIDED = "narrower ones were taken"  # in a notice: its steps are not those that were given
 ENOUGH = 0.2  # s that the last run of a method may take, of those for its order
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at each part's end
@@ -83,7 +82,7 @@ def work_precision(
     target: float | None = None,
     frames: int = FRAMES,
     peers: Sequence[str] | str = (),
-    longest: float = LONGEST,
+    longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
     """Error against run time of `methods` on the motion that `simulate` computes.
@@ -233,12 +232,12 @@ class Work:
         if known.growth > 0.0:
             self.notes.append(
                 f"errors grow e-fold about every {1.0 / known.growth:.2g} s (Lyapunov time), so "
-                f"that rounding of 1e-16 becomes 1 after about {ROUNDED / known.growth:.2g} s"
+                f"that rounding of 1e-16 becomes 1 after about {-np.log(EPS) / known.growth:.2g} s"
             )
         if task.t_end < whole_time:
             why = "a reference for the whole of it would take too long"
             if known.growth > 0.0:
-                why = f"where two references still agree to {references.AGREE:g}"
+                why = f"where two references still agree to {SOLVED:g}"
             chaotic = "chaotic: " if known.growth > 0.0 else ""
             self.notes.insert(
                 0,
@@ -395,7 +394,7 @@ class Work:
                 )
         self.timing["rounds"] = time.perf_counter() - began
         typical = [of(each)[1] for each in seconds]
-        base = _baseline(rows, typical, USUAL_TARGET if target is None else target)
+        base = _baseline(rows, typical, NOTABLE if target is None else target)
         for i, each in zip(chosen, seconds):
             count = min(len(each), len(seconds[base]))
             relative = ratios(each[:count], seconds[base][:count])

@@ -29,12 +29,9 @@ from ..simulation import simulate
 from .metrics import Metric, measured
 from .together import Together
 
-CHUNK = 1.0  # [s] of work handed out at once
-STRETCH = 0.25  # [s] of work between two looks at the clock
+CHUNK = 1.0  # [s] of work handed out at once; a sweep that takes no longer starts no processes
 MOST_NUMBERS = 10_000_000  # in frames of a run again, whose frames missed an oscillation at first
 ANSWER = 10  # [s] for a scheduler to answer
-PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
-MEASURED = 0.1  # [s] of work after which the time of the rest is estimated
 
 
 @dataclass(frozen=True)
@@ -144,9 +141,9 @@ def rows_of(
         done = min(done + size, len(points))
         spent = time.perf_counter() - began
         if task.together is not None and done > 1:
-            size = _whole_lanes(STRETCH * done / spent)
+            size = _whole_lanes(CHUNK / 4 * done / spent)  # between two looks at the clock
         left = spent / done * (len(points) - done)
-        if workers != 1 and done >= 2 and spent > MEASURED and left > PATIENCE:
+        if workers != 1 and done >= 2 and spent > CHUNK / 10 and left > CHUNK:
             if workers is None and not _guarded():
                 warnings.warn(f"sweep: computed in one process; {GUARD}", stacklevel=4)
                 workers = 1
