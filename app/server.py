@@ -106,9 +106,15 @@ def serve(
     print(f"Pgraph is at {server.url}", flush=True)
     if server.store.state.greeting is not None:
         print(f"Recovered {server.store.state.greeting.text}", flush=True)
-    if open_browser and not webbrowser.open(server.url):
-        print("No browser could be opened; open the address yourself.")
+    if open_browser:  # some browsers return when they are closed
+        threading.Thread(target=_open, args=(server.url,), daemon=True).start()
     return server
+
+
+def _open(url: str) -> None:
+    """Open the browser at an address."""
+    if not webbrowser.open(url):
+        print("No browser could be opened; open the address yourself.", flush=True)
 
 
 def built_in() -> dict[str, str]:
