@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .DEFAULT_GOAL := help
-.PHONY: help run test quick nightly mutants check browser kernels site format clean
+.PHONY: help run test quick nightly prepared mutants check browser kernels site format clean
 WORKERS ?= 2# processes that run tests
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations 10 --durations-min 1
 
@@ -15,22 +15,25 @@ run: $(VENV)/installed ## start the app with the quadruped and open the browser
 	@echo "Starting the page, in 1 to 3 s ..."
 	@$(BIN)/python -m app
 
-test: check browser kernels ## set up everything that the tests need, and run them: under ten minutes
+test: prepared ## set up everything that the tests need, and run them: under ten minutes
 	@echo "Running the tests in $(WORKERS) processes ..."
 	@$(PYTEST)
 
 quick: kernels ## the quick tests, without a browser: under a minute
 	@$(PYTEST) -m quick
 
-nightly: $(VENV)/installed-for-nights check browser kernels ## every test, the long ones too, with new random cases
+nightly: $(VENV)/installed-for-nights prepared ## every test, the long ones too, with new random cases
 	@PGRAPH_EXPLORE=1 $(PYTEST) -m "nightly or not nightly"
 	@$(MAKE) --no-print-directory mutants
+
+prepared: $(VENV)/installed-for-tests
+	@$(MAKE) --no-print-directory -j 2 check browser kernels
 
 mutants: $(VENV)/installed-for-tests ## which of 200 small faults in the sources the tests find: ten minutes
 	@$(BIN)/python -m tests.mutants
 
 check: $(VENV)/installed-for-tests ## format, lint, types and the direction of imports
-	@echo "Checking format, types and imports ..."
+	@echo "Checking format, types and imports, usually in 40 s ..."
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@mkdir -p build && sed -n '/^```python/,/^```/{/^```/!p;}' README.md > build/readme.py
