@@ -265,7 +265,7 @@ class Contacts(NamedTuple):
 
 
 class Guard(NamedTuple):
-    """What may touch in a run that leaves contacts and limits out as long as nothing is near."""
+    """What a run leaves out as long as nothing is near: contacts, limits, looks at conditions."""
 
     geometry: Any
     ground: Any
@@ -273,7 +273,7 @@ class Guard(NamedTuple):
     poses: Any  # of POSE, one a shape
     search: Any
     found: Any  # of CONTACT
-    limits: Any  # of LIMIT
+    limits: Any  # of LIMIT: limits, then conditions
     state: Any  # one CLEARANCE
     reach: Any  # (n + 1,) of the shapes that a row carries, from its origin [m]
     gaps: Any  # (pairs,) scratch
@@ -319,6 +319,7 @@ class RunLinks(NamedTuple):
     step: Any
     look_back: Any = 0  # for events within the last step
     events: Any = 0  # values of a user's events
+    watch: Any = 0  # whether something has come near
 
 
 class Tableau(NamedTuple):
@@ -397,9 +398,10 @@ EVENT_CONTACTS = named(
 )
 EVENT_SCENE = named(EventData, SCENE, EVENT_CONTACTS)
 RUN = named(
-    Run, i8, named(RunLinks, *[i8] * 6), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
+    Run, i8, named(RunLinks, *[i8] * 7), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
     I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
 )  # fmt: skip
 
 save, opened = stored(SCENE)
 save_run_tuple, opened_run = stored(RUN)
+save_guard_tuple, guard_at = stored(GUARD)

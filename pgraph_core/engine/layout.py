@@ -131,7 +131,7 @@ WORK_DONE, DISSIPATED = 0, 1
 
 # status codes of a run
 DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3
-TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT = 4, 5, 6, 7
+TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT, NEAR = 4, 5, 6, 7, 8
 
 # -- runs -----------------------------------------------------------------------------------------
 # y = q, v, work done, dissipation [rad, m, 1; rad/s, m/s; J]: a row of `Run.stages`

@@ -69,6 +69,8 @@ DIP = record(
 # -- runs -----------------------------------------------------------------------------------------
 
 CHOSEN, WIDEST, GIVEN = 0, 1, 2  # widths of steps: by their error, all the widest, as listed
+ONCE, ALWAYS = 1, 2  # when events are due: after this step, after every step
+REACHED, NEAR = 1, 2  # what has fired: an event, or something may touch in the next step
 
 METHOD = record(
     order=INTEGER,
@@ -107,7 +109,7 @@ STEP_CONTROL = record(
     last=INTEGER,  # frames until which the run goes on
     fresh=INTEGER,  # 1: SLOPE belongs to Y
     filled=INTEGER,  # 1: the further stages of dense output are known
-    fired=INTEGER,  # 1: an event waits to be reported
+    fired=INTEGER,  # REACHED or NEAR: waits to be reported
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table
@@ -120,7 +122,8 @@ STEP_CONTROL = record(
     fastest=INTEGER,  # row that moved fastest there
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
     guard=INTEGER,  # address of a GUARD; 0: none
-    clock=REAL,  # until then nothing is looked back for, while nothing is faster than `slow` [s]
+    due=INTEGER,  # ALWAYS or ONCE: events are looked for in the last step
+    clock=REAL,  # until then the guard is not asked, while nothing is faster than `slow` [s]
     slow=REAL,  # [rad/s, m/s]
     approach=INTEGER,  # address of the kernel that finds `bound`; 0: none
 )
@@ -326,11 +329,12 @@ CLEARANCE = record(
     rate=REAL,  # speed of things when no coordinate is faster than the clock allows [m/s]
 )
 
-LIMIT = record(  # sign q - value >= 0
+LIMIT = record(  # sign q - value >= 0, or the condition of an event, which is true where it is < 0
     coordinate=INTEGER,  # index into q
     velocity=INTEGER,  # index into v
     sign=REAL,
     value=REAL,  # [rad, m]
+    event=INTEGER,  # its number, -1: a limit
 )
 
 BODY_WRENCH = record(torque=(REAL, 3), force=(REAL, 3))  # about the origin of the body's row

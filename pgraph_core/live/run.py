@@ -222,7 +222,7 @@ class Setup(NamedTuple):
 def methods_of(mech: Mechanism, setup: Setup) -> tuple[str, ...]:
     """The methods that a figure of this scene offers."""
     plan = plan_of(mech, setup.options("auto"), None, *(setup.state or (None, None)))
-    plan = plan.near or plan
+    plan = plan.touching
     return TOUCHING if plan.contacts is not None or plan.contact_points else SMOOTH
 
 

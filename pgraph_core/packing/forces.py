@@ -69,6 +69,18 @@ def loads(
 
 
 TYPES: dict[type[OnBody], int] = {Wrench: WRENCH, Spring: SPRING, Torsion: TORSION, Drag: DRAG}
+SCALES: dict[type[OnBody], tuple[str, str]] = {  # where both are zero, a force exerts nothing
+    Wrench: ("torque", "force"), Spring: ("stiffness", "damping"),
+    Torsion: ("stiffness", "damping"), Drag: ("density", "viscosity"),
+}  # fmt: skip
+
+
+def exerts(f: Force) -> bool:
+    """Whether a force may act in a run: one on bodies that is zero throughout does not."""
+    if not isinstance(f, OnBody):
+        return True
+    values = (getattr(f, name) for name in SCALES[type(f)])
+    return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
 
 
 def _set_wrench(one: Any, f: Wrench, packed: System, a: int) -> Array:

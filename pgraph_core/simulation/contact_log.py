@@ -18,6 +18,7 @@ from ..analysis.singular import holding
 from ..analysis.touching import between, length_of
 from ..contact import solids
 from ..contact.tables import ContactPair, Tables, pull_of
+from ..contact.tables import tables as tables_of
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import layout as at
 from ..engine.arrays import Guard
@@ -35,14 +36,15 @@ from ..engine.records import (
     rows_of,
     table,
 )
+from ..engine.tree.heights import lowest
 from ..mechanism import Mechanism
-from ..model import Contact, Spring
+from ..model import Spring
 from ..model.fields import EVERY, GROUND
 from ..model.force import ends_of
 from ..packing import Array, Ints
 from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
-from .plan import RunPlan
+from .plan import Idle, RunPlan
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -66,7 +68,6 @@ CAUSES = {
 }
 LIFTED = "the ground cannot pull"
 NAMES = np.array(PHASES)
-NOTHING_ACTS, SWINGS, IS_FREE = np.array(0.0), np.array(PHASES[SWING]), np.array(FREE)
 
 
 def contacts_of(
@@ -367,19 +368,18 @@ def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
     return []
 
 
-def sunk_through(mech: Mechanism, idle: Sequence[Contact], start: Array, end: Array) -> list[str]:
+def sunk_through(mech: Mechanism, scene: Scene, idle: Idle, start: Array, end: Array) -> list[str]:
     """A notice of bodies that went below the ground, whose contacts with it are not active.
 
     `start` and `end` (nq,) are the first position and the last.
     """
-    normal = np.array(mech.model.ground_normal)
-    names = [b.name for b in mech.model.bodies if b.touching]
-    below: dict[str, str] = {}  # the contact of each body
-    for c in idle:
-        for body in names if c.body == EVERY else [c.body]:
-            last, first = (float(mech.pose(q, body)[0] @ normal) for q in (end, start))
-            if last < 0.0 < first:
-                below.setdefault(body, c.name)
+    if lowest(scene.address, idle.numbers, *mech.packed.system[2:4], idle.normal, end) >= 0.0:
+        return []
+    below: dict[str, str] = {}
+    for body, contact in idle.contact_of.items():
+        last, first = (float(mech.pose(q, body)[0] @ idle.normal) for q in (end, start))
+        if last < 0.0 < first:
+            below[body] = contact
     if not below:
         return []
     contacts, bodies = list(dict.fromkeys(below.values())), list(below)
@@ -454,21 +454,23 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
 
 
 class Clearance(Unportable):
-    """What may touch, behind one address: `look_back` is the kernel that watches it."""
+    """What may touch, and conditions that may become true, behind one address."""
 
-    def __init__(self, mech: Mechanism, tables: Tables):
-        """Nothing is known to be free yet."""
-        count = len(tables.candidates.on_ground) + len(tables.candidates.pairs)
-        self._mech, self._tables = mech, tables
-        self._blank: dict[int, ContactRecord] = {}
+    def __init__(self, mech: Mechanism, tables: Tables | None, conditions: Any = None):
+        """Nothing is known to be free yet. `conditions` are records of LIMIT."""
+        given = tables_of(mech.packed, ()) if tables is None else tables
+        limits = [] if tables is None else [_limits(tables)]
+        limits += [] if conditions is None else [conditions]
+        count = len(given.candidates.on_ground) + len(given.candidates.pairs)
+        self._mech, self._tables = mech, given
         self._kept = Guard(
-            tables.geometry,
-            tables.ground,
-            tables.candidates,
-            table(POSE, len(tables.geometry.shapes)),
-            solids.search_space(tables.geometry, len(tables.candidates.members)),
-            table(CONTACT, max(tables.room, LEAST_ROOM) if tables.touches else 0),
-            _limits(tables),
+            given.geometry,
+            given.ground,
+            given.candidates,
+            table(POSE, len(given.geometry.shapes)),
+            solids.search_space(given.geometry, len(given.candidates.members)),
+            table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
+            np.concatenate(limits),
             table(CLEARANCE, 1),
             np.zeros(len(mech.packed.rows)),
             np.zeros(count),
@@ -488,18 +490,10 @@ class Clearance(Unportable):
         kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
         return found
 
-    def untouched(self, q: Array, events: tuple[Event, ...]) -> ContactRecord:
-        """The record of a run over the states q in which nothing touched."""
-        blank = self._blank.get(len(q))
-        if blank is None:
-            self._blank = {len(q): (blank := _blank(self._tables, len(q), self._mech.nb))}
-        if not (events or self._tables.touches):
-            return blank
-        found = object.__new__(ContactRecord)  # its fields one by one take as long as ten steps
-        fields = found.__dict__
-        fields.update(blank.__dict__)
-        fields["events"], fields["gap"] = events, Gaps(self._mech, self._tables, q, {})
-        return found
+    def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
+        """The record of a run over the states q (n, nq) in which nothing touched."""
+        given = self._mech, self._tables, q, log
+        return ContactRecord.later(lambda: untouched(*given))
 
 
 def _limits(tables: Tables) -> Any:
@@ -507,7 +501,7 @@ def _limits(tables: Tables) -> Any:
     of_one = ints[:, at.B_TERMS] == 1  # a run with others does not look ahead
     ints, floats = ints[of_one], floats[of_one]
     rows = [
-        (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value)
+        (int(terms[block[at.B_TERM], 1]), int(terms[block[at.B_TERM], 0]), sign, value, -1)
         for block, sign, value in zip(ints, signs[ints[:, at.B_TERM]], floats[:, at.VALUE])
     ]
     return rows_of(LIMIT, rows)
@@ -557,28 +551,17 @@ class Gaps(Mapping[str, Array]):
         return {name: gap.copy() for name, gap in self._found.items()}
 
 
-def _blank(tables: Tables, n: int, nb: int) -> ContactRecord:
-    """A record of n frames without gaps and events, whose zeros take no room."""
-    names = [t.name for t in tables.touches]
-    still = _everywhere(NOTHING_ACTS, n)
-    swings, is_free = _everywhere(SWINGS, n), _everywhere(IS_FREE, n)
+def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
+    """The record of a run over the states q (n, nq) in which nothing touched."""
+    n, names = len(q), [t.name for t in tables.touches]
+    swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
     return ContactRecord(
-        force=Still.fromkeys(names, _everywhere(NOTHING_ACTS, n, 6)),
-        slip=Still.fromkeys(names, still),
-        limit=Still.fromkeys(tables.limits, still),
-        wrench=_everywhere(NOTHING_ACTS, n, nb, 6),
-        normal=Still.fromkeys((t.name for t in tables.touches if t.other == GROUND), still),
-        phases=Still(dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free)),
+        force={name: np.zeros((n, 6)) for name in names},
+        gap=Gaps(mech, tables, q, {}),
+        slip={name: np.zeros(n) for name in names},
+        limit={name: np.zeros(n) for name in tables.limits},
+        wrench=np.zeros((n, mech.nb, 6)),
+        normal={t.name: np.zeros(n) for t in tables.touches if t.other == GROUND},
+        phases=dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free),
+        events=tuple(log),
     )
-
-
-class Still(dict[str, NDArray[Any]]):
-    """Arrays that are read-only already, of what does nothing; a plain dictionary elsewhere."""
-
-    def __reduce__(self) -> Any:
-        return dict, (dict(self),)
-
-
-def _everywhere(value: NDArray[Any], *shape: int) -> NDArray[Any]:
-    """An array of this shape that has the value at every place, read-only and without memory."""
-    return np.ndarray(shape, value.dtype, value.tobytes(), 0, (0,) * len(shape))

@@ -229,7 +229,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         return _by_finer(record)
     most = MORE * steps + COMPARED  # what blows up between contacts takes ever narrower ones
     coarse = record.again(wider, most)
-    if not coarse.ended.ok and any(text.startswith((FAST, STIFF)) for text in plan.notices):
+    if not coarse.ended.ok and any(text.startswith((FAST, STIFF)) for text in plan.told):
         return Estimate(why=FAILS)
     if not coarse.ended.ok or _frames_end(coarse):
         return _by_finer(record)

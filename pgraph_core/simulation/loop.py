@@ -13,7 +13,17 @@ from ..engine import motion
 from ..engine.arrays import Frames, Run, RunLinks
 from ..engine.arrays import Tableau as Coefficients
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.records import CHOSEN, COUNTERS, GIVEN, METHOD, STEP_CONTROL, WIDEST, rows_of, table
+from ..engine.records import (
+    ALWAYS,
+    CHOSEN,
+    COUNTERS,
+    GIVEN,
+    METHOD,
+    STEP_CONTROL,
+    WIDEST,
+    rows_of,
+    table,
+)
 from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
@@ -21,7 +31,7 @@ from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
 from .options import FIXED_RTOL
-from .plan import RunPlan, keep
+from .plan import RunPlan, Way, keep
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
@@ -43,26 +53,27 @@ class Steps:
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
     ):
         """At (q, v); states are recorded in `frames`."""
-        method, nq, nv = plan.method, mech.nq, mech.nv
+        nq, nv = mech.nq, mech.nv
         self.plan, self.tolerance = plan, plan.tolerance
         self.times = plan.times.copy()  # if a run fails, its last frame gets another time
-        count = max(len(method.tableau.c), len(method.tableau.dense), 1)
+        count = max(_stages(plan), _stages(plan.way or plan))
         self.stages = np.zeros((at.STAGE + count, nq + nv + 2))
         y = self.stages[at.Y]
         self.q, self.v, self.ledger = y[:nq], y[nq : nq + nv], y[nq + nv :]
         self.q[:], self.v[:] = q, v
         self.control_table, self.counters_table = table(STEP_CONTROL, 1), table(COUNTERS, 1)
         self.control, self.counters = self.control_table[0], self.counters_table[0]
-        self._begin(nq, nv)
+        self._begin()
         self.frames = frames
         self.divided = 0  # steps of fixed width that were taken in parts
         self.clearance: Clearance | None = None  # what watches things that may touch
+        self._signs = NO_EVENTS  # of events, which know them from one way to the next
         self._buffer = buffer()
         self.address = address_of_array(self._buffer)
 
-    def _begin(self, nq: int, nv: int) -> None:
+    def _begin(self) -> None:
         control, plan, given = self.control, self.plan, self.tolerance
-        control["nq"], control["nv"] = nq, nv
+        control["nq"], control["nv"] = len(self.q), len(self.v)
         control["time"] = control["origin"] = self.times[0]
         control["last"], control["project"] = len(self.times), plan.project
         control["length"], control["last_error"] = plan.length, 1e-4
@@ -85,19 +96,24 @@ class Steps:
 
         `watched` (4, 3 points + user events) are the monitors of events, `wanted` the directions
         in which a user's events count: -1 falling, 1 rising, 0 both; `user` is the address of the
-        function that gives their values.
+        function that gives their values, 0: none. Events are due after every step, but for
+        conditions that a guard watches.
         """
+        always = user or watched.shape[1] > len(wanted)
+        self.control["due"] = ALWAYS if always else 0
         plan, method = self.plan, self.plan.method
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
         corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
         self.links = links
-        values = np.zeros(len(wanted) + 1)
+        if len(self._signs) != len(wanted):
+            self._signs = np.zeros(len(wanted), dtype=np.int64)
+        values = np.full(len(wanted) + 1, -1.0)  # what nothing gives is not reached
         values[-1] = user
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
             plan.substeps.copy(), plan.width.copy(), corners, self.stages, *matrices,
             self.control_table, self.counters_table, np.zeros(3), watched,
-            np.zeros(len(wanted), dtype=np.int64), wanted, values, self.frames,
+            self._signs, wanted, values, self.frames,
         )  # fmt: skip
         control, counters = (x.view(np.int64) for x in (self.control_table, self.counters_table))
         self._words = control, counters, control.copy()  # numpy is slow at copies of records
@@ -128,10 +144,15 @@ class Steps:
         """What acts has changed: v' of the state is to be evaluated again."""
         self._words[0][FRESH] = 0
 
+    @property
+    def watched(self) -> Array:
+        """(4, 3 points + user events) the monitors of events."""
+        return self._kept.watched
+
     def begin_again(self, q: Array, v: Array) -> None:
         """Start the same steps from another state: for runs in which nothing is remembered."""
         control, counters, start = self._words
-        control[:], counters[:] = start, 0
+        control[:], counters[:], self._signs[:] = start, 0, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
 
@@ -203,21 +224,31 @@ class Steps:
         self.control["fresh"] = self.control["filled"] = 0
         self.control["jacobian_rate"] = 2.0
 
-    def take_over(self, before: Steps, frame: int, t: float) -> None:
-        """Continue at time t what another loop has recorded the frames before `frame` of."""
-        control, plan, theirs = self.control, self.plan, before.control
-        control["time"] = control["origin"] = t
-        control["frame"] = frame
-        self.ledger[:] = before.ledger
-        for name in before.counters.dtype.names or ():
-            self.counters[name] = before.counters[name]
-        if self.tolerance is None and before.tolerance is None:
+    def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
+        """Go on from here by the method and steps of `plan`, in the scene that `join` gives next.
+
+        Frames, counters and the ledger go on.
+        """
+        before, given = self.control.copy(), self.tolerance is None
+        self.plan, self.tolerance, self.frames = plan, plan.tolerance, tuple(frames)
+        self.control_table[:] = 0
+        for row in range(len(self.stages)):
+            if row != at.Y:
+                self.stages[row] = 0.0
+        self._begin()
+        control, frame = self.control, int(before["frame"])
+        for name in ("time", "frame", "last"):
+            control[name] = before[name]
+        control["origin"] = before["time"]
+        if self.tolerance is not None:
+            return
+        if given:
             for name in ("origin", "taken", "left", "widest", "done"):
-                control[name] = theirs[name]
-        elif self.tolerance is None:
-            left = float(self.times[frame] - t)
-            count = max(int(np.ceil(left / plan.width.max() - 1e-9)), 1)
-            control["left"], control["widest"] = count, left / count
+                control[name] = before[name]
+            return
+        left = float(self.times[frame] - control["time"])
+        count = max(int(np.ceil(left / plan.width.max() - 1e-9)), 1)
+        control["left"], control["widest"] = count, left / count
 
     def fraction(self) -> float:
         """Fraction of the run that is done, 0 to 1."""
@@ -309,6 +340,12 @@ def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = 
 
     kernels = (event_acceleration, event_projection, event_record, method.kernel, look_back)
     return RunLinks(*map(address_of, kernels))
+
+
+def _stages(way: Way) -> int:
+    """How many stages of its method there must be room for."""
+    tableau = way.method.tableau
+    return max(len(tableau.c), len(tableau.dense), 1)
 
 
 @cache

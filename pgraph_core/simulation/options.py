@@ -18,6 +18,7 @@ from ..model.force import OnJoint
 from ..packing import Array, Ints
 
 LEAST_RTOL = 1e-15  # the error of a step is rounding below it
+USUAL = 1e-3  # s: fixed steps where nothing is given
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib.metadata import version
 from itertools import chain
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,13 @@ from ..errors import InputError, Problem, choices, nearest_first
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
-from ..model.fields import EVERY, GROUND
+from ..model.fields import EVERY, GROUND, Frozen
 from ..packing import Array, Drives, Ints, Loads
-from ..packing.forces import NO_LOADS
+from ..packing.forces import NO_LOADS, exerts
 from .options import (
     FRAMES,
     MOST_CHOSEN,
+    USUAL,
     Options,
     Tolerance,
     begun,
@@ -65,6 +66,7 @@ VERSION = version("pgraph-dynamics")
 LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
+NO_PLAN = (None, None, None)
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
 PULSE = 3  # corners within one step: what lies between them may be passed over
@@ -82,39 +84,34 @@ NO_GAINS = np.zeros(2)
 NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
 
 
-@dataclass(frozen=True, eq=False)
-class RunPlan:
-    """A run, checked and complete but for its initial state."""
+class Idle(NamedTuple):
+    """Contacts with the ground that do not act."""
 
-    method: Method
-    times: Array  # (n,) recorded times [s]
-    drives: Drives
-    loads: Loads
-    active: Ints  # indices of the constraints active at the start
+    contact_of: Mapping[str, str]  # by the bodies that they would keep above it
+    numbers: Ints  # of these bodies
+    normal: Array  # of the ground
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How a run is stepped, and what may touch meanwhile."""
+
+    method: Method = RK4
+    times: Array = field(default_factory=lambda: NO_TIMES)  # (n,) recorded times [s]
     substeps: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # (n - 1,) fixed steps a frame
     width: Array = field(default_factory=lambda: NO_TIMES)  # (n - 1,) of them [s]
-    contacts: Tables | None = None
-    idle: tuple[Contact, ...] = ()  # with the ground, of bodies that no other one keeps above it
-    gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
-    project: bool = False
     tolerance: Tolerance | None = None  # None: fixed steps
+    contacts: Tables | None = None  # in force
     contact_points: tuple[ContactPoint, ...] = ()  # and limits, of an event-driven run
+    project: bool = False
+    gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # of constraints that go on and off
-    conditions: tuple[ConditionOf, ...] = ()  # under which they do
-    ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
-    length: float = 1.0  # of the mechanism, a scale of errors [m]
     kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
     knots: Array = field(default_factory=lambda: NO_TIMES)  # all corners, of fixed steps [s]
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
-    start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
-    tau: Any = None  # the controller of the scenario's gait
-    near: RunPlan | None = None  # the plan from where something comes near that may touch
-    declared: Tables | None = None  # contacts and limits that are left out until then
-    refused: InputError | None = (
-        None  # why the method asked for takes no contacts: another one does
-    )
-    notices: tuple[str, ...] = ()
-    header: Mapping[str, Any] = field(default_factory=dict)  # of the result
+    why: str = ""  # this method
+    told: tuple[str, ...] = ()  # notices
+    refused: InputError | None = None  # why the method asked for takes no contacts: another does
 
     @cached_property
     def step(self) -> float | None:
@@ -133,14 +130,53 @@ class RunPlan:
         """Number of contact pairs and limits that are recorded."""
         return len(self.contacts.touches) + len(self.contacts.limits) if self.contacts else 0
 
-    def onward(self, before: RunPlan) -> RunPlan:
-        """This plan for a run that another one began, with its frames."""
-        notices = tuple(dict.fromkeys((*before.notices, *self.notices)))
-        onward = replace(self, times=before.times, shown=before.shown, notices=notices)
-        if self.tolerance is not None:
-            return onward
-        substeps, width = steps_between(before.times, float(self.width.max(initial=0.0)))
-        return replace(onward, substeps=substeps, width=width)
+    @property
+    def headed(self) -> dict[str, Any]:
+        """What the header of a result tells of it."""
+        chosen = self.tolerance is not None and not self.tolerance.fixed
+        rtol = self.tolerance.rtol if chosen and self.tolerance else None
+        return {"method": self.method.name, "why": self.why, "step": self.step, "rtol": rtol}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunPlan(Way):
+    """A run, checked and complete but for its initial state.
+
+    Contacts and limits are left out as long as nothing comes near: then the run goes on the other
+    `way`, from the state that it has reached.
+    """
+
+    drives: Drives
+    loads: Loads
+    active: Ints  # indices of the constraints active at the start
+    idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
+    conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off
+    ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
+    length: float = 1.0  # of the mechanism, a scale of errors [m]
+    start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
+    tau: Any = None  # the controller of the scenario's gait
+    way: Way | None = None  # from where something comes near that may touch; None: as it began
+    declared: Tables | None = None  # contacts and limits that are left out until then
+    notices: tuple[str, ...] = ()
+    header: Mapping[str, Any] = field(default_factory=dict)  # of the result
+
+    @cached_property
+    def touching(self) -> RunPlan:
+        """The plan with contacts and limits in force from the start of a run."""
+        if self.way is None:
+            return self
+        given = {one.name: getattr(self.way, one.name) for one in fields(Way)}
+        return replace(self, way=None, header={**self.header, **self.way.headed}, **given)
+
+    def onward(self) -> RunPlan:
+        """The plan with contacts and limits in force from now on, with the frames of the run."""
+        other = self.touching
+        told = tuple(dict.fromkeys((*self.told, *other.told)))
+        other = replace(other, times=self.times, shown=self.shown, changes=self.changes, told=told)
+        if other.tolerance is not None:
+            return other
+        substeps, width = steps_between(self.times, float(other.width.max(initial=0.0)))
+        return replace(other, substeps=substeps, width=width)
 
 
 def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunPlan:
@@ -148,10 +184,12 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
 
     Raises InputError.
     """
-    kept: dict[Any, tuple[RunPlan, Any]] = mech.__dict__.setdefault("_plans", {})
-    key: Any = (*options, *map(type, options), callable(tau), q is None, v is None)
+    kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
+    plain = type(options.forces) is tuple and not options.forces and options.switches is None
+    given = options if plain else map(_keyed, options)
+    key: Any = (*given, *map(type, options), callable(tau), q is None, v is None)
     try:
-        plan, state = kept.get(key, (None, None))
+        plan, state, _ = kept.get(key, NO_PLAN)
     except TypeError:  # an option that cannot be hashed, such as an array of times
         key, plan, state = None, None, None
     if _is_controller(tau):
@@ -159,9 +197,16 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     if plan is not None and (state is None or state == _bytes(q, v)):
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
-    if key is not None:
-        keep(kept, key, (plan, _bytes(q, v) if rated else None))
+    if key is not None:  # which has identities of parts in `options`
+        keep(kept, key, (plan, _bytes(q, v) if rated else None, options))
     return plan
+
+
+def _keyed(option: Any) -> Any:
+    """A list of parts by their identities, since to hash a part takes longer than some steps."""
+    if type(option) not in (list, tuple):
+        return option
+    return tuple(id(x) if isinstance(x, Frozen) else x for x in option)
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:
@@ -175,10 +220,9 @@ def keep(kept: dict[Any, T], key: Any, value: T) -> T:
 
 def with_contacts(plan: RunPlan) -> RunPlan:
     """The plan with contacts and limits in force from the start of a run. Raises InputError."""
-    near = plan.near or plan
-    if near.refused is not None:
-        raise near.refused
-    return near
+    if plan.way is not None and plan.way.refused is not None:
+        raise plan.way.refused
+    return plan.touching
 
 
 def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
@@ -193,34 +237,7 @@ def _bytes_of(x: Any) -> Any:
 
 
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[RunPlan, bool]:
-    """(the plan, whether its method was chosen for the state). Raises InputError.
-
-    Contacts and limits are left out as long as nothing comes near: the run is planned without them,
-    and its plan holds the one with them.
-    """
-    given = mech.model.scenario(o.scenario) if o.scenario is not None else None
-    tables = contact_tables(mech.packed, touching_contacts(mech, given))
-    name = o.method_name(given)
-    near, rated = _plan_with(mech, o, tau, q, v, tables)
-    if tables and tables.tendons and near.refused is not None:
-        raise near.refused
-    if (
-        not tables
-        or near.method.name == name == "moreau_jean"
-        or near.tau
-        or tables.tendons
-        or near.changes
-        or near.conditions
-    ):
-        return near, rated
-    plan, also = _plan_with(mech, o, tau, q, v, None)
-    return replace(plan, near=near, declared=tables), rated or also
-
-
-def _plan_with(
-    mech: Mechanism, o: Options, tau: Any, q: Any, v: Any, contacts: Tables | None
-) -> tuple[RunPlan, bool]:
-    """The plan with these contacts and limits in force, and whether it is for the state."""
+    """(the plan, whether its method was chosen for the state). Raises InputError."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     extra = o.checked_forces(mech)
     o.check()
@@ -228,26 +245,27 @@ def _plan_with(
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
     start = initial_state(mech, given, q, v, tau)
-    rated = contacts is not None and _left_open(contacts)
+    declared = contact_tables(mech.packed, touching_contacts(mech, given))
+    contacts, rated = declared, declared is not None and _left_open(declared)
     if contacts is not None and rated:
         contacts = at_start_speed(mech, contacts, start)
-    plan = _what_acts(mech, o, given, span, extra, contacts)
-    plan = replace(plan, start=start, tau=tau if _is_controller(tau) else None)
-    usual = given is None and o.step is None
-    o = o._replace(step=_given_step(plan, given, o))
-    rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
-    plan, o, why = _with_method(mech, plan, rate, o, given)
-    plan = _with_times(mech, plan, o, given, span)
+    bare = _what_acts(mech, o, given, span, extra, contacts)
+    bare = replace(bare, start=start, tau=tau if _is_controller(tau) else None)
+    rate = _Rate(mech, bare, span[1] - span[0], known=not callable(tau))
+    plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
+    if declared is not None and _may_wait(plan, declared, o.method_name(given)):
+        way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
+        plan = _on_a_way(mech, bare, rate, o, given, span)
+        plan = replace(plan, way=way, declared=declared)
+    elif plan.refused is not None:
+        raise plan.refused
     if q is None or v is None:  # for other runs by this plan
         plan = replace(plan, start=initial_state(mech, given, None, None, tau))
     header = {
         "version": VERSION,
         "model_hash": "",  # by the result: it takes as long as a short run
         "scenario": o.scenario,
-        "method": plan.method.name,
-        "why": why,
-        "step": plan.step,
-        "rtol": plan.tolerance.rtol if plan.tolerance and not plan.tolerance.fixed else None,
+        **plan.headed,
         "t_start": span[0],
         "t_end": span[1],
         "stabilise": o.stabilise,
@@ -255,13 +273,35 @@ def _plan_with(
         "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
     edits = (f"an edit of the model: {text}" for text in mech.model.told)
-    told = (*_stiff(plan, rate), *_bent(plan), *_hard(plan), *_filled(plan))
-    notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts, *told)
-    if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
-        text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
-        notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
+    notices = (*_lost(mech.model.lost), *edits, *mech.model.doubts)
     plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     return plan, rated or (rate.known and rate.found is not None)
+
+
+def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
+    """Whether contacts and limits may be left out until something comes near.
+
+    Not where the method `asked` for steps them, nor where something else asks for them.
+    """
+    watched = any(given.of_contact for given in plan.conditions)
+    wanted = plan.tau is not None or declared.tendons or watched
+    return not (wanted or plan.method.name == asked == "moreau_jean")
+
+
+def _on_a_way(
+    mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None,
+    span: tuple[float, float],
+) -> RunPlan:  # fmt: skip
+    """The plan with its method, its times, and notices of how these fit what acts."""
+    usual = (given is None or given.step is None) and o.step is None
+    o = o._replace(step=_given_step(plan, given, o))
+    plan, o = _with_method(mech, plan, rate, o, given)
+    plan = _with_times(mech, plan, o, given, span)
+    told = [*_stiff(plan, rate), *_bent(plan), *_hard(plan), *_filled(plan)]
+    if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
+        text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
+        told.append(f"{text}larger step=, or rtol= for steps of the method's own choice")
+    return replace(plan, told=tuple(told))
 
 
 def _what_acts(
@@ -272,7 +312,10 @@ def _what_acts(
     extra: tuple[Force, ...],
     contacts: Tables | None,
 ) -> RunPlan:
-    """Forces, constraints and contacts of a plan, without a method and times."""
+    """Forces and constraints of a plan, without a method and times.
+
+    Conditions of switches may ask for `contacts`.
+    """
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     if o.inputs:
         forces = driven(forces, o.inputs, "simulate", span[0])
@@ -280,17 +323,19 @@ def _what_acts(
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
+    conditions = conditions_of(mech, switches, contacts)
+    exerted = tuple(filter(exerts, forces))
     return RunPlan(
-        RK4, NO_TIMES, mech.packed.drives(forces), mech.packed.loads(forces), active,
-        contacts=contacts, changes=changes, conditions=conditions_of(mech, switches, contacts),
+        drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted), active=active,
+        changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip
 
 
 def _with_method(
     mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None
-) -> tuple[RunPlan, Options, str]:
-    """(the plan with its method, the options for it, why this method).
+) -> tuple[RunPlan, Options]:
+    """(the plan with its method, the options for it).
 
     Contacts that the method asked for does not take are stepped by "moreau_jean"; the plan holds
     the reason.
@@ -309,17 +354,17 @@ def _with_method(
         refused, o = problem, o._replace(rtol=None, atol=0.0, method="moreau_jean")
         method, why = _method(rate, plan, "moreau_jean", o, step)
     plan = replace(
-        plan, method=method, contacts=contacts, contact_points=points, refused=refused,
+        plan, method=method, contacts=contacts, contact_points=points, refused=refused, why=why,
         project=o.stabilise == "project" or bool(points),
     )  # fmt: skip
-    return plan, o, why
+    return plan, o
 
 
 def _with_times(
     mech: Mechanism, plan: RunPlan, o: Options, given: Scenario | None, span: tuple[float, float]
 ) -> RunPlan:
     """The plan with its recorded times, and its steps or tolerance."""
-    usual, changes = given.step if given else 1e-3, plan.changes
+    usual, changes = (given.step if given else None) or USUAL, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span, usual)
     marked = (
@@ -332,8 +377,7 @@ def _with_times(
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
         text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
         raise InputError(Problem("simulate", "max_steps", text))
-    whole = ever(plan.active, changes, plan.conditions)
-    bends, kinks = corners(mech, plan.drives, plan.loads, whole, *span), NO_TIMES
+    bends, kinks = corners(mech, plan.drives, plan.loads, plan.ever, *span), NO_TIMES
     if tolerance is not None:
         ticks = plan.tau.ticks(*span) if plan.tau is not None else NO_TIMES
         tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
@@ -341,7 +385,7 @@ def _with_times(
         kinks = _corners_inside(bends, times, widths)
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
-        ever=whole, kinks=kinks, knots=bends if tolerance is None else NO_TIMES,
+        kinks=kinks, knots=bends if tolerance is None else NO_TIMES,
         gains=_gains(o, usual), shown=_shown(times, o, asked),
     )  # fmt: skip
 
@@ -392,12 +436,21 @@ def touching_contacts(mech: Mechanism, given: Scenario | None) -> tuple[Contact,
     return tuple(c for c in mech.model.contacts if c.name in given.contacts)
 
 
-def _idle(mech: Mechanism, given: Scenario | None) -> tuple[Contact, ...]:
+def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
     """Contacts with the ground that do not act, of bodies of which none does."""
     act = touching_contacts(mech, given)
     rest = [c for c in mech.model.contacts if c not in act and c.other == GROUND]
     held = {c.body for c in act if c.other == GROUND}
-    return () if EVERY in held else tuple(c for c in rest if c.body not in held)
+    if EVERY in held:
+        return None
+    touching = [b.name for b in mech.model.bodies if b.touching]
+    contact_of: dict[str, str] = {}
+    for c in rest:
+        for body in touching if c.body == EVERY else [c.body]:
+            if body not in held:
+                contact_of.setdefault(body, c.name)
+    numbers = np.array([mech.topology.number(name) for name in contact_of], dtype=np.int64)
+    return Idle(contact_of, numbers, np.array(mech.model.ground_normal)) if contact_of else None
 
 
 def initial_state(
@@ -612,10 +665,11 @@ def _fastest_swings(
 def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     """The step asked for, or the one that penalty contacts need where nothing is given."""
     contacts = plan.contacts
-    asked = given is not None or o.step is not None or o.rtol is not None
+    stated = given.step if given is not None else None
+    asked = stated is not None or o.step is not None or o.rtol is not None
     if asked or contacts is None or not contacts.remembers or plan.impulses:
         return o.step
-    return min(1e-3, RESOLVED / contacts.rate)
+    return min(USUAL, RESOLVED / contacts.rate)
 
 
 def _method(

@@ -30,8 +30,8 @@ from ..result import Result, Status
 from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
-from .plan import RunPlan, with_contacts
-from .switches import Change, Condition, closed, hold_here, switched_by
+from .plan import RunPlan
+from .switches import Change, Condition, closed, hold_here, limits_of, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
-KEPT = 2**14  # numbers in the frames of a run, for which a mechanism keeps room
+KEPT = 2**15  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
@@ -86,8 +86,7 @@ class Recording:
         `place` is that of another run of the same motion, where it remembers nothing.
         """
         self.mech, self.plan, self.tau = mech, plan, tau
-        if monitors or plan.conditions:  # which look at contacts from the start
-            self.plan = plan = with_contacts(plan)
+        if monitors or plan.conditions:
             self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
@@ -96,10 +95,6 @@ class Recording:
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
         self._prepare(q, v, place)
-        if len(plan.ever) > len(plan.active):
-            self.scene.switch(plan.active)
-        if plan.changes:
-            self._stop_at_next()
         self._changes = [NO_CHANGES]  # of contact phases, as logged by the kernels
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state in which constraints are met
@@ -109,12 +104,11 @@ class Recording:
         """Scene, frames and stepping loop of the plan, at (q, v)."""
         mech, plan = self.mech, self.plan
         self._free = free(mech, plan) if place is None and self._short() else None
-        if self._free and (place := taken(self._free)) and len(plan.ever):
+        if self._free and (place := taken(self._free)) and len(plan.active):
             place.scene.forget(plan.active)
         self.place = place = Workplace(self._scene()) if place is None else place
         self.scene = place.scene
-        if self.user is None:
-            self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, mech.nv)
+        self._give_torques()
         steps, out = place.loops.pop(plan, (None, None))
         self._reused = self._free is not None  # whether other frames may come into these arrays
         self.out = self._empty_frames(len(plan.times)) if out is None else out
@@ -123,39 +117,53 @@ class Recording:
         self.q, self.v = self.steps.q, self.steps.v
         place.used.append((self.steps, self.out))
         if steps is None:
-            self.events = self._contact_events()
+            self._join()
         else:
             steps.begin_again(q, v)
+        if plan.changes:
+            self._stop_at_next()
+
+    def _give_torques(self) -> None:
+        """Give the scene the torques that the call gives."""
+        if self.user is None:
+            self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, self.mech.nv)
 
     def _short(self) -> bool:
         """Whether a run by this plan is short, and its scene and loop can begin again."""
         plan, mech = self.plan, self.mech
-        acts = plan.contacts or plan.contact_points or plan.changes or plan.conditions
+        acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
+        watched = self.watch is not None and (self.watch.called or self.watch.log)
         size = len(plan.times) * (mech.nq + 2 * mech.nv + 6 * (1 + len(plan.ever)))
-        return not acts and self.user is None and self.watch is None and size <= KEPT
+        return not acts and not watched and size <= KEPT
 
     def leave(self) -> None:
         """The run is over: the next one like it may go on in its workplace."""
-        if self._free is not None:
+        if self._free is not None and not self.ended.log:
             self.place.left()
             self._free.append(self.place)
-        elif self.steps.clearance is not None:
+        elif self.steps.clearance is not None and not self.met:
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
     def _empty_frames(self, n: int) -> Frames:
-        mech, plan = self.mech, self.plan
-        nb = mech.nb if plan.contacts else 0
+        mech = self.mech
         return Frames(
             q=np.zeros((n, mech.nq)),
             v=np.zeros((n, mech.nv)),
             vdot=np.zeros((n, mech.nv)),
-            wrenches=np.zeros((n, len(self.scene.active) - 1, 6)),
             energies=np.zeros((n, 4)),
             drifts=np.zeros((n, 2)),
-            pushes=np.zeros((n if nb else 0, nb, 6)),
-            missed=np.zeros((n if nb else 0, 3)),
-            pairs=table(PAIR, n if nb else 0, plan.touches),
+            **self._forces_in(n),
         )
+
+    def _forces_in(self, n: int) -> dict[str, Any]:
+        """What frames hold of constraints, contacts and limits in force, nothing yet."""
+        nb = self.mech.nb if self.plan.contacts else 0
+        return {
+            "wrenches": np.zeros((n, len(self.scene.active) - 1, 6)),
+            "pushes": np.zeros((n if nb else 0, nb, 6)),
+            "missed": np.zeros((n if nb else 0, 3)),
+            "pairs": table(PAIR, n if nb else 0, self.plan.touches),
+        }
 
     def _scene(self) -> Scene:
         mech, plan = self.mech, self.plan
@@ -176,44 +184,45 @@ class Recording:
         acts |= {"gains": plan.gains, "blocks": own}
         return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
 
-    def _contact_events(self) -> ContactEvents | None:
-        """What decides at events of contact points; the steps begin to step the scene."""
+    def _join(self) -> None:
+        """Let the steps step the scene, with what watches it and what decides at events."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
-        held = bool(len(plan.ever)) or plan.contacts is not None
+        if len(plan.ever) > len(self.held):
+            self.scene.switch(self._active)
+        steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         links = links_of(plan.method.name, points, watch is not None, held)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
-        if plan.declared is not None:
+        conditions = limits_of(self.mech, plan.conditions)
+        tables = plan.declared if plan.way is not None else None
+        if tables is not None or len(conditions):
             from .contact_log import Clearance
 
-            left = taken(free(self.mech, (plan, WATCHING)))
-            watching = left or Clearance(self.mech, plan.declared)
-            self.steps.clearance, self.steps.control["guard"] = watching, watching.address
-            links = links._replace(look_back=watching.look_back)
+            guard = None if self.met else taken(free(self.mech, (plan, WATCHING)))
+            guard = guard or Clearance(self.mech, tables, conditions)
+            steps.clearance, steps.control["guard"] = guard, guard.address
+            links = links._replace(watch=guard.look_back)
         if points or (plan.contacts and plan.contacts.compliant):
             from ..engine.contact.approach import bound_step
 
-            self.steps.control["approach"] = address_of(bound_step)
+            steps.control["approach"] = address_of(bound_step)
         if not points:
-            watched = NO_MONITORS if watch is None else np.zeros((4, len(watch.monitors)))
-            self._watched = watched
-            self.steps.join(self.scene.address, links, watched, *wanted)
-            return None
+            count = 0 if watch is None else len(watch.monitors)
+            steps.join(self.scene.address, links, np.zeros((4, count)), *wanted)
+            return
         from .contact_events import ContactEvents
         from .event_scene import EventScene
 
         assert isinstance(self.scene, EventScene)
-        self._watched = self.scene.watched
-        self.steps.join(self.scene.address, links, self.scene.watched, *wanted)
-        found = ContactEvents(self.mech, plan, self.scene, self.steps, self.ended)
-        found.noted = None if watch is None else self._user_event
-        return found
+        steps.join(self.scene.address, links, self.scene.watched, *wanted)
+        self.events = ContactEvents(self.mech, plan, self.scene, steps, self.ended)
+        self.events.noted = None if watch is None else self._user_event
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
         """What watches conditions of switches, then a user's events."""
         from .switches import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
-        return Watch((*waiting, *monitors), len(waiting), self.mech.nq, self.mech.nv)
+        return Watch(waiting, monitors, self.mech.nq, self.mech.nv)
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -320,7 +329,7 @@ class Recording:
                 if not self._ahead or not self._switch(self._ahead.popleft()):
                     return
                 continue
-            if code == at.EVENT and self.plan.near is not None:
+            if code == at.NEAR:
                 if not self._come_near():
                     return
                 continue
@@ -409,7 +418,7 @@ class Recording:
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
         code = (self.events or self.steps).advance(budget)
-        if code == at.EVENT and self.events is None and self.plan.near is None:
+        if code == at.EVENT and self.events is None:
             self._user_event(float(self.steps.control["time"]))
             self.steps.go_on()
             code = at.RUNNING
@@ -425,7 +434,7 @@ class Recording:
         """Log a user's events at t, and end the run where one is terminal."""
         watch = self.watch
         assert watch is not None
-        fired = watch.fired(self._watched)
+        fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
             self._switch_where_true(t, [i for i in fired if i < watch.waiting])
         name = watch.note(t, fired, self.q, self.v)
@@ -476,30 +485,29 @@ class Recording:
 
     def _come_near(self) -> bool:
         """Go on with what may touch; whether the run continues. Raises InputError."""
-        near, t = self.plan.near, float(self.steps.control["time"])
-        assert near is not None
-        refused = near.refused
+        plan, t, done = self.plan, float(self.steps.control["time"]), self.done
+        assert plan.way is not None
+        refused = plan.way.refused
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
             raise refused  # a method that takes no contacts at all, or none as at the start
         if t == self.start:
-            self.plan, self.ended = near, Outcome()
-            self._prepare(self.q.copy(), self.v.copy())
+            self.plan, self.ended, self.held = plan.touching, Outcome(), {*plan.active.tolist()}
+            self._prepare(*(x.copy() for x in self.began))
             return self.begin()
-        if near.refused is not None:
-            text = f"t = {t:.6g} s: something comes near, from there on by '{near.method.name}': "
-            self.ended.notices.append(text + str(near.refused))
-        self.met = f"{self.plan.method.name} until something came near at t = {t:.6g} s"
-        before, old = self.steps, self.out
-        self.plan = near.onward(self.plan)
-        self._prepare(self.q.copy(), self.v.copy())
-        done = int(before.control["frame"])
-        for name, kept in zip(Frames._fields, old):
-            rows = getattr(self.out, name)
-            if name == "wrenches":  # of constraints; blocks of contacts follow them
-                rows[:done, : kept.shape[1]] = kept[:done]
-            elif len(kept):
-                rows[:done] = kept[:done]
-        self.steps.take_over(before, done, t)
+        if refused is not None:
+            text = f"t = {t:.6g} s: something comes near, from there on by '{plan.way.method.name}'"
+            self.ended.notices.append(f"{text}: {refused}")
+        self.met = f"{plan.method.name} until something came near at t = {t:.6g} s"
+        self.plan, self._free, before = plan.onward(), None, self.steps.watched
+        held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
+        self.scene.blocks.blocks_f[: len(held)] = held  # where constraints were switched on
+        self._give_torques()
+        self.out = old._replace(**self._forces_in(len(old.q)))
+        self.out.wrenches[:done, : old.wrenches.shape[1]] = old.wrenches[:done]
+        self._arrays, self.steps.clearance = tuple(self.out), None
+        self.steps.go_another_way(self.plan, self.out)
+        self._join()
+        self.steps.watched[:, self.steps.watched.shape[1] - before.shape[1] :] = before
         if self.scene.touching is not None:
             self._in_swing()
         if self.events is not None:
@@ -563,6 +571,7 @@ class Recording:
         else:
             self.steps.go_on()
             self.steps.control["jacobian_rate"] = 2.0
+        self.steps.control["clock"] = -np.inf  # what is free has to be found again
         self._first = change.t, self.q.copy(), self.v.copy()
         return self.ended.ok
 
@@ -703,7 +712,7 @@ class Recording:
             forces = Named(found, *OF_CONSTRAINTS)
         counted, contacts = steps.counters, NOTHING
         counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
-        if self.plan.declared is not None or self.plan.contacts or self.ended.log:
+        if self.plan.way is not None or self.plan.contacts or self.ended.log:
             contacts = self._contacts((t, pushes, touches, missed), q)
         if self.scene.touching is not None:
             from .contact_log import contact_counters
@@ -745,11 +754,12 @@ class Recording:
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
-        if self.steps.clearance is not None:
-            return self.steps.clearance.untouched(q, tuple(self.ended.log))
+        log = tuple(self.ended.log)
+        if self.plan.way is not None and self.steps.clearance is not None:
+            return self.steps.clearance.untouched(q, log)
         from .contact_log import contacts_of
 
-        given = self.mech, self.plan, frames, q, self.changes, tuple(self.ended.log)
+        given = self.mech, self.plan, frames, q, self.changes, log
         return ContactRecord.later(lambda: contacts_of(*given))
 
     @property
@@ -760,7 +770,7 @@ class Recording:
     @property
     def told(self) -> tuple[str, ...]:
         """Sentences on the model, on how it starts and on how it ended."""
-        return (*self.plan.notices, *self.ended.notices)
+        return (*self.plan.notices, *self.plan.told, *self.ended.notices)
 
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the run went so far."""
@@ -778,7 +788,7 @@ class Recording:
             from .contact_log import sunk_through
 
             ends = self.began[0], self.out.q[self.done - 1]
-            contacts += sunk_through(self.mech, self.plan.idle, *ends)
+            contacts += sunk_through(self.mech, self.scene, self.plan.idle, *ends)
         steps = self.steps.notices()
         return (*self.told, *steps, *contacts, *user)
 

@@ -30,7 +30,7 @@ from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
 from .loop import Outcome
-from .options import SAME, Options, begun, driven, first_of, inputs_of, positive
+from .options import SAME, USUAL, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
@@ -104,7 +104,7 @@ class Stepper(Portable):
             if given is not None and given.method in GIVEN_STEPS and not rigid:
                 method = given.method
         if step is None:
-            step = given.step if given is not None else 1e-3
+            step = (given.step if given is not None else None) or USUAL
         if method not in GIVEN_STEPS:
             text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
             raise InputError(Problem("Stepper", "method", text))
@@ -483,9 +483,13 @@ class Stepper(Portable):
             text += "from outside cannot; choose 'moreau_jean', or use simulate"
             raise InputError(Problem("Stepper", "method", text))
         state = with_state(mech, plan.start, q, v)
+        forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
+        if self._options.inputs:
+            forces = driven(forces, self._options.inputs, "Stepper", t)
+        forces = begun(forces, t)
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
-        whole = np.arange(len(mech.model.constraints))
-        plan = replace(plan, drives=drives, ever=whole)
+        whole, loads = np.arange(len(mech.model.constraints)), mech.packed.loads(forces)
+        plan = replace(plan, drives=drives, loads=loads, ever=whole)
         tau = plan.tau if tau is None else tau
         self._record = Recording(mech, plan, *state, tau)
         self._steps = self._record.steps
@@ -496,10 +500,6 @@ class Stepper(Portable):
         self._own = self._record.scene.given.copy()
         self._q, self._v = self._steps.q.view(), self._steps.v.view()
         self._q.flags.writeable = self._v.flags.writeable = False
-        forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
-        if self._options.inputs:
-            forces = driven(forces, self._options.inputs, "Stepper", t)
-        forces = begun(forces, t)
         carriers = [[mech.topology.number(x) for x in f.pair] for f in on_bodies(forces)]
         self._carriers = np.array(carriers, dtype=np.int64).reshape(-1, 2)
         self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)

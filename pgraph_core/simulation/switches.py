@@ -17,7 +17,7 @@ from ..dynamics.scene import Scene
 from ..engine import motion
 from ..engine.arrays import RHS, Frames
 from ..engine.compiler.address import address_of, address_of_function
-from ..engine.records import PAIR, table
+from ..engine.records import LIMIT, PAIR, rows_of, table
 from ..errors import InputError, ModelError, Problem, choices, refusal
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
@@ -38,7 +38,11 @@ FARTHEST = 1e9  # m: gaps beyond it count as this
 class Monitor(Protocol):
     """What a run watches: a function of the state, which is an event where it crosses zero."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What events are called."""
+        ...
+
     direction: int  # in which it counts: 1 rising, -1 falling, 0 both
     terminal: bool
 
@@ -102,14 +106,23 @@ def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
 class Watch:
     """The monitors of one run, as its steps call them."""
 
-    def __init__(self, monitors: Sequence[Monitor], waiting: int, nq: int, nv: int):
-        """Nothing is called yet. The first `waiting` monitors are conditions of switches."""
-        self.monitors, self.waiting, self.size = tuple(monitors), waiting, (nq, nv)
+    def __init__(
+        self, conditions: Sequence[Condition], events: Sequence[Monitor], nq: int, nv: int
+    ):
+        """Nothing is called yet. Conditions of switches come first."""
+        self.monitors: tuple[Monitor, ...] = (*conditions, *events)
+        self.waiting, self.size = len(conditions), (nq, nv)
         self.error: Exception | None = None
         self.log: list[UserEvent] = []
-        self._called = _Address(self._call)
-        self.address = address_of_function(self._called)
-        self.wanted: Ints = np.array([m.direction for m in self.monitors], dtype=np.int64)
+        self.called = [i for i, c in enumerate(conditions) if not c.given.compiled]
+        self.called += range(self.waiting, len(self.monitors))
+        self._function = _Address(self._call) if self.called else None
+        self.address = address_of_function(self._function) if self.called else 0
+
+    @property
+    def wanted(self) -> Ints:
+        """The direction in which each counts."""
+        return np.array([m.direction for m in self.monitors], dtype=np.int64)
 
     def begin(self, t: float, q: Array, v: Array) -> list[float]:
         """The values at the start.
@@ -129,11 +142,11 @@ class Watch:
         state = _array(q, nq), _array(v, nv)
         found = _array(values, len(self.monitors))
         try:
-            for i, monitor in enumerate(self.monitors):
-                found[i] = monitor(t, *state)
+            for i in self.called:
+                found[i] = self.monitors[i](t, *state)
         except Exception as error:  # none may pass through compiled steps
             self.error = self.error or error
-            found[:] = 1.0
+            found[self.called] = 1.0
 
     def fired(self, watched: Array) -> list[int]:
         """The monitors that have crossed zero, by number."""
@@ -175,6 +188,27 @@ class ConditionOf(NamedTuple):
     place: Any  # of what it watches
     contacts: Tables | None  # of the run
 
+    @property
+    def of_contact(self) -> bool:
+        """Whether it watches a contact."""
+        return self.when.gap is not None or self.contact_force
+
+    @property
+    def contact_force(self) -> bool:
+        """Whether it watches the force of a contact."""
+        return self.when.force is not None and self.place[0] == "contact"
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled steps know its value: that of a coordinate, or one that steps keep."""
+        return self.when.coordinate is not None or self.when.constraint is not None
+
+    @property
+    def limit(self) -> tuple[float, float]:
+        """(sign, value) so that it is true where sign x - value < 0."""
+        when = self.when
+        return (-1.0, -when.above) if when.above is not None else (1.0, when.below or 0.0)
+
 
 def conditions_of(
     mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None
@@ -194,6 +228,17 @@ def conditions_of(
         number = names.index(s.constraint)
         found.append(ConditionOf(number, s.active, s.when, known[name], contacts))
     return tuple(found)
+
+
+def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
+    """Records of LIMIT of the conditions on coordinates."""
+    found = []
+    for event, given in enumerate(conditions):
+        if given.when.coordinate is not None:
+            joint = next(x for x in mech.joints.values() if x.q.start <= given.place < x.q.stop)
+            velocity = joint.v.start + given.place - joint.q.start
+            found.append((given.place, velocity, *given.limit, event))
+    return rows_of(LIMIT, found)
 
 
 def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
@@ -239,9 +284,13 @@ class Condition:
     def __init__(self, given: ConditionOf, record: UnderWay):
         """Nothing is computed yet."""
         self.given, self.record = given, record
-        self.name = str(given.when)
         self._frame: Frames | None = None
         self._scene: Scene | None = None
+
+    @property
+    def name(self) -> str:
+        """The condition in words."""
+        return str(self.given.when)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """How far it is beyond its bound: positive where it is true."""
@@ -259,8 +308,8 @@ class Condition:
             return float(q[place])
         if when.gap is not None:
             return self._gap(t, q, v)
-        kind, which = place
-        if kind == "contact":
+        which = place[1]
+        if self.given.contact_force:
             return float(np.linalg.norm(self._push(t, q, v)))
         frame = self._evaluated(self.record.scene.address, t, q, v)
         one = np.array([which], dtype=np.int64)
@@ -312,6 +361,8 @@ class Condition:
         mech, tables = self.record.mech, self.given.contacts
         touches = len(tables.touches) + len(tables.limits) if tables is not None else 0
         blocks = len(self.record.scene.active) + touches
+        if self._frame is not None and len(self._frame.wrenches[0]) != blocks:
+            self._frame = None  # another scene
         frame = self._frame = self._frame or Frames(
             q=np.zeros((1, mech.nq)), v=np.zeros((1, mech.nv)), vdot=np.zeros((1, mech.nv)),
             wrenches=np.zeros((1, blocks, 6)), energies=np.zeros((1, 4)),

@@ -63,7 +63,7 @@ class Together:
         chosen = chosen or plan.method.name not in IN_LANES
         if (plan.substeps > 1).any():  # frames may miss oscillations, of which a single run tells
             return None
-        later = plan.changes or plan.conditions or plan.contact_points or plan.near is not None
+        later = plan.changes or plan.conditions or plan.contact_points or plan.way is not None
         asked_for = plan.header["why"].endswith("as asked")
         if chosen or later or plan.tau is not None or not asked_for:
             return None

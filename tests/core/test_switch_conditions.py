@@ -168,3 +168,32 @@ def test_conditions_follow_renames_and_removals():
     turned = model.edit("plate", joint="revolute")
     assert conditions(turned) == [every[0], *every[2:]]
     assert any("'plate'" in text for text in turned.notices)
+
+
+def test_conditions_begin_on_the_side_of_each_start():
+    """Runs of one mechanism that start on both sides of a bound and that reach it or do not."""
+    switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 1.0})
+    mech, options = pg.Mechanism(slider()), {"t_end": 1.0, "switches": [switch], "frames": 11}
+    for q, v, end in ((0.0, 0.5, 0.5), (0.5, 1.0, 1.0), (2.0, -1.5, 2.0), (0.0, 0.5, 0.5)):
+        for _ in range(2):
+            run = pg.simulate(mech, [q], [v], **options)
+            np.testing.assert_allclose(run.q[-1, 0], end, rtol=0, atol=1e-9)
+            assert len(run.events) == (end != 0.5)
+
+
+@pytest.mark.parametrize("options", SETTINGS)
+def test_conditions_are_found_from_every_distance(options):
+    """A slider swings within ±1 m; the first crossing of a bound has a closed form."""
+    spring = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=1.0, stiffness=100.0)
+    latch = pg.Constraint(name="latch", kind="point", body="b", active=False)
+    mech = pg.Mechanism(pg.Model(bodies=(spring,), constraints=(latch,), gravity=(0, 0, 0)))
+    for bound in (-0.999, -0.5, 0.0, 0.7, 0.999, 1.001):
+        when = {"coordinate": "b", "below": bound}
+        switch = pg.Switch(constraint="latch", active=True, when=when)
+        run = pg.simulate(mech, [1.0], [0.0], t_end=2.0, switches=[switch], **options)
+        events = [event.t for event in run.events]
+        if bound > 1.0:
+            np.testing.assert_allclose(run.q[-1, 0], 1.0, rtol=0, atol=1e-9)
+            continue
+        np.testing.assert_allclose(events, [np.arccos(bound) / 10], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(run.q[-1, 0], bound, rtol=0, atol=1e-9)

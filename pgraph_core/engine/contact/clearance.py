@@ -1,10 +1,11 @@
 """How much is free between what may touch, and whether a step can have used it up.
 
-Runs leave contacts and limits out until something comes near. While nothing is faster than twice
-its last speed, nothing can touch before a known time: until then steps are not looked at. From then
-on `watch_clearance` looks back. A step that moves everything by less than what is free cannot have
-touched anything. Else what is free is found again: at the end of the step, then along it, by
-conservative advancement on dense output ([Mirtich 1996]).
+Runs leave contacts and limits out until something comes near, and look for conditions on
+coordinates only near their bounds. While nothing is faster than twice its last speed, nothing can
+touch before a known time: until then steps are not looked at. From then on `watch_clearance` looks
+back. A step that moves everything by less than what is free cannot have touched anything. Else what
+is free is found again: at the end of the step, then along it, by conservative advancement on dense
+output ([Mirtich 1996]).
 """
 
 import math
@@ -12,10 +13,11 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import GUARD, I1, opened_run
-from ..compiler.address import plain, stored
+from ..arrays import GUARD, I1, guard_at, opened_run, save_guard_tuple
+from ..compiler.address import plain
 from ..compiler.jit import kernel, part, sweep
 from ..motion import F2, opened
+from ..records import NEAR, ONCE
 from ..rows import BALL, FREE, TRANSLATE, kind_of, origin_of, parent_of, q_of, v_of
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
@@ -24,8 +26,6 @@ from ..tree.kinematics import outboard, positions
 from ..vec import dot, sub, xyz
 from .search import find_contacts, find_gaps
 from .shapes import place
-
-_save, guard_at = stored(GUARD)
 
 AHEAD = 32.0  # steps' motion: how far a search looks
 FARTHER = 4.0  # times as far each time that it finds nothing
@@ -41,7 +41,7 @@ CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
 @kernel(types.void(I1, plain(GUARD)), later=True)
 def save_guard(buffer, guard):
     """Keep a guard where `guard_at` finds it."""
-    _save(buffer, guard)
+    save_guard_tuple(buffer, guard)
 
 
 @part
@@ -85,19 +85,26 @@ def path_lengths(rows, stages, nq, h, reach):
 
 @sweep
 def limits_near(run, guard):
-    """Whether a coordinate may have reached a limit within the last step; what is free, if not."""
+    """Whether a coordinate may have reached a limit within the last step; what is free, if not.
+
+    Events are due where one may have reached the bound of a condition.
+    """
     data = opened_run(run)
-    stages, h, limits = data.stages, data.control[0].old_width, guard.limits
+    control, stages, limits = data.control[0], data.stages, guard.limits
     nq, _ = size_of_state(run)
     free = math.inf
     for n in range(limits.shape[0]):
-        i, sign = limits[n].coordinate, limits[n].sign
-        before, now = stages[at.Y_OLD, i], stages[at.Y, i]
-        path = PATH * path_of(stages, i, nq + limits[n].velocity, h)
-        gap = sign * now - limits[n].value
-        if gap <= 0.0 or min(gap, sign * before - limits[n].value) <= path - abs(now - before):
-            return True
-        free = min(free, gap)
+        i, sign, value = limits[n].coordinate, limits[n].sign, limits[n].value
+        before, now = sign * stages[at.Y_OLD, i] - value, sign * stages[at.Y, i] - value
+        path = PATH * path_of(stages, i, nq + limits[n].velocity, control.old_width)
+        if limits[n].event >= 0 and now < 0.0:
+            before, now = -before, -now
+        if now <= 0.0 or min(now, before) <= path - abs(now - before):
+            if limits[n].event < 0:
+                return True
+            control.due = max(control.due, ONCE)
+            now = 0.0
+        free = min(free, now)
     guard.state[0].free_turn = free
     return False
 
@@ -272,7 +279,7 @@ def look_again(run):
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
         control.time = control.old_time
         control.fresh = 0
-        control.fired = 1
+        control.fired = NEAR
 
 
 @part

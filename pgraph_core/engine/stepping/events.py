@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import F1, opened_run
+from ..arrays import F1, guard_at, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..contact.phases import opened_events
@@ -33,6 +33,7 @@ from ..contact.points import (
     watch,
 )
 from ..motion import PROJECTION, call_projection, opened
+from ..records import ONCE, REACHED
 from ..tree.moving import normalise_all
 from .explicit import dense_output
 from .run import LOOK_BACK
@@ -67,7 +68,8 @@ def event_projection(scene, t, q, v, rounds):
 def user_events(scene, t, q, v, values):
     """Values of a user's functions; the last entry of `values` is the address that gives them."""
     address = types.int64(values[values.shape[0] - 1])
-    _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
+    if address != 0:
+        _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
 
 
 # -- the state within the last step ---------------------------------------------------------------
@@ -134,8 +136,22 @@ def look(run, low, w):
         counters.evaluations += 1
         watch(contact, NOW, w)
     if data.links.events != 0:
-        call_event(data.links.events, (data.scene, t, q, v, data.values))
+        values_of_events(run, t, q, v)
         watch_events(run)
+
+
+@sweep
+def values_of_events(run, t, q, v):
+    """Values of a user's events, and of conditions on coordinates, which a guard holds."""
+    data = opened_run(run)
+    values = data.values
+    call_event(data.links.events, (data.scene, t, q, v, values))
+    if data.control[0].guard != 0:
+        conditions = guard_at(data.control[0].guard).limits
+        for n in range(conditions.shape[0]):
+            one = conditions[n]
+            if one.event >= 0:
+                values[one.event] = one.value - one.sign * q[one.coordinate]
 
 
 @sweep
@@ -169,17 +185,17 @@ def begin_part(run):
 
 @sweep
 def begin_events(run):
-    """Signs of a user's events where a run starts."""
+    """Signs and values of a user's events at the start of the last step."""
     data = opened_run(run)
-    stages, signs, watched = data.stages, data.signs, data.watched
+    stages, signs, watched, values = data.stages, data.signs, data.watched, data.values
     nq, nv = size_of_state(run)
-    state = (stages[at.Y_OLD, :nq], stages[at.Y_OLD, nq : nq + nv])
-    call_event(data.links.events, (data.scene, data.control[0].old_time, *state, data.values))
+    q, v = stages[at.Y_OLD, :nq], stages[at.Y_OLD, nq : nq + nv]
+    values_of_events(run, data.control[0].old_time, q, v)
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
-        if signs[i] == 0 and data.values[i] != 0.0:
-            signs[i] = 1 if data.values[i] > 0.0 else -1
-            watched[START, first + i] = abs(data.values[i])
+        if signs[i] == 0 and values[i] != 0.0:
+            signs[i] = 1 if values[i] > 0.0 else -1
+        watched[START, first + i] = abs(values[i])
 
 
 @part
@@ -451,8 +467,10 @@ def look_back(run):
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
-    if data.links.events != 0 and data.counters[0].steps == 1:
+    if data.links.events != 0 and (data.counters[0].steps == 1 or control.due == ONCE):
         begin_events(run)
+    if control.due == ONCE:
+        control.due = 0
     n = 1
     low = 0.0
     while n <= parts:
@@ -462,7 +480,7 @@ def look_back(run):
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
             control.time = control.old_time + low
             control.fresh = 0
-            control.fired = 1
+            control.fired = REACHED
             return
         if low >= control.old_width * n / parts:
             n += 1

@@ -13,7 +13,7 @@ from ..arrays import I1, RUN, opened_run, save_run_tuple
 from ..compiler.address import caller, plain
 from ..compiler.jit import kernel, sweep
 from ..motion import call_record, call_settle, opened
-from ..records import CHOSEN, GIVEN
+from ..records import CHOSEN, GIVEN, NEAR, REACHED
 from ..rows import v_of
 from ..tree.moving import normalise_all
 from ..vec import finite
@@ -46,8 +46,9 @@ def advance_run(run, budget):
     """At most `budget` attempts at steps and frames; a status code, RUNNING if not over.
 
     Frame 0 is the state as given. EVENT is returned once for each event, with Y there: the caller
-    may change Y, `fresh` and the scene, and continue; a frame of that time follows. Where a run
-    fails, its last good state becomes the last frame.
+    may change Y, `fresh` and the scene, and continue; a frame of that time follows. NEAR is
+    returned where something may touch within the next step. Where a run fails, its last good state
+    becomes the last frame.
     """
     data = opened_run(run)
     control, counters, times = data.control[0], data.counters[0], data.times
@@ -62,9 +63,10 @@ def advance_run(run, budget):
                 control.frame = i + 1
             else:
                 code = at.NOT_FINITE
-        elif control.fired == 1:
+        elif control.fired != 0:
+            found = at.NEAR if control.fired == NEAR else at.EVENT
             control.fired = 0
-            return at.EVENT
+            return found
         elif counters.steps + counters.rejected_steps >= control.most:
             code = at.TOO_MANY
         else:
@@ -101,9 +103,11 @@ def step_once(run):
         if data.tableau.dense.shape[0] == 0 and h < control.width < KEPT * h:
             control.width = h
     code = accept(run, h, end, corner)
-    if code == at.DONE and links.look_back != 0 and is_due(run):
+    if code == at.DONE and links.watch != 0 and is_due(run):
+        call_look_back(links.watch, (run,))
+    if code == at.DONE and control.due != 0 and control.fired == 0:
         call_look_back(links.look_back, (run,))
-        if control.fired == 1:
+        if control.fired == REACHED:
             onto_constraints(run, control.time, at.Y)
     if control.widths == GIVEN:
         step_taken(run)
@@ -114,7 +118,7 @@ def step_once(run):
 
 @sweep
 def is_due(run):
-    """Whether the last step is to be looked back at: it is late, or something is fast."""
+    """Whether the guard is to be asked about the last step: it is late, or something is fast."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     due = not control.time <= control.clock

@@ -211,7 +211,7 @@ def next_interval(run, i):
 def step_taken(run):
     """Count a given step, or note how much of it is done where it was cut short."""
     control = opened_run(run).control[0]
-    gone = control.time - control.old_time if control.fired == 1 else control.old_width
+    gone = control.time - control.old_time if control.fired != 0 else control.old_width
     done = control.done + gone
     if control.widest - done > 1e-12 * control.widest:
         control.done = done
