@@ -60,9 +60,10 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
 def finite(name: str, value: Any, *shape: int) -> Array:
     """An array of this shape, every entry finite. Raises InputError."""
     array = numbers(name, value, *shape)
-    bad = np.flatnonzero(~np.isfinite(array))
-    if len(bad):
-        text = f"must be finite; entry {bad[0]} is {array.flat[bad[0]]}"
+    good = np.isfinite(array)
+    if not good.all():
+        bad = int(np.argmin(good))
+        text = f"must be finite; entry {bad} is {array.flat[bad]}"
         raise InputError(Problem(name, "", text))
     return array
 

@@ -107,18 +107,17 @@ class Result(EqualByFields, Hinting):
 
     def __post_init__(self) -> None:
         """The arrays may not be written: a run does not change."""
+        own = vars(self)
         for name in ARRAYS:
-            view = np.asarray(getattr(self, name)).view()
-            view.flags.writeable = False
-            object.__setattr__(self, name, view)
+            own[name] = view = np.asarray(own[name]).view()
+            view.setflags(write=False)
         if self.constraint_force is not NO_FORCES:
             keep_unchanged(self.constraint_force.values())
         if self.contacts is not NOTHING:
             self.contacts.keep_unchanged()
         instead = "a run does not change; dict(...) makes a copy"
         for name in ("counters", "timing", "header"):
-            kept = ReadOnly(getattr(self, name), f"run.{name}", instead)
-            object.__setattr__(self, name, kept)
+            own[name] = ReadOnly(own[name], f"run.{name}", instead)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
