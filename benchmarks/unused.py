@@ -1,6 +1,6 @@
 """The cost of parts without effect: limits out of reach, contacts far away, zero forces.
 
-The same run without and with the part. Its motion must be the same to rounding.
+The same run without and with the part. Its motion must have the same bits.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "dopri5": {}, "dop853": {}, "radau5": {},
 }  # fmt: skip
 FEW = ("a limit out of reach", "a rigid contact far away")  # tried with every method
+SPANS = (0.02, 2.0, 20.0)  # s, of whole calls
 
 
 def rows(effort: Effort) -> Iterator[Row]:
@@ -35,28 +36,37 @@ def rows(effort: Effort) -> Iterator[Row]:
     for part in FEW:
         for method in METHODS:
             yield from cost(effort, part, lean, laden[part], method, seconds)
-    for span in (0.02, 0.1, 2.0):
-        yield from cost(effort, FEW[1], lean, laden[FEW[1]], "rk4", span, whole=True)
+    for part in laden:
+        for span in SPANS:
+            yield from cost(effort, part, lean, laden[part], "dop853", span, whole=True)
 
 
-def parts() -> tuple[pg.Model, dict[str, pg.Model]]:
+Laden = tuple[pg.Model, dict[str, Any]]  # a model, and options of its run
+
+
+def parts() -> tuple[pg.Model, dict[str, Laden]]:
     """(six rods far above the ground with a welded one at their end, the same with each part)."""
     lean = pg.Model.serial(LINKS + 1).edit("1", link=(0.0, 0.0, FAR), v=(1.0,))
     lean = lean.edit(str(LINKS + 1), joint="weld")
     last = str(LINKS)
 
-    def force(kind: str, **fields: Any) -> pg.Model:
+    def force(kind: str, **fields: Any) -> Laden:
         given: Any = {"name": "f", "kind": kind, "body": last, **fields}
-        return lean.replace(forces=(pg.Force(**given),))
+        return lean.replace(forces=(pg.Force(**given),)), {}
 
-    def touching(law: Any) -> pg.Model:
-        point = ((0.0, 0.0, 0.0),)
-        return lean.replace(contacts=(pg.Contact(name="c", body=last, law=law, points=point),))
+    def touching(law: Any, *, active: bool = True) -> Laden:
+        given: Any = {"name": "c", "body": last, "law": law, "points": ((0.0, 0.0, 0.0),)}
+        return lean.replace(contacts=(pg.Contact(**given, active=active),)), {}
 
-    still = pg.Constraint(name="c", body=last, active=False)
+    tied = lean.replace(constraints=(pg.Constraint(name="c", body=last, active=False),))
+    when = {"coordinate": last, "above": 1e6}
+    waits = {"switches": (pg.Switch(constraint="c", active=True, when=when),)}
     return lean, {
-        "a limit out of reach": lean.edit(last, limits=(-1e6, 1e6)),
-        "an inactive constraint": lean.replace(constraints=(still,)),
+        "a limit out of reach": (lean.edit(last, limits=(-1e6, 1e6)), {}),
+        "an inactive constraint": (tied, {}),
+        "a condition that never holds": (tied, waits),
+        "a scenario": (lean.replace(scenarios=(pg.Scenario(name="s"),)), {"scenario": "s"}),
+        "an inactive contact": touching("complementarity", active=False),
         "a spring without stiffness": force("spring", rest=1.0),
         "a motor without torque": force("motor"),
         "a servo without gain": force("servo"),
@@ -67,23 +77,25 @@ def parts() -> tuple[pg.Model, dict[str, pg.Model]]:
 
 
 def cost(
-    effort: Effort, part: str, lean: pg.Model, laden: pg.Model, method: str, seconds: float,
+    effort: Effort, part: str, lean: pg.Model, laden: Laden, method: str, seconds: float,
     *, whole: bool = False,
 ) -> Iterator[Row]:  # fmt: skip
     """Processor time of the steps, or of whole calls, without the part and with it."""
-    mechs = {"without": pg.Mechanism(lean), "pgraph, with it": pg.Mechanism(laden)}
+    model, options = laden
     given = {"t_end": seconds, "frames": 11, "method": method, "estimate": False}
+    given |= METHODS[method]
+    runs = {
+        "without": partial(pg.simulate, pg.Mechanism(lean), **given),
+        "pgraph, with it": partial(pg.simulate, pg.Mechanism(model), **given, **options),
+    }
 
-    def run(mech: pg.Mechanism) -> pg.Result:
-        return pg.simulate(mech, **given, **METHODS[method])
+    def steps(run: Callable[[], pg.Result]) -> float:
+        return run().timing["step_processor"]
 
-    def steps(mech: pg.Mechanism) -> float:
-        return run(mech).timing["step_processor"]
-
-    one, other = (run(mech) for mech in mechs.values())
-    apart = float(np.abs(one.q - other.q[:, : one.mechanism.nq]).max() / np.abs(one.q).max())
+    one, other = (run() for run in runs.values())
+    apart = float(np.abs(one.q - other.q).max() / np.abs(one.q).max())
     sides: dict[str, Callable[[], object]] = {
-        side: partial(run if whole else steps, mech) for side, mech in mechs.items()
+        side: run if whole else partial(steps, run) for side, run in runs.items()
     }
     words = f"{part}, {method}, {'a whole call of' if whole else 'the steps of'} {seconds:g} s"
     clocked = frozenset() if whole else frozenset(sides)

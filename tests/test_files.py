@@ -180,3 +180,14 @@ def test_links_in_a_circle_are_refused(tmp_path: Path):
     for call in (pg.Model.load, MODEL.save):
         with pytest.raises(pg.FileError, match=r"a\.json"):
             call(tmp_path / "a.json")
+
+
+def test_a_scenario_states_a_step_or_leaves_it_out():
+    """Files before version 4 without a step mean 1 ms; a step that is stated stays."""
+    for step, version in ((None, 4), (2e-3, 1)):
+        model = MODEL.replace(scenarios=(pg.Scenario(name="s", step=step),))
+        text = model.to_json()
+        assert f'"schema_version": {version}' in text
+        assert pg.Model.from_json(text) == model
+        older = pg.Model.from_json(text.replace(f'_version": {version}', '_version": 3'))
+        assert older.scenario("s").step == (step or 1e-3)

@@ -104,10 +104,9 @@ def kept(state: State) -> str:
     for s in state.model.scenarios:
         own = Request(s.name, s.t_end, s.step, s.method)
         if s.name == request.scenario and replace(request, rtol=None) != own:
-            return (
-                f"For this run only; '{s.name}' keeps {s.t_end:g} s, a step of {s.step:g} s, "
-                f"{METHOD_NAMES[s.method]}."
-            )
+            step = "no step" if s.step is None else f"a step of {s.step:g} s"
+            keeps = f"{s.t_end:g} s, {step}, {METHOD_NAMES[s.method]}"
+            return f"For this run only; '{s.name}' keeps {keeps}."
     return ""
 
 

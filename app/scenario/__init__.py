@@ -33,8 +33,7 @@ def first_name(model: pg.Model) -> str:
 def made(model: pg.Model, request: Request) -> tuple[pg.Model, str]:
     """A model with a scenario that runs as the free run does, and its name."""
     name = first_name(model)
-    step = request.step or pg.Scenario(name=name).step
-    new = pg.Scenario(name=name, t_end=request.t_end, step=step, method=request.method)
+    new = pg.Scenario(name=name, t_end=request.t_end, step=request.step, method=request.method)
     return model.add(new), name
 
 
@@ -79,6 +78,8 @@ def changed(
             if text not in METHOD_NAMES:
                 raise Refusal(f"must be one of {', '.join(METHOD_NAMES)}")
             return put(model, name, method=text)
+        case "step" if not text.strip():
+            return put(model, name, step=None)
         case "t_end" | "step":
             return put(model, name, **{field: cells.number(text)})
         case "q" | "v":

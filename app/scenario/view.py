@@ -90,7 +90,8 @@ def _settings(s: pg.Scenario) -> Payload:
         field("name", "Name", [cell((), s.name)], kind="text"),
         field("description", "About", [cell((), s.description)], kind="text"),
         field("t_end", "Duration", [cell((), s.t_end)], unit="s"),
-        field("step", "Step", [cell((), s.step)], unit="s"),
+        field("step", "Step", [cell((), s.step)], unit="s",
+              help="of every step; empty: as the method chooses"),
         choice("method", "Method", s.method, METHOD_NAMES.items(),
                note="kept with the model; what is typed above Simulate is for one run"),
     ])  # fmt: skip

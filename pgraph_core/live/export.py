@@ -50,7 +50,7 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
     mech = Mechanism(model)
     given = model.scenario(scenario) if scenario is not None else None
     end = t_end or (given.t_end if given else USUAL)
-    step = given.step if given else STEP
+    step = (given.step if given else None) or STEP
     asked: dict[str, Any] = {"estimate": False}
     if methods_of(mech, Setup(scenario, step)) == TOUCHING:
         asked |= {"method": TOUCHING[0], "step": step}

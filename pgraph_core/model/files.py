@@ -26,7 +26,8 @@ from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
+STEP = 1e-3  # [s] of a scenario without a step before version 4
 SCHEMA = "pgraph-model"
 
 NOT_JSON = {
@@ -95,6 +96,8 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         del data["ground"]
     if data["sites"] or data["outputs"]:
         data["schema_version"] = 3
+    if any("step" not in scenario for scenario in data["scenarios"]):
+        data["schema_version"] = 4
     data["outputs"] = [
         {k: x for k, x in o.items() if (k, x) != ("coordinate", 0)} for o in data["outputs"]
     ]
@@ -215,6 +218,10 @@ def parse(text: str, source: str) -> dict[str, Any]:
     if version > SCHEMA_VERSION:
         text = f"is {version}, newer than {SCHEMA_VERSION}, the newest known; update Pgraph"
         raise FileError(Problem(source, "schema_version", text))
+    scenarios = data.get("scenarios") if version < 4 else None
+    for scenario in scenarios if isinstance(scenarios, list) else ():
+        if isinstance(scenario, dict):
+            scenario.setdefault("step", STEP)
     return data
 
 

@@ -264,7 +264,9 @@ class Scenario(Described):
         converter=_gait_in, default=None,
     )  # fmt: skip
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
-    step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")
+    step: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="a step > 0 [s]; left out: as without a scenario"
+    )
     method: Text = Field(default="auto", description="the name of an integrator")
 
     @model_validator(mode="after")
