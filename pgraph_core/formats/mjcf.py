@@ -21,10 +21,11 @@ from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
+from ..model.files import ALLOW
 from ..rotation import matrix, multiply, unit
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
 from .mjcf_contacts import Contacts
-from .mjcf_parts import Group, Parts, is_set, within_margin
+from .mjcf_parts import Compiled, Group, Parts, within_margin
 from .mjcf_schema import newer
 
 Array = np.ndarray
@@ -56,7 +57,7 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
         text = " ".join(str(error).split())
         raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
     _usable(compiled, path)
-    return _Reader(compiled, path, files).result()
+    return _Reader(Compiled(compiled), path, files).result()
 
 
 def _usable(compiled: Any, path: Path) -> None:
@@ -128,11 +129,13 @@ class _Files:
                     if given := compiler.get(name):
                         self._directory(file, compiler, name, given)
         for file, top in self.roots:
-            if (count := _copied(top, False)) > MOST_COPIED:
+            elements = [*top.inside()]
+            repeats = any(element.tag == "replicate" for element in elements)
+            if repeats and (count := _copied(top, False)) > MOST_COPIED:
                 text = f"its <replicate> make {count:.6g} elements; {MOST_COPIED} at most"
                 raise FileError(Problem(file.name, "", text))
-            for element in top.inside():
-                self._look(file, element)
+            for element in elements:
+                self._look(file.name, element)
 
     def spec(self, mujoco: Any) -> Any:
         """Return MuJoCo's description of the file, read as text if MuJoCo knows no such suffix."""
@@ -167,38 +170,37 @@ class _Files:
         path = self.directories[0] / slashed(given)
         if not self.folders.holds(path):
             where = f"{file.name}, line {compiler.line}, compiler"
-            text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
+            text = f"{shown(given)} lies outside of the model's folder; {ALLOW}"
             raise FileError(Problem(where, name, text))
         self.directories.append(path)
 
-    def _look(self, file: Path, element: Element) -> None:
+    def _look(self, file: str, element: Element) -> None:
         """Note where an element stands, and refuse files that lie outside."""
-        where = f"{file.name}, line {element.line}"
-        if name := element.get("name"):
-            self.lines.setdefault((element.tag, name), where)
-        for key in newer(element.tag, element.attributes):
-            self.newer.append((f"{where}, {element.tag}", key))
-        for key, given in element.attributes.items():
-            if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
-                where = f"{file.name}, line {element.line}, {element.tag}"
-                text = f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
-                raise FileError(Problem(where, key, text))
-            if key == "quat" and given and not given.strip("0+-.eE \t\n"):  # MuJoCo takes it
-                where = f"{file.name}, line {element.line}, {element.tag}"
-                text = f"must not be zero; given {shown(given)}; leave it out for no rotation"
-                raise FileError(Problem(where, key, text))
-            if not key.startswith("file") or element.tag == "include" or not given:
-                continue
+        attributes = element.attributes
+        if name := attributes.get("name"):
+            self.lines.setdefault((element.tag, name), f"{file}, line {element.line}")
+        for key in newer(element.tag, attributes):
+            self.newer.append((f"{file}, line {element.line}, {element.tag}", key))
+        for key, given in attributes.items():
+            if why := self._wrong(element, key, given):
+                raise FileError(Problem(f"{file}, line {element.line}, {element.tag}", key, why))
+
+    def _wrong(self, element: Element, key: str, given: str) -> str:
+        """Return a reason to refuse an attribute that MuJoCo would take, else ""."""
+        if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
+            return f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
+        if key == "quat" and given and not given.strip("0+-.eE \t\n"):
+            return f"must not be zero; given {shown(given)}; leave it out for no rotation"
+        if key.startswith("file") and element.tag != "include" and given:
             paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long
             if any(not self.folders.holds(path) for path in there or paths[:1]):
-                where = f"{file.name}, line {element.line}, {element.tag}"
-                text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
-                raise FileError(Problem(where, key, text))
+                return f"{shown(given)} lies outside of the model's folder; {ALLOW}"
+        return ""
 
 
 class _Reader:
-    def __init__(self, m: Any, path: Path, files: _Files):
+    def __init__(self, m: Compiled, path: Path, files: _Files):
         self.m, self.files, self.path = m, files, path
         self.report = Report(path.name)
         self.names = self._body_names()
@@ -260,9 +262,7 @@ class _Reader:
                 Problem(f"{self.path.name}: {p.where}", p.field, p.text) for p in error.problems
             ]
             raise ModelError(found) from None
-        data = mujoco.MjData(m)
-        mujoco.mj_kinematics(m, data)
-        places = {self.names[b]: tuple(data.xpos[b].tolist()) for b in range(1, m.nbody)}
+        places = {self.names[b]: tuple(m.home.xpos[b].tolist()) for b in range(1, m.nbody)}
         suspect_units(self.report, model, reach_of(places))
         count = len(m.actuator_trnid)
         text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {count} actuators"
@@ -285,15 +285,15 @@ class _Reader:
         return name if name.isprintable() and name.strip() == name and name else self.path.stem
 
     def _body_names(self) -> list[str]:
-        found = [GROUND]
+        found = {GROUND: 0, "*": 0, WORLD: 0}
         for b in range(1, self.m.nbody):
             name = self.m.body(b).name
-            if name_problem(name) or name in (*found, "*", WORLD):
+            if name_problem(name) or name in found:
                 name = f"{name.strip()} {b}" if name.strip().isprintable() and name else f"body {b}"
             while name in found:
                 name += "'"
-            found.append(name)
-        return found
+            found[name] = b
+        return [GROUND, *(name for name, b in found.items() if b)]
 
     # -- bodies ----------------------------------------------------------------------------------
 
@@ -443,7 +443,7 @@ class _Reader:
             ("dof_dampingpoly", dof, "damping that is not linear"),
             ("jnt_springyield", j, "a spring that yields"),
         ):
-            if is_set(m, table, k):
+            if k in m.set_in(table):
                 self.left_out("joint", m.joint(j).name, text)
         if m.jnt_actgravcomp[j] and m.jnt_actfrclimited[j] and np.any(m.body_gravcomp):
             text = "a limit of its actuators that holds for the compensation of gravity, too"
@@ -473,19 +473,11 @@ class _Reader:
             if g not in self.planes and (found := self.solid(g, b)):
                 yield found
 
-    def touches(self, g: int) -> bool:
-        """Whether a geom may touch anything, by its masks or as one of a pair."""
-        m = self.m
-        paired = (m.pair_dim > 0) & ((m.pair_geom1 == g) | (m.pair_geom2 == g))
-        return bool(m.geom_contype[g] or m.geom_conaffinity[g] or np.any(paired))
-
     def solid(self, g: int, b: int) -> dict[str, Any] | None:
         m = self.m
-        x, y, z = (float(s) for s in m.geom_size[g])
-        kind, acts = int(m.geom_type[g]), self.touches(g)
-        turn = unit(m.geom_quat[g].tolist())
-        place = m.geom_pos[g] - self.pivot[b]
-        rgba = self._rgba(g)
+        geom, acts = m.geoms[g], m.touching[g]
+        (x, y, z), kind, turn, rgba = geom.size, geom.kind, unit(geom.quat), geom.rgba
+        place = [p - own for p, own in zip(geom.pos, self.pivot[b].tolist())]
         hidden = rgba is not None and rgba[3] == 0.0
         if hidden and not acts:
             self.left_out(
@@ -493,11 +485,7 @@ class _Reader:
             )
             return None
         shape: dict[str, Any] = {
-            "role": "visual"
-            if not acts
-            else "collision"
-            if hidden or m.geom_group[g] > 2
-            else "both"
+            "role": "visual" if not acts else "collision" if hidden or geom.group > 2 else "both"
         }
         if rgba is not None:
             shape["colour"] = rgba[:3]
@@ -522,14 +510,15 @@ class _Reader:
                 if found is None:
                     return None
                 mesh, shift, own = found
-                turn = multiply(turn, own)
-                place = place - matrix(turn) @ shift
+                turn = unit(multiply(turn, own))
+                place = (np.array(place) - matrix(turn) @ shift).tolist()
                 shape |= mesh
             case _:
                 text = "a plane on a body that moves" if kind == PLANE else f"a geom of type {kind}"
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
-        return shape | {"position": tuple(place.tolist()), "rotation": unit(turn)}
+        shape["position"], shape["rotation"] = tuple(place), turn
+        return shape
 
     def _field(self, k: int) -> dict[str, Any]:
         """A heightfield; its rows go along y in the file, and along x here."""
@@ -539,17 +528,6 @@ class _Reader:
         heights = top * m.hfield_data[first : first + shape[0] * shape[1]].reshape(shape).T
         size = (2 * x, 2 * y, below + float(heights.min()))
         return {"kind": "heightfield", "size": size, "heights": heights.tolist()}
-
-    def _rgba(self, g: int) -> tuple[float, float, float, float] | None:
-        """The colour of a geom or of its material; None where it has MuJoCo's own grey."""
-        m = self.m
-        material, own = int(m.geom_matid[g]), m.geom_rgba[g]
-        if tuple(own.tolist()) == GREY:
-            if material < 0:
-                return None
-            own = m.mat_rgba[material]
-        red, green, blue, alpha = (float(x) for x in np.clip(own, 0.0, 1.0))
-        return red, green, blue, alpha
 
     def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
         """(shape, shift, turn): compiled vertices are turnᵀ (vertices of the file - shift)."""
@@ -577,5 +555,4 @@ class _Reader:
         return shape, m.mesh_pos[k].copy(), (w, -i, -j, -l_)
 
 
-GREY = (0.5, 0.5, 0.5, 1.0)
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

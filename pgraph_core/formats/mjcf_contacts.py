@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import choices, needed
+from ..errors import choices
 from ..model import Contact
 from ..model.fields import EVERY, GROUND
 from ..rotation import quaternion_of
@@ -51,7 +51,7 @@ class Contacts:
                 continue
             place, turn = self.placed[g]
             flat = turn[2, 2] > 1 - SOLVED and abs(place[2]) < SOLVED
-            touches = self.reader.touches(g)
+            touches = self.m.touching[g]
             if not touches:
                 text = "a plane that touches nothing"
                 self.reader.left_out("geom", m.geom(g).name, text, acts=False)
@@ -63,11 +63,8 @@ class Contacts:
 
     def _placed(self) -> list[tuple[Array, Array]]:
         """Place and axes of each geom in the world, in the file's initial pose."""
-        mujoco, m = needed("mujoco", "mjcf"), self.m
-        data = mujoco.MjData(m)
-        mujoco.mj_kinematics(m, data)
-        axes = data.geom_xmat.reshape(-1, 3, 3)
-        return list(zip(data.geom_xpos.copy(), axes.copy(), strict=True))
+        home = self.m.home
+        return list(zip(home.geom_xpos, home.geom_xmat.reshape(-1, 3, 3), strict=True))
 
     def world(self) -> list[dict[str, Any]]:
         """A body on the ground with the solids of the world, if there are any."""
@@ -142,10 +139,12 @@ class Contacts:
         m = self.m
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
-        able = [g for g in range(m.ngeom) if self.reader.touches(g)]
+        able = [g for g in range(m.ngeom) if m.touching[g]]
+        owners = {g: self._owner(g) for g in able}
         alike: dict[Any, list[int]] = {}
+        rules = self._rules()
         for g in able:
-            alike.setdefault(self._alike(g), []).append(g)
+            alike.setdefault((owners[g], *rules[g]), []).append(g)
         found: dict[tuple[str, str], Counter[Law]] = {}  # pairs of geoms by their friction
         listed = self._listed()
         classes = list(alike.values())
@@ -170,7 +169,7 @@ class Contacts:
         if mixed:
             text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
             self.report.add("approximated", self.reader.path.name, text)
-        count = Counter(self._owner(g) for g in able)
+        count = Counter(owners.values())
         count[GROUND] = 1
         more = [
             f"'{body}' and '{other}'"
@@ -193,11 +192,12 @@ class Contacts:
             self.report.add("approximated", self.reader.path.name, text)
         return {pair: max(laws) for pair, laws in found.items()}
 
-    def _alike(self, g: int) -> Any:
-        """Return the properties that decide which geoms a geom touches, and with which friction."""
+    def _rules(self) -> list[Any]:
+        """Per geom, the properties that decide what it touches, and with which friction."""
         m = self.m
-        rules = (m.geom_contype[g], m.geom_conaffinity[g], m.geom_condim[g], m.geom_priority[g])
-        return self._owner(g), int(m.geom_bodyid[g]), *map(int, rules), *m.geom_friction[g].tolist()
+        tables = (m.geom_contype, m.geom_conaffinity, m.geom_condim, m.geom_priority)
+        rows = np.column_stack((m.geom_bodyid, *tables, m.geom_friction))
+        return [*map(tuple, rows.tolist())]
 
     def _masks(self, g: int, h: int) -> bool:
         """Return whether the masks of two geoms let them touch."""

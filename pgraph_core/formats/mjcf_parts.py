@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -49,6 +50,64 @@ MINVAL = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, below which a mass or an inerti
 GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
 
 
+GREY = (0.5, 0.5, 0.5, 1.0)  # the colour that MuJoCo gives a geom without one
+
+
+class Geom(NamedTuple):
+    """The numbers of a geom that make a shape."""
+
+    kind: int
+    group: int
+    size: list[float]
+    pos: list[float]
+    quat: list[float]
+    rgba: tuple[float, ...] | None  # of the geom or its material, from 0 to 1; None if it has none
+
+
+class Compiled:
+    """MuJoCo's compiled model. Each table is looked up once, since a look-up makes a new array."""
+
+    def __init__(self, model: Any):
+        self.model = model
+
+    def __getattr__(self, name: str) -> Any:
+        return vars(self).setdefault(name, getattr(self.model, name))
+
+    @cached_property
+    def home(self) -> Any:
+        """MuJoCo's data with places and axes in the initial pose of the file."""
+        mujoco = needed("mujoco", "mjcf")
+        data = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, data)
+        return data
+
+    @cached_property
+    def geoms(self) -> list[Geom]:
+        """The geoms by their numbers."""
+        plain = (self.geom_rgba == np.array(GREY, np.float32)).all(axis=1)
+        own, material = np.clip(self.geom_rgba, 0.0, 1.0), self.geom_matid
+        of_material = plain & (material >= 0)
+        own[of_material] = np.clip(self.mat_rgba[material[of_material]], 0.0, 1.0)
+        colours = map(tuple, own.tolist())
+        bare = (plain & (material < 0)).tolist()
+        rgba = (None if none else one for none, one in zip(bare, colours, strict=True))
+        tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_pos, self.geom_quat)
+        return [*map(Geom, *(table.tolist() for table in tables), rgba)]
+
+    @cached_property
+    def touching(self) -> list[bool]:
+        """Whether each geom may touch anything, by its masks or as one of a pair."""
+        able = (self.geom_contype != 0) | (self.geom_conaffinity != 0)
+        for geoms in (self.pair_geom1, self.pair_geom2):
+            able[geoms[self.pair_dim > 0]] = True
+        return able.tolist()
+
+    def set_in(self, table: str) -> Array:
+        """Numbers of the entries that are not zero of a table that some versions lack."""
+        rows = getattr(self, table, np.zeros(0))
+        return np.flatnonzero(rows.any(axis=tuple(range(1, rows.ndim))))
+
+
 class Group(NamedTuple):
     """Joints of one body about one place: a body of ours."""
 
@@ -61,7 +120,7 @@ class Group(NamedTuple):
 class Reading(Protocol):
     """What the reader of the bodies knows."""
 
-    m: Any  # MuJoCo's compiled model
+    m: Compiled
     path: Path
     report: Report
     names: list[str]  # of bodies, by MuJoCo's numbers
@@ -77,10 +136,6 @@ class Reading(Protocol):
 
     def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
         """Say that an element has no place."""
-        ...
-
-    def touches(self, g: int) -> bool:
-        """Whether a geom may touch anything."""
         ...
 
     def solid(self, g: int, b: int) -> dict[str, Any] | None:
@@ -252,11 +307,7 @@ class Parts:
         )  # fmt: skip
 
     def _as_at_first(self, one: int, two: int, turn: Any) -> bool:
-        mujoco = needed("mujoco", "mjcf")
-        data = mujoco.MjData(self.m)
-        data.qpos[:] = self.m.qpos0
-        mujoco.mj_kinematics(self.m, data)
-        R = data.xmat.reshape(-1, 3, 3)
+        R = self.m.home.xmat.reshape(-1, 3, 3)
         return bool(np.abs(R[one].T @ R[two] - matrix(turn)).max() < 1e-6)
 
     # -- actuators -------------------------------------------------------------------------------
@@ -511,12 +562,12 @@ class Parts:
             return "an actuator with a state of its own that is no filter or integral (muscle)"
         if filtered and (least > low or most < high):
             return "an actuator with a filter that has bounds of its own"
-        if is_set(m, "actuator_delay", a):
+        if a in m.set_in("actuator_delay"):
             return "an actuator with a delay"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
         for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
-            if is_set(m, key, a):
+            if a in m.set_in(key):
                 return "an actuator with armature or damping of its own"
         return ""
 
@@ -621,7 +672,7 @@ class Parts:
             name = f"{word} {k + 1}" if name_problem(name) else name
             while name in found:
                 name += "'"
-            why = "delayed" if is_set(m, "sensor_delay", k) else ""
+            why = "delayed" if k in m.set_in("sensor_delay") else ""
             why = why or "seen from another frame" * bool(m.sensor_refid[k] >= 0)
             if word not in SENSORS or why:
                 others.setdefault((word, why), []).append(shown(name))
@@ -739,12 +790,12 @@ class Parts:
             ("geom_adhesion", "adhesion: it does not stick to what it touches"),
             ("geom_surfacevel", "surfacevel: its surface does not move"),
         ):
-            for g in range(m.ngeom):
-                if is_set(m, table, g) and reader.touches(g):
+            for g in map(int, m.set_in(table)):
+                if m.touching[g]:
                     reader.left_out("geom", m.geom(g).name, text)
-        for p in np.flatnonzero(m.pair_dim):
-            if is_set(m, "pair_adhesion", int(p)):
-                reader.left_out("pair", m.pair(int(p)).name, "adhesion of a pair")
+        for p in map(int, m.set_in("pair_adhesion")):
+            if m.pair_dim[p]:
+                reader.left_out("pair", m.pair(p).name, "adhesion of a pair")
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),
             (m.nplugin, "plugins", True),
@@ -790,12 +841,6 @@ def within_margin(
 def end_name(name: str, k: int) -> str:
     """What `write_mjcf` calls the site at an end of a spring or constraint; no site when read."""
     return f"{name} end {k}"
-
-
-def is_set(m: Any, table: str, k: int) -> bool:
-    """Whether an entry is not zero of a table that not all versions of MuJoCo have."""
-    found = getattr(m, table, None)
-    return found is not None and bool(np.any(found[k]))
 
 
 def _relative(a: Array, b: Array) -> Any:

@@ -85,4 +85,4 @@ KNOWN = _rows()  # element -> its attributes; elements that move nothing have no
 def newer(tag: str, attributes: Iterable[str]) -> list[str]:
     """Return the attributes of an element that MuJoCo 4.0 does not have."""
     known = KNOWN.get(tag)
-    return [] if known is None else [name for name in attributes if name not in known]
+    return [] if known is None or known.issuperset(attributes) else sorted(set(attributes) - known)

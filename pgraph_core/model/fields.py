@@ -112,10 +112,7 @@ def listed(value: Any) -> Any:
     if kind in PLAIN:
         return value
     if kind is list or kind is tuple:
-        for x in value:
-            if type(x) not in PLAIN:
-                break
-        else:
+        if PLAIN.issuperset(map(type, value)):
             return tuple(value)
     elif hasattr(value, "tolist"):
         value = value.tolist()

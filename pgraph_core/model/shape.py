@@ -125,7 +125,11 @@ class Shape(Frozen):
     def _of_its_kind(cls, data: Any) -> Any:
         """A size that is of other kinds is told before what is wrong with its value."""
         kind = data.get("kind") if isinstance(data, Mapping) else None
-        if isinstance(kind, str) and kind in DIMENSIONS:
+        if (
+            isinstance(kind, str)
+            and kind in DIMENSIONS
+            and not data.keys().isdisjoint(FOREIGN[kind])
+        ):
             one, own = _one(kind), " and ".join(DIMENSIONS[kind])
             refuse([
                 ("shape", f"{one} has no {name}: give {own}; given {name} {shown(data[name])}")
