@@ -73,6 +73,7 @@ class Client:
     downloads: int = 0  # how often the model was asked for as a file
     download: str = ".json"  # its suffix
     conversion: Any = None  # the report of the last file of another format that it opened
+    members: Any = None  # models of the last archive, of which it is to choose one
     reports: tuple[int, str] = (0, "")  # how often a report was asked for as a file, and which
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
@@ -27,11 +28,23 @@ class Found:
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # body -> fields
     opened: pg.Model | None = None
     report: pg.Report | None = None  # of a file of another format
+    members: tuple[str, ...] = ()  # models of an archive, one of which is to be chosen
+
+
+@dataclass(frozen=True)
+class Members:
+    """The models of an archive, for a page to choose one."""
+
+    file: str
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Errand:
-    """Something that takes a moment, done in a thread; its answer may change `model`'s bodies."""
+    """Something that takes a moment; its answer may change bodies of `model`.
+
+    It is done in a thread, or `apart`: in a child process, to which `work` is sent without a model.
+    """
 
     id: int
     client: int
@@ -40,3 +53,5 @@ class Errand:
     work: Callable[[pg.Model], Found]  # raises PgraphError, Refusal, OSError
     compiled: bool = False  # waits until the kernels are compiled
     file: str = ""  # of a whole model that is read
+    apart: bool = False
+    leaves: Path | None = None  # a folder that `work` makes

@@ -14,7 +14,8 @@ from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
 from pgraph_core.errors import choices
-from pgraph_core.formats import READERS, read_model, write_model
+from pgraph_core.formats import READERS, ROOTS, first_element, read_model, write_model
+from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
 from pgraph_core.model.files import FOLDER, user_folder
 
@@ -73,19 +74,38 @@ def own(text: str) -> pg.Model:
 def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
     """The model in the text of a file of another format, without the files that it names.
 
-    Raises PgraphError.
+    Raises PgraphError, and Refusal for a program.
     """
+    if Path(name).suffix.lower() == SUFFIX:
+        text = "its macros are a program, and the page runs no program that a file brings; "
+        raise Refusal(f"{text}start Pgraph with it: pgraph {Path(name).name}")
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / Path(name).name
         file.write_text(content, encoding="utf-8")
         return read_model(file)
 
 
-def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
+class Several(Refusal):
+    """An archive of several models, of which none is named."""
+
+    def __init__(self, members: list[str]):
+        self.members = tuple(members)
+        super().__init__(
+            f"it holds {len(members)} model files, {choices(members)}; name the one that is meant"
+        )
+
+
+def folder_of(content: bytes, keep: Path) -> Path:
+    """The folder of `keep` in which the files of an archive stay."""
+    return keep / hashlib.sha256(content).hexdigest()[:16]
+
+
+def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg.Report]:
     """The model in a zip; the meshes that it names stay in a folder of `keep`.
 
     A model of Pgraph stands at the top with its meshes in `meshes`; one of another format, with
-    the files that it names, in any folder. Raises Refusal, PgraphError, OSError.
+    the files that it names, in any folder. `member` names one of several models.
+    Raises Refusal, PgraphError, OSError.
     """
     try:
         size, held = _contents(content)
@@ -99,10 +119,10 @@ def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
     if not models:
         known = ", ".join((".json", *READERS))
         raise Refusal(f"it holds 0 model files ({known}), not one")
-    if len(models) > 1:
-        named = choices(sorted(map(str, models)))
-        raise Refusal(f"it holds {len(models)} model files, {named}; pack the one that is meant")
-    folder = keep / hashlib.sha256(content).hexdigest()[:16]
+    chosen = [name for name in models if str(name) == member] if member else models
+    if len(chosen) != 1:
+        raise Several([*map(str, models)])
+    folder = folder_of(content, keep)
     if not folder.exists() and _size(keep) + size > LARGEST_KEPT:
         most = f"{LARGEST_KEPT / 1e6:.0f} MB"
         raise Refusal(f"{keep} would hold more than {most}; remove there what you no longer need")
@@ -112,7 +132,7 @@ def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
             to = folder / name
             to.parent.mkdir(parents=True, exist_ok=True)
             to.write_bytes(data)
-        model, report = read_model(folder / models[0], roots=[folder])
+        model, report = read_model(folder / chosen[0], roots=[folder])
         used |= {Path(s.file).resolve() for b in model.bodies for s in b.shapes if s.file}
         return model, report
     finally:
@@ -145,20 +165,18 @@ NAMED = re.compile(rb"""<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["']"""
 
 
 def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
-    """Models of other formats: URDF files, else the MJCF files nearest to the top.
+    """Models of other formats, those nearest to the top first.
 
-    A file that another one includes is a part of that one.
+    A file that another one includes is a part of that one, and not each XML file is a model.
     """
-    urdf = [name for name in held if name.suffix.lower() == ".urdf"]
-    others = [n for n in held if n.suffix.lower() in READERS and n.name != "package.xml"]
+    others = [n for n in held if n.suffix.lower() in READERS and first_element(held[n]) in ROOTS]
     parts = {
         posixpath.normpath(name.parent / file.decode(errors="replace"))
         for name in others
         for file in NAMED.findall(held[name])
     }
     whole = [name for name in others if posixpath.normpath(name) not in parts]
-    top = min((len(name.parts) for name in whole), default=0)
-    return urdf or [name for name in whole if len(name.parts) == top]
+    return sorted(whole, key=lambda name: (len(name.parts), name)) or others
 
 
 def _goes_along(name: PurePosixPath) -> bool:

@@ -1,4 +1,5 @@
 // What became of a file of another format: a list next to the model; a line leads to its body.
+// And the choice between the models of an archive.
 (() => {
   const { make, send } = pgraph;
   const ORDER = ["warning", "left out", "approximated", "converted", "read"];
@@ -12,6 +13,18 @@
       make("button", { className: "action primary close", textContent: "Close", onclick: () => sheet.close() }));
     document.body.append(sheet);
     sheet.show();
+  });
+
+  // An archive of several models: a button each; the page still has the archive.
+  pgraph.on("members", ({ file, names }) => {
+    document.querySelector("dialog.pgraph-members")?.remove();
+    const sheet = make("dialog", { className: "pgraph pgraph-members", "aria-label": "models of the archive", onclose: () => sheet.remove() },
+      make("strong", { textContent: `${file} holds ${names.length} models. Which one?` }),
+      ...names.map((name) => make("button", { className: "action member", textContent: name, onclick: () => { pgraph.files.member(file, name); sheet.close(); } })),
+      make("button", { className: "action close", textContent: "None", onclick: () => sheet.close() }));
+    document.body.append(sheet);
+    sheet.show();
+    sheet.querySelector("button").focus();
   });
 
   function shown(line) {

@@ -14,6 +14,7 @@
           pgraph.pictureButton("redo", "redo", "Redo", "Redo", () => send("Redo")),
           pgraph.pictureButton("theme", "theme", "Dark or light", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
           button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open()))),
+      make("div", { className: "reading", hidden: true }, text("span", "what"), button("small cancel", "Cancel", "Stop reading this file", () => send("CancelReading"))),
       make("div", { className: "asked" }),
       make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));
   }
@@ -22,6 +23,8 @@
     const $ = (selector) => host.querySelector(selector);
     $(".model .name").textContent = $(".model .name").title = data.name;
     $(".model .count").textContent = data.count;
+    $(".reading").hidden = data.reading === null;
+    $(".reading .what").textContent = `Reading ${data.reading ?? ""} …`;
     for (const which of ["undo", "redo"]) {
       $(`.${which}`).disabled = data[which] === null;
       const key = which === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z", word = which === "undo" ? "Undo" : "Redo";

@@ -24,8 +24,8 @@ from ..core.edit import MOST_BODIES, attempted, renamed, showing
 from ..core.events import Event, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told, with_client
 from ..session import Kept
-from . import Errand, Found, Step
-from .archive import mesh_folder, own, read_text, unpacked
+from . import Errand, Found, Members, Step
+from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
 
 EditField = Literal[
     "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
@@ -271,12 +271,22 @@ def text_opened(state: State, event: OpenText) -> State:
     if len(content) <= LONG and not foreign:
         return opened(state, event.client, name, content)
 
-    def work(_: pg.Model) -> Found:
-        if foreign:
-            return Found("", {}, *read_text(name, content))
-        return Found(opened=_read(name, content))
+    work = partial(_found_in_text, name, content)
+    return sent(state, event.client, "open", work, file=name, apart=True)
 
-    return sent(state, event.client, "open", work, file=name)
+
+def _found_in_text(name: str, content: str, _: Any) -> Found:
+    """What a text holds. Raises PgraphError, Refusal."""
+    if Path(name).suffix.lower() in READERS:
+        return _small_enough(*read_text(name, content))
+    return Found(opened=_read(name, content))
+
+
+def _small_enough(model: pg.Model, report: pg.Report) -> Found:
+    """A model that pages can show. Raises Refusal."""
+    if problem := too_many(vars(model)):
+        raise Refusal(problem)
+    return Found(opened=model, report=report)
 
 
 @dataclass(frozen=True)
@@ -285,16 +295,44 @@ class OpenArchive(FromPage):
 
     name: Text
     content: Annotated[str, Field(max_length=16_000_000)]  # base64
+    member: Text = ""  # the path of one of several models
 
 
 @on(OpenArchive)
 def archive_opened(state: State, event: OpenArchive) -> State:
     """An errand that keeps the meshes and opens the model."""
+    work = partial(_found_in_archive, event.member)
+    leaves = lambda content: folder_of(content, mesh_folder())  # noqa: E731
+    return sent_file(state, event.client, event.content, "open", work, leaves, event.name)
 
-    def work(content: bytes, _: pg.Model) -> Found:
-        return Found("", {}, *unpacked(content, mesh_folder()))
 
-    return sent_file(state, event.client, event.content, "open", work, event.name)
+def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
+    """The model in an archive, or its models where none is named. Raises PgraphError, Refusal."""
+    try:
+        return _small_enough(*unpacked(content, mesh_folder(), member))
+    except Several as several:
+        return Found(members=several.members)
+
+
+@dataclass(frozen=True)
+class CancelReading(FromPage):
+    """The page no longer wants the file that is being read for it."""
+
+
+@on(CancelReading)
+def reading_cancelled(state: State, event: CancelReading) -> State:
+    """The state without the file that is being read for a page; its process is stopped."""
+    errand = reading(state, event.client)
+    if errand is None:
+        return state
+    state = replace(state, errands=tuple(e for e in state.errands if e is not errand))
+    text = "Its reading was cancelled."
+    return told(state, event.client, Notice(f"{errand.file or errand.label}: not read", text))
+
+
+def reading(state: State, client: int) -> Errand | None:
+    """The errand that reads a file for a page, if there is one."""
+    return next((e for e in state.errands if e.apart and e.client == client), None)
 
 
 def opened(state: State, client: int, name: str, content: str) -> State:
@@ -418,6 +456,8 @@ def errand_done(state: State, event: ErrandDone) -> State:
         return state
     state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
     client, label, found = errand.client, errand.label, event.found
+    if found.members:
+        return with_client(state, client, members=Members(errand.file, found.members))
     if errand.file:
         state = shown_model(state, client, errand.file, found.opened, event.problem)
         if found.report is None or not found.report.entries or client not in state.clients:
@@ -444,9 +484,19 @@ def sent(
     work: Callable[[pg.Model], Found],
     compiled: bool = False,
     file: str = "",
+    apart: bool = False,
+    leaves: Path | None = None,
 ) -> State:
-    """One more errand under way, for the current model; `compiled`: it needs the kernels."""
-    errand = Errand(state.errand_count + 1, client, state.model, label, work, compiled, file)
+    """One more errand under way, for the current model; `compiled`: it needs the kernels.
+
+    One that is done `apart` is refused while another one reads a file for the same page.
+    """
+    if apart and (other := reading(state, client)) is not None:
+        text = f"{other.file or other.label} is still being read; cancel that first."
+        return told(state, client, Notice(f"Not done: {label}", text, bad=True))
+    errand = Errand(
+        state.errand_count + 1, client, state.model, label, work, compiled, file, apart, leaves
+    )
     return replace(state, errands=(*state.errands, errand), errand_count=errand.id)
 
 
@@ -455,13 +505,18 @@ def sent_file(
     client: int,
     content: str,
     label: str,
-    work: Callable[[bytes, pg.Model], Found],
+    work: Callable[[bytes, Any], Found],
+    leaves: Callable[[bytes], Path],
     file: str = "",
 ) -> State:
-    """An errand that reads an uploaded file, given in base64."""
+    """An errand that reads an uploaded file, given in base64, in a child process.
+
+    `leaves` gives the place at which it keeps what was read.
+    """
     try:
         data = base64.b64decode(content, validate=True)
     except (binascii.Error, ValueError):
         text = "The file did not arrive complete; try again."
         return told(state, client, Notice("Not done", text, bad=True))
-    return sent(state, client, label, partial(work, data), file=file)
+    of_data, place = partial(work, data), leaves(data)
+    return sent(state, client, label, of_data, file=file, apart=True, leaves=place)

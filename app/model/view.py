@@ -10,7 +10,7 @@ from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count
-from .update import redoable, undoable
+from .update import reading, redoable, undoable
 
 
 class ToolbarView:
@@ -21,7 +21,7 @@ class ToolbarView:
     def render(self, old: State, new: State) -> None:
         changed = any(
             getattr(old, part) is not getattr(new, part)
-            for part in ("derived", "undo", "redo", "gallery", "kept")
+            for part in ("derived", "undo", "redo", "gallery", "kept", "errands")
         )
         for client in audience(old, new, changed or _pages(old) != _pages(new)):
             self._bridge.send(client, "toolbar", toolbar(new, client))
@@ -34,6 +34,7 @@ def _pages(state: State) -> list[str]:
 def toolbar(state: State, client: int) -> Payload:
     """Everything the toolbar of one page shows."""
     undo, redo = undoable(state, client), redoable(state, client)
+    errand = reading(state, client)
     return {
         "name": state.model.name,
         "unnamed": STAND_IN.fullmatch(state.model.name) is not None,
@@ -42,6 +43,7 @@ def toolbar(state: State, client: int) -> Payload:
         "redo": redo.label if redo else None,
         "gallery": gallery(state),
         "kept": list(state.kept),
+        "reading": errand and (errand.file or errand.label),
     }
 
 

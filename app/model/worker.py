@@ -1,4 +1,4 @@
-"""Errands of pages, done in a thread one after the other."""
+"""Errands of pages: computed one after the other in a thread, files read in child processes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import threading
 from collections.abc import Callable
 from queue import SimpleQueue
 
-import pgraph_core as pg
-
-from ..core.cells import Refusal
 from ..core.events import Event
 from ..core.state import State
 from . import Errand
+from .apart import Reader, refused
 from .update import ErrandDone
 
 
@@ -22,15 +20,39 @@ class Errands:
         self._send = send
         self._begun = 0  # id of the last errand that was queued
         self._queue: SimpleQueue[Errand] = SimpleQueue()
+        self._readers: dict[int, Reader] = {}  # by the ids of their errands
         threading.Thread(target=self._work, name="pgraph-errands", daemon=True).start()
 
     def render(self, old: State, new: State) -> None:
+        self._stop_readers(old, new)
         for errand in new.errands:
+            if errand.apart and errand.id not in self._readers:
+                reader = self._readers[errand.id] = Reader(errand.work, errand.leaves)
+                name = f"pgraph-reading-{errand.id}"
+                threading.Thread(
+                    target=self._read, args=(errand, reader), name=name, daemon=True
+                ).start()
+        for errand in new.errands:
+            if errand.apart or errand.id <= self._begun:
+                continue
             if errand.compiled and not new.kernels.ready:
                 return  # those behind it wait too: they were asked for later
-            if errand.id > self._begun:
-                self._begun = errand.id
-                self._queue.put(errand)
+            self._begun = errand.id
+            self._queue.put(errand)
+
+    def _stop_readers(self, old: State, new: State) -> None:
+        """Stop what was cancelled, and what a page that is gone has asked for."""
+        gone = old.clients.keys() - new.clients.keys()
+        wanted = {errand.id for errand in new.errands if errand.client not in gone}
+        for known in self._readers.keys() - wanted:
+            self._readers.pop(known).stop()
+
+    def _read(self, errand: Errand, reader: Reader) -> None:
+        try:
+            done = ErrandDone(errand.id, reader.result())
+        except Exception as error:
+            done = ErrandDone(errand.id, problem=refused(error))
+        self._send(done)
 
     def _work(self) -> None:
         while True:
@@ -41,7 +63,5 @@ def answer(errand: Errand) -> ErrandDone:
     """What an errand found, or the sentence why it failed."""
     try:
         return ErrandDone(errand.id, errand.work(errand.model))
-    except (pg.PgraphError, Refusal, OSError) as error:
-        return ErrandDone(errand.id, problem=str(error))
     except Exception as error:  # shown on the page: the session goes on
-        return ErrandDone(errand.id, problem=f"{type(error).__name__}: {error}")
+        return ErrandDone(errand.id, problem=refused(error))

@@ -219,10 +219,9 @@ class UploadMesh(OfBodies):
 def uploaded(state: State, event: UploadMesh) -> State:
     """An errand that keeps and reads the file."""
 
-    def work(content: bytes, _: pg.Model) -> Found:
-        return shaped(event.bodies, event.name, content)
-
-    return sent_file(state, event.client, event.content, "mesh file", work)
+    work = partial(shaped, event.bodies, event.name)
+    leaves = partial(_place_of, event.name)
+    return sent_file(state, event.client, event.content, "mesh file", work, leaves)
 
 
 # -- meshes ----------------------------------------------------------------------------------------
@@ -232,7 +231,14 @@ LARGEST_MESH = 10_000_000  # [bytes]
 LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
 
 
-def shaped(bodies: tuple[str, ...], file: str, content: bytes) -> Found:
+def _place_of(file: str, content: bytes) -> Path:
+    """Where a mesh file that came through a page is kept."""
+    stem = re.sub(r"[^\w-]+", "_", Path(file).stem)[:60] or "mesh"
+    suffix = Path(file).suffix.lower()
+    return mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}{suffix}"
+
+
+def shaped(bodies: tuple[str, ...], file: str, content: bytes, _: Any = None) -> Found:
     """The uploaded file kept, and made the shape of these bodies.
 
     Raises PgraphError, Refusal, OSError.
@@ -243,8 +249,7 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes) -> Found:
     if len(content) > LARGEST_MESH:
         size = len(content) / 1e6
         raise Refusal(f"{file} has {size:.1f} MB; a mesh file has at most 10 MB")
-    stem = re.sub(r"[^\w-]+", "_", Path(file).stem)[:60] or "mesh"
-    path = mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}.{suffix}"
+    path = _place_of(file, content)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     try:

@@ -3,7 +3,7 @@
 pgraph.files = (() => {
   const LARGEST = { json: 8e6, zip: 12e6, mesh: 10e6 }; // [bytes]
   const MESH = /\.(stl|obj|ply|off|glb|dae|msh)$/i;
-  let over = null;
+  let over = null, archive = null; // what a drop brings; the last zip that was sent
 
   // The file's content by `how` ("text", or "base64"); undefined, and a sentence, where there is none.
   async function content(file, kind, how, what) {
@@ -27,8 +27,12 @@ pgraph.files = (() => {
     if (MESH.test(file.name)) { mesh(file, pgraph.latest.selected ?? []); return; }
     const zip = /\.zip$/i.test(file.name);
     const found = await (zip ? content(file, "zip", "base64", "a model with its meshes") : content(file, "json", "text", "a model file"));
-    if (found !== undefined) pgraph.send(zip ? "OpenArchive" : "OpenText", { name: file.name, content: found });
+    if (found === undefined) return;
+    const sent = { name: file.name, content: found };
+    if (zip) archive = sent;
+    pgraph.send(zip ? "OpenArchive" : "OpenText", sent);
   }
+  const member = (file, name) => { if (archive?.name === file) pgraph.send("OpenArchive", { ...archive, member: name }); };
 
   async function mesh(file, bodies) {
     if (!bodies.length) { pgraph.toast(`${file.name} was not opened: select the body first whose shape it is.`); return; }
@@ -51,5 +55,5 @@ pgraph.files = (() => {
     if (files.length > 1) { pgraph.toast(`${files.length} files were dropped; one is opened at a time.`); return; }
     read(files[0]);
   });
-  return { read, mesh };
+  return { read, mesh, member };
 })();

@@ -60,9 +60,9 @@ def greeted(state: State, event: Hello) -> State:
     page = replace(
         old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
         aspect=fresh.aspect, window=fresh.window, notice=fresh.notice, downloads=fresh.downloads,
-        conversion=fresh.conversion, reports=fresh.reports, exported=fresh.exported,
-        view=fresh.view, gallery=fresh.gallery, called=fresh.called, menu=fresh.menu,
-        selection=None, selected=(),
+        conversion=fresh.conversion, members=fresh.members, reports=fresh.reports,
+        exported=fresh.exported, view=fresh.view, gallery=fresh.gallery, called=fresh.called,
+        menu=fresh.menu, selection=None, selected=(),
     )  # fmt: skip
     if event.plots is not None and not page.plots:
         known = tuple(plot for plot in event.plots if Signal(*plot).quantity in KINDS)

@@ -52,6 +52,8 @@ class SessionView:
             self._notify(client, now.notice)
         if now.conversion is not None and now.conversion is not before.conversion:
             self._bridge.send(client, "conversion", now.conversion.to_dict())
+        if now.members is not None and now.members is not before.members:
+            self._bridge.send(client, "members", vars(now.members))
         handle = self._bridge.server.get_clients().get(client)
         if now.downloads != before.downloads and handle is not None:
             try:

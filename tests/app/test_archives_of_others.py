@@ -1,12 +1,16 @@
 """Archives as people pack the files of a robot: which file is the model."""
 
+import base64
 import io
 import zipfile
 
 import pytest
 
+import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.model.archive import unpacked
+
+from .store import ME, answered, begun, do
 
 BODY = '<body name="a"><joint axis="0 1 0"/><geom size=".1" mass="1"/></body>'
 ROBOT = f'<mujoco model="robot"><worldbody>{BODY}</worldbody></mujoco>'
@@ -42,3 +46,43 @@ def test_of_several_models_the_names_are_said(tmp_path):
         unpacked(zipped({"one.xml": ROBOT, "two.xml": ROBOT}), tmp_path)
     assert "one.xml" in str(refused.value)
     assert "two.xml" in str(refused.value)
+
+
+OWN = pg.Model.serial(1).replace(name="own").to_json()
+URDF = '<robot name="urdf"><link name="base"/></robot>'
+SEVERAL = {
+    "two of Pgraph": {"a.json": OWN, "b.json": OWN},
+    "a scene with a part, and another": {
+        "scene.xml": '<mujoco><include file="robot.xml"/></mujoco>',
+        "robot.xml": ROBOT,
+        "other.xml": ROBOT,
+    },
+    "two formats": {"bot.urdf": URDF, "bot.xml": ROBOT},
+    "in folders": {"x/a/bot.urdf": URDF, "x/b/bot.urdf": URDF},
+    "at two levels": {"bot.xml": ROBOT, "old/bot.xml": ROBOT},
+}
+
+
+@pytest.mark.parametrize("which", SEVERAL)
+def test_of_several_models_the_page_offers_a_choice(tmp_path, monkeypatch, which):
+    pytest.importorskip("mujoco")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    files = SEVERAL[which]
+    state = begun(pg.Model.serial(3))
+    sent = base64.b64encode(zipped(files)).decode()
+    asked = answered(state, do.OpenArchive(ME, "bot.zip", sent))
+    offered = asked.clients[ME].members
+    assert asked.model is state.model
+    assert set(offered.names) == set(files) - {"robot.xml"}
+    for name in offered.names:
+        chosen = answered(asked, do.OpenArchive(ME, offered.file, sent, name))
+        assert len(chosen.model.bodies) == 1
+    wrong = answered(asked, do.OpenArchive(ME, offered.file, sent, "none.xml"))
+    assert wrong.clients[ME].members.names == offered.names
+
+
+@pytest.mark.parametrize("junk", ["package.xml", "launch/bot.xml", "config.xml"])
+def test_an_xml_file_that_is_no_model_is_not_offered(tmp_path, junk):
+    pytest.importorskip("mujoco")
+    files = {"bot/bot.xml": ROBOT, junk: "<launch><node name='a'/></launch>"}
+    assert len(unpacked(zipped(files), tmp_path)[0].bodies) == 1

@@ -1,0 +1,135 @@
+"""Files of others, read in a child process with limits of time and memory, which can be stopped.
+
+A file of a few hundred bytes can ask a reader for hours of work or for all memory, or crash a
+library. In a child process it delays nobody else. It costs the start of a process, 0.6 s to 1 s.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+
+from ..core.cells import Refusal
+from . import Found
+
+LONGEST = 60  # [s] of processor time: the largest files of the import tests take 5 s
+PATIENCE = 5  # times LONGEST: wall time, on a machine that does other things too
+MOST_MEMORY = 4 * 2**30  # [bytes] of address space: those files take 1.5 GB
+NICE = 10  # edits of pages go first
+TOO_LONG = f"reading it takes more than {LONGEST} s; make it smaller"
+AT_ONCE = threading.BoundedSemaphore(max(os.cpu_count() or 1, 2))  # children
+Work = Callable[[Any], Found]  # can be pickled, and takes no model
+log = logging.getLogger(__name__)
+
+
+class Reader:
+    """Reads one file in a child process.
+
+    `leaves` is a file or folder that the work makes. It is removed where a reading was broken off.
+    """
+
+    def __init__(self, work: Work, leaves: Path | None = None):
+        self._work, self._leaves = work, leaves
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
+
+    def stop(self) -> None:
+        """End the child process, or keep it from being started."""
+        with self._lock:
+            self._stopped = True
+            if self._process is not None:
+                self._process.kill()
+
+    def result(self) -> Found:
+        """Wait for the child. Raises Refusal with the reason why there is no result."""
+        with AT_ONCE:
+            new = self._leaves is not None and not self._leaves.exists()
+            try:
+                kind, found = self._answer()
+            except Refusal:
+                if self._leaves is not None and new:
+                    shutil.rmtree(self._leaves, ignore_errors=True)
+                    self._leaves.unlink(missing_ok=True)
+                raise
+        if kind == "refused":
+            raise Refusal(found)
+        return found
+
+    def _answer(self) -> tuple[str, Any]:
+        with self._lock:
+            if self._stopped:
+                raise Refusal("its reading was cancelled")
+            self._process = process = subprocess.Popen(
+                [sys.executable, "-m", __name__, str(LONGEST)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+        with process:
+            try:
+                work, patience = pickle.dumps(self._work), PATIENCE * LONGEST
+                answer, _ = process.communicate(work, timeout=patience)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise Refusal(TOO_LONG) from None
+        if self._stopped:
+            raise Refusal("its reading was cancelled")
+        if process.returncode == -signal.SIGXCPU:
+            raise Refusal(TOO_LONG)
+        if process.returncode != 0:
+            end = f"the process that read it ended with code {process.returncode}"
+            raise Refusal(f"{end}; the file is damaged, or needs more memory than there is")
+        return pickle.loads(answer)
+
+
+def refused(error: Exception) -> str:
+    """The sentence for an error of an errand."""
+    if isinstance(error, (pg.PgraphError, Refusal, OSError)):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"it needs more than {MOST_MEMORY / 2**30:.0f} GB of memory; make it smaller"
+    log.error("an errand failed", exc_info=error)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(last.filename).name}, line {last.lineno}"
+    return (
+        f"Pgraph failed at it, which is a fault of Pgraph ({type(error).__name__} in {place}); "
+        "please report it together with the file"
+    )
+
+
+def main() -> None:
+    """Do the work that comes in through standard input, and answer through standard output."""
+    out = os.dup(1)
+    os.dup2(2, 1)  # libraries print what is no answer
+    with suppress(ImportError):  # not on Windows
+        import resource
+
+        longest = int(sys.argv[1])
+        resource.setrlimit(resource.RLIMIT_CPU, (longest, longest + 1))
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+        os.nice(NICE)
+    try:
+        answer = ("found", pickle.load(sys.stdin.buffer)(None))
+        content = pickle.dumps(answer)
+    except Exception as error:
+        content = pickle.dumps(("refused", refused(error)))
+    with open(out, "wb") as pipe:
+        pipe.write(content)
+
+
+if __name__ == "__main__":
+    main()
