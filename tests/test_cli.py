@@ -311,6 +311,23 @@ def test_a_model_file_does_not_steer_the_terminal(tmp_path, capsys):
         assert out.startswith(r"a\x1b[2J\u202e: ")
 
 
+@pytest.mark.parametrize("word", ["info", "check", "run", "convert"])
+def test_every_command_takes_folders_that_a_file_may_name(tmp_path, capsys, word):
+    part = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    for folder in ("meshes", "urdf"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "meshes" / "part.obj").write_text(part)
+    shape = '<collision><geometry><mesh filename="../meshes/part.obj"/></geometry></collision>'
+    path = tmp_path / "urdf" / "bot.urdf"
+    path.write_text(f'<robot name="bot"><link name="base">{shape}</link></robot>')
+    out = [tmp_path / "bot.json"] if word == "convert" else []
+    more = ["--t-end", "0.01"] if word == "run" else []
+    read = " ".join(printed(capsys, word, path, *out, *more))
+    assert word in ("info", "run") or "--root" in read  # a run cuts long notices
+    read = " ".join(printed(capsys, word, path, *out, *more, "--root", tmp_path / "meshes"))
+    assert "outside" not in read
+
+
 def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, capsys):
     file = tmp_path / "m.json"
     pg.Model.serial(2).save(file)
@@ -318,6 +335,6 @@ def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, c
     before = file.read_bytes()
     for out in (file, tmp_path / "link.json"):
         assert str(out) in printed(capsys, "convert", file, out, code=1)[1]
-    _, err = printed(capsys, "convert", file, tmp_path / "o.json", "--roots", "/no", code=1)
+    _, err = printed(capsys, "convert", file, tmp_path / "o.json", "--root", "/no", code=1)
     assert "/no" in err
     assert file.read_bytes() == before

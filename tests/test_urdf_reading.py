@@ -193,7 +193,7 @@ def test_macros_that_are_left_are_named_with_what_to_do(read, inside):
     assert read(plain)[1].loaded  # the name space alone is what xacro leaves behind
 
 
-FORMATS = ["robot.urdf.xacro", "w.sdf", "w.world", "s.usda", "s.usdc", "p.step", "p.stp", "m.mjb"]
+FORMATS = ["w.sdf", "w.world", "s.usda", "s.usdc", "p.step", "p.stp", "m.mjb"]
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -21,7 +21,7 @@ from pgraph_core.engine import second_process
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
 from . import bench, models, run, study, verify
-from .terminal import open_model, port, print_answer, print_problems
+from .terminal import file_options, open_model, port, print_answer, print_problems
 
 COMMANDS = {
     command.name: command
@@ -125,6 +125,7 @@ def arguments(parser: ArgumentParser) -> None:
         default="quadruped",
         help="a file or the name of a built-in model (default: quadruped)",
     )
+    file_options(parser)
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")
     parser.add_argument("--port", type=port, default=8080, help="default: 8080")
     parser.add_argument(
@@ -140,7 +141,7 @@ def arguments(parser: ArgumentParser) -> None:
 
 def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
-    model = open_model(args.model)
+    model = open_model(args)
     _bind(args.host)
     if args.log is not None:
         _log_to(args.log)

@@ -14,7 +14,17 @@ from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
 from pgraph_core.model.files import FOREIGN
 
-from .terminal import Answer, Command, aligned, count, model_argument, model_path, open_model
+from .terminal import (
+    Answer,
+    Command,
+    aligned,
+    count,
+    file_options,
+    model_argument,
+    model_path,
+    open_model,
+    roots,
+)
 
 # -- new -------------------------------------------------------------------------------------------
 
@@ -64,7 +74,7 @@ def models(args: Namespace) -> Answer:
 
 
 def info(args: Namespace) -> Answer:
-    model = open_model(args.model)
+    model = open_model(args)
     data = facts(model)
     return Answer(data, _text(model, data))
 
@@ -142,11 +152,11 @@ def check(args: Namespace) -> Answer:
     if path.suffix.lower() in FOREIGN:
         from pgraph_core.formats import read_model  # other formats need kernels
 
-        model, report = read_model(path)
+        model, report = read_model(path, roots(args), dict(args.argument))
         notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
         data |= {} if report.loaded else {"loaded": False}
     else:
-        model, notes = pg.Model.load(path), list[str]()
+        model, notes = open_model(args), list[str]()
     if problems := mesh_problems(model):
         raise ModelError(problems)
     notes += model.doubts
@@ -176,9 +186,7 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 def convert_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("model", metavar="IN", help="a file or the name of a built-in model")
     parser.add_argument("out", metavar="OUT", help="the file to write; its suffix is the format")
-    parser.add_argument(
-        "--roots", metavar="FOLDER", nargs="+", default=(), help="folders that meshes may lie in"
-    )
+    file_options(parser)
     parser.add_argument(
         "--repair", action="store_true", help="replace inertias that no body has by the nearest"
     )
@@ -191,10 +199,7 @@ def convert(args: Namespace) -> Answer:
     given = model_path(args.model)
     if given.exists() and Path(args.out).exists() and given.samefile(args.out):
         raise FileError(Problem(args.out, "", "is the file that is read; choose another name"))
-    for root in args.roots:
-        if not Path(root).is_dir():
-            raise FileError(Problem(root, "", "there is no such folder"))
-    model, read = read_model(given, args.roots)
+    model, read = read_model(given, roots(args), dict(args.argument))
     if args.repair:
         model = read.repaired(model)
     written = write_model(model, args.out)

@@ -65,7 +65,7 @@ def run_arguments(parser: ArgumentParser) -> None:
 
 def run(args: Namespace) -> Answer:
     _writable(args.output)
-    model = open_model(args.model)
+    model = open_model(args)
     scenario = first_scenario(model, args.scenario)
     bar = progress_bar()
     compiling = time.perf_counter()
@@ -191,7 +191,7 @@ def sweep_arguments(parser: ArgumentParser) -> None:
 
 
 def sweep(args: Namespace) -> Answer:
-    model = open_model(args.model)
+    model = open_model(args)
     given = [path for path, _ in args.set]
     if twice := next((path for path in given if given.count(path) > 1), None):
         text = "is given twice: write all its values in one --set, as PATH=1,2,3"
@@ -312,7 +312,7 @@ def export(args: Namespace) -> Answer:
 
 def _drawn(args: Namespace, film: bool) -> Answer:
     """A picture or a film."""
-    model, bar = open_model(args.model), progress_bar()
+    model, bar = open_model(args), progress_bar()
     scenario = first_scenario(model, args.scenario)
     look = {"view": args.view, "dark": args.dark}
     sized = {} if args.size is None else {"size": args.size}
@@ -345,7 +345,7 @@ def _drawn(args: Namespace, film: bool) -> Answer:
 def _page(args: Namespace) -> Answer:
     from pgraph_core.live.export import exported  # other commands need none of it
 
-    model, bar = open_model(args.model), progress_bar()
+    model, bar = open_model(args), progress_bar()
     scenario, why = first_scenario(model, args.scenario), ""
     bar("compiling", 0.0)  # at a first start: what this model needs, and nothing else
     if args.live or args.open:

@@ -86,7 +86,7 @@ def report(args: Namespace) -> Answer:
 def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
     if args.case is not None:
         return _case(args.case)
-    model = open_model(args.model)
+    model = open_model(args)
     scenario = first_scenario(model, args.scenario)
     return pg.Mechanism(model), {"scenario": scenario}
 
@@ -160,7 +160,7 @@ def stability_arguments(parser: ArgumentParser) -> None:
 
 def stability(args: Namespace) -> Answer:
     _writable(args.output, (".html", ".json") if args.all else (".html", ".svg", ".json"))
-    model = open_model(args.model)
+    model = open_model(args)
     asked = {n: getattr(args, n) for n in ("methods", "steps", "t_end", "target", "scenario")}
     options = {name: value for name, value in asked.items() if value is not None}
     if args.values is not None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.errors import InputError, Problem, choices, plain
+from pgraph_core.errors import FileError, InputError, Problem, choices, plain
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
@@ -31,11 +31,41 @@ def model_argument(parser: ArgumentParser, nargs: str | None = None) -> None:
     """MODEL, which most commands take."""
     text = "a file or the name of a built-in model"
     parser.add_argument("model", metavar="MODEL", nargs=nargs, help=text)  # type: ignore[arg-type]
+    file_options(parser)
 
 
-def open_model(name: str) -> pg.Model:
+def file_options(parser: ArgumentParser) -> None:
+    """Options of commands that read a model file."""
+    parser.add_argument(
+        "--root", action="append", default=[], metavar="FOLDER",
+        help="a folder in which meshes and included files may lie; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--argument", type=given, action="append", default=[], metavar="NAME=VALUE",
+        help="a value for an argument of a xacro file, which is a program; may be repeated",
+    )  # fmt: skip
+
+
+def given(text: str) -> tuple[str, str]:
+    """A name and its value."""
+    name, mark, value = text.partition("=")
+    if not (name and mark):
+        raise ArgumentTypeError(f"must be NAME=VALUE; given {text!r}")
+    return name, value
+
+
+def open_model(args: Namespace) -> pg.Model:
     """The model in a file, or the built-in one of this name. Raises PgraphError."""
-    return pg.Model.load(model_path(name))
+    path = model_path(args.model)
+    return pg.Model.load(path, roots=roots(args), arguments=dict(args.argument))
+
+
+def roots(args: Namespace) -> list[str]:
+    """The folders of `--root`. Raises FileError if one is not there."""
+    for root in args.root:
+        if not Path(root).is_dir():
+            raise FileError(Problem(f"--root {root}", "", "there is no such folder"))
+    return args.root
 
 
 def model_path(name: str) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +18,28 @@ from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
 from .urdf import read_urdf
 from .urdf_out import write_urdf
+from .xacro import SUFFIX, no_arguments
 
 FORMATS = {"urdf": (read_urdf, write_urdf), "mjcf": (read_mjcf, write_mjcf)}
 READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
 WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
 
 
-def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
-    """(model, report) of a file, by its suffix. Raises FileError or ModelError.
+def read_model(
+    path: str | Path,
+    roots: Iterable[str | Path] = (),
+    arguments: Mapping[str, Any] | None = None,
+) -> tuple[Model, Report]:
+    """(model, report) of a file, by its suffix. Raises FileError, ModelError or InputError.
 
     URDF and MJCF are both XML, and many files have the suffix of the other: the first element of
     the file decides between them.
     """
     suffix = Path(path).suffix.lower()
+    if suffix == SUFFIX:
+        return read_urdf(path, roots, arguments=arguments)
+    if arguments:
+        raise no_arguments(Path(path))
     if reader := READERS.get(suffix):
         return _by_root(path, reader)(path, roots)
     model, report = Model.load(path, roots=roots), Report(Path(path).name)
@@ -59,12 +68,16 @@ FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
 HEAD = 65536  # bytes of a file in which its first element stands
 
 
+def first_element(head: bytes) -> bytes:
+    """The name of the first element in the head of an XML file; b"" if there is none."""
+    found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head[:HEAD], flags=re.DOTALL))
+    return found[1] if found else b""
+
+
 def _by_root(path: str | Path, otherwise: Any) -> Any:
     """Return the reader for the first element of an XML file, or `otherwise` if there is none."""
     try:
         with ordinary(path) as file:
-            head = re.sub(rb"<!--.*?-->", b"", file.read(HEAD), flags=re.DOTALL)
+            return ROOTS.get(first_element(file.read(HEAD)), otherwise)
     except (OSError, ValueError):
         return otherwise  # which says why it cannot be read
-    found = FIRST.search(head)
-    return ROOTS.get(found[1], otherwise) if found else otherwise

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
+from ..model.files import ALLOW
 from ..model.model import LOST
 from ..tolerances import SOLVED
 
@@ -302,6 +303,13 @@ class Folders:
         found = [self.here / name, *(root / name for root in self.allowed)]
         return self._checked(found if not Path(name).is_absolute() else [Path(name)])
 
+    def package_called(self, name: str) -> Path | None:
+        """The folder of a package: one of this name above the file, in a root, or a root itself."""
+        tries = [root for root in self.allowed if root.name == name]
+        tries += [root / name for root in self.allowed]
+        tries += [folder for folder in self.here.parents if folder.name == name]
+        return next((folder for folder in tries if folder.is_dir()), None)
+
     def _packaged(self, rest: str) -> tuple[Path | None, str]:
         """Of 'name/path/in/it': in a folder called so above the file or in a root."""
         package, _, inside = rest.partition("/")
@@ -329,5 +337,5 @@ class Folders:
                 continue
         if outside:
             root = self.package or self.here
-            return None, f"it lies outside of {root}; allow its folder with roots=[...]"
+            return None, f"it lies outside of {root}; {ALLOW}"
         return None, "there is no such file"

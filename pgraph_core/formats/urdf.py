@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -31,6 +31,7 @@ from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
 from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of, quaternion_of
 from .conversion import Folders, Report, reach_of, suspect_rings, suspect_units, unphysical
+from .xacro import SUFFIX, expanded, no_arguments
 
 Value = TypeVar("Value")
 ZERO = (0.0, 0.0, 0.0)
@@ -62,7 +63,7 @@ DIMENSIONS = {  # of solids
     "capsule": ("radius", "length"),
 }
 ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
-XACRO = "of xacro, which has to expand the file first: xacro robot.urdf.xacro > robot.urdf"
+XACRO = "of xacro; name the file robot.urdf.xacro, so that they are expanded"
 KNOWN = {"link", "joint", "material", "loop_joint"}  # of what stands in <robot>
 OF_LINK = {"inertial", "visual", "collision"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
@@ -74,18 +75,32 @@ def read_urdf(
     roots: Iterable[str | Path] = (),
     *,
     base: Literal["fixed", "free"] = "fixed",
+    arguments: Mapping[str, Any] | None = None,
 ) -> tuple[Model, Report]:
-    """(model, report) of a URDF file.
+    """(model, report) of a URDF file, or of a xacro file that makes one.
 
     `roots` are folders in which `package://` and other mesh files may lie, besides the nearest
     folder above the file with a package.xml, or its own. `base`: whether the root link is welded
-    to the ground or floats. Raises FileError or ModelError, naming line and element.
+    to the ground or floats. `arguments`: values for the arguments of a xacro file, which is a
+    program: read only those that you trust. Raises FileError or ModelError, naming line and
+    element, InputError, and MissingPackage for a xacro file without the package xacro.
     """
     if base not in ("fixed", "free"):
         text = f"must be 'fixed' or 'free'; given {shown(base)}"
         raise InputError(Problem("read_urdf", "base", text))
     path = Path(path)
-    return _Reader(path, read_markup(path), Folders(path, roots), base).result()
+    folders, name, warnings = Folders(path, roots), path.name, list[str]()
+    if path.suffix.lower() == SUFFIX:
+        robot, warnings = expanded(path, folders, arguments or {})
+        name = f"{name}, expanded"
+    elif arguments:
+        raise no_arguments(path)
+    else:
+        robot = read_markup(path)
+    reader = _Reader(name, robot, folders, base)
+    for text in warnings:
+        reader.report.add("warning", path.name, text)
+    return reader.result()
 
 
 class _Joint(NamedTuple):
@@ -96,9 +111,9 @@ class _Joint(NamedTuple):
 
 
 class _Reader:
-    def __init__(self, path: Path, robot: Element, folders: Folders, base: str):
-        self.source, self.robot, self.folders, self.base = Source(path.name), robot, folders, base
-        self.report = Report(path.name)
+    def __init__(self, name: str, robot: Element, folders: Folders, base: str):
+        self.source, self.robot, self.folders, self.base = Source(name), robot, folders, base
+        self.report = Report(name)
         self.faults: list[PgraphError] = []
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"

@@ -35,7 +35,6 @@ NOT_JSON = {
     ".stl", ".obj", ".dae", ".ply", ".md", ".py", ".zip", ".pkl",
 }  # fmt: skip
 CONVERT = {  # suffix of a format that is not read -> what it is, and what to do
-    ".xacro": "holds macros of xacro; expand it first: xacro robot.urdf.xacro > robot.urdf",
     ".sdf": "is SDF, which is not read; give a URDF or MJCF file of the model",
     ".world": "is SDF, which is not read; give a URDF or MJCF file of the model",
     ".usd": "is USD, which is not read; export URDF or MJCF from the program that made it",
@@ -48,7 +47,12 @@ CONVERT = {  # suffix of a format that is not read -> what it is, and what to do
     ".igs": "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
     ".mjb": "is a compiled model of MuJoCo; give the MJCF file that it was made from",
 }
-FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
+FOREIGN = {
+    ".urdf": "urdf",
+    ".xacro": "urdf",
+    ".xml": "mjcf",
+    ".mjcf": "mjcf",
+}  # suffixes of other formats
 
 LARGEST = 64_000_000  # bytes of a file
 MOST_VALUES = 5_000_000
@@ -347,6 +351,7 @@ def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 FOLDER = "meshes"  # where a saved model keeps meshes from elsewhere, next to its file
 ALLOWED = "PGRAPH_MESHES"  # environment: more folders whose meshes a model may name
+ALLOW = "allow its folder: roots=[FOLDER] in Python, --root FOLDER in the terminal"
 
 # -- meshes that a model file names ----------------------------------------------------------------
 
@@ -405,7 +410,7 @@ def _located(body: Any, folder: Path, allowed: tuple[Path, ...], problems: list[
 def _outside(file: str, folder: Path) -> str:
     return (
         f"the mesh file {shown(file, 200)} lies outside of the model's folder {folder}; copy it "
-        f"into that folder, or allow its own: roots=[...] or the environment variable {ALLOWED}"
+        f"into that folder, or {ALLOW}"
     )
 
 

@@ -719,16 +719,24 @@ class Model(World):
         return cls(**located(files.parse(text, source), folder, roots))
 
     @classmethod
-    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
+    def load(
+        cls,
+        path: str | Path,
+        /,
+        *,
+        roots: Iterable[str | Path] = (),
+        arguments: Mapping[str, Any] | None = None,
+    ) -> Self:
         """The model in a file; its mesh files are found from the file's folder on.
 
         Meshes outside of that folder are refused unless they lie in one of `roots`. A file of
-        another format (.urdf; .xml or .mjcf) is converted; `notices` names what is left out or
-        doubtful; `pg.read_urdf` and `pg.read_mjcf` give the whole report.
-        Raises FileError or ModelError.
+        another format (.urdf, .xacro; .xml or .mjcf) is converted; `notices` names what is left out
+        or doubtful; `pg.read_urdf` and `pg.read_mjcf` give the whole report. `arguments` are those
+        of a xacro file, which is a program: load only those that you trust.
+        Raises FileError, ModelError or InputError.
         """
-        if Path(path).suffix.lower() in files.FOREIGN:
-            model, report = files.formats().read_model(path, roots)
+        if Path(path).suffix.lower() in files.FOREIGN or arguments:
+            model, report = files.formats().read_model(path, roots, arguments)
             worth = (str(e) for e in report.entries if e.kind in ("left out", "warning"))
             vars(model)["notices"] = tuple(worth)
             return model
