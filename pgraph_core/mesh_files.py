@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -58,7 +59,8 @@ def parsed_mesh(file: str | Path) -> Any:
         if suffix == "msh":
             mesh = trimesh.Trimesh(*_msh(content), process=False)
         elif suffix == "dae":
-            mesh = trimesh.Trimesh(*triangles(content, Path(file).name), process=False)
+            vertices, faces, paints = triangles(content, Path(file).name)
+            mesh = trimesh.Trimesh(vertices, faces, process=False, metadata={"paints": paints})
         else:
             mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
@@ -131,8 +133,11 @@ PRIMITIVES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 DEEPEST = 100  # nodes that name nodes
 
 
-def triangles(content: bytes, name: str) -> tuple[Array, Array]:
-    """(vertices (n, 3) [m], faces (m, 3)) of all geometry in the scene. Raises FileError."""
+def triangles(content: bytes, name: str) -> tuple[Array, Array, Counter[Any]]:
+    """(vertices (n, 3) [m], faces (m, 3), number of faces by colour) of the scene.
+
+    A colour is four numbers, "texture", or None if there is none. Raises FileError.
+    """
     return _Collada(parse_markup(content, name), Source(name)).triangles()
 
 
@@ -141,9 +146,10 @@ class _Collada:
         self.root, self.source = root, source
         self.named = {e.get("id"): e for e in root.inside() if e.get("id")}
         self.parts: list[tuple[Array, Array]] = []
+        self.paints = Counter[Any]()
         self.count = 0
 
-    def triangles(self) -> tuple[Array, Array]:
+    def triangles(self) -> tuple[Array, Array, Counter[Any]]:
         """All parts together."""
         asset = self.root.first("asset")
         unit = asset.first("unit") if asset is not None else None
@@ -157,10 +163,11 @@ class _Collada:
         if top is not None:
             self._node(top, np.eye(4), 0)
         if not self.parts:
-            return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+            return np.zeros((0, 3)), np.zeros((0, 3), np.int64), self.paints
         starts = np.cumsum([0, *(len(v) for v, _ in self.parts)])
         vertices = np.concatenate([v for v, _ in self.parts]) * metres
-        return vertices, np.concatenate([f + s for (_, f), s in zip(self.parts, starts)])
+        faces = np.concatenate([f + s for (_, f), s in zip(self.parts, starts)])
+        return vertices, faces, self.paints
 
     def _target(self, element: Element, field: str = "url") -> Element | None:
         return self.named.get(element.get(field).lstrip("#"))
@@ -181,9 +188,10 @@ class _Collada:
                 self._node(target, turn, depth + 1)
             elif child.tag == "instance_controller" and target is not None:
                 skin = target.first("skin")
-                self._geometry(self._target(skin, "source") if skin is not None else None, turn)
+                source = self._target(skin, "source") if skin is not None else None
+                self._geometry(source, turn, child)
             elif child.tag == "instance_geometry":
-                self._geometry(target, turn)
+                self._geometry(target, turn, child)
 
     def _transform(self, element: Element) -> Array:
         x = self._numbers(element)
@@ -210,7 +218,25 @@ class _Collada:
             raise self.source.wrong(element, element.tag, "must hold numbers only") from None
         return found
 
-    def _geometry(self, geometry: Element | None, turn: Array) -> None:
+    def _paint(self, instance: Element, symbol: str) -> Any:
+        """The colour of a material by which an instance of a geometry calls it."""
+        for bound in instance.inside():
+            if bound.tag != "instance_material" or bound.get("symbol") != symbol:
+                continue
+            material = self._target(bound, "target")
+            effect = material.first("instance_effect") if material is not None else None
+            target = self._target(effect) if effect is not None else None
+            inside = target.inside() if target is not None else ()
+            diffuse = next((e for e in inside if e.tag == "diffuse"), None)
+            if diffuse is None:
+                continue
+            if (colour := diffuse.first("color")) is None:
+                return "texture" if diffuse.first("texture") is not None else None
+            numbers = self._numbers(colour)
+            return (*numbers[:3].tolist(), 1.0) if len(numbers) > 2 else None
+        return None
+
+    def _geometry(self, geometry: Element | None, turn: Array, instance: Element) -> None:
         mesh = geometry.first("mesh") if geometry is not None else None
         if mesh is None:
             return
@@ -226,6 +252,7 @@ class _Collada:
             if len(faces) and (faces.min() < 0 or faces.max() >= len(points)):
                 text = f"has faces of vertices that are not there; it has {len(points)}"
                 raise self.source.wrong(primitive, "", text)
+            self.paints[self._paint(instance, primitive.get("material"))] += len(faces)
             self.parts.append((points @ turn[:3, :3].T + turn[:3, 3], faces))
 
     def _points(self, vertex: Element) -> Array:

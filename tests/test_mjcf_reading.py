@@ -5,6 +5,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.formats.mjcf_schema import ACTUATORS, KNOWN, newer
+from pgraph_core.mesh_files import load_mesh
+from pgraph_core.rotation import matrix
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -245,14 +247,87 @@ def test_names_that_are_made_here_avoid_those_of_the_file(tmp_path, child):
     assert {"arm", child} < {b.name for b in model.bodies}
 
 
-@pytest.mark.parametrize(("alpha", "seen"), [(0.0, False), (0.3, True), (1.0, True)])
+@pytest.mark.parametrize("alpha", [0.0, 0.25, 1.0])
 @pytest.mark.parametrize("touches", [0, 1])
-def test_what_is_transparent_in_the_file_hides_nothing(tmp_path, alpha, seen, touches):
+def test_what_is_transparent_in_the_file_is_transparent(tmp_path, alpha, touches):
     zone = f'<geom size=".5" rgba="1 0 0 {alpha}" contype="{touches}" conaffinity="{touches}"/>'
     model, report = read(tmp_path, world(f"<body><joint/>{BOX}{zone}</body>"))
-    spheres = [s for s in model.bodies[0].shapes if s.kind == "sphere"]
-    assert [s.role != "collision" for s in spheres] == ([seen] if seen or touches else [])
-    assert ("transparent" in str(report)) == (0 < alpha < 1)
+    (sphere,) = [s for s in model.bodies[0].shapes if s.kind == "sphere"]
+    assert sphere.role == ("both" if touches else "visual")
+    assert (sphere.opacity, sphere.colour) == (alpha, (1.0, 0.0, 0.0))
+    assert report.loaded
+    pg.write_mjcf(model, tmp_path / "again.xml")
+    again = pg.read_mjcf(tmp_path / "again.xml")[0].bodies[0].shapes
+    assert [s.opacity for s in again] == [s.opacity for s in model.bodies[0].shapes]
+
+
+TETRAHEDRON = 'vertex="0 0 0  .2 0 0  0 .2 0  0 0 .2"'
+INLINE = [
+    TETRAHEDRON,
+    TETRAHEDRON + ' face="0 2 1  0 1 3  0 3 2  1 2 3" inertia="exact"',
+    TETRAHEDRON + ' scale="1 2 -.5"',
+    TETRAHEDRON + ' refpos=".1 .2 .3" refquat="1 1 0 0"',
+    'builtin="sphere" params="2" scale=".1 .1 .1"',
+]
+
+
+@pytest.mark.parametrize("mesh", INLINE)
+@pytest.mark.parametrize("turn", ["1 0 0 0", ".5 .5 -.5 .1"])
+def test_a_mesh_whose_vertices_stand_in_the_file_is_where_mujoco_has_it(
+    tmp_path, monkeypatch, mesh, turn
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    geom = f'<geom type="mesh" mesh="m" mass="1" pos=".1 0 .2" quat="{turn}"/>'
+    body = f'<body name="a" pos="1 2 3"><joint pos="0 .5 0" axis="0 1 0"/>{geom}</body>'
+    text = world(body, rest=f'<asset><mesh name="m" {mesh}/></asset>')
+    model, report = read(tmp_path, text)
+    m = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(m)
+    mujoco.mj_kinematics(m, data)
+    there = m.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T + data.geom_xpos[0]
+    (shape,) = model.bodies[0].shapes
+    place, axes = pg.Mechanism(model).poses(pg.Mechanism(model).home()[0])
+    here = np.asarray(load_mesh(shape.file, shape.scale).vertices) @ matrix(shape.rotation).T
+    here = (here + shape.position) @ axes[0].T + place[0]
+    gaps = np.linalg.norm(here[:, None] - there[None], axis=2)
+    assert gaps.min(axis=0).max() < 1e-6
+    assert gaps.min(axis=1).max() < 1e-6
+    assert report.loaded
+    (tmp_path / "saved").mkdir()
+    model.save(tmp_path / "saved" / "m.json")
+    saved = pg.Model.load(tmp_path / "saved" / "m.json").bodies[0].shapes[0]
+    np.testing.assert_array_equal(load_mesh(saved.file).vertices, load_mesh(shape.file).vertices)
+
+
+def test_a_mesh_that_cannot_be_kept_is_named(tmp_path, monkeypatch):
+    (tmp_path / "data").write_text("a file where a folder should be")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    body = '<body name="a"><joint/><geom type="mesh" mesh="m" mass="1"/></body>'
+    text = world(body, rest=f'<asset><mesh name="m" {TETRAHEDRON}/></asset>')
+    _, report = read(tmp_path, text)
+    assert not report.loaded
+    assert "'m'" in left_out(report)
+
+
+@pytest.mark.parametrize(
+    ("texture", "mean"),
+    [
+        ('builtin="flat" rgb1="1 0 0"', (1.0, 0.0, 0.0)),
+        ('builtin="checker" rgb1="1 1 1" rgb2="0 0 0"', (0.5, 0.5, 0.5)),
+        ('builtin="flat" rgb1=".2 .4 .6"', (0.2, 0.4, 0.6)),
+    ],
+)
+@pytest.mark.parametrize("tint", [(1.0, 1.0, 1.0, 1.0), (0.5, 1.0, 0.25, 0.5)])
+def test_what_has_a_texture_is_drawn_in_its_mean_colour(tmp_path, texture, mean, tint):
+    asset = f'<asset><texture name="t" type="2d" {texture} width="8" height="8"/>'
+    asset += f'<material name="m" texture="t" rgba="{numbers(tint)}"/></asset>'
+    body = '<body name="a"><joint/><geom size=".1" material="m"/><geom size=".2"/></body>'
+    model, report = read(tmp_path, world(body, rest=asset))
+    textured, plain = model.bodies[0].shapes
+    assert textured.colour == pytest.approx(np.multiply(mean, tint[:3]), abs=1 / 255)
+    assert textured.opacity == tint[3]
+    assert plain.colour is None
+    assert "texture" in str([*report.of("approximated")])
 
 
 def test_a_weld_at_another_orientation_is_not_loaded(tmp_path):

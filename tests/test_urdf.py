@@ -175,7 +175,8 @@ def test_shapes_have_roles_colours_and_meshes_of_the_package(tmp_path):
     path = folder / "urdf" / "a.urdf"
     path.write_text(robot(red, link("base", inside)))
     model, report = pg.read_urdf(path)
-    box, drawn, touching = model.bodies[0].shapes
+    box, drawn, missing, touching = model.bodies[0].shapes
+    assert (missing.role, missing.kind) == ("visual", "mesh")
     assert (box.kind, box.role, box.colour) == ("box", "both", (1, 0, 0))
     assert (drawn.role, drawn.scale, drawn.colour) == ("visual", (0.001, -0.001, 0.002), (1, 0, 0))
     assert (touching.role, touching.hull) == ("collision", "convex")

@@ -167,12 +167,18 @@ def check(args: Namespace) -> Answer:
 
 
 def mesh_problems(model: pg.Model) -> list[Problem]:
-    """One problem for each body whose mesh file cannot be read."""
+    """One problem for each body whose mesh file cannot be read.
+
+    A file that is not there is a doubt where it would only be drawn.
+    """
     from pgraph_core.mesh_files import load_mesh  # it needs the compiler; models without do not
 
     found = []
     for body in model.bodies:
-        for file in (shape.file for shape in body.shapes if shape.file):
+        for shape in body.shapes:
+            file = shape.file
+            if not file or (shape.role == "visual" and not Path(file).exists()):
+                continue
             try:
                 load_mesh(file)
             except pg.PgraphError as error:

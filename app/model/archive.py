@@ -17,7 +17,8 @@ from pgraph_core.errors import choices
 from pgraph_core.formats import READERS, ROOTS, first_element, read_model, write_model
 from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
-from pgraph_core.model.files import FOLDER, user_folder
+from pgraph_core.model.files import FOLDER
+from pgraph_core.model.files import mesh_folder as mesh_folder
 
 from ..core.cells import Refusal
 
@@ -26,11 +27,6 @@ LARGEST_WITHIN = 100_000_000  # [bytes] unpacked
 LARGEST_KEPT = 1_000_000_000  # [bytes] of all meshes that came through a page
 # what zipfile raises: damaged, cut, encrypted or by an unknown method, names that are no text
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
-
-
-def mesh_folder() -> Path:
-    """Where meshes that came through a page are kept, next to what programs of this user keep."""
-    return user_folder("XDG_DATA_HOME", ".local/share") / "meshes"
 
 
 def packed(model: pg.Model) -> tuple[str, bytes]:

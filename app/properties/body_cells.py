@@ -208,7 +208,7 @@ def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
     shape = _shape(one, kind)
     if shape is not None and at < len(body.shapes):
         old = body.shapes[at]
-        shape |= {"role": old.role, "colour": old.colour}
+        shape |= {"role": old.role, "colour": old.colour, "opacity": old.opacity}
     change = _with_shapes(body, at, shape)
     return change if shape is not None or body.shapes[1:] else change | {"derived": ()}
 

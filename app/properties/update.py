@@ -40,7 +40,8 @@ BodyField = Literal[
     "armature", "limits", "limit_restitution", "shape_kind", "shape_size", "shape_radius",
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
     "shape_rotation",
-    "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
+    "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "shape_opacity",
+    "derived",
     "body_length",
 ]  # fmt: skip
 SHAPE_NUMBER = r"(\d{1,9}|more)"

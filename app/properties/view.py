@@ -289,6 +289,7 @@ class _Form:
         colour = [cell((), held(self.model, self.body, prefix + "colour", self.display))]
         found.append(field(prefix + "colour", "Colour", colour, kind="text",
                            help=shows("shape_colour").help))  # fmt: skip
+        found.append(self.vector(prefix + "opacity"))
         if at == len(shapes) - 1 < MOST_SHAPES - 1:
             more = button("+ shape", "", "one more shape", field=f"shape_{at + 1}_kind",
                           index=[], text="sphere")  # fmt: skip

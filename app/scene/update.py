@@ -70,14 +70,15 @@ def viewport(state: State, event: Viewport) -> State:
 
 @dataclass(frozen=True)
 class Unreadable(Event):
-    """Mesh files that are drawn as boxes, a sentence each."""
+    """Mesh files that cannot be drawn, a sentence each."""
 
     sentences: tuple[str, ...]
 
 
 @on(Unreadable)
 def unreadable(state: State, event: Unreadable) -> State:
-    notice = Notice("Drawn as a box", " ".join(event.sentences), bad=True)
+    text = f"Transparent links stand for meshes: {' '.join(event.sentences)}"
+    notice = Notice("Meshes are missing", text, bad=True)
     for client in state.clients:
         state = told(state, client, notice)
     return state

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
+from ..model.fields import GROUND
 from ..model.files import ALLOW
 from ..model.model import LOST
 from ..tolerances import SOLVED
@@ -252,6 +254,44 @@ def suspect_units(report: Report, model: Model, reach: float) -> None:
                 f"the limit {wide[0]:.5g} rad of '{body.name}' is {wide[0] / 6.2831853:.3g} turns: "
             )
             report.add("warning", report.file, f"{text}is it in degrees?", part=body.name)
+
+
+class MeshSize(NamedTuple):
+    """How large a mesh is in the model."""
+
+    where: str  # in the file
+    body: str
+    name: str  # of the mesh, as the file gives it
+    size: float  # [m] largest extent
+
+
+SHRUNK = math.sqrt(1000.0)  # a mesh this much larger than the robot fits it better in millimetres
+
+
+def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[MeshSize]) -> None:
+    """Warn of meshes of bodies that move, whose size is nearer to the robot's in millimetres.
+
+    The size of the robot is the `reach` of its joints [m], or the largest radius of gyration.
+    """
+    radii = (
+        math.sqrt(abs(np.trace(np.array(body.inertia))) / 2 / body.mass)
+        for body in model.bodies
+        if body.mass > 0
+    )
+    robot = max((reach, *radii))
+    still = {GROUND}
+    for body in model.bodies:
+        if body.joint == "weld" and body.parent in still:
+            still.add(body.name)
+    if len(still) > len(model.bodies):  # nothing moves
+        still = {GROUND}
+    for mesh in meshes:
+        if robot > 0 and mesh.size > SHRUNK * robot and mesh.body not in still:
+            text = (
+                f"mesh {shown(mesh.name)} is {mesh.size:.4g} m long, {mesh.size / robot:.3g} times "
+                "the size of the robot: is it in millimetres? Then its scale is 0.001"
+            )
+            report.add("warning", mesh.where, text, part=mesh.body)
 
 
 def reach_of(bodies: Mapping[str, tuple[float, float, float]]) -> float:

@@ -21,9 +21,17 @@ from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
-from ..model.files import ALLOW
+from ..model.files import ALLOW, kept_mesh
 from ..rotation import matrix, multiply, unit
-from .conversion import Folders, Report, reach_of, suspect_units, unphysical
+from .conversion import (
+    Folders,
+    MeshSize,
+    Report,
+    reach_of,
+    suspect_meshes,
+    suspect_units,
+    unphysical,
+)
 from .mjcf_contacts import Contacts
 from .mjcf_parts import Compiled, Group, Parts, within_margin
 from .mjcf_schema import newer
@@ -203,6 +211,7 @@ class _Reader:
     def __init__(self, m: Compiled, path: Path, files: _Files):
         self.m, self.files, self.path = m, files, path
         self.report = Report(path.name)
+        self.sizes: list[MeshSize] = []
         self.names = self._body_names()
         self.taken = {*self.names}
         self.pivot = np.zeros((m.nbody, 3))
@@ -264,6 +273,7 @@ class _Reader:
             raise ModelError(found) from None
         places = {self.names[b]: tuple(m.home.xpos[b].tolist()) for b in range(1, m.nbody)}
         suspect_units(self.report, model, reach_of(places))
+        suspect_meshes(self.report, model, reach_of(places), self.sizes)
         count = len(m.actuator_trnid)
         text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {count} actuators"
         self.report.add("read", self.path.name, text)
@@ -478,20 +488,10 @@ class _Reader:
         geom, acts = m.geoms[g], m.touching[g]
         (x, y, z), kind, turn, rgba = geom.size, geom.kind, unit(geom.quat), geom.rgba
         place = [p - own for p, own in zip(geom.pos, self.pivot[b].tolist())]
-        hidden = rgba is not None and rgba[3] == 0.0
-        if hidden and not acts:
-            self.left_out(
-                "geom", m.geom(g).name, "a geom that is neither seen nor touched", acts=False
-            )
-            return None
-        shape: dict[str, Any] = {
-            "role": "visual" if not acts else "collision" if hidden or geom.group > 2 else "both"
-        }
+        role = "visual" if not acts else "collision" if geom.group > 2 else "both"
+        shape: dict[str, Any] = {"role": role}
         if rgba is not None:
-            shape["colour"] = rgba[:3]
-        if rgba is not None and 0.0 < rgba[3] < 1.0:
-            text = f"a colour that is {1 - rgba[3]:.0%} transparent is opaque here"
-            self.report.add("approximated", self.where("geom", m.geom(g).name), text)
+            shape["colour"], shape["opacity"] = rgba[:3], rgba[3]
         match kind:
             case 2:
                 shape |= {"kind": "sphere", "radius": x}
@@ -536,9 +536,7 @@ class _Reader:
         name = m.mesh(k).name
         at = int(m.mesh_pathadr[k])
         if at < 0:
-            text = "its vertices stand in the model file: save it as an STL or OBJ file"
-            self.left_out("mesh", name, text, acts=acts)
-            return None
+            return self._inline(k, name, acts)
         file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
         if not self.files.folders.holds(file):
             self.left_out("mesh", name, "it lies outside of the model's folder", acts=acts)
@@ -548,11 +546,34 @@ class _Reader:
             return None
         sizes = tuple(float(x) for x in m.mesh_scale[k])
         scale = sizes[0] if len(set(sizes)) == 1 and sizes[0] > 0 else sizes
-        shape: dict[str, Any] = {"kind": "mesh", "file": str(file), "scale": scale}
-        if acts:
-            shape["hull"] = "convex"
+        body = self.names[int(m.geom_bodyid[g])]
+        size = 2 * float(m.geom_aabb[g, 3:].max())
+        self.sizes.append(MeshSize(self.where("mesh", name), body, file.name, size))
         w, i, j, l_ = unit(m.mesh_quat[k].tolist())
+        shape = self._of_file(file, acts) | {"scale": scale}
         return shape, m.mesh_pos[k].copy(), (w, -i, -j, -l_)
+
+    def _of_file(self, file: Path, acts: bool) -> dict[str, Any]:
+        """The fields of a mesh shape."""
+        hull = {"hull": "convex"} if acts else {}
+        return {"kind": "mesh", "file": str(file), **hull}
+
+    def _inline(
+        self, k: int, name: str, acts: bool
+    ) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
+        """A mesh whose vertices stand in the file, as MuJoCo compiled it: kept as an OBJ file."""
+        m = self.m
+        first, face = int(m.mesh_vertadr[k]), int(m.mesh_faceadr[k])
+        vertices = m.mesh_vert[first : first + int(m.mesh_vertnum[k])]
+        faces = m.mesh_face[face : face + int(m.mesh_facenum[k])]
+        try:
+            file = kept_mesh(name, vertices, faces)
+        except FileError as error:
+            self.left_out("mesh", name, f"its vertices stand in the file: {error}", acts=acts)
+            return None
+        text = f"its vertices stand in the file; they are kept in {file}"
+        self.report.add("converted", self.where("mesh", name), text)
+        return self._of_file(file, acts), np.zeros(3), (1.0, 0.0, 0.0, 0.0)
 
 
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

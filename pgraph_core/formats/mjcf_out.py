@@ -32,7 +32,7 @@ from ..rotation import matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
-from .mjcf_parts import MINVAL, SENSORS, end_name
+from .mjcf_parts import GREY, MINVAL, SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
@@ -65,7 +65,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
 
 class _Writer:
     def __init__(self, model: Model, path: Path):
-        self.model, self.report = model, Report(path.name)
+        self.model, self.report, self.folder = model, Report(path.name), path.parent
         self.home = Dynamics(model).packed.home_poses
         self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
         self.sites: dict[str, list[Tag]] = {}
@@ -254,6 +254,10 @@ class _Writer:
                     geom.set(type=shape.kind, size=(r, h))
                 case "ellipsoid":
                     geom.set(type="ellipsoid", size=shape.radii)
+                case "mesh" if not (self.folder / (shape.file or "")).is_file():
+                    what = f"a mesh whose file {shape.file} is not there"
+                    self.out(f"body '{body.name}'", what, acts=shape.role != "visual")
+                    continue
                 case "mesh" if Path(shape.file or "").suffix.lower() in MESHES:
                     geom.set(type="mesh", mesh=self._asset(shape))
                 case kind:
@@ -266,8 +270,8 @@ class _Writer:
                 geom.set(group="3")
             if shape.role != "visual":
                 geom.set(friction=law, condim=_condim(law))
-            if shape.colour is not None:
-                geom.set(rgba=(*shape.colour, 1.0))
+            if shape.colour is not None or shape.opacity < 1.0:
+                geom.set(rgba=(*(shape.colour or GREY[:3]), shape.opacity))
             yield geom
 
     def _asset(self, shape: Any) -> str:

@@ -88,11 +88,29 @@ class Compiled:
         own, material = np.clip(self.geom_rgba, 0.0, 1.0), self.geom_matid
         of_material = plain & (material >= 0)
         own[of_material] = np.clip(self.mat_rgba[material[of_material]], 0.0, 1.0)
+        for k, mean in self.textured.items():
+            own[material == k, :3] *= mean
         colours = map(tuple, own.tolist())
         bare = (plain & (material < 0)).tolist()
         rgba = (None if none else one for none, one in zip(bare, colours, strict=True))
         tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_pos, self.geom_quat)
         return [*map(Geom, *(table.tolist() for table in tables), rgba)]
+
+    @cached_property
+    def textured(self) -> dict[int, Array]:
+        """The mean colour (3,) of the texture of each material that has one."""
+        role = int(needed("mujoco", "mjcf").mjtTextureRole.mjTEXROLE_RGB)
+        found: dict[int, Array] = {}
+        for k, t in enumerate(self.mat_texid[:, role].tolist()):
+            if t >= 0 and self.tex_nchannel[t] >= 3:
+                count, channels = (
+                    int(self.tex_height[t] * self.tex_width[t]),
+                    int(self.tex_nchannel[t]),
+                )
+                first = int(self.tex_adr[t])
+                pixels = self.tex_data[first : first + count * channels].reshape(count, channels)
+                found[k] = pixels[:, :3].mean(axis=0) / 255
+        return found
 
     @cached_property
     def touching(self) -> list[bool]:
@@ -796,10 +814,14 @@ class Parts:
         for p in map(int, m.set_in("pair_adhesion")):
             if m.pair_dim[p]:
                 reader.left_out("pair", m.pair(p).name, "adhesion of a pair")
+        drawn = {int(t) for k in m.textured for t in m.mat_texid[k] if t >= 0}
+        if drawn:
+            text = f"{len(drawn)} textures: what has one is drawn in its mean colour"
+            reader.report.add("approximated", reader.path.name, text)
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),
             (m.nplugin, "plugins", True),
-            (m.ntex, "textures", False),
+            (m.ntex - len(drawn), "textures", False),
             (m.nskin, "skins", False),
             (m.ncam, "cameras", False),
             (m.nlight, "lights", False),

@@ -25,12 +25,22 @@ from ..errors import (
     explained,
     shown,
 )
-from ..markup import Element, Source, read_markup
+from ..markup import Element, Source, read_markup, reason_of
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
 from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of, quaternion_of
-from .conversion import Folders, Report, reach_of, suspect_rings, suspect_units, unphysical
+from .conversion import (
+    Folders,
+    MeshSize,
+    Report,
+    reach_of,
+    suspect_meshes,
+    suspect_rings,
+    suspect_units,
+    unphysical,
+)
+from .paint import Seen, seen_in
 from .xacro import SUFFIX, expanded, no_arguments
 
 Value = TypeVar("Value")
@@ -115,6 +125,8 @@ class _Reader:
         self.source, self.robot, self.folders, self.base = Source(name), robot, folders, base
         self.report = Report(name)
         self.faults: list[PgraphError] = []
+        self.looked_at: dict[Path, Seen] = {}
+        self.sizes: dict[MeshSize, None] = {}
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
             do = "; it is MJCF: call read_mjcf, or give it a name that ends in .xml"
@@ -162,7 +174,9 @@ class _Reader:
             raise ModelError(
                 [Problem(f"{self.source.name}: {p.where}", p.field, p.text) for p in error.problems]
             ) from None
-        suspect_units(self.report, model, reach_of(self._places(model)))
+        reach = reach_of(self._places(model))
+        suspect_units(self.report, model, reach)
+        suspect_meshes(self.report, model, reach, self.sizes)
         moving = sum(body.joint != "weld" for body in model.bodies)
         text = f"{len(bodies)} links, {moving} joints that move, {len(model.forces)} motors"
         self.report.add("read", self.source.name, text)
@@ -456,7 +470,7 @@ class _Reader:
         return shapes
 
     def _same(self, a: dict[str, Any], b: dict[str, Any]) -> bool:
-        keys = (a.keys() | b.keys()) - {"role", "colour"}
+        keys = (a.keys() | b.keys()) - {"role", "colour", "opacity"}
         return a["role"] == "visual" and all(a.get(k) == b.get(k) for k in keys)
 
     def _shape(self, element: Element, what: str, name: str, role: str) -> dict[str, Any] | None:
@@ -473,10 +487,7 @@ class _Reader:
         position, rotation = self._pose(element, what)
         shape: dict[str, Any] = {"position": position, "rotation": rotation}
         if role == "visual" and (colour := self._colour(element)):
-            shape["colour"] = colour[:3]
-            if colour[3] < 1:
-                text = f"a colour that is {1 - colour[3]:.0%} transparent is opaque here"
-                self.report.add("approximated", where, text, part=name)
+            shape["colour"], shape["opacity"] = colour[:3], colour[3]
         match solid.tag:
             case "box":
                 shape |= {"kind": "box", "size": self._sizes(solid, what)}
@@ -486,8 +497,8 @@ class _Reader:
                 lengths = {n: self._length(solid, n, what) for n in ("radius", "length")}
                 shape |= {"kind": solid.tag, **lengths}
             case "mesh":
-                found = self._mesh(solid, what, name, acts)
-                return shape | found if found else None
+                found = self._mesh(solid, what, name, acts, "colour" in shape)
+                return found | shape if found else None
             case "plane":
                 return shape | self._plane(solid, position, rotation, where, name, what)
             case other:
@@ -535,12 +546,17 @@ class _Reader:
             raise self.source.wrong(solid, field, text, what)
         return value
 
-    def _mesh(self, solid: Element, what: str, name: str, acts: bool) -> dict[str, Any] | None:
+    def _mesh(
+        self, solid: Element, what: str, name: str, acts: bool, painted: bool
+    ) -> dict[str, Any] | None:
         given, where = solid.get("filename"), self.source.at(solid, what)
         path, why = self.folders.find(given)
         if path is None:
-            self.report.add("left out", where, f"mesh {shown(given)}: {why}", acts=acts, part=name)
-            return None
+            file = Path(given.replace("\\", "/")).name
+            end = "; a stand-in is drawn" if file and not acts else ""
+            text = f"mesh {shown(given)}: {why}{end}"
+            self.report.add("left out", where, text, acts=acts, part=name)
+            return {"kind": "mesh", "file": str(self.folders.here / file)} if end else None
         if path.suffix.lower().lstrip(".") not in FORMATS:
             text = f"mesh {shown(given)}: {path.suffix} files are not read; give {choices(FORMATS)}"
             self.report.add("left out", where, text, acts=acts, part=name)
@@ -555,12 +571,31 @@ class _Reader:
             text = f"must be three numbers that are not zero; given {shown(scale)}"
             raise self.source.wrong(solid, "scale", text, what)
         mesh: dict[str, Any] = {"kind": "mesh", "file": str(path)}
+        if (seen := self._seen(path, given, where, name, acts)) is not None:
+            self.sizes[MeshSize(where, name, given, seen.size * max(map(abs, scale)))] = None
+            if not (acts or painted) and seen.colour is not None:
+                mesh["colour"], mesh["opacity"] = seen.colour[:3], seen.colour[3]
+            if not (acts or painted) and seen.lost:
+                text = f"mesh {shown(given)}: {seen.lost}"
+                self.report.add("approximated", where, text, part=name)
         if scale != (1.0, 1.0, 1.0):
             mesh["scale"] = scale[0] if len(set(scale)) == 1 and scale[0] > 0 else scale
         if acts:
             mesh["hull"] = "convex"
             self.hulls = getattr(self, "hulls", 0) + 1
         return mesh
+
+    def _seen(self, path: Path, given: str, where: str, name: str, acts: bool) -> Seen | None:
+        """Return the size and colour of a mesh; None if it cannot be read, which is reported."""
+        try:
+            if path not in self.looked_at:
+                self.looked_at[path] = seen_in(path)
+            return self.looked_at[path]
+        except (FileError, OSError) as error:
+            why = _fault(error) if isinstance(error, FileError) else reason_of(error)
+            text = f"mesh {shown(given)}: {why}; a stand-in is drawn"
+            self.report.add("left out", where, text, acts=acts, part=name)
+            return None
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
         """Return the colour of a material. A wrong one is left out, since it moves nothing."""

@@ -19,6 +19,8 @@ from ..rotation import quaternion_of, rotate, unit
 from .conversion import NO_LIMIT, Report, named
 from .urdf import LOOPS, WORLD
 
+GREY = (0.5, 0.5, 0.5)  # of what is transparent and has the colour of its branch
+
 TYPES = {"rotate": "revolute", "translate": "prismatic"}
 TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
@@ -211,9 +213,10 @@ class _Writer:
             place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
             one = Tag(tag).add(Tag("origin", xyz=place, rpy=rpy_of(shape.rotation)))
             one.add(Tag("geometry").add(solid))
-            if tag == "visual" and shape.colour is not None:
-                rgba = Tag("color", rgba=(*shape.colour, 1.0))
-                one.add(Tag("material", name=f"colour {_text(shape.colour)}").add(rgba))
+            if tag == "visual" and (shape.colour is not None or shape.opacity < 1.0):
+                rgba = (*(shape.colour or GREY), shape.opacity)
+                material = Tag("material", name=f"colour {_text(rgba)}")
+                one.add(material.add(Tag("color", rgba=rgba)))
             tags.append(one)
         return tags
 

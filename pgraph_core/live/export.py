@@ -258,7 +258,7 @@ class _Drawing:
                 one: dict[str, Any] = {
                     "body": k, "kind": piece.kind, "size": piece.size, "taper": piece.taper,
                     "position": piece.position, "rotation": piece.rotation.ravel(),
-                    "color": piece.color or look.color, "follows": [],
+                    "color": piece.color or look.color, "opacity": piece.opacity, "follows": [],
                 }  # fmt: skip
                 if piece.kind in ("mesh", "heightfield"):
                     solid = shapes.mesh([shapes.Piece(

@@ -33,7 +33,7 @@ void main() {
   float key = max(dot(n, sun), 0.0), sky = 0.5 + 0.5 * dot(n, up);
   float shine = pow(max(dot(n, normalize(sun + to)), 0.0), 40.0);
   vec3 c = pow(color.rgb, vec3(0.8)) * (0.42 + 0.3 * sky + 0.5 * key) + 0.12 * shine;
-  seen = vec4(c, color.a);
+  seen = vec4(c, 1.0) * color.a;
 }`;
   const ROUND = 28, RINGS = 9;
 
@@ -268,10 +268,11 @@ void main() {
       pieces.forEach((piece, i) => drawn(piece, times(flat, models[i])));
       gl.disable(gl.STENCIL_TEST);
       gl.uniform1f(at.mode, 0);
-      pieces.forEach((piece, i) => {
-        gl.uniform4fv(at.color, [...piece.color.map((c) => c / 255), 1]);
-        drawn(piece, models[i]);
-      });
+      const behind = pieces.map((_, i) => i).sort((i, j) => pieces[j].opacity - pieces[i].opacity);
+      for (const i of behind) { // what is seen through others is drawn before them
+        gl.uniform4fv(at.color, [...pieces[i].color.map((c) => c / 255), pieces[i].opacity]);
+        drawn(pieces[i], models[i]);
+      }
       if (grip) {
         gl.uniform4fv(at.color, [0.9, 0.4, 0.05, 1]);
         const way = sub(grip.target, grip.from), long = Math.hypot(...way), thin = 0.008 * scene.size;

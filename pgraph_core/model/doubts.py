@@ -70,7 +70,7 @@ def _meshes(bodies: Sequence[Body]) -> Iterator[str]:
     for body in bodies:
         for shape in body.shapes:
             if shape.file is not None and not Path(shape.file).is_file():
-                yield f"body '{body.name}': there is no mesh {shape.file}; it is not drawn"
+                yield f"body '{body.name}': there is no mesh {shape.file}; a stand-in is drawn"
 
 
 def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Iterator[str]:

@@ -140,12 +140,13 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     implied |= {key for key in ("derived", "any_inertia") if not body[key]}
     kept = {key: value for key, value in body.items() if key not in implied}
     for key, shapes in (("shape", [kept.get("shape")]), ("shapes", kept.get("shapes", ()))):
-        new = [{k: x for k, x in s.items() if (k, x) != ("role", "both")} for s in shapes if s]
+        new = [{k: x for k, x in s.items() if USUAL.get(k) != x} for s in shapes if s]
         if new:
             kept[key] = new if key == "shapes" else new[0]
     return kept
 
 
+USUAL = {"role": "both", "opacity": 1.0}  # of shapes, which files leave out
 NEW_IN_2 = {
     "shapes",
     "density",
@@ -173,7 +174,9 @@ def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
     if len(shapes) > 1:
         return False
     return all(
-        shape["role"] == "both" and "colour" not in shape and not isinstance(shape["scale"], list)
+        all(shape[key] == value for key, value in USUAL.items())
+        and "colour" not in shape
+        and not isinstance(shape["scale"], list)
         for shape in shapes
     )
 
@@ -476,6 +479,31 @@ def _geometry(file: Path, to: Path) -> tuple[Path, bytes]:
     mesh = parsed_mesh(file)
     if file.suffix.lower() == ".stl":
         return to, mesh.export(file_type="stl")
-    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(mesh.vertices, float).tolist()]
-    rows += [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
-    return to.with_suffix(".obj"), ("\n".join(rows) + "\n").encode()
+    return to.with_suffix(".obj"), obj_text(mesh.vertices, mesh.faces)
+
+
+def obj_text(vertices: Any, faces: Any) -> bytes:
+    """An OBJ file of vertices (n, 3) and faces (m, 3), which loses no digit."""
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
+    rows += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist()]
+    return ("\n".join(rows) + "\n").encode()
+
+
+def mesh_folder() -> Path:
+    """The folder of this user for meshes that came through a page or stood in a model file."""
+    return user_folder("XDG_DATA_HOME", ".local/share") / FOLDER
+
+
+def kept_mesh(name: str, vertices: Any, faces: Any) -> Path:
+    """The path of a mesh that stood in a model file. Raises FileError."""
+    content = obj_text(vertices, faces)
+    stem = re.sub(r"[^\w-]+", "_", name)[:60] or "mesh"
+    path = mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}.obj"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        text = f"cannot be made: {reason_of(error)}"
+        raise FileError(Problem(f"folder {path.parent}", "", text)) from None
+    if not path.exists():
+        write_atomic(path, content)
+    return path

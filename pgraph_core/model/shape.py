@@ -119,6 +119,10 @@ class Shape(Frozen):
         "three numbers [red, green, blue] from 0 to 1, or '#rrggbb'",
         converter=_colour_in, default=None, help="#rrggbb; empty: the colour of its branch",
     )  # fmt: skip
+    opacity: Number = field(
+        "a number from 0 to 1", default=1.0, ge=0, le=1,
+        help="1: nothing is seen through it; 0: not drawn",
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod

@@ -40,7 +40,8 @@ class Look(NamedTuple):
 
 def _drawn(pieces: Sequence[shapes.Piece]) -> list[Any]:
     return [
-        (p.kind, p.file, p.size, p.position, p.rotation.tobytes(), p.color, p.taper) for p in pieces
+        (p.kind, p.file, p.size, p.position, p.rotation.tobytes(), p.color, p.opacity, p.taper)
+        for p in pieces
     ]
 
 
@@ -125,22 +126,24 @@ class SeparateBodies:
 
     def _nodes(self, look: Look, number: int) -> list[viser.MeshHandle]:
         """The body's node, and its children."""
-        colored: dict[shapes.Color, list[shapes.Piece]] = defaultdict(list)
-        for piece in look.pieces:
-            colored[piece.color or look.color].append(piece)
-        parts = list(colored.items()) or [(look.color, [])]
+        parts = _parts(look)
         names = [f"/bodies/{number}", *(f"/bodies/{number}/{i}" for i in range(1, len(parts)))]
-        return [self._node(name, *part, number) for name, part in zip(names, parts)]
+        return [self._node(name, *part, number) for name, part in zip(names, parts.items())]
 
     def _node(
-        self, name: str, color: shapes.Color, pieces: Sequence[shapes.Piece], number: int
+        self,
+        name: str,
+        paint: tuple[shapes.Color, float],
+        pieces: Sequence[shapes.Piece],
+        number: int,
     ) -> viser.MeshHandle:
-        solid = shapes.mesh(pieces)
+        solid, (color, opacity) = shapes.mesh(pieces), paint
         node = self._server.scene.add_mesh_simple(
             name,
             solid.vertices,
             solid.faces,
             color=color,
+            opacity=_faded(opacity, None),
             flat_shading=len(solid.faces) < FLAT,
         )
         at_rest(node)
@@ -160,15 +163,28 @@ class SeparateBodies:
             nodes[0].position, nodes[0].wxyz = p, quaternion
 
     def fade(self, opacity: float | None, visible: bool) -> None:
-        for _, nodes in self._drawn:
-            for node in nodes:
-                node.opacity = opacity if visible else 0.0  # overlays hang on it
+        for look, nodes in self._drawn:
+            for node, (_, own) in zip(nodes, _parts(look)):
+                node.opacity = _faded(own, opacity) if visible else 0.0  # overlays hang on it
                 node.cast_shadow = visible
 
     def remove(self) -> None:
         for _, nodes in self._drawn:
             _remove(nodes)
         self._drawn = []
+
+
+def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
+    """The pieces of a body by their colour and opacity."""
+    found: dict[tuple[shapes.Color, float], list[shapes.Piece]] = defaultdict(list)
+    for piece in look.pieces:
+        found[piece.color or look.color, piece.opacity].append(piece)
+    return found or {(look.color, 1.0): []}
+
+
+def _faded(own: float, opacity: float | None) -> float | None:
+    """The opacity of what is drawn with its `own` among faded bodies; None for 1."""
+    return None if opacity is None and own == 1.0 else own * (1.0 if opacity is None else opacity)
 
 
 def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
@@ -183,7 +199,7 @@ class BatchedBodies:
     def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
         self._clicked, self._pulled = clicked, pulled
-        self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, Any]] = []
+        self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, float, Any]] = []
         self._looks: list[Look] = []  # by number
 
     def show(self, looks: Sequence[Look]) -> None:
@@ -192,12 +208,13 @@ class BatchedBodies:
         if self._batches and same:
             return
         self.remove()
-        found: dict[tuple[str, str, float], list[tuple[int, shapes.Piece]]] = defaultdict(list)
+        found: dict[Any, list[tuple[int, shapes.Piece]]] = defaultdict(list)
         for k, look in enumerate(looks, 1):
             for piece in look.pieces:
-                found[piece.kind, piece.file, round(piece.taper, 2)].append((k, piece))
-        for i, ((kind, file, taper), parts) in enumerate(found.items()):
-            plain = not file and taper == 1.0
+                solid = piece.kind, piece.file, round(piece.taper, 2), piece.opacity
+                found[solid].append((k, piece))
+        for i, ((kind, file, taper, opacity), parts) in enumerate(found.items()):
+            plain = not file and taper == opacity == 1.0
             name = f"/bodies/{kind}" if plain else f"/bodies/{kind} {i}"
             self._batches.append(self._batch(name, shapes.unit(kind, file, taper), parts))
 
@@ -213,6 +230,7 @@ class BatchedBodies:
             batched_positions=local,
             batched_scales=np.array([piece.size for _, piece in parts]),
             batched_colors=np.array([p.color or self._looks[k - 1].color for k, p in parts]),
+            opacity=_faded(parts[0][1].opacity, None),
             flat_shading=len(solid.faces) < FLAT,
             lod="off",
         )
@@ -227,11 +245,11 @@ class BatchedBodies:
             if event.instance_index is not None:
                 self._pulled(event.client_id, int(owner[event.instance_index]), event)
 
-        return owner, local, turned, node
+        return owner, local, turned, parts[0][1].opacity, node
 
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
         R = shapes.to_matrix(wxyz)
-        for owner, local, turned, node in self._batches:
+        for owner, local, turned, _, node in self._batches:
             k = owner - 1
             at = (positions[k] + np.einsum("nij,nj->ni", R[k], local)).astype(np.float32)
             facing = shapes.times(wxyz[k], turned).astype(np.float32)
@@ -241,8 +259,8 @@ class BatchedBodies:
                 node.batched_wxyzs = facing
 
     def fade(self, opacity: float | None, visible: bool) -> None:
-        for *_, node in self._batches:
-            node.opacity, node.visible = opacity, visible
+        for *_, own, node in self._batches:
+            node.opacity, node.visible = _faded(own, opacity), visible
 
     def remove(self) -> None:
         for *_, node in self._batches:

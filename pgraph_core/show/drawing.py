@@ -73,12 +73,12 @@ class Drawing:
         points = self._projected(places, camera)
         self._depth.fill(0.0)
         self._seen.fill(NOTHING)
-        cover(points, faces, self._depth, self._seen)
+        cover(points, faces, self._opacity, self._depth, self._seen)
         sun = self._sun(places)
         shadows, unused = self._shade
         shadows.fill(-np.inf)
         off = places - np.array(sun.origin)
-        cover(off @ np.array((sun.x, sun.y, sun.w)).T, faces, shadows, unused)
+        cover(off @ np.array((sun.x, sun.y, sun.w)).T, faces, self._opacity, shadows, unused)
         light(
             self._picture, self._depth, self._seen, points, faces, places, normals, self._colors,
             shadows, camera, sun, self.ground, self.tones,
@@ -91,7 +91,7 @@ class Drawing:
 
     def _solids(self, found: Sequence[Any]) -> None:
         """Corners of all faces in body axes, their normals, colours, and numbers of bodies."""
-        places, normals, colors, owners = [], [], [], []
+        places, normals, colors, owners, opacity = [], [], [], [], []
         for k, look in enumerate(found):
             for piece in look.pieces:
                 solid = shapes.mesh([piece])
@@ -99,11 +99,13 @@ class Drawing:
                 places.append(corners.reshape(-1, 3))
                 normals.append(_normals(corners))
                 colors.append(np.repeat([linear(piece.color or look.color)], len(corners), axis=0))
+                opacity.append(np.full(len(corners), piece.opacity))
                 owners.append(np.full(3 * len(corners), k))
         empty = np.zeros((0, 3))
         self._places = np.concatenate([empty, *places])
         self._normals = np.concatenate([empty, *normals])
         self._colors = np.concatenate([empty, *colors])
+        self._opacity = np.concatenate([np.zeros(0), *opacity])
         self._owners = np.concatenate([np.zeros(0, int), *owners])
 
     def _steps(self, model: Any) -> None:
@@ -113,6 +115,7 @@ class Drawing:
             self._places = np.concatenate((self._places, corners.reshape(-1, 3)))
             self._normals = np.concatenate((self._normals, _normals(corners)))
             self._colors = np.concatenate((self._colors, [linear(stage.STEP)] * len(corners)))
+            self._opacity = np.concatenate((self._opacity, np.ones(len(corners))))
 
     def _placed(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Corners and normals in world axes."""

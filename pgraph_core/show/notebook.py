@@ -137,7 +137,7 @@ def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
     right, above = stage.frame(up, way)
     view = np.stack((right, above, way))
     every = [_parts(looks, view, *pose) for pose in poses]
-    points = [flat for drawn in every for _, flat, _ in drawn]
+    points = [flat for drawn in every for _, flat, _, _ in drawn]
     if not points:
         return [_svg("") for _ in every]
     low, high = np.concatenate(points).min(0), np.concatenate(points).max(0)
@@ -146,20 +146,21 @@ def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
     found = []
     for drawn in every:
         drawn = sorted(drawn, key=lambda part: part[0])[-MOST:]
-        found.append(_svg("".join(_shape(flat, c, middle, scale) for _, flat, c in drawn)))
+        found.append(_svg("".join(_shape(*part[1:], middle, scale) for part in drawn)))
     return found
 
 
 def _parts(
     looks: Sequence[bodies.Look], view: np.ndarray, positions: np.ndarray, R: np.ndarray
-) -> list[tuple[float, np.ndarray, shapes.Color]]:
-    """(how near, corners in the picture, colour) of each piece."""
-    drawn: list[tuple[float, np.ndarray, shapes.Color]] = []
+) -> list[tuple[float, np.ndarray, shapes.Color, float]]:
+    """(how near, corners in the picture, colour, opacity) of each piece."""
+    drawn: list[tuple[float, np.ndarray, shapes.Color, float]] = []
     for look, at, turn in zip(looks, positions, R):
         for piece in look.pieces[:MOST]:
             corners = at + outline(piece) @ turn.T
             flat = corners @ view.T
-            drawn.append((float(flat[:, 2].mean()), flat[:, :2], piece.color or look.color))
+            color = piece.color or look.color
+            drawn.append((float(flat[:, 2].mean()), flat[:, :2], color, piece.opacity))
     return drawn
 
 
@@ -168,15 +169,18 @@ def _svg(inside: str) -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" {box} aria-hidden="true">{inside}</svg>'
 
 
-def _shape(flat: np.ndarray, color: shapes.Color, middle: np.ndarray, scale: float) -> str:
+def _shape(
+    flat: np.ndarray, color: shapes.Color, opacity: float, middle: np.ndarray, scale: float
+) -> str:
     """The convex outline of points, lit from above."""
     at = (flat - middle) * scale
     at = np.column_stack((WIDTH / 2 + at[:, 0], HEIGHT / 2 - at[:, 1]))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in hull(at))
     edge = tuple(int(0.72 * c) for c in color)
+    seen = f' opacity="{opacity:.3g}"' if opacity < 1 else ""
     return (
         f'<polygon points="{corners}" fill="rgb{color}" stroke="rgb{edge}" stroke-width="0.7"'
-        f' stroke-linejoin="round"/>'
+        f' stroke-linejoin="round"{seen}/>'
     )
 
 

@@ -69,10 +69,12 @@ class Tones(NamedTuple):
 
 
 @kernel(None, nogil=True)
-def cover(points, faces, depth, seen):
+def cover(points, faces, opacity, depth, seen):
     """Draw triangles: points (n, 3) on the screen, faces (m, 3); depth and seen (height, width).
 
     Each pixel gets the greatest w of the triangles over its centre, and the number of that one.
+    Of a triangle with an opacity below 1 only this share of the pixels counts, in an ordered
+    pattern of 16 levels (Bayer, IEEE International Conference on Communications 1973).
     """
     height, width = depth.shape
     for face in range(len(faces)):
@@ -93,12 +95,20 @@ def cover(points, faces, depth, seen):
                 x, y = column + 0.5 - ax, row + 0.5 - ay
                 b = x * b_x + y * b_y
                 c = x * c_x + y * c_y
-                if b < 0.0 or c < 0.0 or b + c > 1.0:
+                if b < 0.0 or c < 0.0 or b + c > 1.0 or opacity[face] < _level(row, column):
                     continue
                 w = aw + b * (bw - aw) + c * (cw - aw)
                 if w > depth[row, column]:
                     depth[row, column] = w
                     seen[row, column] = face
+
+
+@part
+def _level(row, column):
+    """The opacity from which on a pixel is drawn: 1/32, 3/32, ..., 31/32 in squares of 4 x 4."""
+    mixed = row ^ column
+    rank = (mixed & 1) * 8 + (row & 1) * 4 + (mixed >> 1 & 1) * 2 + (row >> 1 & 1)
+    return (rank + 0.5) / 16.0
 
 
 @kernel(None, nogil=True)

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -24,6 +24,7 @@ Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips
 TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
+STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radius [m]
 
 
@@ -37,6 +38,7 @@ class Piece:
     rotation: np.ndarray  # (3, 3)
     file: Any = ""  # of a mesh; of a heightfield its shape
     color: Color | None = None  # of its own; else its body's
+    opacity: float = 1.0
     taper: float = 1.0  # of a capsule or cylinder: its radius at the far end over that at the near
 
 
@@ -49,9 +51,25 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
 
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
-    """The body's own shapes, or slender links from its origin to its children, tip or com."""
-    if body.shapes:
-        return tuple(map(_own, body.drawn))
+    """The body's own shapes, or slender links from its origin to its children, tip or com.
+
+    Links in `STAND_IN`, half transparent, stand for meshes that cannot be read.
+    """
+    seen = [shape for shape in body.drawn if shape.opacity]
+    own = tuple(_own(shape) for shape in seen if not _missing(shape))
+    if len(own) < len(seen):
+        rods = _links(body, links)
+        return own + tuple(replace(rod, color=STAND_IN, opacity=0.5) for rod in rods)
+    return own if body.shapes else _links(body, links)
+
+
+def _missing(shape: Any) -> bool:
+    """Whether a shape is a mesh whose file cannot be read."""
+    return bool(shape.file) and isinstance(_read(shape.file, _changed(shape.file)), str)
+
+
+def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
+    """Slender links from a body's origin to its children, tip or com."""
     ends = [np.asarray(link) for link in links] or [np.asarray(body.tip_point)]
     longest = max(float(np.linalg.norm(end)) for end in ends)
     if longest < 10 * THINNEST:
@@ -95,7 +113,7 @@ def _own(shape: Any) -> Piece:
         r, g, b = (round(255 * c) for c in shape.colour)
         color = (r, g, b)
     x, y, z = (np.asarray(shape.position) + offset * rotation[:, 2]).tolist()
-    return Piece(kind, size, (x, y, z), rotation, file, color, taper)
+    return Piece(kind, size, (x, y, z), rotation, file, color, shape.opacity, taper)
 
 
 def mesh(parts: Sequence[Piece]) -> Any:
@@ -111,7 +129,8 @@ def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     of a body that is drawn alone: there are many of them, and each is small in the view.
     """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
-    piece = Piece(kind, tall, (0.0,) * 3, np.eye(3), file, None, taper)  # type: ignore[arg-type]
+    place = (0.0, 0.0, 0.0)
+    piece = Piece(kind, tall, place, np.eye(3), file, taper=taper)  # type: ignore[arg-type]
     solid = _solid(piece, many=True)
     solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
     return solid
@@ -230,7 +249,7 @@ def bounds(part: Piece) -> np.ndarray:
 
 
 def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
-    """A sentence for each mesh that cannot be read and is drawn as a box."""
+    """A sentence for each mesh that cannot be read, for which links stand."""
     files = {shape.file for b in bodies for shape in b.shapes if shape.file}
     found = (_read(name, _changed(name)) for name in sorted(files))
     return tuple(text for text in found if isinstance(text, str))

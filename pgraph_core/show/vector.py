@@ -23,19 +23,21 @@ def view_svg(drawing: Any, pose: np.ndarray) -> str:
     pieces = []
     for look, at, turn in zip(drawing.looks, pose[:, :3], turns):
         for piece in look.pieces:
-            pieces.append((at + outline(piece) @ turn.T, piece.color or look.color))
+            corners = at + outline(piece) @ turn.T
+            pieces.append((corners, piece.color or look.color, piece.opacity))
     eye = np.array(drawing.camera(pose).eye)
     pieces.sort(key=lambda part: -float(np.linalg.norm(part[0].mean(axis=0) - eye)))
     own = f"p{zlib.crc32(pose.tobytes()):08x}"  # one page may hold several pictures
     named: dict[tuple[int, ...], str] = {}
     drawn, shadows = [], []
     towards, normal = drawing.towards_sun, np.array(ground.normal)
-    for corners, color in pieces:
+    for corners, color, opacity in pieces:
         name = named.setdefault(color, f"{own}-{len(named)}")
-        drawn.append(f'<path d="{_path(drawing, pose, corners)}" fill="url(#{name})"/>')
+        seen = f' opacity="{opacity:.3g}"' if opacity < 1 else ""
+        drawn.append(f'<path d="{_path(drawing, pose, corners)}" fill="url(#{name})"{seen}/>')
         high = (corners - np.array(ground.point)) @ normal
         fallen = corners - np.outer(high / (towards @ normal), towards)
-        shadows.append(f'<path d="{_path(drawing, pose, fallen)}"/>')
+        shadows.append(f'<path d="{_path(drawing, pose, fallen)}"{seen}/>')
     gradients = [
         _gradient(name, [_scaled(color, by) for by in (TOP, 1.0, BOTTOM)])
         for color, name in named.items()

@@ -53,7 +53,10 @@ def test_an_archive_is_the_root_of_its_files(state, tmp_path, monkeypatch):
     ]  # fmt: skip
     sent = base64.b64encode(zipped(*files)).decode()
     opened = answered(state, do.OpenArchive(ME, "bot.zip", sent))
-    assert [shape.kind for shape in opened.model.bodies[0].shapes] == ["mesh"]
+    inside, outside = opened.model.bodies[0].shapes
+    assert (tmp_path / "secret.stl").read_bytes() == part
+    assert inside.file.endswith("bot/meshes/part.stl")
+    assert outside.file.endswith("bot/urdf/secret.stl")  # which is not there: a stand-in is drawn
     assert len([*opened.clients[ME].conversion.of("left out")]) == 1
     assert opened.clients[ME].conversion.file == "arm.urdf"
     with pytest.raises(Refusal, match="2"):

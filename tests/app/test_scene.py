@@ -234,11 +234,15 @@ def test_the_ellipsoid_of_a_solid_ellipsoid_is_itself(half):
 
 
 @pytest.mark.parametrize("name", ["none.stl", "broken.stl", "a.txt"])
-def test_a_mesh_that_cannot_be_read_is_a_box_and_is_reported(tmp_path, name):
+def test_a_mesh_that_cannot_be_read_has_a_stand_in_and_is_reported(tmp_path, name):
     if name != "none.stl":
         (tmp_path / name).write_bytes(b"solid \xff\x00 this is no mesh")
     body = pg.Body(name="a", shape=pg.Shape(kind="mesh", file=str(tmp_path / name)))
-    assert shapes.mesh(shapes.pieces(body, ())).volume > 0
+    (piece,) = shapes.pieces(body, ())
+    (own,) = shapes.pieces(pg.Body(name="a"), ())
+    assert shapes.mesh((piece,)).volume == shapes.mesh((own,)).volume
+    assert (piece.color, piece.opacity < 1) == (shapes.STAND_IN, True)
+    assert own.color != piece.color
     (sentence,) = shapes.unreadable([body])
     assert name in sentence
     state = after(begun(pg.Model(bodies=(body,))), do.Unreadable((sentence,)))

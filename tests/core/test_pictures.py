@@ -47,11 +47,33 @@ def drawing_of(model: pg.Model, size=(320, 200), **look) -> tuple[Drawing, np.nd
 def test_a_triangle_covers_the_pixels_whose_centres_it_holds():
     points = np.array([[0.0, 0, 1], [8, 0, 1], [0, 8, 1], [0, 0, 2], [4, 0, 2], [0, 4, 2]])
     depth, seen = np.zeros((8, 8)), np.full((8, 8), NOTHING, np.int32)
-    cover(points, np.array([[0, 1, 2], [3, 4, 5]], np.int32), depth, seen)
+    cover(points, np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.ones(2), depth, seen)
     y, x = np.mgrid[:8, :8] + 0.5
     near, far = x + y <= 4, x + y <= 8
     assert np.array_equal(seen == 1, near)  # the nearer one hides the other
     assert np.array_equal(seen == 0, far & ~near)
+
+
+@pytest.mark.parametrize("opacity", [0.0, 0.1, 0.5, 0.9, 1.0])
+def test_a_transparent_triangle_covers_its_share_of_the_pixels(opacity):
+    points = np.array([[0.0, 0, 1], [128, 0, 1], [0, 128, 1]])
+    depth, seen = np.zeros((64, 64)), np.full((64, 64), NOTHING, np.int32)
+    cover(points, np.array([[0, 1, 2]], np.int32), np.array([opacity]), depth, seen)
+    assert (seen == 0).mean() == pytest.approx(opacity, abs=1 / 32)
+
+
+@pytest.mark.parametrize("opacity", [0.0, 0.3, 1.0])
+def test_a_picture_shows_what_is_behind_a_transparent_body(opacity):
+    """The shares of pixels in which a sheet and the block behind it are seen sum to one."""
+    block = {"kind": "box", "size": (0.9, 0.9, 0.2), "colour": "#0000ff"}
+    sheet = {"kind": "box", "size": (1, 1, 0.01), "position": (0, 0, 0.5), "colour": "#ff0000"}
+    model = pg.Model.serial(1).edit("1", shapes=[block, {**sheet, "opacity": opacity}])
+    drawing, pose = drawing_of(model, view="top")
+    drawing.draw(pose)
+    near = drawing._seen[160:240, 280:360]
+    front = np.isin(near, np.flatnonzero(drawing._colors[:, 0] > 0.5))
+    assert (near != NOTHING).all()
+    assert front.mean() == pytest.approx(opacity, abs=1 / 32)
 
 
 @pytest.mark.parametrize("view", ["start", "front", "side", "top", "isometric"])

@@ -1,0 +1,149 @@
+"""Colours in mesh files: COLLADA, OBJ with its .mtl file, glTF and PLY."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..markup import content_of
+from ..mesh_files import LARGEST, parsed_mesh
+
+MOST_MATERIALS = 1_000_000  # bytes of a file of materials
+Rgba = tuple[float, float, float, float]
+
+
+class Seen(NamedTuple):
+    """What a mesh file holds besides its form."""
+
+    size: float  # largest extent, in the units of the file
+    colour: Rgba | None  # of most of its faces, from 0 to 1
+    lost: str  # what of its colours is not drawn; "" for nothing
+
+
+def seen_in(file: Path) -> Seen:
+    """The size and the colours of a mesh file. Raises FileError, OSError."""
+    mesh = parsed_mesh(file)
+    size = float(np.max(mesh.extents))
+    match file.suffix.lower():
+        case ".dae":
+            faces = mesh.metadata["paints"]
+        case ".obj":
+            faces = _of_obj(file)
+        case ".glb":
+            faces = _of_glb(content_of(file, LARGEST))
+        case ".ply":
+            faces = _of_ply(mesh)
+        case _:
+            faces = Counter[Any]()
+    return Seen(size, *_most(faces))
+
+
+def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
+    """The colour with most faces, and what is lost. "texture" stands for an image."""
+    colours = Counter({paint: n for paint, n in faces.items() if isinstance(paint, tuple)})
+    lost = ["its textures are not drawn"] if faces["texture"] else []
+    if not colours:
+        return None, "; ".join(lost)
+    (colour, _), *others = colours.most_common()
+    if others:
+        lost.append(f"it has {len(colours)} colours; all of it has that of most of its faces")
+    return _clipped(colour), "; ".join(lost)
+
+
+def _clipped(colour: Any) -> Rgba:
+    r, g, b, a = (min(max(float(x), 0.0), 1.0) if np.isfinite(x) else 1.0 for x in colour)
+    return r, g, b, a
+
+
+# -- OBJ -------------------------------------------------------------------------------------------
+
+LINES = re.compile(rb"^[ \t]*(?:(usemtl|mtllib)[ \t]+([^\r\n]+)|f[ \t])", re.MULTILINE)
+
+
+def _of_obj(file: Path) -> Counter[Any]:
+    """Faces by the colours of their materials, whose files lie next to the mesh."""
+    material, materials, faces = "", dict[str, Any](), Counter[Any]()
+    for line in LINES.finditer(content_of(file, LARGEST)):
+        name = (line[2] or b"").decode(errors="replace").strip()
+        if line[1] == b"mtllib":
+            materials |= _materials(file.parent, name)
+        elif line[1] == b"usemtl":
+            material = name
+        else:
+            faces[materials.get(material)] += 1
+    return faces
+
+
+def _materials(folder: Path, name: str) -> dict[str, Any]:
+    """The colours in a .mtl file next to a mesh, by the names of the materials."""
+    found, at = dict[str, Any](), ""
+    try:
+        if Path(name).name != name or (folder / name).is_symlink():
+            return {}  # only a file of the mesh's own folder is opened
+        text = content_of(folder / name, MOST_MATERIALS).decode(errors="replace")
+    except (OSError, ValueError):
+        return {}
+    for line in text.splitlines():
+        word, _, rest = line.strip().partition(" ")
+        try:
+            match word:
+                case "newmtl":
+                    at = rest.strip()
+                case "Kd":
+                    r, g, b = map(float, rest.split()[:3])
+                    found[at] = (r, g, b, 1.0)
+                case "d" | "Tr" if isinstance(found.get(at), tuple):
+                    share = float(rest)
+                    found[at] = (*found[at][:3], share if word == "d" else 1.0 - share)
+                case "map_Kd":
+                    found[at] = "texture"
+        except ValueError:  # what is no number is no colour
+            continue
+    return found
+
+
+# -- glTF and PLY ----------------------------------------------------------------------------------
+
+JSON_CHUNK = 0x4E4F534A
+
+
+def _of_glb(content: bytes) -> Counter[Any]:
+    """Corners of triangles by the colours of their materials."""
+    length, kind = (int.from_bytes(content[k : k + 4], "little") for k in (12, 16))
+    faces = Counter[Any]()
+    try:
+        data = json.loads(content[20 : 20 + length]) if kind == JSON_CHUNK else {}
+        for mesh in data.get("meshes", ()):
+            for part in mesh["primitives"]:
+                corners = data["accessors"][part.get("indices", part["attributes"]["POSITION"])]
+                material = data["materials"][part["material"]] if "material" in part else {}
+                rough = material.get("pbrMetallicRoughness", {})
+                paint = tuple(rough.get("baseColorFactor", (1.0,) * 4)) if material else None
+                textured = "baseColorTexture" in rough
+                faces["texture" if textured else _encoded(paint)] += int(corners["count"])
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, RecursionError):
+        return Counter()  # a mesh that is read may still have damaged materials
+    return faces
+
+
+def _encoded(colour: Any) -> Any:
+    """Linear light as the numbers of sRGB (IEC 61966-2-1), which all other formats have."""
+    if colour is None:
+        return None
+    r, g, b, a = (float(x) for x in colour)
+    rgb = (12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055 for x in (r, g, b))
+    return (*rgb, a)
+
+
+def _of_ply(mesh: Any) -> Counter[Any]:
+    """Corners or faces by their colours."""
+    if mesh.visual.kind not in ("vertex", "face"):
+        return Counter()
+    colours = np.asarray(getattr(mesh.visual, f"{mesh.visual.kind}_colors"))[:, :4]
+    each, counts = np.unique(colours, axis=0, return_counts=True)
+    return Counter(dict(zip(map(tuple, (each / 255).tolist()), counts.tolist(), strict=True)))
