@@ -23,7 +23,7 @@ from ..engine import layout as at
 from ..errors import InputError, Problem
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..model import Force, Model, Scenario
+from ..model import Force, Model
 from ..model.files import write_atomic
 from ..result import Result
 from ..result.columns import coordinates
@@ -33,13 +33,13 @@ from ..show.bodies import extent, looks
 from ..show.stage import GRID, depth
 from ..simulation import simulate
 from ..simulation.options import RTOL
+from ..simulation.options import USUAL as STEP
 from . import module
 from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
 MOST = 600  # recorded pictures
-STEP: float = Scenario.model_fields["step"].default  # [s] where nothing says it
 USUAL = 10.0  # [s] of motion where nothing says it
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 KEPT = 6  # digits of the numbers of the drawing
