@@ -36,7 +36,6 @@ from ..engine.records import (
     rows_of,
     table,
 )
-from ..engine.tree.heights import lowest
 from ..mechanism import Mechanism
 from ..model import Spring
 from ..model.fields import EVERY, GROUND
@@ -368,13 +367,11 @@ def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
     return []
 
 
-def sunk_through(mech: Mechanism, scene: Scene, idle: Idle, start: Array, end: Array) -> list[str]:
+def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[str]:
     """A notice of bodies that went below the ground, whose contacts with it are not active.
 
     `start` and `end` (nq,) are the first position and the last.
     """
-    if lowest(scene.address, idle.numbers, *mech.packed.system[2:4], idle.normal, end) >= 0.0:
-        return []
     below: dict[str, str] = {}
     for body, contact in idle.contact_of.items():
         last, first = (float(mech.pose(q, body)[0] @ idle.normal) for q in (end, start))

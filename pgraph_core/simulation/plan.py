@@ -25,6 +25,7 @@ from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
+from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices, nearest_first
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
@@ -67,6 +68,7 @@ LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
+PARTS = Options._fields.index("forces")  # among the options; switches follow
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
 PULSE = 3  # corners within one step: what lies between them may be passed over
@@ -90,6 +92,11 @@ class Idle(NamedTuple):
     contact_of: Mapping[str, str]  # by the bodies that they would keep above it
     numbers: Ints  # of these bodies
     normal: Array  # of the ground
+    bodies: tuple[Ints, Array]  # as kernels take them
+
+    def below(self, scene: Scene, q: Array) -> bool:
+        """Whether one of the bodies is below the ground at q."""
+        return lowest(scene.address, self.numbers, *self.bodies, self.normal, q) < 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +192,8 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     Raises InputError.
     """
     kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
-    plain = type(options.forces) is tuple and not options.forces and options.switches is None
-    given = options if plain else map(_keyed, options)
+    forces, switches = _keyed(options.forces), _keyed(options.switches)
+    given = (*options[:PARTS], forces, switches, *options[PARTS + 2 :])
     key: Any = (*given, *map(type, options), callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
@@ -449,8 +456,11 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
         for body in touching if c.body == EVERY else [c.body]:
             if body not in held:
                 contact_of.setdefault(body, c.name)
+    if not contact_of:
+        return None
     numbers = np.array([mech.topology.number(name) for name in contact_of], dtype=np.int64)
-    return Idle(contact_of, numbers, np.array(mech.model.ground_normal)) if contact_of else None
+    system, normal = mech.packed.system, np.array(mech.model.ground_normal)
+    return Idle(contact_of, numbers, normal, (system.bodies_i, system.bodies_f))
 
 
 def initial_state(

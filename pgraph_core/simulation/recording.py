@@ -784,11 +784,11 @@ class Recording:
             given = self.plan.contacts, self._active, frames
             if n:
                 contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
-        if self.plan.idle and self.done:
+        idle, last = self.plan.idle, self.done - 1
+        if idle is not None and last >= 0 and idle.below(self.scene, self.out.q[last]):
             from .contact_log import sunk_through
 
-            ends = self.began[0], self.out.q[self.done - 1]
-            contacts += sunk_through(self.mech, self.scene, self.plan.idle, *ends)
+            contacts += sunk_through(self.mech, idle, self.began[0], self.out.q[last])
         steps = self.steps.notices()
         return (*self.told, *steps, *contacts, *user)
 

@@ -118,3 +118,43 @@ def test_a_cart_that_is_pushed_late_hits_its_limit(method):
     assert run.q.max() <= 1.0 + 1e-6
     back = 1.2 - 1.0
     np.testing.assert_allclose(run.q[-1], 1.0 - 4 * back + 4 * back**2, atol=2e-3)
+
+
+@pytest.mark.parametrize("way", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 1e-3}], ids=str)
+def test_a_latch_holds_where_it_closed_when_something_else_comes_near(way):
+    """A bead is caught in the air at 0.2 s and let go at 1.0 s; another one lands meanwhile."""
+    rail = {"joint": "prismatic", "axes": ((0, 0, 1),)}
+    beads = (ball(name="b", place=(0, 0, 3.0), **rail), ball(name="c", place=(1, 0, 1.1), **rail))
+    latch = pg.Constraint(name="latch", kind="point", body="b", active=False)
+    floors = tuple(pg.Contact(name=f"floor {n}", body=n, restitution=0.0) for n in "bc")
+    model = pg.Model(bodies=beads, constraints=(latch,), contacts=floors, gravity=(0, 0, -10))
+    switches = [(0.2, "latch", True), (1.0, "latch", False)]
+    run = pg.simulate(model, t_end=1.3, switches=switches, estimate=False, **way)
+    assert run.status.ok
+    assert "began" in run.header
+    b, c = run.q.T
+    t, fell = run.t, 5 * 0.2**2
+    held = (t >= 0.2) & (t <= 1.0)
+    np.testing.assert_allclose(b[held], -fell, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(b[t > 1.0], -fell - 5 * (t[t > 1.0] - 1.0) ** 2, atol=1e-6)
+    landed = t > np.sqrt(0.2) + 2e-3
+    np.testing.assert_allclose(c[landed], -1.0, rtol=0, atol=1e-6)
+    assert [event.contact for event in run.events if event.contact == "latch"] == ["latch"] * 2
+
+
+def test_an_event_far_and_near_has_its_instants():
+    """A ball passes 0.6 m while nothing is near, and 0.15 m where contacts act, at known times."""
+    passes = [lambda t, q, v, z=z: 1.1 + q[2] - z for z in (0.6, 0.15)]
+    falling = on_ground(ball(place=(0, 0, 1.1)), restitution=0.5)
+    run = pg.simulate(falling, t_end=0.5, events=passes, estimate=False)
+    assert "began" in run.header
+    found = [(event.number, event.t) for event in run.user_events]
+    g, hit = 9.80665, np.sqrt(2 / 9.80665)
+    root = np.sqrt(0.25 * 2 * g - 2 * g * 0.05)
+    exact = [
+        (0, np.sqrt(1.0 / g)),
+        (1, np.sqrt(1.9 / g)),
+        (1, hit + (0.5 * np.sqrt(2 * g) - root) / g),
+    ]
+    assert [n for n, _ in found] == [n for n, _ in exact]
+    np.testing.assert_allclose([t for _, t in found], [t for _, t in exact], rtol=0, atol=2e-3)
