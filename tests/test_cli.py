@@ -6,6 +6,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -326,6 +327,27 @@ def test_every_command_takes_folders_that_a_file_may_name(tmp_path, capsys, word
     assert word in ("info", "run") or "--root" in read  # a run cuts long notices
     read = " ".join(printed(capsys, word, path, *out, *more, "--root", tmp_path / "meshes"))
     assert "outside" not in read
+
+
+def test_of_an_archive_a_member_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    path = tmp_path / "bots.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in ("a/one.urdf", "b/two.urdf"):
+            archive.writestr(name, f'<robot name="{name}"><link name="base"/></robot>')
+    for words in (["info", path], ["check", path, "--member", "c.urdf"]):
+        _, err = printed(capsys, *words, code=1)
+        assert "a/one.urdf" in err
+        assert "b/two.urdf" in err
+        assert "--member" in err
+    for name in ("a/one.urdf", "b/two.urdf"):
+        assert name in printed(capsys, "info", path, "--member", name)[0]
+        out = tmp_path / "out.json"
+        printed(capsys, "convert", path, out, "--member", name)
+        assert pg.Model.load(out).name == name
+    (tmp_path / "no.zip").write_bytes(b"PK")
+    for name in ("no.zip", "none.zip"):
+        assert name in printed(capsys, "info", tmp_path / name, code=1)[1]
 
 
 def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, capsys):

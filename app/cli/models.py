@@ -23,7 +23,7 @@ from .terminal import (
     model_argument,
     model_path,
     open_model,
-    roots,
+    read_file,
 )
 
 # -- new -------------------------------------------------------------------------------------------
@@ -149,10 +149,8 @@ def check(args: Namespace) -> Answer:
     """Raises PgraphError with all problems of the model and its meshes."""
     path = model_path(args.model)
     data: dict[str, Any] = {"problems": []}
-    if path.suffix.lower() in FOREIGN:
-        from pgraph_core.formats import read_model  # other formats need kernels
-
-        model, report = read_model(path, roots(args), dict(args.argument))
+    if path.suffix.lower() in (*FOREIGN, ".zip"):
+        model, report = read_file(args)
         notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
         data |= {} if report.loaded else {"loaded": False}
     else:
@@ -200,12 +198,12 @@ def convert_arguments(parser: ArgumentParser) -> None:
 
 def convert(args: Namespace) -> Answer:
     """Raises PgraphError."""
-    from pgraph_core.formats import read_model, write_model  # other commands need no kernels
+    from pgraph_core.formats import write_model  # other commands need no kernels
 
     given = model_path(args.model)
     if given.exists() and Path(args.out).exists() and given.samefile(args.out):
         raise FileError(Problem(args.out, "", "is the file that is read; choose another name"))
-    model, read = read_model(given, roots(args), dict(args.argument))
+    model, read = read_file(args)
     if args.repair:
         model = read.repaired(model)
     written = write_model(model, args.out)

@@ -15,6 +15,8 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.errors import FileError, InputError, Problem, choices, plain
+from pgraph_core.markup import content_of, reason_of
+from pgraph_core.model.files import mesh_folder
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
@@ -45,6 +47,10 @@ def file_options(parser: ArgumentParser) -> None:
         help="a value for an argument of a xacro file, which is a program; may be repeated",
     )  # fmt: skip
 
+    parser.add_argument(
+        "--member", default="", metavar="FILE", help="which model of a zip that holds several"
+    )
+
 
 def given(text: str) -> tuple[str, str]:
     """A name and its value."""
@@ -57,7 +63,32 @@ def given(text: str) -> tuple[str, str]:
 def open_model(args: Namespace) -> pg.Model:
     """The model in a file, or the built-in one of this name. Raises PgraphError."""
     path = model_path(args.model)
+    if path.suffix.lower() == ".zip":
+        model, report = read_file(args)
+        return report.noted(model)
     return pg.Model.load(path, roots=roots(args), arguments=dict(args.argument))
+
+
+def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:
+    """(model, report) of a file, an archive or a built-in model. Raises PgraphError."""
+    from pgraph_core.formats import read_model  # other formats need kernels
+
+    path = model_path(args.model)
+    if path.suffix.lower() != ".zip":
+        return read_model(path, roots(args), dict(args.argument))
+    from ..core.cells import Refusal
+    from ..model import archive
+
+    try:
+        content = content_of(path, archive.LARGEST_WITHIN)
+        return archive.unpacked(content, mesh_folder(), args.member)
+    except archive.Several as several:
+        text = f"holds {len(several.members)} models; name one: --member FILE, one of "
+        raise InputError(Problem(str(path), "", text + choices(several.members, 40))) from None
+    except Refusal as refusal:
+        raise FileError(Problem(str(path), "", str(refusal))) from None
+    except (OSError, ValueError) as error:
+        raise FileError(Problem(str(path), "", f"cannot be read: {reason_of(error)}")) from None
 
 
 def roots(args: Namespace) -> list[str]:

@@ -17,7 +17,7 @@ from pgraph_core.errors import choices
 from pgraph_core.formats import READERS, ROOTS, first_element, read_model, write_model
 from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
-from pgraph_core.model.files import FOLDER
+from pgraph_core.model.files import FOLDER, refuse_format
 from pgraph_core.model.files import mesh_folder as mesh_folder
 
 from ..core.cells import Refusal
@@ -72,9 +72,7 @@ def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
 
     Raises PgraphError, and Refusal for a program.
     """
-    if Path(name).suffix.lower() == SUFFIX:
-        text = "its macros are a program, and the page runs no program that a file brings; "
-        raise Refusal(f"{text}start Pgraph with it: pgraph {Path(name).name}")
+    refuse_program(name)
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / Path(name).name
         file.write_text(content, encoding="utf-8")
@@ -96,6 +94,14 @@ def folder_of(content: bytes, keep: Path) -> Path:
     return keep / hashlib.sha256(content).hexdigest()[:16]
 
 
+def refuse_program(name: str | PurePosixPath) -> None:
+    """Raise Refusal for a file whose macros are a program."""
+    if PurePosixPath(name).suffix.lower() == SUFFIX:
+        own = PurePosixPath(name).name
+        text = f"{own}: its macros are a program, and the page runs no program that a file brings; "
+        raise Refusal(f"{text}start Pgraph with it: pgraph {own}")
+
+
 def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg.Report]:
     """The model in a zip; the meshes that it names stay in a folder of `keep`.
 
@@ -104,7 +110,7 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
     Raises Refusal, PgraphError, OSError.
     """
     try:
-        size, held = _contents(content)
+        size, held, others = _contents(content)
     except DAMAGED:
         text = "it is no zip that can be read: damaged, cut short or encrypted; pack it again"
         raise Refusal(text) from None
@@ -113,6 +119,9 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
         raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")
     models = [name for name in held if _is_model(name)] or _of_others(held)
     if not models:
+        for name in sorted(others):
+            refuse_format(name)
+            refuse_program(name)
         known = ", ".join((".json", *READERS))
         raise Refusal(f"it holds 0 model files ({known}), not one")
     chosen = [name for name in models if str(name) == member] if member else models
@@ -141,20 +150,21 @@ def _size(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
-def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:
-    """(bytes unpacked, models and meshes by name); what is too large is left packed."""
+def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes], set[PurePosixPath]]:
+    """(bytes unpacked, models and meshes by name, other names); what is too large stays packed."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {PurePosixPath(item.filename): item for item in archive.infolist()}
         size = sum(item.file_size for item in files.values())
         if size > LARGEST_WITHIN:
-            return size, {}
+            return size, {}, set()
         foreign = not any(_is_model(name) for name in files)
         wanted = {
             name: item
             for name, item in files.items()
             if _is_model(name) or _is_mesh(name) or (foreign and _goes_along(name))
         }
-        return size, {name: archive.read(item) for name, item in wanted.items()}
+        held = {name: archive.read(item) for name, item in wanted.items()}
+        return size, held, files.keys() - held.keys()
 
 
 NAMED = re.compile(rb"""<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["']""")
@@ -178,7 +188,14 @@ def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
 def _goes_along(name: PurePosixPath) -> bool:
     """Whether it is a file that a model of another format may name, and lies below the top."""
     inside = not name.is_absolute() and ".." not in name.parts
-    return inside and name.suffix.lower().lstrip(".") in (*FORMATS, "urdf", "xml", "mjcf", "png")
+    return inside and name.suffix.lower().lstrip(".") in (
+        *FORMATS,
+        "mtl",
+        "urdf",
+        "xml",
+        "mjcf",
+        "png",
+    )
 
 
 def _is_model(name: PurePosixPath) -> bool:

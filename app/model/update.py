@@ -345,6 +345,7 @@ def opened(state: State, client: int, name: str, content: str) -> State:
 
 def _read(name: str, content: str) -> pg.Model:
     """The model in a text. Raises PgraphError, Refusal."""
+    files.refuse_format(name)
     data = files.parse(content, name)
     if problem := too_many(data):
         raise Refusal(problem)

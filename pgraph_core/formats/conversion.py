@@ -77,6 +77,12 @@ class Report:
         vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
         return model
 
+    def noted(self, model: Model) -> Model:
+        """Return the model with what is left out or doubtful as its `notices`."""
+        worth = (str(e) for e in self.entries if e.kind in ("left out", "warning"))
+        vars(model)["notices"] = tuple(worth)
+        return model
+
     def repaired(self, model: Model, *names: str) -> Model:
         """The model with the inertias in `repairs`: of these bodies, or of all.
 

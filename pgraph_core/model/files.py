@@ -234,8 +234,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 def read(path: str | Path) -> str:
     """The text of a file. Raises FileError."""
-    if why := CONVERT.get(Path(path).suffix.lower()):
-        raise FileError(Problem(shown_path(path), "", why))
+    refuse_format(path)
     try:
         return content_of(path, LARGEST).decode()
     except UnicodeDecodeError as error:
@@ -246,6 +245,12 @@ def read(path: str | Path) -> str:
         if str(path).isidentifier():
             text += f", or of a built-in model: pg.Model.load(pgraph_models.path({str(path)!r}))"
         raise FileError(Problem(shown_path(path), "", text)) from None
+
+
+def refuse_format(path: str | Path) -> None:
+    """Raise FileError with what to do for a file of a format that is not read."""
+    if why := CONVERT.get(Path(path).suffix.lower()):
+        raise FileError(Problem(shown_path(path), "", why))
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> None:

@@ -737,9 +737,7 @@ class Model(World):
         """
         if Path(path).suffix.lower() in files.FOREIGN or arguments:
             model, report = files.formats().read_model(path, roots, arguments)
-            worth = (str(e) for e in report.entries if e.kind in ("left out", "warning"))
-            vars(model)["notices"] = tuple(worth)
-            return model
+            return report.noted(model)
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 

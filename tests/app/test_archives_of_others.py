@@ -10,7 +10,7 @@ import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.model.archive import unpacked
 
-from .store import ME, answered, begun, do
+from .store import ME, answered, begun, do, notice
 
 BODY = '<body name="a"><joint axis="0 1 0"/><geom size=".1" mass="1"/></body>'
 ROBOT = f'<mujoco model="robot"><worldbody>{BODY}</worldbody></mujoco>'
@@ -86,3 +86,16 @@ def test_an_xml_file_that_is_no_model_is_not_offered(tmp_path, junk):
     pytest.importorskip("mujoco")
     files = {"bot/bot.xml": ROBOT, junk: "<launch><node name='a'/></launch>"}
     assert len(unpacked(zipped(files), tmp_path)[0].bodies) == 1
+
+
+@pytest.mark.parametrize(
+    "name", ["w.sdf", "w.world", "s.usda", "p.step", "m.mjb", "bot.urdf.xacro"]
+)
+def test_a_format_that_is_not_read_is_named_on_the_page_too(tmp_path, name):
+    state = begun(pg.Model.serial(1))
+    alone = answered(state, do.OpenText(ME, name, "anything"))
+    sent = base64.b64encode(zipped({f"x/{name}": "anything"})).decode()
+    for told in (alone, answered(state, do.OpenArchive(ME, "x.zip", sent))):
+        assert told.model is state.model
+        assert name in notice(told)
+        assert "JSON" not in notice(told)

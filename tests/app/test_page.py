@@ -1,5 +1,6 @@
 """A first look at the page: one selection everywhere, files in and out, keys, menus, questions."""
 
+import base64
 import json
 from pathlib import Path
 from typing import Any
@@ -30,11 +31,16 @@ from .on_page import (
     typed,
     within,
 )
+from .store import zipped
 
 ARM = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/>
 <joint name="turn" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 2 0"/>
 <limit lower="-1" upper="2" effort="30" velocity="4"/></joint>
 <joint name="slide" type="prismatic"><parent link="upper"/><child link="lower"/></joint></robot>"""
+
+ENDLESS = """<mujoco><compiler><lengthrange mode="all" inttotal="1e9"/></compiler><worldbody>
+<body><joint name="x" axis="0 1 0"/><geom size=".1" mass="1"/></body></worldbody>
+<actuator><muscle name="m" joint="x"/></actuator></mujoco>"""
 
 
 def no_question(page: Any) -> None:
@@ -188,6 +194,32 @@ def test_files_are_dropped_on_the_page(page, served, tmp_path, monkeypatch):
     assert not sheet.count()
     page.keyboard.press("Control+z")
     row(page, "b").wait_for()
+
+
+def test_a_reading_is_cancelled_and_a_model_of_an_archive_is_chosen(
+    page, served, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    before = served.store.state.model
+    drop(page, "endless.xml", f"[{ENDLESS!r}]")
+    page.get_by_text("Reading endless.xml").wait_for()
+    page.locator(".reading").get_by_role("button", name="Cancel").click()
+    notice(page, "endless.xml", "cancelled")
+    until(lambda: not page.locator(".reading").is_visible(), "nothing is read")
+    assert served.store.state.model is before
+
+    robots = [(f"{name}/{name}.urdf", ARM.replace("upper", name).encode()) for name in ("a", "z")]
+    content = base64.b64encode(zipped(*robots)).decode()
+    drop(page, "two.zip", f"[Uint8Array.from(atob('{content}'), (c) => c.charCodeAt(0))]")
+    sheet = page.get_by_role("dialog", name="models of the archive")
+    sheet.get_by_role("button", name="z/z.urdf").click()
+    row(page, "z").wait_for()
+    assert not sheet.count()
+    page.get_by_role("dialog", name="report of the file").get_by_role(
+        "button", name="Close"
+    ).click()
+    page.keyboard.press("Control+z")
+    row(page, "thigh").wait_for()
 
 
 def test_keys_palette_and_menus_lead_everywhere(page, served):
