@@ -120,7 +120,7 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
     models = [name for name in held if _is_model(name)] or _of_others(held)
     if not models:
         for name in sorted(others):
-            refuse_format(name)
+            refuse_format(str(name))
             refuse_program(name)
         known = ", ".join((".json", *READERS))
         raise Refusal(f"it holds 0 model files ({known}), not one")

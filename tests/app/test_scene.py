@@ -17,6 +17,7 @@ from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
 from pgraph_app.scene import camera, marks
 from pgraph_core.show import shapes
+from pgraph_core.show.bodies import BatchedBodies, SeparateBodies, looks
 
 from .store import ME, after, begun, built_in, do, notice, ran
 
@@ -289,3 +290,38 @@ def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle):
     now = after(state, do.Gripped(ME, "a", "rotation", tuple(turned(typed).tolist()), True))
     found, wanted = np.asarray(now.model.body("a").rotation), turned(angle)
     np.testing.assert_allclose(found * np.sign(found @ wanted), wanted, atol=1e-9)
+
+
+class Drawn:
+    """A scene of viser that keeps what is added to it."""
+
+    def __init__(self):
+        self.scene, self.nodes = self, []
+
+    def _added(self, name, vertices, faces, *, opacity=None, **more):
+        node = SimpleNamespace(
+            name=name, opacity=opacity, wxyz=np.array((1.0, 0, 0, 0)), position=np.zeros(3),
+            on_click=lambda act: act, on_drag=lambda *_, **__: lambda act: act, **more,
+        )  # fmt: skip
+        self.nodes.append(node)
+        return node
+
+    add_mesh_simple = add_batched_meshes_simple = _added
+
+
+@pytest.mark.parametrize("kind", [SeparateBodies, BatchedBodies])
+@pytest.mark.parametrize("opacity", [0.0, 0.25, 1.0])
+def test_what_is_transparent_is_so_among_faded_bodies_too(kind, opacity):
+    """The opacity of a shape and that of all bodies are multiplied; what is at 0 is not drawn."""
+    solid = pg.Shape(kind="box", size=(1, 1, 1), colour="#00ff00")
+    veil = pg.Shape(kind="box", size=(2, 2, 2), colour="#00ff00", opacity=opacity)
+    body = pg.Body(name="a", shapes=(solid, veil))
+    scene = Drawn()
+    drawn = kind(scene, lambda *_: None, lambda *_: None)
+    drawn.show(looks([body], [[1], []], [(0, 0, 0)]))
+    expected = {0.0: [None], 0.25: [None, 0.25], 1.0: [None]}[opacity]
+    assert [node.opacity for node in scene.nodes] == expected
+    drawn.fade(0.5, True)
+    assert [node.opacity for node in scene.nodes] == [0.5 * (x or 1.0) for x in expected]
+    drawn.fade(None, True)
+    assert [node.opacity for node in scene.nodes] == expected
