@@ -235,7 +235,8 @@ class ContactSpace(Unportable):
 
     def begin_log(self, t: float) -> Any:
         """Count and log from here on; the phases now, as changes at t."""
-        for name in ("fallbacks", "calmed", "overflows", "logged", "cuts", "residual", "depth"):
+        names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
+        for name in names:
             self.tally[name] = 0
         phases = self._kept.pairs["phase"][: len(self._kept.laws)]
         now = table(PHASE_CHANGE, len(phases))

@@ -135,6 +135,12 @@ def contact_notices(
             f"in {tally['calmed']} steps the bounce with friction would have gained energy: "
             "they were taken without restitution"
         )
+    if tally["crowded"]:
+        found.append(
+            f"{tally['crowded']} steps, the first at t = {tally['crowded_time']:.6g} s, had more "
+            "impacts than are located one by one: the rest of them was taken at once, so that the "
+            "motion after it is not to be relied on; a smaller step would do"
+        )
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
     if tally["worst"] > LOOSE * tally["force"]:
         found.append(

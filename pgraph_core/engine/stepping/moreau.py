@@ -127,7 +127,7 @@ PUSH_SWEEPS = 30
 BOUND_ROUNDS = 5  # in which torques against turning find the normal impulses that bound them
 SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
-MOST_PARTS = 60  # of a step, by impacts that are located
+MOST_PARTS = 2000  # of a step, two for each impact that is located: a bound on its cost
 DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
 TOGETHER = 1e-7  # of the size: corners this far apart land at once
 RIM = 1e-9  # relative: friction that is nearer to the rim of its cone is all that there is
@@ -174,6 +174,10 @@ def moreau_jean(run, h):
             break
         tally.cuts += 1
         done += w
+    if parts == MOST_PARTS:  # what is left was taken at once, as a time step without location
+        tally.crowded += 1
+        if tally.crowded == 1:
+            tally.crowded_time = t + done
     if parts > 0:
         state_at(scene, 0.0, q, v, stages[at.CANDIDATE], vdot, space.vectors[STEP, :nv])
         note_passages(scene, t + h)
