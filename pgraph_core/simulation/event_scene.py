@@ -27,6 +27,7 @@ from ..packing import Array, Drives, Ints, Loads, System, point_in_row
 from ..packing.constraints import Blocks, block_arrays
 from ..rotation import matrix, normals_of
 from ..topology import Topology
+from .switches import room_for
 
 INSTEAD = "use method 'moreau_jean'"
 
@@ -210,7 +211,7 @@ class EventScene(Scene):
         self.bilateral = int(self.active[0])
         self.contact_points, self.points = tuple(contact_points), points
         self.every = np.concatenate(([count], self.points["slide_block"]))
-        self.watched = np.zeros((4, 3 * count + watched))
+        self.watched = room_for(watched, 3 * count)
         self.frames = table(POINT_FRAME, frames, count)
         self._held = np.zeros_like(self.active)
         self._link()

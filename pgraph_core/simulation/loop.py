@@ -94,7 +94,7 @@ class Steps:
     ) -> None:
         """Step the scene at this address.
 
-        `watched` (4, 3 points + user events) are the monitors of events, `wanted` the directions
+        `watched` (ROWS, 3 points + user events) are the monitors of events, `wanted` the directions
         in which a user's events count: -1 falling, 1 rising, 0 both; `user` is the address of the
         function that gives their values, 0: none. Events are due after every step, but for
         conditions that a guard watches.

@@ -31,7 +31,7 @@ from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, 
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
 from .plan import RunPlan
-from .switches import Change, Condition, closed, hold_here, limits_of, switched_by
+from .switches import Change, Condition, closed, hold_here, limits_of, room_for, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
@@ -206,8 +206,8 @@ class Recording:
 
             steps.control["approach"] = address_of(bound_step)
         if not points:
-            count = 0 if watch is None else len(watch.monitors)
-            steps.join(self.scene.address, links, np.zeros((4, count)), *wanted)
+            watched = NO_MONITORS if watch is None else room_for(len(watch.monitors))
+            steps.join(self.scene.address, links, watched, *wanted)
             return
         from .contact_events import ContactEvents
         from .event_scene import EventScene

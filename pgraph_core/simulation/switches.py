@@ -103,6 +103,15 @@ def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
     return tuple(FunctionMonitor(function, i) for i, function in enumerate(given))
 
 
+def room_for(monitors: int, others: int = 0) -> Array:
+    """Return (ROWS, others + monitors), in which kernels watch a user's events, at the end."""
+    from ..engine.contact.points import NEAREST, ROWS
+
+    found = np.zeros((ROWS, others + monitors))
+    found[NEAREST] = np.inf
+    return found
+
+
 class Watch:
     """The monitors of one run, as its steps call them."""
 

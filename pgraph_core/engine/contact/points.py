@@ -47,6 +47,8 @@ FORCE_TOLERANCE = 1e-11  # of the largest contact force: rounding of the solutio
 PIVOT_TOLERANCE = 1e-9
 NEARLY = 0.02  # of how far a gap falls and rises in a step: what the cubic may be off
 START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
+NEAREST, WHEN = 4, 5  # how near a user's event came to happening without it, at what time [s]
+ROWS = 6
 NOTHING = 1.0  # what a monitor that watches nothing shows
 
 
@@ -322,27 +324,25 @@ def accepted(contact):
 
 
 @sweep
-def lowest(contact, h):
-    """When within the step a gap may have dipped below zero and recovered; h where none has.
+def dip_of_gap(contact, s, h):
+    """When within the step the gap of point s may have dipped below zero; h where it has not.
 
     By the cubic through gaps and rates at both ends; what it leaves above zero by little is
     looked at too.
     """
     points = contact.points
-    first = h
-    for s in range(points.shape[0]):
-        a = h * points[s].start_rate
-        b = h * points[s].gap_rate
-        if points[s].phase != SWING or not (a < 0.0 < b):
-            continue
-        before = points[s].start
-        rise = points[s].gap - before
-        square = 3.0 * rise - 2.0 * a - b
-        cube = a + b - 2.0 * rise
-        x = -a / (square + math.sqrt(max(square * square - 3.0 * cube * a, 0.0)))
-        if 0.0 < x < 1.0 and before + x * (a + x * (square + x * cube)) < NEARLY * (b - a):
-            first = min(first, x * h)
-    return first
+    a = h * points[s].start_rate
+    b = h * points[s].gap_rate
+    if points[s].phase != SWING or not (a < 0.0 < b):
+        return h
+    before = points[s].start
+    rise = points[s].gap - before
+    square = 3.0 * rise - 2.0 * a - b
+    cube = a + b - 2.0 * rise
+    x = -a / (square + math.sqrt(max(square * square - 3.0 * cube * a, 0.0)))
+    if 0.0 < x < 1.0 and before + x * (a + x * (square + x * cube)) < NEARLY * (b - a):
+        return x * h
+    return h
 
 
 @sweep

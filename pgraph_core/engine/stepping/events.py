@@ -17,15 +17,17 @@ from ..contact.phases import opened_events
 from ..contact.points import (
     HIGH,
     LOW,
+    NEAREST,
     NOTHING,
     NOW,
     START,
     TRIALS,
+    WHEN,
     WIDTH,
     accepted,
     bracket_of,
     call_observe,
-    lowest,
+    dip_of_gap,
     narrowed,
     next_try,
     over,
@@ -233,14 +235,46 @@ def happened(run, low, width):
     look(run, low, width)
     if over(data.watched, NOW):
         return width
+    first = width
     if phases_watched(run):
-        dip = lowest(opened_events(data.scene).contact, width)
-        if dip < width:
-            look(run, low, dip)
-            if over(data.watched, NOW):
-                return dip
-            look(run, low, width)
-    return 0.0
+        contact = opened_events(data.scene).contact
+        for s in range(contact.points.shape[0]):
+            w = dip_of_gap(contact, s, width)
+            if w < first:
+                first = least_gap(run, low, s, w, (width, first))
+                look(run, low, width)
+        if first < width:
+            look(run, low, first)
+    return first if first < width else 0.0
+
+
+@sweep
+def least_gap(run, low, s, w, widths):
+    """Width near w at which something ends as the gap of point s is least; else the second width.
+
+    The first width is that of the part; the rates of the gap at its ends have other signs, so
+    that it is least where its rate is zero.
+    """
+    data = opened_run(run)
+    points = opened_events(data.scene).contact.points
+    width, otherwise = widths
+    begin, end = 0.0, width
+    falls, rises = points[s].start_rate, points[s].gap_rate
+    for n in range(DIPS):
+        look(run, low, w)
+        if over(data.watched, NOW):
+            return w
+        rate = points[s].gap_rate
+        if rate < 0.0:
+            begin, falls = w, rate
+        else:
+            end, rises = w, rate
+        if points[s].gap > max(-falls, rises) * (end - begin):
+            break
+        w = begin - falls * (end - begin) / (rises - falls) if n % 3 < 2 else 0.5 * (begin + end)
+        if not begin < w < end:
+            break
+    return otherwise
 
 
 @sweep
@@ -289,7 +323,8 @@ def dip(run, low, width, i):
     """Look for where event i reaches zero and turns back in the part of the step from `low`.
 
     Rows LOW and HIGH hold the values at its start and middle. Returns the widths between which
-    the event happens; both are the same where zero is touched, and 0 where nothing happens.
+    the event happens; both are the same where zero is touched, and 0 where nothing happens. How
+    near it came is kept then.
     """
     data = opened_run(run)
     watched, values = data.watched, data.values
@@ -303,7 +338,9 @@ def dip(run, low, width, i):
     for k in range(DIPS):
         w, least = vertex(x, y)
         if not x[0] + ALIKE < w < x[2] - ALIKE or least > DEEP * (max(y[0], y[2]) - least):
-            return 0.0, 0.0
+            if k == 0:
+                return 0.0, 0.0
+            break
         if k % 3 == 2 or abs(w - x[1]) < ALIKE * ALIKE:
             left, right = x[1] - x[0], x[2] - x[1]
             w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
@@ -325,6 +362,9 @@ def dip(run, low, width, i):
             x, y = (x[0], x[1], w), (y[0], y[1], value)
         if x[2] - x[0] < ALIKE:
             break
+    if y[1] < watched[NEAREST, n]:
+        watched[NEAREST, n] = y[1]
+        watched[WHEN, n] = data.control[0].old_time + low + x[1] * width
     return 0.0, 0.0
 
 

@@ -1,0 +1,115 @@
+"""Events that a run misses by less than its error: whether they happen is not decided.
+
+The error of what is watched is what it differs by in another run of the same motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dynamics.scene import contact_tables
+from ..engine import layout as at
+from ..packing import Array
+from .recording import Recording
+
+ORDER_1 = 2.0  # times the difference to a run at half the step: the error of a method of order 1
+
+
+class Approach(NamedTuple):
+    """How near something came to happening without it."""
+
+    name: str
+    value: float  # inf: nowhere near
+    t: float  # [s]
+    watched: Callable[[float, Array, Array], float]  # of (t, q, v), zero where it happens
+
+
+def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
+    """Return a notice for each limit and event that a run misses by less than its error."""
+    ours, theirs = (x.steps.times[: x.done] for x in (record, other))
+    shared, i, j = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
+    found = []
+    for near in (*_limits(record), *_events(record)):
+        if not np.isfinite(near.value) or len(shared) < 2:
+            continue
+        k = int(np.clip(np.searchsorted(shared, near.t), 1, len(shared) - 1))
+        error = ORDER_1 * max(
+            abs(
+                near.watched(float(shared[n]), record.out.q[i[n]], record.out.v[i[n]])
+                - near.watched(float(shared[n]), other.out.q[j[n]], other.out.v[j[n]])
+            )
+            for n in (k - 1, k)
+        )
+        if near.value <= error:
+            found.append(
+                f"at t = {near.t:.6g} s {near.name} is missed by {near.value:.2g}, and the error "
+                f"there is about {error:.2g}: whether it happens is not decided; a smaller step "
+                "or rtol may tell"
+            )
+    return tuple(found)
+
+
+def _events(record: Recording) -> list[Approach]:
+    """Return how near the conditions of switches and a user's events came to happening."""
+    if record.watch is None:
+        return []
+    from ..engine.contact.points import NEAREST, WHEN
+
+    monitors = record.watch.monitors
+    rows = record.steps.watched[[NEAREST, WHEN], record.steps.watched.shape[1] - len(monitors) :]
+    values, times = rows.tolist()
+    parts = zip(monitors, values, times, strict=True)
+    return [Approach(f"event '{m.name}'", value, t, m) for m, value, t in parts]
+
+
+def _limits(record: Recording) -> list[Approach]:
+    """Return how near the coordinates came to their limits where they turned back before them."""
+    tables, n = contact_tables(record.mech.packed, ()), record.done
+    if tables is None or n < 2:
+        return []
+    out, t, found = record.out, record.steps.times[:n], list[Approach]()
+    ints, floats, terms, factors = tables.limit_blocks
+    for name, block, values in zip(tables.limits, ints, floats):
+        if block[at.B_TYPE] == at.T_SPAN:
+            continue
+        own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
+        at_v, at_q = terms[own].T
+        weights, bound = factors[own], float(values[at.VALUE])
+
+        def gap(_t: float, q: Array, _v: Array, at_q=at_q, weights=weights, bound=bound) -> float:
+            return float(q[at_q] @ weights) - bound
+
+        gaps = out.q[:n, at_q] @ weights - bound
+        near = _least(t, gaps, out.v[:n, at_v] @ weights, out.vdot[:n, at_v] @ weights)
+        found.append(Approach(f"limit '{name}'", *near, gap))
+    return found
+
+
+def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
+    """Return (the least of a gap where its rate passes zero, when [s]), by cubics between times.
+
+    Where accelerations do not explain how the rate changes, there is an impact. Where polynomials
+    of third and fifth degree differ by more than the gap, it is not known.
+    """
+    h, fall, rise = np.diff(t), rate[:-1], rate[1:]
+    unexplained = np.abs(rise - fall - 0.5 * h * (curve[:-1] + curve[1:]))
+    turns = np.flatnonzero((fall < 0.0) & (rise > 0.0) & (2.0 * unexplained < rise - fall))
+    h, up = h[turns], np.diff(gap)[turns]
+    a, b = h * fall[turns], h * rise[turns]
+    square, cube = 3.0 * up - 2.0 * a - b, a + b - 2.0 * up
+    x = -a / (square + np.sqrt(np.maximum(square * square - 3.0 * cube * a, 0.0)))
+    least = gap[turns] + x * (a + x * (square + x * cube))
+    bends = (
+        h * h * curve[turns] - 2.0 * square,
+        h * h * curve[turns + 1] - 2.0 * square - 6.0 * cube,
+    )
+    more = 0.5 * (x * (1.0 - x)) ** 2 * ((1.0 - x) * bends[0] + x * bends[1])
+    least = np.abs(least + more)
+    known = np.flatnonzero(np.abs(more) < least)
+    if not len(known):
+        return np.inf, np.nan
+    k = known[np.argmin(least[known])]
+    return float(least[k]), float(t[turns[k]] + x[k] * h[k])

@@ -1,0 +1,97 @@
+"""Events that hardly happen: limits at grazing speed, thresholds just below an amplitude."""
+
+import math
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+WAYS = [
+    {},
+    {"method": "dopri5", "rtol": 1e-4},
+    {"method": "dopri5", "rtol": 1e-8},
+    {"method": "dop853", "rtol": 1e-10},
+]
+SWITCHED = [
+    {},
+    {"method": "radau5", "step": 0.05},
+    {"method": "rk4", "step": 0.02},
+    {"method": "radau5", "rtol": 1e-6},
+    {"method": "dopri5", "rtol": 1e-4},
+    {"method": "semi_implicit_euler", "step": 1e-3},
+]
+SHORT = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12]  # of the amplitude
+
+
+def label(value):
+    return "-".join(map(str, value.values())) or "default" if isinstance(value, dict) else None
+
+
+def oscillator(frequency=1.0, **fields):
+    """x = sin(frequency t)."""
+    return pg.Body(
+        name="b", joint="prismatic", axes=((1, 0, 0),), stiffness=(frequency**2,), v=(frequency,),
+        **fields,
+    )  # fmt: skip
+
+
+def right_or_told(run, exact):
+    error = float(np.abs(run.q - exact).max())
+    return error < 10 * run.error_estimate or any("not decided" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("options", WAYS, ids=label)
+@pytest.mark.parametrize("short", SHORT)
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("frequency", [1.0, 7.0])
+def test_a_limit_that_is_reached_at_grazing_speed(options, short, restitution, frequency):
+    """At sqrt(2 short) of the largest speed; on the way back it is a sine from there."""
+    limit = 1.0 - short
+    body = oscillator(frequency, limits=((None, limit),), limit_restitution=(restitution,))
+    run = pg.simulate(pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=4.0 / frequency, **options)
+    s = frequency * run.t
+    hit = math.asin(limit)
+    back = limit * np.cos(s - hit) - restitution * math.cos(hit) * np.sin(s - hit)
+    assert right_or_told(run, np.where(s < hit, np.sin(s), back)[:, None])
+
+
+@pytest.mark.parametrize("options", SWITCHED, ids=label)
+@pytest.mark.parametrize("short", SHORT)
+def test_a_switch_whose_threshold_is_just_below_the_amplitude(options, short):
+    """A latch that holds the slider where it goes on."""
+    threshold = 1.0 - short
+    latch = pg.Weld(name="latch", body="b", active=False)
+    switch = pg.Switch(
+        constraint="latch", active=True, when={"coordinate": "b", "above": threshold}
+    )
+    model = pg.Model(bodies=(oscillator(),), constraints=(latch,), gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=4.0, switches=[switch], **options)
+    exact = np.where(run.t < math.asin(threshold), np.sin(run.t), threshold)[:, None]
+    assert right_or_told(run, exact)
+
+
+@pytest.mark.parametrize("options", SWITCHED, ids=label)
+@pytest.mark.parametrize("short", SHORT)
+def test_an_event_just_below_the_amplitude_is_found_or_told(options, short):
+    def crosses(t, q, v):
+        return q[0] - (1.0 - short)
+
+    model = pg.Model(bodies=(oscillator(),), gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=4.0, events=[crosses], **options)
+    times = [event.t for event in run.user_events]
+    told = any("not decided" in text for text in run.notices)
+    apart = math.acos(1.0 - short)
+    near = [math.pi / 2 - apart, math.pi / 2 + apart]
+    slack = 10 * run.error_estimate / max(math.sin(apart), 1e-300)
+    assert told or (len(times) == 2 and np.abs(np.subtract(times, near)).max() < slack + 1e-9)
+
+
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-9}], ids=label)
+def test_what_stays_clear_is_not_told(options):
+    """A limit and a threshold a thousandth beyond the amplitude."""
+    body = oscillator(limits=((None, 1.001),))
+    model = pg.Model(bodies=(body,), gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=20.0, events=[lambda t, q, v: q[0] - 1.002], **options)
+    assert not any("not decided" in text for text in run.notices)
+    assert not run.user_events
