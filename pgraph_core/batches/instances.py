@@ -271,6 +271,8 @@ class TreeLanes(Instances):
         self._angles = rows[rows[:, at.KIND] == at.ROTATE, at.QI]
         plan = stepper.recording.plan
         self._timed = len(plan.drives.table) > plan.drives.passive or len(plan.loads.knots) > 0
+        self._corners, lags = plan.corners, plan.drives.table["lag"]
+        self._cut = bool(np.any((lags > 0.0) & (lags < 2.0 * (plan.step or 0.0))))
 
     def step(self, n: int) -> None:
         """n steps of all instances that run; `given` acts."""
@@ -292,6 +294,9 @@ class TreeLanes(Instances):
     def _in_lanes(self, n: int, states: Array | None) -> Ints:
         """n steps of all that run and fit lanes, each into `states`; those that do not fit."""
         running = np.flatnonzero(self.codes == at.RUNNING)
+        late = max(self._corners[-1:].tolist(), default=-np.inf)
+        if self._cut or (self.control["time"][running] < late).any():
+            return running  # lanes take whole steps, and tables or lags end some
         left = [self._advance(which, n, states) for which in self._at_one_time(running)]
         return np.concatenate((running[:0], *left))
 

@@ -342,14 +342,14 @@ class Run(NamedTuple):
     times: Any  # (n,) of frames [s]
     substeps: Any  # (n - 1,) given steps between them, where they are given
     width: Any  # (n - 1,) of these [s]
-    corners: Any  # (nk,) times at which tables bend: chosen steps end there [s]
+    corners: Any  # (nk,) times at which tables bend: steps end there [s]
     stages: Any  # (STAGE + stages, nq + nv + 2); its rows are named in `layout`
     real: Any  # workspace of implicit methods
     pair: Any  # the same, complex
     control: Any  # one STEP_CONTROL
     counters: Any  # one COUNTERS
     flow: Any  # (3,) power put in and dissipated [W], iterations
-    watched: Any  # (4, k) what ends a phase or makes an event, where it falls below zero
+    watched: Any  # (6, k) what ends a phase or makes an event, where it falls below zero
     signs: Any  # (ne,) of a user's events; 0: not known yet
     wanted: Any  # (ne,) direction in which they count; 0: both
     values: Any  # (ne,)

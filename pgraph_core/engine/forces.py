@@ -5,8 +5,10 @@ What a joint's own parts do is in `drives`, what acts on bodies or between two i
 
 import math
 
-from .compiler.elementary import atan2, exp
-from .compiler.jit import part, sweep
+from numba import float64 as f8
+
+from .compiler.elementary import atan2, exp, power
+from .compiler.jit import kernel, part, sweep
 from .constraints.blocks import point_velocity
 from .records import CREEP, DRAG, SPRING, TORSION, WRENCH
 from .rows import add_bias, bias_of, link_of, origin_of, parent_of, rotation_of, set_bias, spin_of
@@ -41,28 +43,83 @@ def lookup(knots, first, count, t):
 
 
 @part
+def follow(y, u, rise, lags):
+    """y of y' = (u + slope s - y) / lag after s = `lags` lag, in which u has risen by `rise`.
+
+    Each form is used where nothing cancels in it: with z = lags, (1 - e^-z) / z = 1 - late, and
+    late = (z - 1 + e^-z) / z = z (1/2! - z/3! + ...).
+    """
+    if lags < 0.5:
+        series = 1.0
+        for k in range(16, 2, -1):
+            series = 1.0 - series * lags / k
+        late = 0.5 * lags * series
+        return y + (u - y) * lags * (1.0 - late) + rise * late
+    left = exp(-lags)
+    return u + (y - u) * left + rise * (1.0 - (1.0 - left) / lags)
+
+
+@kernel(f8(f8, f8, f8, f8), later=True)
+def followed(y, u, rise, lags):
+    """`follow`, for Python."""
+    return follow(y, u, rise, lags)
+
+
+@part
+def piece_of(knots, first, count, t):
+    """(the last knot that is not later than t, the slope after it): a table of lines at time t."""
+    n = first + count - 1
+    if t < knots[n, 0]:
+        n = knot_after(knots, first, count, t, knots[n, 2]) - 1
+        return n, knots[n, 2]
+    return n, 0.0
+
+
+@part
 def acting(one, knots, first, count, t):
     """What acts at time t of the input u of a table: u; y of y' = (u - y) / lag; or y of y' = u.
 
     Both are exact; y of y' = u stays within its bounds.
     """
-    lag = one.lag
-    if lag == 0.0 and one.integrates == 0:
+    if one.lag == 0.0 and one.integrates == 0:
         return lookup(knots, first, count, t)
     if t <= knots[first, 0]:
         return knots[first, 3]
-    n = first + count - 1
-    slope = 0.0
-    if t < knots[n, 0]:
-        n = knot_after(knots, first, count, t, knots[n, 2]) - 1
-        slope = knots[n, 2]
+    n, slope = piece_of(knots, first, count, t)
     ahead = t - knots[n, 0]
     u = knots[n, 1]
     if one.integrates:  # u keeps its sign between two knots, so the bound is met at once
         y = knots[n, 3] + (u + 0.5 * slope * ahead) * ahead
         return min(max(y, one.least), one.most)
-    behind = slope * lag
-    return u + slope * ahead - behind + (knots[n, 3] - u + behind) * exp(-ahead / lag)
+    return follow(knots[n, 3], u, slope * ahead, ahead / one.lag)
+
+
+@sweep
+def lag_width(drives, t, order):
+    """Width of a step from t that shows how inputs with a lag follow [s]; infinite without them.
+
+    Of the input's size, x exp(-s / lag) is still to follow. A step w of a method of order p
+    integrates it with an error of x (w / lag)^(p + 1), which is no larger than that of half a lag
+    at x = 1.
+    """
+    table, knots = drives.table, drives.knots
+    width = math.inf
+    for n in range(drives.passive, table.shape[0]):
+        one = table[n]
+        if not one.lag > 0.0:
+            continue
+        first, count = one.first_torque, one.torques
+        if one.coordinate >= 0:
+            first, count = one.first_target, one.targets
+        now = max(t, knots[first, 0])
+        k, slope = piece_of(knots, first, count, now)
+        behind = slope * one.lag
+        missing = knots[k, 3] - knots[k, 1] + behind
+        size = abs(knots[k, 1]) + abs(knots[k, 3]) + abs(missing)
+        rest = abs(missing) * exp(-(now - knots[k, 0]) / one.lag)
+        if rest > 0.0:
+            width = min(width, 0.5 * one.lag * power(size / rest, 1.0 / (order + 1)))
+    return width
 
 
 @part

@@ -280,8 +280,50 @@ def _scaled(value: float | Table, by: float) -> Any:
 
 
 def bends(drives: Drives) -> Array:
-    """Ascending times at which a table of these drives bends [s]."""
-    return np.unique(drives.knots[:, 0])
+    """Return the ascending times at which a table of these drives bends [s]."""
+    table, t = drives.table, drives.knots[:, 0]
+    spans = [(table["first_target"], table["targets"]), (table["first_torque"], table["torques"])]
+    found = [_times_of_tables(t, *span) for span in spans]
+    found += [_at_bounds(row, drives.knots) for row in table if _bounded(row)]
+    return np.unique(np.concatenate(found))
+
+
+def _bounded(row: Any) -> bool:
+    """Return whether what an input makes act is bounded by numbers alone, not by the motion."""
+    alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0
+    return bool(row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any()))
+
+
+def _at_bounds(row: Any, knots: Array) -> Array:
+    """Return the times at which an input, or its integral, reaches a bound between two knots [s].
+
+    With c from there to the bound, these are the zeros of u s + slope s^2 / 2 = c for an integral,
+    and of slope s = c for an input.
+    """
+    of = ("first_target", "targets") if row["coordinate"] >= 0 else ("first_torque", "torques")
+    first, count = int(row[of[0]]), int(row[of[1]])
+    found = list[float]()
+    for n, (t, u, slope, y) in enumerate(knots[first : first + count].tolist(), start=1):
+        slope, end = (slope, float(knots[first + n, 0])) if n < count else (0.0, np.inf)
+        for name in ("least", "most") if row["integrates"] else ("low", "high"):
+            c, rate = float(row[name]) - (y if row["integrates"] else u), slope
+            if row["integrates"]:
+                root = u * u + 2.0 * slope * c
+                rate = 0.5 * (u + np.copysign(np.sqrt(root), u)) if root >= 0.0 else 0.0
+            if np.isfinite(c) and rate != 0.0 and 0.0 < c / rate < end - t:
+                found.append(t + c / rate)
+    return np.array(found)
+
+
+def bends_of_loads(loads: Loads) -> Array:
+    """Return the times at which a table of these loads bends [s]."""
+    return _times_of_tables(loads.knots[:, 0], loads.table["first_knot"], loads.table["knots"])
+
+
+def _times_of_tables(t: Array, first: Any, count: Any) -> Array:
+    """Return the times of the tables that have more than one."""
+    parts = zip(first[count > 1].tolist(), count[count > 1].tolist())
+    return np.concatenate([t[:0], *(t[i : i + n] for i, n in parts)])
 
 
 def has_springs(body: Body) -> bool:
@@ -356,8 +398,9 @@ def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -
     lag, integrates, least, most = follows
     if integrates:
         return min(max(y + (u + 0.5 * slope * ahead) * ahead, least), most)
-    behind = slope * lag
-    return u + slope * ahead - behind + (y - u + behind) * float(np.exp(-ahead / lag))
+    from ..engine.forces import followed as of_lag
+
+    return float(of_lag(y, u, slope * ahead, ahead / lag))
 
 
 def _parted(u: Table) -> Table:

@@ -23,8 +23,9 @@ from ..engine.records import ACCEPTANCE, SLIP, SWING
 from ..integrators import DOPRI5, Method
 from ..packing import Array, Drives, Loads
 from ..result import Status
+from .grazing import undecided
 from .options import LEAST_RTOL, Tolerance
-from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, RunPlan, corners, fastest_rate
+from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, RunPlan, fastest_rate
 from .recording import Estimate, Recording
 
 Forces = TypeVar("Forces", Drives, Loads)
@@ -121,11 +122,9 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 def _estimated(record: Recording) -> Estimate:
     """The estimate of a run that has reached its end.
 
-    Where tables bend inside fixed steps, the error depends on where in the step they do: the
-    difference to a run whose steps end there is added. Where runs part and frames are few, runs
-    with more of them show when.
+    Where runs part and frames are few, runs with more of them show when.
     """
-    plan, corners = record.plan, 0.0
+    plan = record.plan
     if len(plan.times) < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(0.0, before=0.0)  # the initial state alone
     late, step = (
@@ -135,12 +134,6 @@ def _estimated(record: Recording) -> Estimate:
     if EPS * late > RESOLVED * step:
         text = f"times near {late:.3g} s are rounded to {EPS * late:.1g} s, which steps of "
         return Estimate(why=f"{BECAUSE} {text}{step:.2g} s feel: start it nearer to t = 0")
-    if len(plan.kinks):
-        bent = record.again(_onto_corners(plan))
-        if not bent.ended.ok:
-            return Estimate(why=FAILS)
-        corners = float(_apart(bent, record, plan.times).largest[-1])
-        record = bent
     few = len(record.plan.times) < COMPARED // 2
     found = _by_coarser(record, few)
     few = few and record.steps.counters["steps"] >= COMPARED  # fewer steps have no more frames
@@ -150,8 +143,6 @@ def _estimated(record: Recording) -> Estimate:
     if np.isfinite(found.largest) and _turns(record):
         off = max(_shifted_apart(record, *each) for each in SHIFTS)
         found = found._replace(largest=max(found.largest, off), before=max(found.before, off))
-    if corners:
-        return found._replace(largest=found.largest + corners, before=found.before + corners)
     return found
 
 
@@ -233,6 +224,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         return Estimate(why=FAILS)
     if not coarse.ended.ok or _frames_end(coarse):
         return _by_finer(record)
+    record.ended.notices += undecided(record, coarse)
     runs = _Coarser(record, coarse)
     near = runs.near
     if few and near.share[-1] >= 1.0 and not plan.contact_points:
@@ -279,7 +271,7 @@ class _Coarser:
     @cached_property
     def wide(self) -> Recording | None:
         """The run at the widest steps; None where no two steps are alike, or they are too few."""
-        uneven = len(self.plan.kinks) > 0 or len(self.plan.contact_points) > 0
+        uneven = len(self.plan.contact_points) > 0
         widest = None if uneven else _coarser(self.coarse.plan, _factor(self.plan))
         return None if widest is None else self.record.again(widest)
 
@@ -401,9 +393,8 @@ def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
     if not method.adaptive:
         return None
     span = float(plan.times[0]), float(plan.times[-1])
-    bends = corners(record.mech, plan.drives, plan.loads, plan.ever, *span)
     most = DEAREST * int(record.steps.counters["steps"]) + 1000
-    tight = Tolerance(TIGHT, 0.0, span[1] - span[0], most, bends, False)
+    tight = Tolerance(TIGHT, 0.0, span[1] - span[0], most, False)
     other = record.again(
         replace(plan, method=method, tolerance=tight, substeps=NO_SUBSTEPS, width=NO_TIMES)
     )
@@ -673,7 +664,7 @@ def _kicked(record: Recording) -> float:
     plan = record.plan
     if record.user is not None or plan.contacts is not None or plan.contact_points:
         return 0.0
-    knots = plan.knots if plan.tolerance is None else plan.tolerance.corners
+    knots = plan.corners[plan.corners < plan.times[-1]]
     if len(knots) < 2:
         return 0.0
     steep = np.flatnonzero(np.diff(knots) < STEEP * np.ptp(plan.times))[:MOST_RAMPS]
@@ -782,8 +773,7 @@ def _until(plan: RunPlan, end: float) -> RunPlan:
     count = int(np.searchsorted(plan.times, end))
     return replace(
         plan, times=plan.times[:count], substeps=plan.substeps[: max(count - 1, 0)],
-        width=plan.width[: max(count - 1, 0)], kinks=plan.kinks[plan.kinks < end],
-        knots=plan.knots[plan.knots < end],
+        width=plan.width[: max(count - 1, 0)],
         changes=tuple(change for change in plan.changes if change.t < end),
     )  # fmt: skip
 
@@ -815,7 +805,7 @@ def _cut(plan: RunPlan, steps: int) -> bool:
     """Whether frames or corners end so many steps that a coarser run would share them."""
     given = plan.tolerance
     if given is None:
-        return len(plan.knots) > 0 and not len(plan.kinks)
+        return len(plan.corners) > 0
     if given.fixed:
         return bool(np.diff(_ends(plan)).min() < NARROWER * given.widest)
     return not _dense(plan) and steps < SHARED * len(plan.times)
@@ -823,8 +813,7 @@ def _cut(plan: RunPlan, steps: int) -> bool:
 
 def _ends(plan: RunPlan) -> Array:
     """Times at which steps of the run must end."""
-    given = plan.tolerance
-    bends = NO_TIMES if given is None else given.corners
+    bends = plan.corners
     first, last = plan.times[0], plan.times[-1]
     kept = bends[(bends > first) & (bends < last)]
     return np.union1d([first, last] if _dense(plan) else plan.times, kept)
@@ -848,7 +837,7 @@ def _can_be_finer(plan: RunPlan) -> bool:
 def _coarser(plan: RunPlan, factor: int) -> RunPlan | None:
     """The same run at `factor` times wider steps, or LOOSER tolerances; None for too few steps."""
     count, given = len(plan.times), plan.tolerance
-    cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
+    cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes)])
     if given is None:
         if int(plan.substeps.sum()) < factor:
             return None
@@ -890,15 +879,17 @@ def _narrowed(plan: RunPlan) -> RunPlan:
     """The same run at half the step, or at a tighter tolerance."""
     given = plan.tolerance
     if given is None:
-        return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
+        return replace(
+            plan, substeps=2 * plan.substeps, width=0.5 * plan.width, parts=2 * plan.parts
+        )
     ends = _ends(plan)
     halves = ends[:-1] + 0.5 * np.diff(ends)  # or steps between these ends would stay the same
-    tighter = given._replace(corners=np.union1d(given.corners, halves))
     if given.fixed:
-        return replace(plan, tolerance=tighter._replace(widest=0.5 * given.widest))
+        half = given._replace(widest=0.5 * given.widest)
+        return replace(plan, tolerance=half, parts=2 * plan.parts)
     rtol = max(given.rtol / LOOSER, LEAST_RTOL)
-    tighter = tighter._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
-    return replace(plan, tolerance=tighter)
+    tighter = given._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
+    return replace(plan, tolerance=tighter, corners=np.union1d(plan.corners, halves))
 
 
 def _with_frames(plan: RunPlan) -> RunPlan:
@@ -917,17 +908,3 @@ def _with_frames(plan: RunPlan) -> RunPlan:
         substeps.append(np.diff(firsts))
     times, substeps = np.append(np.concatenate(times), plan.times[-1]), np.concatenate(substeps)
     return replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps)
-
-
-def _onto_corners(plan: RunPlan) -> RunPlan:
-    """The same run at fixed steps that end at all corners of tables too."""
-    inside = np.searchsorted(plan.times, plan.knots) - 1
-    near = plan.times[np.stack([inside, inside + 1])]
-    alike = ALIKE * plan.width[inside]
-    bends = plan.knots[(np.abs(near - plan.knots) > alike).all(axis=0)]
-    times = np.union1d(plan.times, bends)
-    apart = np.diff(times)
-    usual = plan.width[np.searchsorted(plan.times, times[:-1], side="right") - 1]
-    substeps = np.maximum(np.ceil(apart / usual - 1e-9), 1).astype(np.int64)
-    after = np.searchsorted(times, plan.knots - 0.5 * apart.min())
-    return replace(plan, times=times, substeps=substeps, width=apart / substeps, kinks=times[after])

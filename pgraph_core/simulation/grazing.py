@@ -88,6 +88,7 @@ def _limits(record: Recording) -> list[Approach]:
     return found
 
 
+@np.errstate(all="ignore")  # huge numbers, of which nothing is known
 def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
     """Return (the least of a gap where its rate passes zero, when [s]), by cubics between times.
 

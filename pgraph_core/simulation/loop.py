@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from .contact_log import Clearance
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
-NO_CORNERS = np.zeros(0)
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 NO_LIMIT = 2**63 - 1  # of steps
 MANY = 2**62  # steps to the next frame where none is recorded
@@ -80,6 +79,8 @@ class Steps:
         control["bound"], control["clock"] = np.inf, -np.inf
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
+        lags = plan.drives.table["lag"]
+        control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
             control["widths"], control["most"] = GIVEN, NO_LIMIT
             control["turning"] = plan.step
@@ -103,7 +104,6 @@ class Steps:
         self.control["due"] = ALWAYS if always else 0
         plan, method = self.plan, self.plan.method
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
-        corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
         self.links = links
         if len(self._signs) != len(wanted):
             self._signs = np.zeros(len(wanted), dtype=np.int64)
@@ -111,7 +111,7 @@ class Steps:
         values[-1] = user
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
-            plan.substeps.copy(), plan.width.copy(), corners, self.stages, *matrices,
+            plan.substeps.copy(), plan.width.copy(), plan.corners, self.stages, *matrices,
             self.control_table, self.counters_table, np.zeros(3), watched,
             self._signs, wanted, values, self.frames,
         )  # fmt: skip

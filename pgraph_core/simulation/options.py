@@ -39,7 +39,6 @@ class Tolerance(NamedTuple):
     atol: float  # of every coordinate, in its unit
     widest: float  # largest step [s]
     most: int  # steps
-    corners: Array  # (nk,) times at which tables bend: steps end there [s]
     fixed: bool = False  # every step is the widest
 
 
@@ -124,7 +123,7 @@ class Options(NamedTuple):
         widest = length if step is None else positive("step", step)
         fixed = step is not None and rtol is None
         rtol = rtol or (FIXED_RTOL if fixed else RTOL)
-        return Tolerance(rtol, float(atol), widest, int(most), np.zeros(0), fixed)
+        return Tolerance(rtol, float(atol), widest, int(most), fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
         """The forces of a call, which fit the model. Raises InputError."""

@@ -32,7 +32,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..model.fields import EVERY, GROUND, Frozen
 from ..packing import Array, Drives, Ints, Loads
-from ..packing.forces import NO_LOADS, exerts
+from ..packing.forces import NO_LOADS, bends_of_loads, exerts
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -70,12 +70,9 @@ KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
 PARTS = Options._fields.index("forces")  # among the options; switches follow
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
-KINKED = 2  # order that is left where tables bend inside steps
-PULSE = 3  # corners within one step: what lies between them may be passed over
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 MANY_STEPS = 1_000_000  # of the default width: a notice gives their number
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
-AT_END = 1e-6  # of a step: a corner this near its end is there
 STIFF = "stiff:"  # how the notice of too wide steps begins where what is fastest dies out
 FAST = "too wide:"  # and where it swings
 FINE = 0.3  # rad: of an oscillation, in a step of a method of order 4 that shows it well
@@ -113,8 +110,8 @@ class Way:
     project: bool = False
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # of constraints that go on and off
-    kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
-    knots: Array = field(default_factory=lambda: NO_TIMES)  # all corners, of fixed steps [s]
+    corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
+    parts: int = 1  # of what is shorter than a fixed step: a finer run takes more
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
     why: str = ""  # this method
     told: tuple[str, ...] = ()  # notices
@@ -304,7 +301,7 @@ def _on_a_way(
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
-    told = [*_stiff(plan, rate), *_bent(plan), *_hard(plan), *_filled(plan)]
+    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan)]
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         told.append(f"{text}larger step=, or rtol= for steps of the method's own choice")
@@ -384,16 +381,12 @@ def _with_times(
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
         text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
         raise InputError(Problem("simulate", "max_steps", text))
-    bends, kinks = corners(mech, plan.drives, plan.loads, plan.ever, *span), NO_TIMES
-    if tolerance is not None:
-        ticks = plan.tau.ticks(*span) if plan.tau is not None else NO_TIMES
-        tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
-    elif len(bends):
-        kinks = _corners_inside(bends, times, widths)
+    ends = corners(mech, plan.drives, plan.loads, plan.ever, span[0])
+    if tolerance is not None and plan.tau is not None:
+        ends = np.union1d(ends, plan.tau.ticks(*span))
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
-        kinks=kinks, knots=bends if tolerance is None else NO_TIMES,
-        gains=_gains(o, usual), shown=_shown(times, o, asked),
+        corners=ends, gains=_gains(o, usual), shown=_shown(times, o, asked),
     )  # fmt: skip
 
 
@@ -747,29 +740,18 @@ def _gains(o: Options, usual: float) -> Array:
 # -- corners of tables ---------------------------------------------------------------------------
 
 
-def corners(
-    mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
-) -> Array:
-    """Times within the run at which a table of forces or of a followed motion bends [s]."""
-    found = [mech.packed.bends(drives), loads.knots[:, 0]]
+def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: float) -> Array:
+    """Return the times after `begin` at which a table of forces or of a motion bends [s]."""
+    found = [mech.packed.bends(drives), bends_of_loads(loads)]
     blocks = mech.packed.blocks
     for i in active.tolist() if len(blocks.curves) else ():
         for block in range(blocks.first[i], blocks.first[i + 1]):
             first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()
-            if count > 0:
+            if count > 1:
                 found.append(blocks.curves[first : first + count, 0])
     others = any(len(x) for x in found[1:])
     times = np.unique(np.concatenate(found)) if others else found[0]
-    return times[(times > t_start) & (times < t_end)]
-
-
-def _corners_inside(bends: Array, times: Array, width: Array) -> Array:
-    """The corners that lie inside fixed steps, and not at their ends."""
-    interval = np.searchsorted(times, bends, side="right") - 1
-    among = (interval >= 0) & (interval < len(width))
-    bends, interval = bends[among], interval[among]
-    share = (bends - times[interval]) / width[interval]
-    return bends[np.abs(share - np.round(share)) > AT_END]
+    return times[times > begin]
 
 
 # -- notices -------------------------------------------------------------------------------------
@@ -824,25 +806,4 @@ def _filled(plan: RunPlan) -> list[str]:
         f"the mesh of '{body}'{others} touches by its convex hull, whose volume is {excess:.3g} "
         "times its own: what is hollow is filled; give its shape hull 'parts', or 'convex' if "
         "that is meant"
-    ]
-
-
-def _bent(plan: RunPlan) -> list[str]:
-    """A notice where tables bend inside fixed steps, which takes a high order, or is missed."""
-    count = len(plan.kinks)
-    if count == 0:
-        return []
-    step = float(np.max(plan.width))
-    if plan.method.order <= KINKED:
-        near = plan.kinks[PULSE - 1 :] - plan.kinks[: 1 - PULSE] < step
-        at = plan.kinks[: 1 - PULSE][near]
-        return [
-            f"at t = {t:.6g} s a table goes up and down within one step of {step:.4g} s, which may "
-            "be passed over; choose a smaller step, or an adaptive method such as dopri5"
-            for t in at[:1].tolist()
-        ]
-    lie = "1 corner of tables lies" if count == 1 else f"{count} corners of tables lie"
-    return [
-        f"{lie} inside steps of {step:.4g} s: the error there shrinks as the step's square only; "
-        f"choose a step that divides the times of knots, or an adaptive method such as dopri5"
     ]

@@ -45,7 +45,7 @@ FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "what watches things that may touch"
-NO_MONITORS = np.zeros((4, 0))
+NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not import
 Progress = Callable[[float], Any] | None
 
 STATUS = {

@@ -464,7 +464,11 @@ def take_in(run, drives, h, w):
     h.counts[ALL_ROUNDS, 0, w] = 0.0
     lane[ORIGIN, w] = control.origin
     lane[STEPS, w] = control.taken
-    return far < FAR and control.done == 0.0 and control.fired == 0 and control.bound == math.inf
+    smooth = True  # lanes take whole steps: none may end at a corner of a table
+    for t in this.corners:
+        smooth = smooth and t <= control.origin + control.taken * control.widest
+    whole = control.done == 0.0 and control.fired == 0 and control.bound == math.inf
+    return far < FAR and whole and smooth
 
 
 @sweep

@@ -298,7 +298,7 @@ def gauss(run, h):
     solved = False
     power = 0.0
     loss = 0.0
-    for _ in range(ROUNDS):
+    for n in range(ROUNDS):
         power = 0.0
         loss = 0.0
         for i in range(count):
@@ -312,7 +312,8 @@ def gauss(run, h):
         missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
         rounded = missed < NEARLY or abs(change) < still
         solved = missed < 2.0 * EPS or (missed >= last and rounded)
-        if solved or (missed > LOST and abs(change) >= still):
+        # at first, from rest, the motion within the step is not known yet
+        if solved or (n > 0 and missed > LOST and abs(change) >= still):
             break
         last = missed
     if not solved:

@@ -24,6 +24,7 @@ from .widths import (
     given_start,
     next_interval,
     next_width,
+    pass_corners,
     refuse,
     step_taken,
     widen,
@@ -84,6 +85,8 @@ def step_once(run):
     control, method, links = data.control[0], data.method[0], data.links
     if control.widths == GIVEN:
         control.time = given_start(control)
+    if data.corners.shape[0] > 0:
+        pass_corners(run)
     if method.starts == 1 and control.fresh == 0:
         acceleration_of(run, control.time, at.Y, at.SLOPE)
         control.fresh = 1

@@ -9,6 +9,7 @@ from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import power
 from ..compiler.jit import part, sweep
+from ..forces import lag_width
 from ..motion import opened
 from ..records import CHOSEN, GIVEN
 from ..rows import BALL, FREE, ROTATE, TRANSLATE, kind_of, q_of, v_of
@@ -153,39 +154,102 @@ def first_width(run):
     return shrink / max(fastest, bend)
 
 
+@part
+def nearby(t):
+    """How far two times may be apart that are one but for rounding [s].
+
+    A step's end is origin + count x width, of which each is rounded, and so is a corner's time.
+    """
+    return 4.0 * EPS * abs(t)
+
+
 @sweep
-def next_width(run):
-    """(width of the next step, its end [s], whether that is a corner of a table)."""
+def pass_corners(run):
+    """Find the next corner; a step that starts within rounding before a corner starts there."""
     data = opened_run(run)
-    control, times = data.control[0], data.times
-    control.clip = math.inf
-    if control.widths == GIVEN:
-        width = control.widest
-        if width - control.done > control.bound:
-            return control.bound, control.time + control.bound, False
-        end = control.origin + (control.taken + 1) * width
-        return width - control.done, times[control.frame] if control.left == 1 else end, False
-    corners, t = data.corners, control.time
-    dense = data.tableau.dense.shape[0] > 0
-    stop = times[control.last - 1] if dense else times[control.frame]
+    control, corners = data.control[0], data.corners
+    t, frame = control.time, data.times[control.frame]
     k = control.corner
-    while k < corners.shape[0] and corners[k] <= t:
+    while k < corners.shape[0] and corners[k] <= t + nearby(t):
+        if corners[k] > t:
+            if corners[k] >= frame:
+                break
+            control.time = corners[k]
+            control.fresh = 0
         k += 1
     control.corner = k
-    corner = k < corners.shape[0] and corners[k] <= stop
-    end = corners[k] if corner else stop
-    left = end - t
-    h = min(control.widest, control.bound)
+
+
+@sweep
+def next_width(run):
+    """(width of the next step, its end [s], whether that is a corner of a table).
+
+    What is shorter than a step ends it: corners of tables, the transients of lags, and what could
+    pass through something else.
+    """
+    data = opened_run(run)
+    control, times, corners = data.control[0], data.times, data.corners
+    t, k = control.time, control.corner
+    control.clip = math.inf
+    if control.widths == GIVEN:
+        left = control.widest - control.done
+        end = control.origin + (control.taken + 1) * control.widest
+        stop = times[control.frame] if control.left == 1 else end
+    else:
+        stop = times[control.last - 1 if data.tableau.dense.shape[0] > 0 else control.frame]
+        left = stop - t
+    corner = False
+    if k < corners.shape[0]:
+        corner = corners[k] <= stop + nearby(stop)
+        if corners[k] < stop - nearby(stop):
+            stop = corners[k]
+            left = stop - t
+    h = control.bound
+    if control.widths != CHOSEN:
+        if control.lag < 2.0 * control.widest:
+            drives, order = opened(data.scene).drives, data.method[0].order
+            h = min(h, lag_width(drives, t, order) / control.parts)
+        if control.parts > 1:
+            h = min(h, part_width(run))
+    if control.widths != GIVEN:
+        h = min(control.widest, h)
     if control.widths == CHOSEN:
         h = min(control.width, h)
     if h * (1.0 + 1e-9) >= left:
         if corner:
-            control.clip = end - 2.0 * EPS * abs(end)
-        return left, end, corner
+            control.clip = corners[k] - 2.0 * EPS * abs(corners[k])
+        return left, stop, corner
     if control.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
     end = t + h
+    if control.widths == GIVEN:
+        return h, end, False
     return (end - t if end > t else h), end, False  # or rounded times would add up
+
+
+@sweep
+def part_width(run):
+    """Width of one of `parts` equal parts of what something cuts out of a fixed step [s].
+
+    So a finer run takes more steps there too. Infinite where nothing cuts the step.
+    """
+    data = opened_run(run)
+    control, times, corners = data.control[0], data.times, data.corners
+    t, k, width = control.time, control.corner, control.widest
+    dense = data.tableau.dense.shape[0] > 0
+    corner = corners[k - 1] if k > 0 else -math.inf
+    if control.widths == GIVEN:
+        begin = control.origin + control.taken * width
+        stop = begin + width
+    else:
+        begin = max(times[0 if dense else control.frame - 1], corner)
+        begin += width * math.floor((t - begin + nearby(t)) / width)
+        stop = min(begin + width, times[control.last - 1 if dense else control.frame])
+    begin = max(begin, corner)
+    if k < corners.shape[0]:
+        stop = min(stop, corners[k])
+    whole = stop - begin >= width - nearby(stop)
+    return math.inf if whole else (stop - begin) / control.parts
 
 
 @part
@@ -211,10 +275,15 @@ def next_interval(run, i):
 def step_taken(run):
     """Count a given step, or note how much of it is done where it was cut short."""
     control = opened_run(run).control[0]
-    gone = control.time - control.old_time if control.fired != 0 else control.old_width
-    done = control.done + gone
-    if control.widest - done > 1e-12 * control.widest:
-        control.done = done
+    left = control.widest - control.done
+    if control.fired != 0:
+        gone = control.time - control.old_time
+        over = left - gone <= nearby(control.time)
+    else:
+        gone = control.old_width
+        over = gone >= left
+    if not over:
+        control.done += gone
         return
     control.done = 0.0
     control.taken += 1
