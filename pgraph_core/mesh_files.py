@@ -122,6 +122,8 @@ def _unreadable(file: str | Path, reason: str) -> Problem:
 
 def _damage(error: Exception) -> str:
     """Why a file is damaged: what our reader says; a message of another's is for programmers."""
+    if isinstance(error, MemoryError):
+        return "it needs more memory than there is"
     return str(error) if isinstance(error, PgraphError) else "its content is damaged or cut short"
 
 

@@ -15,6 +15,7 @@ from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.formats import READERS
+from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 from pgraph_core.model.model import PARTS
 
@@ -283,9 +284,17 @@ def _found_in_text(name: str, content: str, _: Any) -> Found:
 
 
 def _small_enough(model: pg.Model, report: pg.Report) -> Found:
-    """A model that pages can show. Raises Refusal."""
+    """A model that pages can show, its meshes too. Raises Refusal, MemoryError."""
     if problem := too_many(vars(model)):
         raise Refusal(problem)
+    files_of_meshes = {shape.file for body in model.bodies for shape in body.shapes if shape.file}
+    together = []
+    for file in files_of_meshes:
+        try:
+            together.append(load_mesh(file))
+        except pg.FileError as error:  # a stand-in is drawn for it
+            if isinstance(error.__cause__, MemoryError):
+                raise MemoryError from None
     return Found(opened=model, report=report)
 
 

@@ -1,9 +1,12 @@
 """Files that pages open are read in child processes: the same results, within limits."""
 
 import base64
+import json
+import struct
 import time
 from functools import partial
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
@@ -82,11 +85,48 @@ def test_a_refusal_of_a_child_is_that_of_the_reader(event, tmp_path, monkeypatch
 )
 def test_a_child_that_fails_is_refused_and_leaves_nothing(expression, facts, tmp_path, monkeypatch):
     monkeypatch.setattr(apart, "LONGEST", 2)
+    monkeypatch.setattr(apart, "PATIENCE", 2)
     left = tmp_path / "left"
     make = f"__import__('pathlib').Path({str(left)!r}).mkdir()"
     with pytest.raises(Refusal, match=facts):
         Reader(partial(eval, f"{make} or {expression}"), left).result()
     assert left.exists() == (facts in ("GB", "IndexError"))  # the work tidies up by itself
+
+
+def glb(nodes: int, triangles: int) -> bytes:
+    """Return a glTF file in which each of many nodes shows the same triangles."""
+    places = np.random.default_rng(1).random((3 * triangles, 3)).astype("<f4").tobytes()
+    view = {"buffer": 0, "byteOffset": 0, "byteLength": len(places)}
+    accessor = {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3 * triangles}
+    text = json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(nodes)]}],
+        "nodes": [{"mesh": 0}] * nodes, "accessors": [accessor],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "bufferViews": [view], "buffers": [{"byteLength": len(places)}],
+    }).encode()  # fmt: skip
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(places), 0x004E4942) + places
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+@pytest.mark.parametrize(
+    ("nodes", "triangles"), [(2, 100), pytest.param(2000, 150_000, marks=pytest.mark.nightly)]
+)
+def test_a_mesh_that_fills_the_memory_is_refused_before_it_is_drawn(
+    nodes, triangles, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    mesh = ("meshes/m.glb", glb(nodes, triangles))
+    body = {"name": "a", "shape": {"kind": "mesh", "file": "meshes/m.glb"}}
+    model = ("m.json", json.dumps({"bodies": [body]}).encode())
+    sent = base64.b64encode(zipped(model, mesh)).decode()
+    reader = Reader(work_of(do.OpenArchive(ME, "x.zip", sent)))
+    if nodes == 2:
+        assert len(reader.result().opened.bodies) == 1
+        return
+    with pytest.raises(Refusal, match="GB"):
+        reader.result()
 
 
 def test_a_fault_of_pgraph_is_told_as_one(caplog):
