@@ -1,7 +1,7 @@
 """Files of others, read in a child process with limits of time and memory, which can be stopped.
 
 A file of a few hundred bytes can ask a reader for hours of work or for all memory, or crash a
-library. In a child process it delays nobody else. It costs the start of a process, 0.6 s to 1 s.
+library. In a child process it delays nobody else. It costs the start of a process, 1 s.
 """
 
 from __future__ import annotations
