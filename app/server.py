@@ -50,12 +50,13 @@ class Server:
         query = f"?token={secret}" if secret else ""
         self.url = f"http://{host}:{self.port}/{query}"
         state = initial(model, built_in())
-        if keep is not None:
-            state = recovered(state, left_behind(keep, host, self.port), given)
+        left = left_behind(keep) if keep is not None else ()
+        state = recovered(state, left, given)
+        again = {kept.path for kept in left} - {kept.path for kept in state.kept.values()}
         self.store = Store(state, update)
         bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
-        self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
+        self._autosave = Autosave(keep, given, self.send, again) if keep else None
         workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
         work = [worker(self.send) for worker in workers]
         keeps = filter(None, [self._autosave])  # first: what a page is told to be done is on disk
@@ -97,15 +98,16 @@ def serve(
 
     With `token` "on" the address has a secret in it, and other requests are refused; "auto" is "on"
     for hosts other than this machine's own, which any of its users can reach. Edits are kept in
-    the folder `keep`; `given` is what the model was asked for by, and what was edited there when
-    the last server so started was killed comes back.
+    the folder `keep`. `given` identifies the model: if a server that was started with the same
+    `given` was killed, the model as edited there is restored.
     """
     server = Server(model, host, port, given, keep, token)
     if port and server.port != port:
         print(f"Port {port} is taken; using {server.port}.")
     print(f"Pgraph is at {server.url}", flush=True)
     if server.store.state.greeting is not None:
-        print(f"Recovered {server.store.state.greeting.text}", flush=True)
+        greeting = server.store.state.greeting
+        print(f"{greeting.title}: {greeting.text}", flush=True)
     if open_browser:  # some browsers return when they are closed
         threading.Thread(target=_open, args=(server.url,), daemon=True).start()
     return server

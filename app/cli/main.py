@@ -21,7 +21,14 @@ from pgraph_core.engine import second_process
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
 from . import bench, models, run, study, verify
-from .terminal import file_options, open_model, port, print_answer, print_problems
+from .terminal import (
+    file_options,
+    model_path,
+    open_model,
+    port,
+    print_answer,
+    print_problems,
+)
 
 COMMANDS = {
     command.name: command
@@ -150,11 +157,13 @@ def start(args: Namespace) -> None:
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
+    built_in = args.model in pgraph_models.names()
+    given = args.model if built_in else str(model_path(args.model).resolve())
     stopped = threading.Event()  # no exception in the middle of the set-up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())
     server = serve(
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
-        given=args.model, keep=state_folder(), token=args.token,
+        given=given, keep=state_folder(), token=args.token,
     )  # fmt: skip
     if model.scenarios and not server.store.state.undo:
         server.send(Simulate(0))  # ready to play when the page is seen

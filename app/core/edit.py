@@ -99,7 +99,7 @@ def with_model(
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit; no run repeats them
     page = state.clients.get(client) if client is not None else None
-    step = Step(state.model, label, page.page if page else "", state.rows)
+    step = Step(state.model, label, page.page if page else "", state.rows, state.document)
     undo = (*state.undo, step)[-UNDO_DEPTH:]
     return replace(showing(state, model, at), undo=undo, redo=(), greeting=None)
 
@@ -119,6 +119,7 @@ def replaced(state: State, model: pg.Model, label: str, client: int | None = Non
         rows=Rows(),
         request=first_request(model),
         framed=state.framed + 1,
+        document=state.framed + 1,
         walking=Walking(),
         run_problem="",
         clients={number: _afresh(client) for number, client in after.clients.items()},

@@ -121,6 +121,7 @@ class State:
     kernels: Kernels = field(default_factory=Kernels)
     walking: Walking = field(default_factory=Walking)
     saving: Saving | None = None
+    saved: tuple[int, pg.Model] | None = None  # document and model that were written last by Save
     kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
     not_kept: str = ""  # why edits are not kept on disk
     greeting: Notice | None = None  # to pages that open, until the model is changed
@@ -130,6 +131,7 @@ class State:
     mobility: MobilityReport | None = None
     mobility_asked: pg.Model | None = None  # a large model, whose report takes long
     framed: int = 0  # counts the models opened; the camera is framed for each
+    document: int = 0  # `framed` when the model at hand was opened; Undo and Redo may change it
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further
     pull: Any = None  # the event of the mouse that pulls on a body

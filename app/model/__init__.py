@@ -18,6 +18,7 @@ class Step:
     label: str
     by: str = ""  # the page that did it, as it calls itself
     rows: Any = None  # the Rows of that model
+    document: int = 0  # `State.document` of that model
 
 
 @dataclass(frozen=True)

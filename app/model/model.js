@@ -127,9 +127,8 @@
   function openQuestion(close) {
     const file = make("input", { type: "file", accept: ".json,.zip,.urdf,.xml,.mjcf,application/json,application/zip", hidden: true });
     file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
-    const kept = pgraph.latest.toolbar.kept.map((name) => [name, "from an earlier session"]);
     return [make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, a URDF or MJCF file, or a zip of one with its meshes; it can also be dropped on the page", () => file.click()), file),
-      gallery(close, kept)];
+      gallery(close, pgraph.latest.toolbar.kept)];
   }
 
   // Cards with a picture and a sentence each; the pictures come a moment later.
@@ -137,8 +136,13 @@
     const card = (event) => ([name, what]) => make("button", {
       className: "item", "data-model": name, title: what, onclick: () => { send(event, { name }); close(); },
     }, make("span", { className: "picture" }), make("strong", { textContent: name.replaceAll("_", " ") }), make("span", { className: "muted", textContent: what }));
+    const left = (one) => {
+      const discard = button("small", "Discard", `Delete ${one[0]}`, () => { send("DiscardKept", { name: one[0] }); both.remove(); });
+      const both = make("div", { className: "left" }, card("OpenKept")(one), discard);
+      return both;
+    };
     send("ShowGallery");
-    const box = make("div", { className: "gallery" }, ...kept.map(card("OpenKept")), ...pgraph.latest.toolbar.gallery.map(card("OpenBuiltIn")));
+    const box = make("div", { className: "gallery" }, ...kept.map(left), ...pgraph.latest.toolbar.gallery.map(card("OpenBuiltIn")));
     if (pgraph.latest.pictures) pictures(box, pgraph.latest.pictures);
     return box;
   }

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.errors import choices, counted
 from pgraph_core.formats import READERS
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
@@ -36,6 +37,7 @@ EditField = Literal[
 LONG = 500_000  # characters of a model that are read at once
 MOST_HEIGHTS = 100_000  # of all heightfields, each of which is drawn
 MOST_PARTS = 2000  # of any other kind, each of which is listed
+MOST_NAMED = 5  # models of earlier sessions that the greeting names
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,10 @@ def undone(state: State, event: Undo) -> State:
     if k is None:
         return state
     step, later = state.undo[k], state.undo[k + 1 :]
-    redo = (*state.redo, Step(state.model, step.label, step.by, state.rows))
+    redo = (*state.redo, replace(step, model=state.model, rows=state.rows, document=state.document))
     if not later:
-        return replace(showing(state, step.model, earlier=step), undo=state.undo[:k], redo=redo)
+        state = replace(showing(state, step.model, earlier=step), document=step.document)
+        return replace(state, undo=state.undo[:k], redo=redo)
     after = later[0].model
     try:
         model = reverted(state.model, step.model, after)
@@ -97,8 +100,9 @@ def redone(state: State, event: Redo) -> State:
     step = redoable(state, event.client)
     if step is None:
         return state
-    undo = (*state.undo, Step(state.model, step.label, step.by, state.rows))
-    return replace(showing(state, step.model, earlier=step), undo=undo, redo=state.redo[:-1])
+    undo = (*state.undo, replace(step, model=state.model, rows=state.rows, document=state.document))
+    state = replace(showing(state, step.model, earlier=step), document=step.document)
+    return replace(state, undo=undo, redo=state.redo[:-1])
 
 
 def _last(state: State, steps: Sequence[Step], client: int) -> int | None:
@@ -242,17 +246,36 @@ def built_in_opened(state: State, event: OpenBuiltIn) -> State:
 
 @dataclass(frozen=True)
 class OpenKept(FromPage):
-    """The model that an earlier session left."""
+    """Open the model that an earlier session left."""
 
     name: Text
 
 
 @on(OpenKept)
 def kept_opened(state: State, event: OpenKept) -> State:
+    """The model in place of the current one; where it cannot be read, it stays on offer."""
     if event.name not in state.kept:
         return state
+    name, client = event.name, event.client
+    try:
+        model = own(state.kept[name].text)
+    except pg.PgraphError as error:
+        return shown_model(state, client, name, None, str(error))
+    state = shown_model(state, client, name, model)
+    return kept_discarded(state, DiscardKept(client, name)) if state.model is model else state
+
+
+@dataclass(frozen=True)
+class DiscardKept(FromPage):
+    """Delete the model that an earlier session left."""
+
+    name: Text
+
+
+@on(DiscardKept)
+def kept_discarded(state: State, event: DiscardKept) -> State:
+    """Without that offer; Autosave removes the file."""
     left = {key: kept for key, kept in state.kept.items() if key != event.name}
-    state = opened(state, event.client, event.name, state.kept[event.name].text)
     return replace(state, kept=left)
 
 
@@ -405,26 +428,32 @@ def shown_model(
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
     """The first state, given the models that earlier sessions left, newest first.
 
-    If the last session was killed and was started with the same model, its model is restored;
-    the others are offered.
+    The newest model of killed sessions that were started with the same model is restored. The
+    others are offered, and the greeting says so.
     """
-    again = kept[:1] if kept and not kept[0].ended and kept[0].given == given else ()
-    offered = {_called(old): old for old in kept[len(again) :]}
-    state = replace(state, kept=offered)
-    for old in again:
-        model = own(old.text)
-        text = (
-            f"{model.name} as it was at {_at(old)}, when Pgraph was stopped. "
-            f"Undo brings back {given}."
-        )
-        state = edit.replaced(state, model, "recover the last session")
-        state = replace(state, greeting=Notice("Recovered", text))
-    return state
-
-
-def _called(kept: Kept) -> str:
-    name = own(kept.text).name
-    return f"{name}, {_at(kept)}"
+    again, title, text = None, "", ""
+    for old in (old for old in kept if old.given == given and not old.ended):
+        try:
+            state = edit.replaced(state, own(old.text), "recover the last session")
+        except pg.PgraphError:
+            continue  # it is offered, and opening it says why it cannot be read
+        again, title = old, "Recovered"
+        text = f"{old.name} as it was at {_at(old)}, when Pgraph was stopped. "
+        text += f"Undo brings back {given}. "
+        break
+    offered: dict[str, Kept] = {}
+    for old in kept:
+        label, n = f"{old.name}, {_at(old)}", 2
+        while label in offered:
+            label, n = f"{old.name}, {_at(old)} ({n})", n + 1
+        if old is not again:
+            offered[label] = old
+    if offered:
+        title = title or "Earlier sessions"
+        text += f"{counted(len(offered), 'model')} of earlier sessions can be opened by Open: "
+        text += f"{choices(offered, MOST_NAMED)}."
+    greeting = Notice(title, text.strip()) if title else state.greeting
+    return replace(state, kept=offered, greeting=greeting)
 
 
 def _at(kept: Kept) -> str:

@@ -10,6 +10,7 @@ from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count
+from ..session import Kept
 from .update import reading, redoable, undoable
 
 
@@ -42,9 +43,15 @@ def toolbar(state: State, client: int) -> Payload:
         "undo": undo.label if undo else None,
         "redo": redo.label if redo else None,
         "gallery": gallery(state),
-        "kept": list(state.kept),
+        "kept": [(label, _left(kept)) for label, kept in state.kept.items()],
         "reading": errand and (errand.file or errand.label),
     }
+
+
+def _left(kept: Kept) -> str:
+    """A sentence on a model that an earlier session left."""
+    how = "stopped" if kept.ended else "killed"
+    return f"not saved when Pgraph was {how}" + (f"; started with {kept.given}" * bool(kept.given))
 
 
 def gallery(state: State) -> list[tuple[str, str]]:

@@ -10,13 +10,14 @@ import pgraph_core as pg
 
 @dataclass(frozen=True)
 class Kept:
-    """The model of a session that is over, from where the server keeps it."""
+    """The model of a session that no longer runs, read from its file."""
 
     path: Path
     given: str  # the model that the session was started with
     time: float  # of the last edit [s since 1970]
     text: str  # JSON
-    ended: bool  # in order; otherwise the server was killed
+    ended: bool  # the server was stopped, not killed
+    name: str  # of the model
 
 
 @dataclass(frozen=True)
@@ -28,3 +29,4 @@ class Saving:
     path: str
     model: pg.Model
     replace: bool  # also a file that this session did not write
+    document: int = 0  # `State.document` of the model

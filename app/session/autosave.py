@@ -1,8 +1,11 @@
-"""The model on disk before an edit is acknowledged, so that a server that is killed loses nothing.
+"""Autosave: every edit is in a file before it is acknowledged, so that a killed server loses none.
 
-One file a session, named by its address: whoever serves there now is not who left it. The store
-draws this view first. A thread flushes the file to the disk a moment later, and writes again
-where it could not be written.
+A session is one run of the server, with a random id. Each model that is opened in it (a document)
+has a file of its own, `ID-DOCUMENT.json`, which no other session writes. A lock on `ID.lock`, which
+the operating system frees when the process ends, shows whether the session is still running. A file
+is removed once its model is saved, opened by another session or discarded. The store renders
+Autosave before the views. A thread flushes files to the disk a moment later, and writes again
+what could not be written.
 """
 
 from __future__ import annotations
@@ -11,79 +14,106 @@ import contextlib
 import json
 import logging
 import os
-import socket
+import secrets
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import IO
 
 import pgraph_core as pg
 from pgraph_core.model.files import user_folder
 
 from ..core.events import Event
 from ..core.state import Kept, State
-from ..model.archive import own
 from ..session.update import NotKept
 
+try:
+    import fcntl
+except ImportError:  # Windows: sessions that still run are offered as well
+    fcntl = None
+
 DELAY, RETRY = 0.4, 1.0  # [s] before a file is flushed, and before it is tried again
-MOST = 20  # sessions that are offered
 log = logging.getLogger(__name__)
 
 
 def state_folder() -> Path:
-    """Where a program keeps what it would not lose: $XDG_STATE_HOME/pgraph."""
+    """Return the folder for session files: $XDG_STATE_HOME/pgraph."""
     return user_folder("XDG_STATE_HOME", ".local/state")
 
 
 @dataclass(frozen=True)
 class Session:
-    """What is written: the model of a session, what it was started with, how it ended."""
+    """The content of a session file."""
 
-    given: str
-    text: str
-    ended: bool
+    given: str  # the model that the server was started with
+    text: str  # the model as JSON
+    ended: bool  # the server was stopped, not killed
 
     def kept(self, path: Path) -> Kept:
-        return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended)
+        """Return what the page shows. Raises KeyError, TypeError, ValueError: not a model."""
+        name = json.loads(self.text)["name"]
+        return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended, str(name))
 
 
-def left_behind(folder: Path, host: str, port: int) -> tuple[Kept, ...]:
-    """What sessions left that nobody serves any more, newest first; files that are none are not."""
-    found = []
-    for path in folder.glob("*.json"):
-        with contextlib.suppress(OSError, ValueError, TypeError, pg.PgraphError):
-            session = Session(**json.loads(path.read_text("utf-8")))
-            if path.name == _name(host, port) or not _served(path.stem):
-                own(session.text)
-                found.append(session.kept(path))
-    return tuple(sorted(found, key=lambda kept: kept.time, reverse=True)[:MOST])
+def left_behind(folder: Path) -> tuple[Kept, ...]:
+    """Return the models of sessions that no longer run, newest first. Other files are skipped."""
+    found, sessions = [], dict[str, list[Path]]()
+    for path in folder.glob("*.*"):
+        sessions.setdefault(path.stem.rpartition("-")[0] or path.stem, []).append(path)
+    for session, paths in sessions.items():
+        files = [path for path in paths if path.suffix == ".json"]
+        rest = [path for path in paths if path.suffix == ".new"]
+        lock = folder / f"{session}.lock"
+        for path in files if _over(lock, rest if files else [*rest, lock]) else ():
+            with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+                found.append(Session(**json.loads(path.read_text("utf-8"))).kept(path))
+    return tuple(sorted(found, key=lambda kept: kept.time, reverse=True))
 
 
-def _name(host: str, port: int) -> str:
-    return f"{host.replace(':', '_')} {port}.json"
+def _over(lock: Path, rest: Iterable[Path]) -> bool:
+    """Whether no process holds the lock of a session; the rest of its files is then removed."""
+    with contextlib.suppress(OSError), lock.open("rb") as file:
+        if not _locked(file, shared=True):
+            return False
+        for path in rest:
+            path.unlink(missing_ok=True)
+    return True
 
 
-def _served(address: str) -> bool:
-    """Whether somebody answers at the address that a file is named by."""
-    host, _, port = address.rpartition(" ")
-    host = {"0.0.0.0": "127.0.0.1", "__": "::1"}.get(host, host.replace("_", ":"))
+def _locked(file: IO[bytes], *, shared: bool) -> bool:
+    """Whether this process now holds the lock of a file; False if another process holds it."""
+    if fcntl is None:
+        return True
     try:
-        with socket.create_connection((host, int(port)), timeout=0.3):
-            return True
-    except (OSError, ValueError):
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
         return False
+    except OSError:  # a file system without locks
+        return True
+    return True
 
 
 class Autosave:
-    """Writes the model of this session at each edit."""
+    """Writes the models of this session at each edit."""
 
     def __init__(
-        self, folder: Path, host: str, port: int, given: str, send: Callable[[Event], None]
+        self,
+        folder: Path,
+        given: str,
+        send: Callable[[Event], None],
+        opened: Iterable[Path] = (),
     ):
-        self._path = folder / _name(host, port)
-        self._given, self._send = given, send
-        self._first: pg.Model | None = None  # as it was opened: nothing to keep
-        self._model: pg.Model | None = None  # the last one; None: no edit yet
+        """`opened` are files of earlier sessions whose models this session starts with."""
+        self._folder, self._given, self._send = folder, given, send
+        self._id, self._lock = "", None
+        self._over = set(opened)  # to be removed once this session's own files are written
+        self._models: dict[int, pg.Model] = {}  # by document, the last one
+        self._current = -1
+        self._elsewhere: dict[int, pg.Model] = {}  # by document, as started or saved: not at risk
+        self._opened: dict[int, pg.Model] = {}  # by document, as opened from a file or the gallery
+        self._due: set[int] = set()  # documents to be written
+        self._files: dict[int, Path] = {}
         self._changed = threading.Condition()
         self._settled = True  # on the disk, not only handed to the system
         self._stopped = False
@@ -91,25 +121,36 @@ class Autosave:
         self._thread = threading.Thread(target=self._loop, name="pgraph-autosave", daemon=True)
 
     def render(self, old: State, new: State) -> None:
-        if self._first is None:
-            self._first = new.undo[0].model if new.undo else new.model
+        if self._current < 0:
+            self._elsewhere[0] = new.undo[0].model if new.undo else new.model
+            self._current = new.document
             self._thread.start()
-        for label in old.kept.keys() - new.kept.keys():
-            if old.kept[label].path != self._path:
-                old.kept[label].path.unlink(missing_ok=True)
-        if new.model is not old.model or (old is new and new.undo):
-            with self._changed:
-                self._model, self._settled = new.model, False
-                self._write(ended=False)
-                self._changed.notify()
+        gone = {old.kept[label].path for label in old.kept.keys() - new.kept.keys()}
+        moved = new.model is not old.model or (old is new and new.undo)
+        if not (moved or gone or new.saved is not old.saved):
+            return
+        with self._changed:
+            if new.document not in self._models and new.document and not gone and not self._over:
+                self._opened[new.document] = new.model
+            self._over |= gone
+            if new.saved is not None:
+                self._elsewhere[new.saved[0]] = new.saved[1]
+            self._models[new.document] = new.model
+            self._due |= {new.document, self._current} & self._models.keys()
+            self._current, self._settled = new.document, False
+            self._write_due()
+            self._changed.notify()
 
     def stop(self) -> None:
-        """The session has ended in order."""
+        """Mark the files as those of a session that was stopped, not killed."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
+        if self._lock is not None:
+            (self._folder / f"{self._id}.lock").unlink(missing_ok=True)
+            self._lock.close()
 
     def _loop(self) -> None:
         stopped = False
@@ -118,28 +159,65 @@ class Autosave:
                 self._changed.wait_for(lambda: self._stopped or not self._settled)
                 self._changed.wait_for(lambda: self._stopped, RETRY if self._failed else DELAY)
                 stopped = self._stopped
+                if stopped:
+                    self._due |= self._files.keys()
                 if self._failed or stopped:
-                    self._write(ended=stopped)
+                    self._write_due(ended=stopped)
                 self._settled = not self._failed
-            with contextlib.suppress(OSError), self._path.open("rb") as file:
-                os.fsync(file.fileno())  # a loss of power keeps what was flushed
+                files = list(self._files.values())
+            for path in files:
+                _flush(path)
 
-    def _write(self, *, ended: bool) -> None:
-        """Replace the file. It is handed to the system only: that outlives any death of ours."""
+    def _write_due(self, *, ended: bool = False) -> None:
+        """Write the files that are due. Handed to the system, they outlive a death of ours."""
         problem = ""
         try:
-            if self._model is self._first:
-                self._path.unlink(missing_ok=True)
-            elif self._model is not None:
-                self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-                text = self._model.model_dump_json(exclude_none=True)
-                session = {"given": self._given, "text": text, "ended": ended}
-                new = self._path.with_suffix(".new")
-                new.write_text(json.dumps(session), "utf-8")
-                new.replace(self._path)
+            for document in sorted(self._due):
+                self._write(document, ended)
+                self._due.discard(document)
+            if self._over and self._current in self._files:
+                _flush(self._files[self._current])
+            while self._over:
+                self._over.pop().unlink(missing_ok=True)
         except OSError as error:
-            problem = f"{self._path} cannot be written: {error.strerror or error}."
+            where = error.filename or self._folder
+            problem = f"{where} cannot be written: {error.strerror or error}."
         if problem != self._failed:
             log.warning("the model is %s", f"not kept: {problem}" if problem else "kept again")
             self._send(NotKept(problem))
         self._failed = problem
+
+    def _write(self, document: int, ended: bool) -> None:
+        """Replace the file of a document, or remove it where nothing is at risk."""
+        model = self._models[document]
+        away = document != self._current and model is self._opened.get(document)
+        if away or model is self._elsewhere.get(document):
+            if document in self._files:
+                self._files.pop(document).unlink(missing_ok=True)
+            return
+        if self._lock is None:
+            self._begin()
+        path = self._folder / f"{self._id}-{document}.json"
+        session = Session(self._given, model.model_dump_json(exclude_none=True), ended)
+        new = path.with_suffix(".new")
+        new.write_text(json.dumps(asdict(session)), "utf-8")
+        new.replace(path)
+        self._files[document] = path
+
+    def _begin(self) -> None:
+        """Choose an id and lock it. Another start may remove the lock file before it is locked."""
+        self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        while self._lock is None:
+            self._id = secrets.token_hex(8)
+            path = self._folder / f"{self._id}.lock"
+            file = path.open("xb")
+            if _locked(file, shared=False) and path.exists():
+                self._lock = file
+            else:
+                file.close()
+
+
+def _flush(path: Path) -> None:
+    """Flush a file to the disk, where a loss of power does not harm it."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        os.fsync(file.fileno())

@@ -207,7 +207,9 @@ class Save(FromPage):
 
 @on(Save)
 def save(state: State, event: Save) -> State:
-    saving = Saving(event.client, event.serial, event.path, state.model, event.replace)
+    saving = Saving(
+        event.client, event.serial, event.path, state.model, event.replace, state.document
+    )
     return replace(state, saving=saving)
 
 
@@ -227,6 +229,9 @@ def saved(state: State, event: Saved) -> State:
     state = replied(state, event.client, event.serial, event.problem, event.offer)
     if event.problem:
         return state
+    asked = state.saving
+    if asked is not None and (asked.client, asked.serial) == (event.client, event.serial):
+        state = replace(state, saved=(asked.document, asked.model))
     meshes = any(shape.file for b in state.model.bodies for shape in b.shapes)
     text = f"{event.path}; its mesh files are in the folder 'meshes' next to it"
     return told(state, event.client, Notice("Saved", text if meshes else event.path))

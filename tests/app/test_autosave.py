@@ -1,6 +1,7 @@
 """Autosave: an edited model survives kill -9, and nothing else comes back (interface 1.9)."""
 
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -10,12 +11,11 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import initial
 from pgraph_app.model.update import recovered
-from pgraph_app.server import serve
 from pgraph_app.session.autosave import Autosave, left_behind, state_folder
 
 from .store import ME, after, begun, do, notice, until
 
-HOST, PORT = "127.0.0.1", 1  # nobody serves there
+HOST = "127.0.0.1"
 
 
 @pytest.fixture
@@ -28,7 +28,12 @@ def edited(state, mass):
 
 
 def saver(folder, sent=None):
-    return Autosave(folder, HOST, PORT, "serial", (sent if sent is not None else []).append)
+    return Autosave(folder, "serial", (sent if sent is not None else []).append)
+
+
+def files(folder):
+    """Return the contents of the session files, whoever they belong to."""
+    return [json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))]
 
 
 def test_an_edit_is_on_disk_when_the_next_view_draws(tmp_path, state, monkeypatch):
@@ -38,13 +43,14 @@ def test_an_edit_is_on_disk_when_the_next_view_draws(tmp_path, state, monkeypatc
     for k in range(20):
         old, now = now, edited(now, str(k + 2))
         keeper.render(old, now)
-        (kept,) = left_behind(folder, HOST, PORT)
-        assert pg.Model.from_json(kept.text) == now.model
+        (kept,) = files(folder)
+        assert pg.Model.from_json(kept["text"]) == now.model
+        assert left_behind(folder) == ()  # it still runs
     keeper.stop()
-    (kept,) = left_behind(folder, HOST, PORT)
+    (kept,) = left_behind(folder)
     assert pg.Model.from_json(kept.text) == now.model
     assert (kept.given, kept.ended) == ("serial", True)
-    assert [path.name for path in folder.iterdir()] == ["127.0.0.1 1.json"]  # no part of a file
+    assert [path.suffix for path in folder.iterdir()] == [".json"]  # no lock, no part of a file
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert state_folder() == tmp_path / "pgraph"
 
@@ -61,7 +67,7 @@ def test_a_failed_write_is_retried_and_reported_on_every_page(tmp_path, state):
     assert failing.clients[7].notice.bad
     assert "folder" in notice(failing, 7)
     blocked.unlink()
-    until(lambda: left_behind(blocked, HOST, PORT), "the file")
+    until(lambda: blocked.is_dir() and files(blocked), "the file")
     until(lambda: len(sent) > 1, "the word that it works")
     keeper.stop()
     works = after(failing, sent[1])
@@ -79,75 +85,180 @@ def test_nothing_is_written_without_an_edit_or_after_undo(tmp_path, state):
     assert list(tmp_path.iterdir()) == []
 
 
-def leave(folder, port=PORT, **fields):
+def test_a_saved_model_is_not_at_risk_until_the_next_edit(tmp_path, state):
+    keeper, now = saver(tmp_path), edited(state, "2")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    asked = after(now, do.Save(ME, 2, "here.json"))
+    done = after(asked, do.Saved(ME, 2, "here.json", ""))
+    keeper.render(now, done)
+    assert files(tmp_path) == []
+    keeper.render(done, edited(done, "3"))
+    keeper.stop()
+    assert len(left_behind(tmp_path)) == 1
+
+
+def test_each_document_has_a_file_until_its_opening_is_undone(tmp_path, state):
+    """An edited model that another one replaces is kept beside it; Undo and Redo go between."""
+    keeper, now = saver(tmp_path), edited(state, "2")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    texts = []
+    for event in (do.NewModel(ME, 2, "4"), do.Undo(ME), do.Redo(ME), do.Undo(ME), do.Redo(ME)):
+        old, now = now, after(now, event)
+        keeper.render(old, now)
+        texts.append({len(pg.Model.from_json(kept["text"]).bodies) for kept in files(tmp_path)})
+    assert texts == [{3, 4}, {3}, {3, 4}, {3}, {3, 4}]
+    keeper.stop()
+    assert {len(pg.Model.from_json(kept.text).bodies) for kept in left_behind(tmp_path)} == {3, 4}
+
+
+def leave(folder, number=0, **fields):
     session = {"given": "serial", "text": pg.Model.serial(5).to_json(), "ended": False, **fields}
-    (folder / f"{HOST} {port}.json").write_text(json.dumps(session))
+    path = folder / f"{number:016x}-0.json"
+    path.write_text(json.dumps(session))
+    return path
 
 
 def test_a_session_that_was_killed_comes_back_as_one_undo_step(tmp_path, state):
     leave(tmp_path)
-    (tmp_path / f"{HOST} 2.json").write_text("{")
+    (tmp_path / "2-0.json").write_text("{")
     leave(tmp_path, 3, text="[]")
-    (left,) = left_behind(tmp_path, HOST, PORT)
+    (left,) = left_behind(tmp_path)
     again = recovered(initial(state.model), [left], "serial")
     assert len(again.model.bodies) == 5
     assert "serial" in notice(after(again, do.Connected(ME)))
     assert after(again, do.Undo(ME)).model is state.model
-    other = recovered(initial(state.model), [left], "quadruped")
+    other = after(recovered(initial(state.model), [left], "quadruped"), do.Connected(ME))
+    assert "1 model" in notice(other)
     assert other.model is state.model
     (name,) = other.kept
     opened = after(other, do.OpenKept(ME, name))
     assert (len(opened.model.bodies), opened.kept) == (5, {})
-    leave(tmp_path, ended=True)  # in order: it is offered, not opened
-    offered = recovered(initial(state.model), left_behind(tmp_path, HOST, PORT), "serial")
+    leave(tmp_path, ended=True)  # stopped, not killed: it is offered, not opened
+    offered = recovered(initial(state.model), left_behind(tmp_path), "serial")
     assert offered.model is state.model
     assert len(offered.kept) == 1
 
 
-def test_a_session_that_is_still_served_is_left_alone(tmp_path):
-    server = serve(pg.Model.serial(2), port=0, open_browser=False)
-    try:
-        leave(tmp_path, server.port)
-        assert left_behind(tmp_path, HOST, PORT) == ()
-    finally:
-        server.stop()
+def test_all_sessions_of_an_instant_are_offered_and_only_the_one_opened_goes(tmp_path, state):
+    """Those of other models are offered too, the newest killed one of this model is restored."""
+    for k in range(30):
+        path = leave(tmp_path, k, given="serial" if k % 3 else "other", ended=k % 2 == 0)
+        os.utime(path, ns=(10**18 + k // 10, 10**18 + k // 10))
+    left = left_behind(tmp_path)
+    now = recovered(initial(state.model), left, "serial")
+    assert (len(left), len(now.kept)) == (30, 29)
+    again = {kept.path for kept in left} - {kept.path for kept in now.kept.values()}
+    keeper = Autosave(tmp_path, "serial", lambda event: None, again)
+    keeper.render(now, now)
+    assert len(files(tmp_path)) == 30  # the restored one is in a file of this session
+    now, old = after(now, do.Connected(ME), do.OpenKept(ME, next(iter(now.kept)))), now
+    keeper.render(old, now)
+    old, now = now, after(now, do.DiscardKept(ME, next(iter(now.kept))))
+    keeper.render(old, now)
+    assert (len(files(tmp_path)), len(now.kept)) == (29, 27)
+    keeper.stop()
+    assert len(left_behind(tmp_path)) == 29
 
 
-KILLED = """
-import sys, time
-from pathlib import Path
-import pgraph_core as pg
-from pgraph_app.server import serve
+def test_a_session_that_cannot_be_read_stays_on_offer(tmp_path, state):
+    leave(tmp_path, text='{"name": "later", "bodies": [], "of a later version": 1}')
+    now = recovered(initial(state.model), left_behind(tmp_path), "serial")
+    assert now.model is state.model
+    opened = after(now, do.Connected(ME), do.OpenKept(ME, *now.kept))
+    assert "later" in notice(opened)
+    assert opened.kept == now.kept
+
+
+@pytest.mark.parametrize(
+    ("kills", "seed"),
+    [(12, 0), *(pytest.param(100, seed, marks=pytest.mark.nightly) for seed in range(5))],
+)
+def test_no_acknowledged_edit_is_lost_where_sessions_are_killed(tmp_path, kills, seed):
+    """Random interleavings of two models in two folders, edited by up to two processes."""
+    command = [sys.executable, "-m", "tests.app.kills", str(tmp_path), str(kills), str(seed)]
+    done = subprocess.run(command, text=True, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 0
+
+
+EDITING = """
+import sys, threading
+import pgraph_app.server
+from pgraph_app.cli import main
 from pgraph_app.table.update import CountBodies
-keep, port = Path(sys.argv[1]), int(sys.argv[2])
-server = serve(pg.Model.serial(3), port=port, open_browser=False, given="three", keep=keep)
-print(len(server.store.state.model.bodies), flush=True)
-server.send(CountBodies(-1, 1, "7"))
-sys.stdin.read()
+serve = pgraph_app.server.serve
+def served(*args, **options):
+    server = serve(*args, **options)
+    def edit():
+        for line in sys.stdin:
+            server.send(CountBodies(-1, 1, line.strip()))
+            while len(server.store._drawn.model.bodies) != int(line):
+                pass
+            print("edited", flush=True)
+    threading.Thread(target=edit, daemon=True).start()
+    print("bodies", len(server.store.state.model.bodies), flush=True)
+    return server
+pgraph_app.server.serve = served
+main(sys.argv[1:])
 """
 
 
+class Command:
+    """`pgraph MODEL --port PORT` in a folder."""
+
+    def __init__(self, state, folder, model, port):
+        command = [sys.executable, "-c", EDITING, model, "--port", str(port), "--no-browser"]
+        env = os.environ | {"XDG_STATE_HOME": str(state), "PYTHONPATH": os.pathsep.join(sys.path)}
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "cwd": folder, "env": env}
+        self.process = subprocess.Popen(command, text=True, **pipes)
+        self.said = ""
+        self.bodies = int(self.heard("bodies").split()[1])
+
+    def heard(self, word):
+        """Return the line that starts with a word, once it is printed."""
+        while line := self.process.stdout.readline():
+            self.said += line
+            if line.startswith(word):
+                return line
+        raise AssertionError(f"it ended; it said {self.said}")
+
+    def killed_after(self, bodies):
+        """Kill it once an edit to this many bodies is acknowledged."""
+        self.process.stdin.write(f"{bodies}\n")
+        self.process.stdin.flush()
+        self.heard("edited")
+        self.kill()
+
+    def kill(self):
+        self.process.kill()
+        self.process.communicate()
+
+
 @pytest.mark.nightly
-def test_after_kill_9_the_model_is_there_when_the_server_starts_again(tmp_path):
-    with socket.socket() as free:
-        free.bind((HOST, 0))
-        port = free.getsockname()[1]
-
-    def printed():
-        """What a server prints until it is killed, once there is a file."""
-        command = [sys.executable, "-c", KILLED, str(tmp_path), str(port)]
-        pipes, lines = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}, []
-        server = subprocess.Popen(command, text=True, **pipes)
-        try:
-            while not lines or not lines[-1].isdigit():
-                lines.append(server.stdout.readline().strip())
-            until(lambda: list(tmp_path.glob("*.json")), "the file")
-        finally:
-            server.kill()
-            server.wait()
-        return lines
-
-    assert printed()[-1] == "3"
-    lines = printed()
-    assert lines[-1] == "7"
-    assert any("serial 3" in line for line in lines)
+def test_commands_that_are_killed_lose_no_edit_whatever_their_ports_and_folders(tmp_path):
+    """Same names in two folders, the port of another model, and a port that is taken."""
+    state, folders = tmp_path / "state", (tmp_path / "x", tmp_path / "y")
+    for n, folder in enumerate(folders, 2):
+        folder.mkdir()
+        for k, name in enumerate(("a", "b")):
+            pg.Model.serial(n + 2 * k).replace(name=name).save(folder / f"{name}.json")
+    with socket.create_server((HOST, 0)) as taken:
+        port = taken.getsockname()[1]
+        Command(state, folders[0], "a.json", port).killed_after(6)
+    Command(state, folders[0], "b.json", port).killed_after(7)  # R1
+    one = Command(state, folders[1], "a.json", port)  # R3
+    assert one.bodies == 3
+    assert "2 models" in one.said
+    one.killed_after(8)
+    with socket.create_server((HOST, port)):  # R2
+        one = Command(state, tmp_path, "x/a.json", port)
+        other = Command(state, folders[0], "../y/a.json", port + 1)  # R4
+    assert (one.bodies, other.bodies) == (6, 8)
+    one.kill()
+    other.kill()
+    last = Command(state, folders[1], "b.json", 0)
+    assert last.bodies == 5
+    assert "3 models" in last.said
+    last.kill()
