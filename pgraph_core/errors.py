@@ -69,6 +69,8 @@ SYNONYMS = {  # choices by the words of other programs
     "euler": ("semi_implicit_euler",), "radau": ("radau5",), "world": ("ground",),
     "base": ("ground",), "earth": ("ground",), "inertial": ("ground",),
 }  # fmt: skip
+MOST_TOLD = 50  # problems in the text of an error
+MOST_NESTED = 100  # lists within lists
 MEANT: dict[str, list[str]] = {}
 for _line in _MEANT.split("\n")[1:-1]:
     _ours, _theirs = _line.split(": ")
@@ -92,11 +94,13 @@ class Problem:
 
 
 class PgraphError(Exception):
-    """Bad input. Its text has one sentence per problem; `problems` holds them one by one."""
+    """Bad input. `problems` are all that is wrong, of which the text has the first."""
 
     def __init__(self, problems: Iterable[Problem] | Problem):
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
-        super().__init__("\n".join(map(str, self.problems)))
+        left = len(self.problems) - MOST_TOLD
+        more = [f"and {counted(left, 'more problem')}"] if left > 0 else []
+        super().__init__("\n".join([*map(str, self.problems[:MOST_TOLD]), *more]))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.problems,)
@@ -246,15 +250,24 @@ def _cut(text: str, limit: int) -> str:
 
 def shown(value: Any, limit: int = 60) -> str:
     """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
-    return _cut(repr(_lists(value)), limit)
+    try:
+        return _cut(repr(_lists(value, limit, [limit])), limit)
+    except RecursionError:
+        return f"a {type(value).__name__} that is nested too deeply"
 
 
-def _lists(value: Any) -> Any:
-    return [_lists(x) for x in value] if isinstance(value, (list, tuple)) else value
+def _lists(value: Any, most: int, left: list[int]) -> Any:
+    """Lists for tuples and arrays, as far as a sentence shows them: `left` more values."""
+    left[0] -= 1
+    if hasattr(value, "tolist"):
+        if hasattr(value, "ndim"):
+            value = value[(slice(most),) * value.ndim]
+        value = value.tolist()
+    if not isinstance(value, (list, tuple)):
+        return value
+    return [_lists(x, most, left) if left[0] > 0 else ... for x in value[:most]]
 
 
 def counted(n: int, one: str, many: str = "") -> str:
@@ -312,6 +325,11 @@ def _explained(function: Any) -> Any:
             return function(*args, **named) if named else function(*args)
         except PgraphError:
             raise
+        except RecursionError:
+            if not any(map(is_deep, (*args, *named.values()))):
+                raise
+            text = "has an argument that is nested too deeply, or that holds itself"
+            raise InputError(Problem(function.__qualname__, "", text)) from None
         except BARE as error:
             found = _problems_of_call(function, args, named)
             if not found:
@@ -319,6 +337,20 @@ def _explained(function: Any) -> Any:
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
     return call
+
+
+def is_deep(value: Any) -> bool:
+    """Whether lists and dictionaries are nested deeper than any argument is."""
+    level = [value]
+    for _ in range(MOST_NESTED):
+        level = [
+            x
+            for one in level[:MOST_NESTED]
+            if isinstance(one, (list, tuple, dict))
+            for x in (one.values() if isinstance(one, dict) else one)
+            if isinstance(x, (list, tuple, dict))
+        ]
+    return bool(level)
 
 
 def _problems_of_call(

@@ -69,11 +69,11 @@ def unsealed(
     elif data[len(magic) : start] != sha256(memoryview(data)[start:]).digest()[:SUM]:
         text = "is damaged: its bytes are not those that were saved"
     else:
-        written, *words = data[start + 4 : end].decode().split("\n")
+        written, *words = data[start + 4 : end].decode(errors="replace").split("\n")
         size = sum(array.nbytes for array in arrays)
         if written != installed():
             text = f"was saved by Pgraph {written}, and Pgraph {installed()} is running"
-        elif words[0] != key or len(data) - end != size:
+        elif words[:1] != [key] or len(data) - end != size:
             text = "is of another mechanism, method, step or scenario, or of other options"
     if text:
         raise InputError(Problem(f"{kind}.restore", "snapshot", text))

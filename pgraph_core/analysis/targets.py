@@ -15,6 +15,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
 from ..engine import layout as at
 from ..errors import InputError, Problem, choices, shown
+from ..given import array_of
 from ..packing import Array
 from ..rotation import matrix
 from ..tolerances import LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
@@ -86,7 +87,10 @@ def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
 
 
 def _turn(name: str, given: Any) -> Array:
-    turn = np.asarray(given, dtype=float)
+    try:
+        turn = array_of(given).astype(float)
+    except (TypeError, ValueError):
+        turn = np.zeros(0)
     if turn.shape == (4,) and 0.5 < np.linalg.norm(turn) < 2:
         return matrix(turn.tolist())
     if turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() < NOTABLE:

@@ -17,6 +17,7 @@ from ..dynamics.arguments import numbers_in, positions
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
+from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
@@ -24,6 +25,7 @@ from ..packing import Array, Ints, System
 from ..portable import MEANT_BY, Elsewhere, Portable, put_back, sealed, unsealed
 from ..result.records import Named
 from ..simulation.recording import STATUS
+from ..simulation.snapshots import check
 from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
 from .feet import FeetLanes, on_feet
 from .instances import (
@@ -357,7 +359,7 @@ class BatchStepper(Portable):
         """Give a servo another target [rad, m], (size,) or one for all, constant until `reset`."""
         targets = self._many.targets
         if servo not in targets:
-            text = f"no servo with a constant target is called {servo!r:.60}; {one_of(targets)}"
+            text = f"no servo with a constant target is called {shown(servo)}; {one_of(targets)}"
             raise _refused("servo", text, "target")
         given = _table("value", value, self.size, None)
         for force in self.mech.model.forces:
@@ -375,14 +377,21 @@ class BatchStepper(Portable):
         return sealed("BatchStepper", (self._key(),), state)
 
     def restore(self, snapshot: bytes) -> None:
-        """Go back to a snapshot of this batch. Raises InputError."""
-        _, state = unsealed("BatchStepper", snapshot, self._key(), self._memory())
-        put_back(state, self._memory())
+        """Go back to a snapshot of this batch.
+
+        Raises InputError for bytes that `save` did not give, and for values that no state of this
+        batch has. Nothing is changed then.
+        """
+        memory = self._memory()
+        _, state = unsealed("BatchStepper", snapshot, self._key(), memory)
+        codes = np.frombuffer(state, np.int64, self.size)
+        check("BatchStepper", self._many.laws(codes), memory, state)
+        put_back(state, memory)
         self._many.relink()
 
     def _memory(self) -> list[Any]:
         """The arrays that steps read before they write them."""
-        return [self._many.codes, self._many.kind, self._many.states]
+        return list(self._many.memory)
 
     def _key(self) -> str:
         given = {**self._options, "tau": None}
@@ -486,11 +495,12 @@ def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
 def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
     """(rows, columns) finite numbers, of one row where one is given. Raises InputError."""
     shape = (rows,) if columns is None else (rows, columns)
-    given = numbers_in(value)
+    given = numbers_in(value, shape, shape[1:])
     found = np.full((0, 0, 0), np.nan) if given is None else given
-    if found.shape not in (shape, shape[1:]) or not np.isfinite(found).all():
+    fits = found.shape in (shape, shape[1:])
+    if not fits or not np.isfinite(found).all():
         text = f"must be finite numbers of shape {shape} or {shape[1:]}; given {shown(value)}"
-        if found.size and found.shape not in (shape, shape[1:]):
+        if found.size and not fits:
             text = f"must have shape {shape} or {shape[1:]}; given {found.shape}"
         raise _refused(name, text)
     return np.broadcast_to(found, shape)
@@ -500,7 +510,7 @@ def _chosen(which: Any, size: int) -> Ints:
     """Numbers of the instances meant. Raises InputError."""
     if which is None:
         return np.arange(size)
-    found = np.atleast_1d(np.asarray(which))
+    found = np.atleast_1d(_array(which))
     if found.dtype == bool and found.shape == (size,):
         return np.flatnonzero(found)
     whole = found.ndim == 1 and (found.dtype.kind in "iu" or not found.size)
@@ -512,7 +522,7 @@ def _chosen(which: Any, size: int) -> Ints:
 
 def _places(numbers: Any, entries: Ints, n: int) -> Ints:
     """The kinds of n entries of the lists. Raises InputError."""
-    found = np.asarray(numbers)
+    found = _array(numbers)
     if found.dtype.kind not in "iu" or found.shape not in ((), (n,)):
         text = f"must be ({n},) places in the lists of `set`; given {shown(numbers)}"
         raise _refused("numbers", text, "reset")
@@ -520,6 +530,13 @@ def _places(numbers: Any, entries: Ints, n: int) -> Ints:
         text = f"the lists of `set` have {len(entries)} entries; given {shown(numbers)}"
         raise _refused("numbers", text, "reset")
     return np.broadcast_to(entries[found], n)
+
+
+def _array(given: Any) -> Any:
+    try:
+        return array_of(given)
+    except (TypeError, ValueError):
+        return np.asarray(None)
 
 
 def _read_only(view: Array) -> Array:

@@ -11,6 +11,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 from typing import Any
@@ -26,6 +27,7 @@ from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
 from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
+from ..simulation.snapshots import ADDRESSES, Law, laws_of
 from ..simulation.stepper import Stepper
 
 WORD = 8  # bytes
@@ -145,9 +147,32 @@ class Instances:
             name: Place(arrays, arrays[first + i]).of(self.states)[:, 1]
             for i, name in enumerate(servos)
         }
+        self.memory = self.codes, self.kind, self.states
         self.pairs = None
         if scene.touching is not None and scene.touching.pairs.size:
             self.pairs = Place(arrays, scene.touching.pairs).of(self.states)
+
+    def laws(self, codes: Ints) -> list[Law]:
+        """The values that the words of `memory` may have, given those of `codes`."""
+        stepper = self.workers[0].stepper
+        arrays = state_arrays(stepper)
+        places = [Place(arrays, array) for array in arrays]
+        laws = [
+            replace(law, array=place.of(self.starts)[0])
+            for law, place in zip(laws_of(stepper, arrays), places)
+        ]
+
+        def rows(found: Ints) -> bool:
+            parts = (codes == at.RUNNING, False), (codes != at.RUNNING, True)
+            return all(
+                law.holds(place.of(found)[which], failed=failed)
+                for law, place in zip(laws, places)
+                for which, failed in parts
+            )
+
+        ends, kinds = (at.DONE, at.EVENT), (0, len(self.starts) - 1)
+        everything = Law(self.states, free=("",), also=rows)
+        return [Law(self.codes, {"": ends}), Law(self.kind, {"": kinds}), everything]
 
     def step(self, n: int) -> None:
         """n steps of all instances that run; `given` acts."""
@@ -193,10 +218,14 @@ class Instances:
         return np.array([(a.ctypes.data, a.strides[0]) for a in (self.states, self.numbers)])
 
     def relink(self) -> None:
-        """Addresses of another process are none of this one."""
+        """Replace what another process gave: addresses, and bounds of the next steps."""
         here = self.workers[0].stepper.recording.steps.control
-        for name in ("guard", "approach"):
+        for name in ADDRESSES:
             self.control[name] = here[name]
+        for i in np.flatnonzero(self.codes == at.RUNNING) if here["approach"] else ():
+            record = self.into_worker(i).stepper.recording
+            record.bound()
+            self.control["bound"][i] = record.steps.control["bound"]
 
     def into_worker(self, i: int) -> Worker:
         """The first worker, with instance i in its run."""

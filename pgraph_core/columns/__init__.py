@@ -123,7 +123,8 @@ class Columns(Portable):
         self._nq = nq
         self._keep(None if names is None else names_of(names, nb), None)
         check = ready(packing.gather)
-        given = given if JIT else converted(given)  # uncompiled, it takes any type
+        if not (JIT and all(type(x) is np.ndarray for x in given)):  # numba follows lists that
+            given = converted(given)  # hold themselves; uncompiled code takes any type
         try:
             wrong, row, above = check(*given, nq, *self.numbers)
         except TypeError:  # lists, single numbers, other types: looked at one by one

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import joints
 from ..engine import packing
 from ..errors import ModelError, Problem, choices, shown
+from ..given import array_of
 from ..joints import JointKind, Motion, MotionKind
 from ..model import Body
 from ..model.checks import tree_problems
@@ -29,6 +30,7 @@ COLUMNS += (*PHYSICS, "q", "v", "gravity")
 GIVEN = ("parent", "joint", "motion_of", "motion", "axis", "link", "rotation", "mass", "com")
 GIVEN += ("inertia", "physics", "q", "v", "gravity", "kinds")
 ENTRY = {"axis": (3,), "link": (3,), "rotation": (4,), "mass": (), "com": (3,), "inertia": (3, 3)}
+MOST_VALUES = 100_000_000  # of a column: it would take a gigabyte
 INT = np.dtype(np.int64)  # compared by `is`, in a third of the time; an equal one goes the long way
 
 
@@ -41,20 +43,25 @@ def ints(column: str, value: Any) -> Ints:
     """A column of whole numbers. Raises ModelError."""
     if type(value) is np.ndarray and value.dtype is INT and value.ndim == 1:
         return value if value.flags.carray else value.copy()
-    try:
-        array = np.asarray(value)
-    except ValueError:  # lists of unequal length
-        array = np.asarray(None)
+    array = _array(value)
     if array.ndim != 1 or (len(array) and array.dtype.kind not in "iu"):
         raise refused(column, f"must be a list of whole numbers; given {shown(value)}")
     return array.astype(np.int64)
+
+
+def _array(value: Any) -> Any:
+    """Return an array; of lists of unequal length, or nested too deeply, one of no shape."""
+    try:
+        return array_of(value)
+    except (TypeError, ValueError):
+        return np.asarray(None)
 
 
 def codes(column: str, value: Any, names: Sequence[str]) -> Ints:
     """A column of names as their places in `names`; one name stands for all. Raises ModelError."""
     if type(value) is np.ndarray and value.dtype is INT:
         return ints(column, value)
-    given = np.atleast_1d(np.asarray(value))
+    given = np.atleast_1d(_array(value))
     if given.dtype.kind != "U":
         return ints(column, given)
     known = np.array(names)
@@ -82,9 +89,11 @@ def physics(given: Sequence[Any], nm: int) -> Array:
 def floats(column: str, value: Any, entry: tuple[int, ...]) -> Array:
     """(n, *entry) of a column of numbers; one entry alone gets its axis. Raises ModelError."""
     try:
-        array = np.asarray(value)
+        array = array_of(value)
         if array.dtype.kind not in "fiu" and array.size:
             raise TypeError
+        if array.size > MOST_VALUES:
+            raise refused(column, f"has {array.size} values; {MOST_VALUES} at most")
         array = np.array(array, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise refused(column, f"must be numbers; given {shown(value)}") from None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, Problem, shown, to_read
+from ..given import array_of
 from ..packing import Array
 from ..packing.packed import Packed
 
@@ -23,17 +24,20 @@ def names_in(value: Any) -> Mapping[str, Any] | None:
     return {x: value[x] for x in named} if any(isinstance(x, str) for x in named) else None
 
 
-def numbers_in(given: Any) -> Array | None:
+def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
     """Numbers, whole or not, as an array of its own, nan where they are masked.
 
-    None for text, truth values, complex numbers and other objects.
+    None for text, truth values, complex numbers and other objects. An array that has none of the
+    shapes, where some are given, is not copied.
     """
     try:
-        found = np.asarray(given)
+        found = array_of(given)
     except (TypeError, ValueError):
         return None
     if found.dtype.kind not in "iuf" and found.size:
         return None
+    if shapes and found.shape not in shapes:
+        return found
     found = np.array(found, dtype=np.float64, order="C")
     if isinstance(given, np.ma.MaskedArray):
         found[np.ma.getmaskarray(given)] = np.nan
@@ -49,9 +53,9 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
     if names_in(value) is not None:
         text = "must be numbers in a list, in the order of the coordinates (mech.names), not by "
         raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
-    array = numbers_in(value)
+    array = numbers_in(value, shape)
     if array is None:
-        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}"))
+        raise InputError(Problem(name, "", f"must be numbers; given {shown(value)}"))
     if array.shape != shape:
         raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}"))
     return array

@@ -18,7 +18,7 @@ from ..engine import motion, packing
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import JIT, closed, ready
 from ..engine.tree import bodies, dynamics
-from ..errors import Called, InputError, Problem, choices, explained, guarded
+from ..errors import Called, InputError, Problem, choices, explained, guarded, shown
 from ..model import Model
 from ..packing import Array, Ints, point_in_row
 from ..packing.packed import Joint, Packed
@@ -631,7 +631,7 @@ Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamic
 def dense(back_end: str) -> bool:
     """Whether a back end is the operators. Raises InputError where there is none of this name."""
     if back_end not in get_args(BackEnd):
-        text = f"is {back_end!r:.60}; choose one of {choices(get_args(BackEnd))}"
+        text = f"is {shown(back_end)}; choose one of {choices(get_args(BackEnd))}"
         raise InputError(Problem("back_end", "", text))
     return back_end == "operators"
 

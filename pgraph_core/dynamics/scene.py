@@ -173,7 +173,7 @@ class ContactSpace(Unportable):
         n, count = len(contacts.touches), contacts.room
         limits = len(contacts.limits)
         tally = table(CONTACT_TALLY, 1)
-        self.tally = tally[0]
+        self.tally_table, self.tally = tally, tally[0]
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
         self.tally["first_turn"] = first + limits + count if contacts.turns else -1
@@ -209,7 +209,7 @@ class ContactSpace(Unportable):
         self.pairs = pairs  # what each did in the last step
         kept = self._kept
         # what steps and records read before they write it
-        self.memory = [kept.found, kept.kept, kept.anchors, kept.meetings, kept.wrenches]
+        self.memory = [kept.found, kept.kept, kept.anchors, kept.wrenches]
         self.memory += [kept.pairs, tally, kept.limit_tau]
         self._buffer = buffer()
         kernels.save_contacts(self._buffer, unnamed(self._kept))

@@ -43,7 +43,16 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
-from ..errors import ModelError, Problem, explained, nearest, nearest_first, shown, synonym
+from ..errors import (
+    ModelError,
+    Problem,
+    explained,
+    is_deep,
+    nearest,
+    nearest_first,
+    shown,
+    synonym,
+)
 from ..portable import Hinting
 
 Given = TypeVar("Given")
@@ -415,13 +424,19 @@ else:
             if args:
                 first = "field=value"
                 if "name" in cls.model_fields and isinstance(args[0], str):
-                    first = f"name={args[0]!r:.60}"
+                    first = f"name={shown(args[0])}"
                 elif "bodies" in cls.model_fields:
                     first = "bodies=[...]"
                 text = f"takes fields by name only; write pg.{cls.__name__}({first}, ...)"
                 raise ModelError(Problem(f"pg.{cls.__name__}", "", text))
             try:
                 return super().__call__(**data)
+            except RecursionError:
+                deep = [name for name, value in data.items() if is_deep(value)]
+                if not deep:
+                    raise
+                text = "is nested too deeply, or holds itself"
+                raise ModelError(Problem(cls.__name__.lower(), deep[0], text)) from None
             except ValidationError as error:
                 where = cls.__name__.lower()
                 moot = getattr(cls, "FOLLOWERS", {})

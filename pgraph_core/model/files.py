@@ -121,13 +121,23 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
 def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
     """Each formula into its own cell."""
     del data["formulas"]
+    mine: dict[tuple[str, str], list[Formula]] = {}
     for formula in formulas:
-        items = data[formula.part]
-        i = next(i for i, item in enumerate(items) if item["name"] == formula.name)
-        if formula.path[0] == "shape" and len(items[i]["shapes"]) > 1:
-            path = ("shapes", 0, *formula.path[1:])
-            formula = formula.unchecked_copy({"path": path})
-        items[i] = inlined(items[i], [formula])
+        mine.setdefault((formula.part, formula.name), []).append(formula)
+    for part in {formula.part for formula in formulas}:
+        items = data[part]
+        for i, item in enumerate(items):
+            found = mine.get((part, item["name"]), [])
+            if len(item.get("shapes", ())) > 1:
+                found = [_of_first_shape(formula) for formula in found]
+            items[i] = inlined(item, found) if found else item
+
+
+def _of_first_shape(formula: Formula) -> Formula:
+    """Return the formula by a path into `shapes`, whose first one is also `shape`."""
+    if formula.path[0] != "shape":
+        return formula
+    return formula.unchecked_copy({"path": ("shapes", 0, *formula.path[1:])})
 
 
 def _concise(body: dict[str, Any]) -> dict[str, Any]:

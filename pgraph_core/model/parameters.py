@@ -9,7 +9,9 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any, Literal
 
 from pydantic import Field, ValidationError
@@ -24,7 +26,9 @@ TEXT = {  # fields that hold words, of parts and what is in them
 }  # fmt: skip
 DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula would have two places
 LONGEST = 200  # characters of a formula
+MOST = 10_000  # formulas of a model: evaluating them takes about a second
 LONGEST_NAME = 60
+DEEPEST = 10  # lists within lists in which formulas are looked for; no field has more
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
 
@@ -43,6 +47,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "asin": math.asin, "acos": math.acos, "atan": math.atan, "abs": abs, "min": min, "max": max,
 }  # fmt: skip
 CONSTANTS = {"pi": math.pi}
+# quotes, and a number that a letter follows: Python's parser prints warnings of some of these
+_DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
+_NUMBER = rf"0[xX][\da-fA-F_]+|0[oO][0-7_]+|0[bB][01_]+|{_DECIMAL}"
+_NO_ARITHMETIC = re.compile(rf"[\"'\\\0]|(?<![\w.])(?>{_NUMBER})(?=[^\W\d])")
 
 
 class Formula(Frozen):
@@ -50,7 +58,7 @@ class Formula(Frozen):
 
     part: PartKind = Field(description="one of " + ", ".join(KINDS))
     name: Text = Field(description="the name of the part")
-    path: tuple[str | int, ...] = Field(description="a field, and what leads into it")
+    path: tuple[str | int, ...] = Field(min_length=1, description="a field, and what leads into it")
     text: Text = Field(description="'=' and an expression")
 
     @property
@@ -78,10 +86,7 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     if len(text) > LONGEST:
         raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
     try:
-        if "\0" in text:
-            raise SyntaxError  # as Python itself says from 3.11.4 on
-        tree = ast.parse(text.strip().removeprefix("=").strip(), mode="eval")
-        result = _value(tree.body, parameters)
+        result = _value(_parsed(text).body, parameters)
     except (SyntaxError, MemoryError, RecursionError):
         do = "write it as =thigh/2 or =2*(a + b), with + - * / ** and parentheses"
         raise ValueError(f"{given} is no formula; {do}") from None
@@ -94,6 +99,14 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     if isinstance(result, complex) or not math.isfinite(result):
         raise ValueError(f"{given} is no finite number")
     return float(result)
+
+
+def _parsed(text: str) -> ast.Expression:
+    """Return the tree of an expression. Raises SyntaxError, MemoryError, RecursionError."""
+    inner = text.strip().removeprefix("=").strip()
+    if _NO_ARITHMETIC.search(inner):
+        raise SyntaxError
+    return ast.parse(inner, mode="eval")
 
 
 class _Undefined(Exception):
@@ -149,7 +162,7 @@ def _enclosed(text: str) -> bool:
 def names_in(text: str) -> set[str]:
     """The names that a formula uses; none where it is no formula."""
     try:
-        tree = ast.parse(text.strip().removeprefix("=").strip(), mode="eval")
+        tree = _parsed(text)
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         return set()
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
@@ -187,9 +200,13 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(formulas, (list, tuple)):
         text = f"must be a list of formulas of cells; given {shown(formulas)}"
         raise ModelError(Problem("model", "formulas", text))
-    given = [_formula(item) for item in formulas]
     parts = {kind: data.get(kind, ()) for kind in KINDS}
-    inline = [f for kind in KINDS for f in _inline(kind, parts[kind])]
+    cells = (f for kind in KINDS for f in _inline(kind, parts[kind]))
+    inline = list(islice(cells, MOST + 1))
+    if len(formulas) > MOST or len(inline) > MOST:
+        text = f"are at most {MOST} in a model; write numbers in the other cells"
+        raise ModelError(Problem("model", "formulas", text))
+    given = [_formula(item) for item in formulas]
     if not given and not inline:
         return dict(data)
     places = {(f.part, f.name, f.path): f for f in (*given, *inline)}
@@ -243,17 +260,19 @@ def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
                 yield Formula(part=kind, name=_name(item), path=path, text=text)
 
 
-def holds_formula(value: Any) -> bool:
+def holds_formula(value: Any, depth: int = 0) -> bool:
     """Whether a cell of a dictionary holds a formula; most hold none."""
     if isinstance(value, str):
         return is_formula(value)
+    if depth > DEEPEST:
+        return False
     if isinstance(value, (list, tuple)):
         for x in value:
-            if type(x) not in NUMBERS and holds_formula(x):
+            if type(x) not in NUMBERS and holds_formula(x, depth + 1):
                 return True
     elif isinstance(value, (dict, Mapping)):  # dict: the check of an abstract class is slow
         for key, x in value.items():
-            if type(x) not in NUMBERS and key not in TEXT and holds_formula(x):
+            if type(x) not in NUMBERS and key not in TEXT and holds_formula(x, depth + 1):
                 return True
     return False
 
@@ -262,6 +281,8 @@ def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
     """The formulas in the cells of a dictionary, with the paths of their cells."""
     if is_formula(value):
         yield path, value.strip()
+    elif len(path) > DEEPEST:
+        return
     elif isinstance(value, Mapping):
         for key, x in value.items():
             if key not in TEXT:
@@ -280,8 +301,7 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
     if data.get("shape") is not None and data.get("shapes"):  # `shape` is the first of `shapes`
         data = {key: value for key, value in data.items() if key != "shape"}
         new = {("shapes", 0, *p[1:]) if p[0] == "shape" else p: x for p, x in new.items()}
-    for path, x in new.items():
-        data = put(data, path, x)
+    data = put(data, new)
     return data if isinstance(item, Mapping) else type(item)(**data)
 
 
@@ -297,15 +317,21 @@ def at(value: Any, path: Sequence[str | int]) -> Any:
     return value
 
 
-def put(value: Any, path: Sequence[str | int], new: Any) -> Any:
-    """`value` with `new` at a path; parts on the way become dictionaries."""
-    if not path:
-        return new
-    first, rest = path[0], path[1:]
-    if isinstance(value, (list, tuple)) and isinstance(first, int) and first < len(value):
-        return (*value[:first], put(value[first], rest, new), *value[first + 1 :])
+def put(value: Any, new: Mapping[Path, Any]) -> Any:
+    """Return `value` with new values at their paths; parts on the way become dictionaries."""
+    if () in new:
+        return new[()]
+    below: dict[str | int, dict[Path, Any]] = {}
+    for (first, *rest), x in new.items():
+        below.setdefault(first, {})[tuple(rest)] = x
+    if isinstance(value, (list, tuple)) and all(_is_place(value, first) for first in below):
+        return tuple(put(x, below[i]) if i in below else x for i, x in enumerate(value))
     data = fields_of(value) if isinstance(value, Frozen) else dict(value or {})
-    return {**data, str(first): put(data.get(str(first)), rest, new)}
+    return {**data, **{str(i): put(data.get(str(i)), inner) for i, inner in below.items()}}
+
+
+def _is_place(value: Sequence[Any], first: str | int) -> bool:
+    return isinstance(first, int) and 0 <= first < len(value)
 
 
 def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
@@ -322,9 +348,8 @@ def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
     """The fields of a part with its formulas in their cells, as a file has them."""
     data = dict(part) if isinstance(part, Mapping) else fields_of(part)
-    for formula in formulas:
-        data = put(data, formula.path, formula.text)
-    return data
+    new = {formula.path: formula.text for formula in formulas}
+    return put(data, new) if new else data
 
 
 def cells_of(

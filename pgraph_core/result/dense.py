@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..engine import layout as at
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, shown
+from ..given import array_of
 from ..packing import Array, Ints, plain, quaternions
 from ..tolerances import NAMED, NOTABLE, SOLVED
 
@@ -96,12 +97,12 @@ def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
 def _inside(asked: Any, t: Array) -> Array:
     """The times as floats. Raises InputError."""
     try:
-        given = np.asarray(asked)
+        given = array_of(asked)
         times = np.asarray(np.nan if given.dtype.kind in "USb" else given, dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim > 1 or not np.isfinite(times).all():
-        text = f"must be a finite time or a list of them [s]; given {asked!r:.60}"
+        text = f"must be a finite time or a list of them [s]; given {shown(asked)}"
         raise InputError(Problem("run.at", "t", text))
     if not len(t):
         raise InputError(Problem("run.at", "t", "the run has no frame; see run.message"))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, Problem, choices, one_of, shown
+from ..given import array_of
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
@@ -129,7 +130,7 @@ class Options(NamedTuple):
         """The forces of a call, which fit the model. Raises InputError."""
         forces = self.forces
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
-            text = f"must be a list of pg.Force; given {forces!r:.60}"
+            text = f"must be a list of pg.Force; given {shown(forces)}"
             raise InputError(Problem("simulate", "forces", text))
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
         found = [problem for f in forces for problem in force_problems((f,), bodies)]
@@ -179,7 +180,7 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
     for name, value in inputs:
         if name not in known:
             do = one_of(known) if known else "the model has no motor or servo"
-            text = f"no motor, servo or actuator is called {name!r:.60}; {do}"
+            text = f"no motor, servo or actuator is called {shown(name)}; {do}"
             raise InputError(Problem(call, "inputs", text))
         if text := known[name].input_problem(value):
             raise InputError(Problem(call, f"inputs[{name!r}]", text))
@@ -319,7 +320,7 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
 
 def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
     try:
-        times = np.array(t_eval, dtype=float)
+        times = np.array(array_of(t_eval), dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():

@@ -27,6 +27,7 @@ from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
 from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices, nearest_first
+from ..given import array_of
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
@@ -235,7 +236,7 @@ def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
 
 def _bytes_of(x: Any) -> Any:
     try:
-        return None if x is None else np.asarray(x, dtype=float).tobytes()
+        return None if x is None else np.asarray(array_of(x), dtype=float).tobytes()
     except (TypeError, ValueError):
         return None  # refused where it is used
 

@@ -381,8 +381,7 @@ class Recording:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
-        if self.steps.control["approach"]:
-            self._bound()
+        self.bound()
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
@@ -513,15 +512,15 @@ class Recording:
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)
-        if self.steps.control["approach"]:
-            self._bound()
+        self.bound()
         return self.ended.ok
 
-    def _bound(self) -> None:
-        """Bound the first step by what comes near."""
-        from ..engine.contact.approach import bound_step
+    def bound(self) -> None:
+        """Bound the next step by what comes near, where contacts give."""
+        if self.steps.control["approach"]:
+            from ..engine.contact.approach import bound_step
 
-        bound_step(self.steps.address)
+            bound_step(self.steps.address)
 
     def _in_swing(self) -> None:
         """Nothing has touched so far."""

@@ -18,7 +18,7 @@ from ..dynamics.arguments import finite
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
-from ..errors import InputError, Problem, choices, explained, guarded, one_of
+from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
@@ -33,6 +33,7 @@ from .loop import Outcome
 from .options import SAME, USUAL, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
+from .snapshots import ADDRESSES, check, laws_of, refuse
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class Stepper(Portable):
         if step is None:
             step = (given.step if given is not None else None) or USUAL
         if method not in GIVEN_STEPS:
-            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
+            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {shown(method)}"
             raise InputError(Problem("Stepper", "method", text))
         for s in given.switches if given is not None and switches is None else ():
             if s.t is None or s.t > t_start:
@@ -358,7 +359,7 @@ class Stepper(Portable):
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
-            text = f"no constraint is called {constraint!r:.60}; {one_of(names)}"
+            text = f"no constraint is called {shown(constraint)}; {one_of(names)}"
             raise InputError(Problem("Stepper.switch", "constraint", text))
         number = names.index(constraint)
         if (number in self._active) == bool(active):
@@ -398,14 +399,14 @@ class Stepper(Portable):
     def _all_checked(self, inputs: Any) -> list[tuple[str, float]]:
         """Inputs by name with their values. Raises InputError."""
         if not isinstance(inputs, Mapping):
-            text = f"must be a dictionary {{name: value}}; given {inputs!r:.60}"
+            text = f"must be a dictionary {{name: value}}; given {shown(inputs)}"
             raise InputError(Problem("Stepper.step", "inputs", text))
         return [(name, self._checked(name, x)) for name, x in inputs.items()]
 
     def _checked(self, name: str, value: Any) -> float:
         """A value of an input. Raises InputError."""
         if name not in self._inputs:
-            text = f"no constant input is called {name!r:.60}; {one_of(self._inputs)}"
+            text = f"no constant input is called {shown(name)}; {one_of(self._inputs)}"
             raise InputError(Problem("Stepper.input", "name", text))
         x = float(finite("value", [value], 1)[0])
         if text := self._inputs[name][0].input_problem(x):
@@ -426,7 +427,7 @@ class Stepper(Portable):
         """Give a servo another target [rad, m], constant until `reset`. Raises InputError."""
         if servo not in self._servos:
             text = (
-                f"no servo with a constant target is called {servo!r:.60}; {one_of(self._servos)}"
+                f"no servo with a constant target is called {shown(servo)}; {one_of(self._servos)}"
             )
             raise InputError(Problem("Stepper.target", "servo", text))
         if servo in self._inputs:  # all with a gain
@@ -444,18 +445,29 @@ class Stepper(Portable):
         return sealed("Stepper", (self._key, active), state)
 
     def restore(self, snapshot: bytes) -> None:
-        """Go back to a snapshot of this mechanism, method and step. Raises InputError."""
-        (active,), state = unsealed("Stepper", snapshot, self._key, self._memory())
-        self._active = {int(i) for i in active.split(",") if i}
-        self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
+        """Go back to a snapshot of this mechanism, method and step.
+
+        Raises InputError for bytes that `save` did not give, and for values that no state of this
+        mechanism has. Nothing is changed then.
+        """
+        self._open()
+        memory = self._memory()
+        words, state = unsealed("Stepper", snapshot, self._key, memory)
+        active = words[0].split(",") if len(words) == 1 and words[0] else []
+        if len(words) != 1 or not {*active} <= {*map(str, range(len(self.mech.model.constraints)))}:
+            refuse("Stepper")
         control = self._steps.control
-        here = {name: control[name] for name in ("guard", "approach")}  # addresses of this process
-        put_back(state, self._memory())
+        here = {name: control[name] for name in ADDRESSES}
+        check("Stepper", laws_of(self, memory), memory, state)
+        self._active = {*map(int, active)}
+        self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
+        put_back(state, memory)
         for name, address in here.items():
             control[name] = address
         self._record.ended = Outcome()
         self._ended(Outcome())
         self._open()
+        self._record.bound()  # the width of a step is not taken from a snapshot
 
     def __getstate__(self) -> dict[str, Any]:
         own = {
@@ -518,6 +530,16 @@ class Stepper(Portable):
     def recording(self) -> Recording:
         """The run inside, its scene and its steps."""
         return self._record
+
+    @property
+    def width(self) -> float:
+        """Width of a step [s]."""
+        return self._width
+
+    @property
+    def knots_given(self) -> list[int]:
+        """Knots of the inputs and targets that are given from outside."""
+        return sorted({*self._servos.values(), *(knot for _, knot, *_ in self._inputs.values())})
 
     @property
     def servos(self) -> dict[str, int]:
@@ -619,6 +641,6 @@ def _inputs(
 def _whole(n: Any, name: str = "n", least: int = 1) -> int:
     """A number of steps or frames. Raises InputError."""
     if not isinstance(n, Integral) or isinstance(n, bool) or n < least:
-        text = f"must be a whole number >= {least}; given {n!r:.60}"
+        text = f"must be a whole number >= {least}; given {shown(n)}"
         raise InputError(Problem("Stepper", name, text))
     return int(n)

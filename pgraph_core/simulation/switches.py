@@ -18,7 +18,7 @@ from ..engine import motion
 from ..engine.arrays import RHS, Frames
 from ..engine.compiler.address import address_of, address_of_function
 from ..engine.records import LIMIT, PAIR, rows_of, table
-from ..errors import InputError, ModelError, Problem, choices, refusal
+from ..errors import InputError, ModelError, Problem, choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
 from ..model.checks import switch_problems
@@ -58,7 +58,7 @@ class FunctionMonitor:
         """Raises InputError where it is no function, or its attributes do not fit."""
         where = f"events[{number}]"
         if not callable(function):
-            text = f"must be a function of (t, q, v); given {function!r:.60}"
+            text = f"must be a function of (t, q, v); given {shown(function)}"
             raise refusal("simulate", where, text)
         self.function, self.where = function, where
         self.name = str(getattr(function, "__name__", where))
@@ -66,10 +66,10 @@ class FunctionMonitor:
         terminal = getattr(function, "terminal", False)
         if np.ndim(direction) or direction not in (-1, 0, 1):
             text = "direction must be 1 (rising), -1 (falling) or 0 (both); "
-            raise refusal("simulate", where, f"{text}given {direction!r:.40}")
+            raise refusal("simulate", where, f"{text}given {shown(direction)}")
         if terminal not in (True, False):
             raise refusal(
-                "simulate", where, f"terminal must be True or False; given {terminal!r:.40}"
+                "simulate", where, f"terminal must be True or False; given {shown(terminal)}"
             )
         self.direction, self.terminal = int(direction), bool(terminal)
 
@@ -88,7 +88,7 @@ class FunctionMonitor:
         except (TypeError, ValueError):
             number = np.nan
         if not np.isfinite(number):
-            text = f"must return a finite number; {self.name} gave {value!r:.60} at t = {t:.6g} s"
+            text = f"must return a finite number; {self.name} gave {shown(value)} at t = {t:.6g} s"
             raise refusal("simulate", self.where, text)
         return number
 
@@ -98,7 +98,7 @@ def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise refusal(
-            "simulate", "events", f"must be a list of functions f(t, q, v); given {events!r:.60}"
+            "simulate", "events", f"must be a list of functions f(t, q, v); given {shown(events)}"
         )
     return tuple(FunctionMonitor(function, i) for i, function in enumerate(given))
 

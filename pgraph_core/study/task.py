@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.scene import contact_tables
-from ..errors import choices, no_method, refusal
+from ..errors import choices, no_method, refusal, shown
 from ..integrators import METHODS, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Scenario
@@ -150,7 +150,7 @@ def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:
     except (TypeError, ValueError):
         found = ()
     if not found or not all(map(np.isfinite, found)):
-        text = f"must be finite numbers, at least one; given {given!r:.60}"
+        text = f"must be finite numbers, at least one; given {shown(given)}"
         raise refusal(call, field, text)
     return tuple(dict.fromkeys(found))
 

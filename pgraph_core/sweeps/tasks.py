@@ -19,7 +19,7 @@ import numpy as np
 
 from ..batches.paths import Path, with_numbers
 from ..engine.compiler.lane import LANE_WIDTH
-from ..errors import InputError, PgraphError, Problem
+from ..errors import InputError, PgraphError, Problem, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
@@ -231,7 +231,7 @@ def _connected(scheduler: Any) -> Any:
     if found and isinstance(found[0], Client):
         return found[0]
     why = found[0] if found else f"it said nothing for {2 * ANSWER} s"
-    text = f"{scheduler!r:.60} does not answer: {why}; start one with `dask scheduler`"
+    text = f"{shown(scheduler)} does not answer: {why}; start one with `dask scheduler`"
     raise InputError(Problem("sweep", "scheduler", text))
 
 

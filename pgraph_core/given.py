@@ -1,0 +1,24 @@
+"""Arrays from what callers give."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_NESTED = 8  # lists within lists: no argument has so many dimensions
+
+
+def array_of(given: Any) -> NDArray[Any]:
+    """Return a value as an array, without copying one. Raises TypeError, ValueError.
+
+    NumPy would follow lists that hold themselves through 64 levels, which takes 2^64 steps where
+    one holds itself twice.
+    """
+    inner, depth = given, 0
+    while isinstance(inner, (list, tuple)) and inner:
+        inner, depth = inner[0], depth + 1
+        if depth > MOST_NESTED:
+            raise ValueError("the lists are nested too deeply")
+    return np.asarray(given)
