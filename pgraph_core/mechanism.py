@@ -142,19 +142,28 @@ class Mechanism(Dynamics):
         return equilibrium(self, q, scenario)
 
     def inverse_kinematics(
-        self, targets: Mapping[str, Any], q: Array | None = None, *, scenario: str | None = None
+        self,
+        targets: Mapping[str, Any],
+        q: Array | None = None,
+        *,
+        scenario: str | None = None,
+        starts: int = 32,
     ) -> Array:
         """q (nq,) near q, the initial state by default, with bodies and sites at their targets.
 
         A target is a place (3,) of the body's origin in the world [m], a pair of a place and a
         rotation, (3, 3) or a quaternion [w, x, y, z], or {"place": ..., "rotation": ..., "point":
         ...} with what is wanted; `point` is the body's point that goes to the place, in its axes.
-        Joint limits and active constraints hold. Raises InputError naming the targets that are
-        missed, and by how much.
+        Joint limits and active constraints hold. The search starts at q and, until the targets are
+        met, at `starts` - 1 random places within the limits, the same in each call. Raises
+        InputError naming the targets that are missed, and by how much at best.
         """
         from .analysis.targets import inverse_kinematics
 
-        return inverse_kinematics(self, targets, q, scenario)
+        return inverse_kinematics(self, targets, q, scenario, starts)
+
+    linearize = linearise
+    center_of_mass = Dynamics.centre_of_mass
 
 
 for _name in OF_PACKAGE | HINTED:

@@ -1,5 +1,7 @@
 """What users of other tools write is understood."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -35,3 +37,92 @@ def test_a_run_gives_each_of_its_columns_by_name():
     run = pg.simulate(pg.Model(bodies=[ball, arm], contacts=[floor]), t_end=0.1)
     for name, column in run.columns().items():
         np.testing.assert_array_equal(run[name], getattr(column, "values", column))
+
+
+def arm():
+    bodies, parent = [], "ground"
+    for k, axis in enumerate([(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]):
+        name = f"j{k + 1}"
+        link = (0, 0, 0.3) if k in (1, 2, 3) else (0, 0, 0.05)
+        bodies.append(
+            pg.Body(name=name, parent=parent, axes=(axis,), link=link, limits=((-2.5, 2.5),))
+        )
+        parent = name
+    return pg.Mechanism(pg.Model(bodies=bodies))
+
+
+def test_every_pose_within_the_limits_is_reached():
+    mech, random = arm(), np.random.default_rng(5)
+    for q in random.uniform(-2.4, 2.4, (30, 6)):
+        found = mech.inverse_kinematics({"j6": mech.pose(q, "j6")})
+        for one, other in zip(mech.pose(found, "j6"), mech.pose(q, "j6")):
+            np.testing.assert_allclose(one, other, atol=1e-7)
+
+
+def test_a_refusal_says_how_many_starts_were_tried():
+    mech = arm()
+    with pytest.raises(pg.InputError, match=r"5 starts.* m"):
+        mech.inverse_kinematics({"j6": (9, 0, 0)}, starts=5)
+    wrong: Any = (0, -1, 1.5, True, "many", 10**9)
+    for starts in wrong:
+        with pytest.raises(pg.InputError, match="starts"):
+            mech.inverse_kinematics({"j6": (0.1, 0, 0)}, starts=starts)
+
+
+def test_velocities_are_given_in_the_axes_asked_for():
+    mech, random = arm(), np.random.default_rng(1)
+    q, v = random.normal(size=6), random.normal(size=6)
+    turn = mech.pose(q, "j5")[1]
+    world = mech.velocity(q, v, "j5", (0.1, 0, 0))
+    body = mech.velocity(q, v, "j5", (0.1, 0, 0), frame="body")
+    np.testing.assert_allclose(world, mech.jacobian(q, "j5", (0.1, 0, 0)) @ v, atol=1e-14)
+    np.testing.assert_allclose(turn @ body[:3], world[:3], atol=1e-14)
+    np.testing.assert_allclose(turn @ body[3:], world[3:], atol=1e-14)
+    wrong: Any = ("local", None, 1, ["body"])
+    for frame in wrong:
+        with pytest.raises(pg.InputError, match=r"frame.*world"):
+            mech.jacobian(q, "j5", frame=frame)
+
+
+def test_american_spellings_do_the_same():
+    mech = arm()
+    q, v = mech.home()
+    np.testing.assert_array_equal(mech.center_of_mass(q), mech.centre_of_mass(q))
+    np.testing.assert_array_equal(mech.linearize(q, v).A, mech.linearise(q, v).A)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"com": (0, 0, -500)}, {"link": (300, 0, 0)}, {"tip": (0, 250, 0)}, {"mass": 2e5},
+        {"mass": 1e6, "com": (0, 0, 1)},
+    ],
+)  # fmt: skip
+def test_millimetres_and_grams_are_noticed(fields):
+    (doubt,) = pg.Model(bodies=[pg.Body(name="a", **fields, inertia=(1, 1, 1))]).doubts
+    assert "'a'" in doubt
+    assert "millimetres" in doubt or "grams" in doubt
+
+
+def test_a_run_goes_to_matlab_with_its_names_and_units(tmp_path):
+    from scipy.io import loadmat
+
+    bodies = [pg.Body(name=x, joint="free") for x in ("a", "1", "a.0", "é", "a_0", "names")]
+    run = pg.simulate(pg.Model(bodies=bodies), t_end=0.1)
+    run.save(tmp_path / "run.mat")
+    read = loadmat(tmp_path / "run.mat", simplify_cells=True)
+    numbers = {name: x for name, x in run.columns().items() if getattr(x, "unit", "1")}
+    names = [str(name) for name in read["names"]]
+    assert set(names) <= set(numbers)
+    words = [word for word in read if not word.startswith("__") and word not in ("names", "units")]
+    assert len(words) == len(names) == len(read["units"])
+    for name, word in zip(names, words):
+        np.testing.assert_array_equal(read[word], run[name])
+
+
+def test_a_run_goes_to_xarray_with_its_units():
+    pytest.importorskip("xarray")
+    run = pg.simulate(arm().model, t_end=0.1)
+    table = run.to_xarray()
+    np.testing.assert_array_equal(table["j2"], run["j2"])
+    assert (table["j2"].units, table["t"].units) == ("rad", "s")

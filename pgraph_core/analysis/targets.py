@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
 from ..engine import layout as at
-from ..errors import InputError, Problem, choices, shown
+from ..errors import InputError, Problem, choices, counted, shown
 from ..given import array_of
 from ..packing import Array
 from ..rotation import matrix
@@ -24,7 +24,7 @@ from .rows import Rows
 
 WHERE = "inverse_kinematics"
 ROUNDS = 100
-STARTS = 8  # if the first one misses the targets
+MOST_STARTS = 100_000
 
 
 class Target(NamedTuple):
@@ -37,9 +37,12 @@ class Target(NamedTuple):
 
 
 def inverse_kinematics(
-    mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None
+    mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
 ) -> Array:
     """q (nq,) near q; see `Mechanism.inverse_kinematics`."""
+    if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
+        text = f"must be a whole number from 1 to {MOST_STARTS}; given {shown(starts)}"
+        raise InputError(Problem(WHERE, "starts", text))
     q, _ = state_of(mech, q, None, scenario)
     wanted = [_target(mech, q, name, value) for name, value in targets.items()]
     if not wanted:
@@ -48,7 +51,7 @@ def inverse_kinematics(
     low, high = bounds(mech)
     random = np.random.default_rng(0)
     best, least = q, np.inf
-    for start in range(STARTS):
+    for start in range(starts):
         end, left = _descended(rows.at(best if start == 0 else _around(rows, q, random, low, high)),
                                wanted, low, high)  # fmt: skip
         if left < least:
@@ -56,7 +59,7 @@ def inverse_kinematics(
         if least <= SOLVED * rows.size:
             return best
     raise InputError(
-        [_missed(mech, best, target, rows) for target in _off(mech, best, wanted, rows)]
+        [_missed(mech, best, target, starts) for target in _off(mech, best, wanted, rows)]
     )
 
 
@@ -200,13 +203,14 @@ def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Tar
     return found or wanted
 
 
-def _missed(mech: Dynamics, q: Array, target: Target, rows: Rows) -> Problem:
+def _missed(mech: Dynamics, q: Array, target: Target, starts: int) -> Problem:
     place, turn = mech.pose(q, target.name)
     parts: list[str] = []
     if target.place is not None:
         parts.append(f"{np.linalg.norm(place + turn @ target.point - target.place):.3g} m")
     if target.turn is not None:
         parts.append(f"{np.linalg.norm(_angle(turn @ target.turn.T)):.3g} rad")
-    text = f"misses its target by {' and '.join(parts)} at best, within the limits and with its"
-    text = f"{text} constraints met; move the target, or start nearer to it with q=..."
+    text = f"the best of {counted(starts, 'start')} misses its target by {' and '.join(parts)}, "
+    text += "within the limits and with its constraints met; move the target, start nearer to it "
+    text += "with q=..., or give more starts=..."
     return Problem(WHERE, f"target of '{target.name}'", text)

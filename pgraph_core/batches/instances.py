@@ -222,7 +222,7 @@ class Instances:
         here = self.workers[0].stepper.recording.steps.control
         for name in ADDRESSES:
             self.control[name] = here[name]
-        for i in np.flatnonzero(self.codes == at.RUNNING) if here["approach"] else ():
+        for i in np.flatnonzero(self.codes == at.RUNNING).tolist() if here["approach"] else ():
             record = self.into_worker(i).stepper.recording
             record.bound()
             self.control["bound"][i] = record.steps.control["bound"]

@@ -460,10 +460,42 @@ class Dynamics(Portable):
 
     # -- Jacobians -------------------------------------------------------------------------------
 
-    def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-        """J (6, nv), eq. (20): V of `point` of a body or site, in its axes, is J v, world axes."""
+    def jacobian(
+        self,
+        q: Array,
+        name: str,
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        frame: str = "world",
+    ) -> Array:
+        """J (6, nv), eq. (20): V = [angular, linear] of `point` of a body or site is J v.
+
+        `point` is in its axes. `frame` is "world", or "body" for V in the axes of the body or site.
+        """
         q = position(self.packed, q)
-        return self._jacobian(q, *self._on_body(name, finite("point", point, 3)))
+        found = self._jacobian(q, *self._on_body(name, finite("point", point, 3)))
+        if frame == "body":
+            turn = self.pose(q, name)[1].T
+            return (turn @ found.reshape(2, 3, self.nv)).reshape(6, self.nv)
+        if frame != "world":
+            text = f"must be 'world' or 'body'; given {shown(frame)}"
+            raise InputError(Problem("jacobian", "frame", text))
+        return found
+
+    def velocity(
+        self,
+        q: Array,
+        v: Array,
+        name: str,
+        point: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        frame: str = "world",
+    ) -> Array:
+        """(6,) [angular, linear] velocity of a point of a body or site [rad/s, m/s].
+
+        `point` and `frame` are those of `jacobian`.
+        """
+        return self.jacobian(q, name, point, frame=frame) @ self._speed(v)
 
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)

@@ -6,10 +6,14 @@ run that holds it, with what it is of after a dot: `v.knee`, `energy`, `contact_
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from ..errors import NameLookupError, Problem, choices, needed
 from ..packing import Array
@@ -147,6 +151,38 @@ def frame(columns: Mapping[str, Column]) -> Any:
     made = _frame_class()({name: column.values for name, column in numbers.items()}).set_index("t")
     made.attrs["units"] = {name: column.unit for name, column in numbers.items()}
     return made
+
+
+def dataset(columns: Mapping[str, Column]) -> Any:
+    """Return an xarray.Dataset of the numbers over t [s]; `attrs["units"]` of each."""
+    xarray = needed("xarray", "xarray")
+    numbers = {name: column for name, column in columns.items() if column.unit}
+    t = numbers.pop("t")
+    made = {name: ("t", c.values, {"units": c.unit}) for name, c in numbers.items()}
+    return xarray.Dataset(made, coords={"t": ("t", t.values, {"units": t.unit})})
+
+
+LONGEST_WORD = 63  # characters of a variable of MATLAB
+
+
+def matlab(columns: Mapping[str, Column]) -> bytes:
+    """Return a MATLAB file of the numbers: a variable for each column, `names` and `units`."""
+    from scipy.io import savemat
+
+    numbers = {name: column for name, column in columns.items() if column.unit}
+    found: dict[str, Any] = {}
+    for name, column in numbers.items():
+        word = re.sub(r"[^A-Za-z0-9]", "_", name)
+        word = stem = (word if word[:1].isalpha() else f"x{word}")[: LONGEST_WORD - 4]
+        n = 2
+        while word in (*found, "names", "units"):
+            word, n = f"{stem}_{n}", n + 1
+        found[word] = column.values
+    found["names"] = np.array([*numbers], dtype=object)
+    found["units"] = np.array([column.unit for column in numbers.values()], dtype=object)
+    file = io.BytesIO()
+    savemat(file, found, oned_as="column", long_field_names=True)
+    return file.getvalue()
 
 
 @cache

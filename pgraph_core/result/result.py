@@ -26,7 +26,7 @@ from ..model.constraint import InJoints
 from ..model.files import gathered, shown_path, write_atomic
 from ..packing import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
-from .columns import Column, columns_of, frame, meant, no_column
+from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
 from .records import (
     KINDS,
@@ -231,6 +231,13 @@ class Result(EqualByFields, Hinting):
         """
         return frame(columns_of(self))
 
+    def to_xarray(self) -> Any:
+        """An xarray Dataset: the columns of `columns` over the time t [s], with their units.
+
+        Words are left out, as in `to_pandas`. Needs xarray.
+        """
+        return dataset(columns_of(self))
+
     def plot(self, *names: str) -> Any:
         """A matplotlib figure of columns over time, by default of all coordinates.
 
@@ -429,8 +436,10 @@ class Result(EqualByFields, Hinting):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write an `.npz`: the arrays, and a JSON header that holds the model; or a table, `.csv`.
+        """Write an `.npz`: the arrays, and a JSON header that holds the model; or a table.
 
+        A table is `.csv` or, for MATLAB and Octave, `.mat`: one variable for each column, whose
+        name has `_` for other characters than letters and digits; `names` and `units` are lists.
         As `Model.save` does, it writes meshes from elsewhere to `meshes` next to an `.npz`.
         Raises FileError for other suffixes.
         """
@@ -438,8 +447,11 @@ class Result(EqualByFields, Hinting):
         if suffix == ".csv":
             write_atomic(path, self.to_csv())
             return
+        if suffix == ".mat":
+            write_atomic(path, matlab(columns_of(self)))
+            return
         if suffix != ".npz":
-            text = "must end in .npz (the whole run) or .csv (a table); to_html writes an animation"
+            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html animates"
             raise FileError(Problem(str(path), "", text))
         model, folder = self.mechanism.model, Path(path).parent
         if folder.is_dir():

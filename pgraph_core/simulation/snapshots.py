@@ -20,7 +20,6 @@ from ..engine.arrays import FACTORED
 from ..engine.records import CONTACT_TALLY, COUNTERS
 from ..engine.stepping import gauss, implicit
 from ..errors import InputError, Problem
-from ..packing import Array
 from .loop import MANY
 
 if TYPE_CHECKING:
@@ -37,13 +36,13 @@ COUNTS = ("crowded", "fallbacks", "calmed", "overflows", "cuts", "passed")
 class Law:
     """The values that the words of one array may have."""
 
-    array: Array  # of the run; integers without a range are as they are here
+    array: Any  # of the run; integers without a range are as they are here
     ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # of integers, by field
     free: tuple[str, ...] = ()  # fields that are not checked
     finite: bool = True  # whether numbers are finite
-    also: Callable[[Array], Any] | None = None  # whether further conditions hold
+    also: Callable[[Any], Any] | None = None  # whether further conditions hold
 
-    def holds(self, found: Array, *, failed: bool = False) -> bool:
+    def holds(self, found: Any, *, failed: bool = False) -> bool:
         """Whether an array, or a stack of such, obeys the law; `failed`: after a failed step."""
         for name in found.dtype.names or ("",):
             x, own = (found[name], self.array[name]) if name else (found, self.array)
@@ -61,7 +60,7 @@ class Law:
         return self.also is None or bool(np.all(self.also(found)))
 
 
-def check(kind: str, laws: Iterable[Law], arrays: Iterable[Array], state: memoryview) -> None:
+def check(kind: str, laws: Iterable[Law], arrays: Iterable[Any], state: memoryview) -> None:
     """Check the bytes that are to be put into the arrays. Raises InputError."""
     place = 0
     for law, array in zip(laws, arrays, strict=True):
@@ -77,7 +76,7 @@ def refuse(kind: str) -> None:
     raise InputError(Problem(f"{kind}.restore", "snapshot", text))
 
 
-def laws_of(stepper: Stepper, arrays: Iterable[Array]) -> list[Law]:
+def laws_of(stepper: Stepper, arrays: Iterable[Any]) -> list[Law]:
     """The laws of arrays of a stepper's run."""
     known = {id(law.array): law for law in reversed(_of_run(stepper))}  # the first law counts
     return [known.get(id(array)) or Law(array) for array in arrays]
@@ -95,7 +94,7 @@ def _of_run(stepper: Stepper) -> list[Law]:
         "corner": (0, len(record.plan.corners)),
     }
 
-    def widths(found: Array) -> Any:
+    def widths(found: Any) -> Any:
         """The width of steps is the stepper's, of which a part may be done."""
         done, widest = found["done"], stepper.width
         bounded = (found["bound"] == np.inf) | (steps.control["approach"] != 0)
@@ -119,11 +118,11 @@ def _of_run(stepper: Stepper) -> list[Law]:
     return found
 
 
-def _of_active(active: Array) -> Law:
+def _of_active(active: Any) -> Law:
     """A number of blocks, then so many numbers of blocks."""
     most = len(active) - 1
 
-    def fine(found: Array) -> Any:
+    def fine(found: Any) -> Any:
         within = (found >= 0) & (found <= most)
         return within & ((found < most) | (np.arange(most + 1) == 0))
 
@@ -137,7 +136,7 @@ def _of_knots(stepper: Stepper) -> Law:
     return Law(knots, also=lambda found: found[..., fixed, :] == knots[fixed])
 
 
-def _of_matrices(real: Array, row: int, nv: int) -> Law:
+def _of_matrices(real: Any, row: int, nv: int) -> Law:
     """Factors, with the rows that were exchanged as numbers."""
     return Law(real, finite=False, also=lambda found: _whole(found[..., row, :nv], nv - 1))
 
@@ -147,12 +146,12 @@ def _of_space(space: Any, nv: int) -> list[Law]:
     rows = len(space.omega) or space.vectors.shape[1]  # Ω is not stored where contacts act
     joints = space.slots.shape[1] - at.SLOT
 
-    def slots(found: Array) -> Any:
+    def slots(found: Any) -> Any:
         most = np.full(at.SLOT + joints, max(nv - 1, 0))
         most[at.SLOTS], most[at.FIRST] = joints, max(rows - 3, 0)
         return (found >= 0) & (found <= most)
 
-    def vectors(found: Array) -> Any:
+    def vectors(found: Any) -> Any:
         known = found[..., FACTORED, :3]
         return _whole(known[..., 1], rows) & _whole(known[..., 2], 1)
 
@@ -166,7 +165,7 @@ def _of_space(space: Any, nv: int) -> list[Law]:
     ]
 
 
-def _whole(x: Array, most: int) -> Any:
+def _whole(x: Any, most: int) -> Any:
     """Where numbers are whole, from 0 to `most`."""
     return (x >= 0) & (x <= most) & (x == np.floor(x))
 

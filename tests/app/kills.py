@@ -116,13 +116,11 @@ def main(folder: Path, kills: int, seed: int) -> None:
         if not running:
             assert tips <= offered, f"kill {k}: lost {tips - offered}"
     for one in running:
-        for kind, old, new in one.kill():
+        said = one.kill()
+        for kind, old, new in said:
+            tips.discard(old)
             if kind == "a":
-                tips.discard(old)
                 tips.add(new)
-            else:
-                last = (old, new)
-        tips.discard(last[0])
     offered = found(folder)
     lost = tips - offered - {AS_STARTED}
     assert not lost, f"lost {lost}"
