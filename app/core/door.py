@@ -23,6 +23,7 @@ from urllib.parse import parse_qs, urlsplit
 import msgspec
 import viser._messages
 import websockets.asyncio.server
+from websockets.frames import Opcode
 from websockets.http11 import Response
 
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
@@ -41,6 +42,10 @@ PASS = (  # what the page sends; the rest is dropped
 )
 MESSAGES = (300.0, 600.0)  # a second for one page, and at once
 BYTES = (32e6, 64e6)  # the same in bytes
+EXTRA = (100.0, 1000.0)  # pings and parts of messages: a browser makes 130 parts of 16 MB
+AT_ONCE = 16 * 1024  # [bytes] that are read of a connection before others have their turn
+MOST_CONNECTIONS = 256  # at a time; a page needs one, and a few more while it loads
+CONTROL = (Opcode.PING, Opcode.PONG, Opcode.CLOSE)
 LONGEST_TEXT = 500  # of a value that is not typed by a person
 MOST_NUMBERS = 64  # in a list of a message
 HEADERS = {
@@ -87,6 +92,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
     module = websockets.asyncio.server
     plain = module.serve
     pages: dict[bytes, bytes] = {}  # as viser sends it: as we do
+    connected: set[_Bounded] = set()
 
     def serve(handler: Callable[[Any], Any], at: str, port: int, **options: Any) -> Any:
         page = options.pop("process_request")
@@ -110,6 +116,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
 
         options["max_size"] = LARGEST_MESSAGE
         inside = lambda connection: handler(_Filtered(connection))  # noqa: E731
+        options["create_connection"] = functools.partial(_Bounded, connected)
         return plain(inside, at, port, process_request=process_request, **options)
 
     module.serve = serve  # type: ignore[assignment]
@@ -161,6 +168,42 @@ def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None
     return "Open the address that the server printed: it carries a token."
 
 
+class _Bounded(websockets.asyncio.server.ServerConnection):
+    """A connection that is cut where it sends what no browser sends, or where there are too many.
+
+    The library counts whole messages only: a flood of pings or of empty parts of a message would
+    take the time of all others, and memory.
+    """
+
+    def __init__(self, connected: set[_Bounded], *args: Any, **options: Any):
+        super().__init__(*args, **options)
+        self._connected, self._extra = connected, Budget(*EXTRA)
+
+    def connection_made(self, transport: Any) -> None:
+        transport.max_size = AT_ONCE  # the name in asyncio; 256 kB by default
+        super().connection_made(transport)
+        self._connected.add(self)
+        if len(self._connected) > MOST_CONNECTIONS:
+            transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._connected.discard(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        if not self.transport.is_closing():  # nothing is answered on a connection that is cut
+            super().data_received(data)
+
+    def process_event(self, event: Any) -> None:
+        whole = getattr(event, "fin", True) and getattr(event, "opcode", None) not in CONTROL
+        if whole or self._extra.spend(1.0) == 0:
+            super().process_event(event)
+        elif not self.transport.is_closing():
+            if CUT.spend(1.0) == 0:
+                log.warning("a connection sent too many pings or parts of messages: cut")
+            self.transport.abort()
+
+
 class _Filtered:
     """A connection whose `recv` gives only messages that may pass, at the pace of its budget."""
 
@@ -200,6 +243,9 @@ class Budget:
         self._left = min(self._most, self._left + (now - self._at) * self._rate) - amount
         self._at = now
         return max(-self._left / self._rate, 0.0)
+
+
+CUT = Budget(0.1, 5.0)  # lines of the log on connections that are cut
 
 
 def faults(raw: bytes | str) -> str | None:

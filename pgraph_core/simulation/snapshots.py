@@ -18,7 +18,7 @@ import numpy as np
 from ..engine import layout as at
 from ..engine.arrays import FACTORED
 from ..engine.records import CONTACT_TALLY, COUNTERS
-from ..engine.stepping import gauss, implicit
+from ..engine.stepping import gauss
 from ..errors import InputError, Problem
 from .loop import MANY
 
@@ -110,9 +110,8 @@ def _of_run(stepper: Stepper) -> list[Law]:
         *_of_space(scene.space, nv),
     ]
     if steps.memory:
-        row = nv + gauss.PIVOTS if stepper.method == "gauss6" else 3 * nv + implicit.PIVOTS
         stages, real = steps.memory
-        found += [Law(stages, finite=False), _of_matrices(real, row, nv)]
+        found += [Law(stages, finite=False), _of_matrices(real, nv)]
     if scene.touching is not None:
         found += _of_contacts(scene.touching)
     return found
@@ -136,8 +135,9 @@ def _of_knots(stepper: Stepper) -> Law:
     return Law(knots, also=lambda found: found[..., fixed, :] == knots[fixed])
 
 
-def _of_matrices(real: Any, row: int, nv: int) -> Law:
-    """Factors, with the rows that were exchanged as numbers."""
+def _of_matrices(real: Any, nv: int) -> Law:
+    """Factors of gauss6, with the rows that were exchanged as numbers."""
+    row = nv + gauss.PIVOTS
     return Law(real, finite=False, also=lambda found: _whole(found[..., row, :nv], nv - 1))
 
 

@@ -1,8 +1,10 @@
 """Access to the page, and the filter for messages to viser and the model."""
 
+import contextlib
 import gc
 import gzip
 import http.client
+import socket
 import types
 from typing import Any
 
@@ -101,10 +103,77 @@ def test_on_other_hosts_the_address_carries_a_token():
 
 
 def test_a_message_above_the_limit_closes_the_connection(server):
-    with socket_of(server) as socket:
-        socket.send(b"x" * (door.LARGEST_MESSAGE + 1))
+    with socket_of(server) as page:
+        page.send(b"x" * (door.LARGEST_MESSAGE + 1))
         with pytest.raises(websockets.exceptions.ConnectionClosedError):
-            list(iter(socket.recv, None))
+            list(iter(page.recv, None))
+
+
+def raw_socket(server):
+    """Return a websocket that sends what it is told to, frame by frame."""
+    made = socket.create_connection(("127.0.0.1", server.port), timeout=LIMIT)
+    heads = {
+        "Host": f"127.0.0.1:{server.port}", "Upgrade": "websocket", "Connection": "Upgrade",
+        "Sec-WebSocket-Key": "x" * 22 + "==", "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Protocol": VISER,
+    }  # fmt: skip
+    lines = ["GET / HTTP/1.1", *(f"{name}: {value}" for name, value in heads.items())]
+    made.sendall("\r\n".join([*lines, "", ""]).encode())
+    assert made.recv(12).endswith(b"101")
+    return made
+
+
+NO_MASK = bytes(4)
+FLOODS = {
+    "empty parts of a message": (b"\x02\x80" + NO_MASK, b"\x00\x80" + NO_MASK),
+    "parts of one byte": (b"\x02\x80" + NO_MASK, b"\x00\x81" + NO_MASK + b"a"),
+    "pings": (b"", b"\x89\x80" + NO_MASK),
+    "pings with content": (b"", b"\x89\xfd" + NO_MASK + b"x" * 125),
+    "pongs": (b"", b"\x8a\x80" + NO_MASK),
+}
+
+
+@pytest.mark.parametrize("flood", FLOODS)
+def test_a_connection_that_sends_what_no_browser_sends_is_cut(server, flood):
+    """An edit of another is answered meanwhile."""
+    first, again = FLOODS[flood]
+    with raw_socket(server) as hostile:
+        hostile.sendall(first)
+        with contextlib.suppress(OSError):  # reset, or a broken pipe
+            for _ in range(10_000):
+                hostile.sendall(again * 100)
+            pytest.fail("it is still read")
+    mass = server.store.state.model.body("2").mass + 1
+    server.send(do.Edit(-1, 1, "2", "mass", (), str(mass)))
+    until(lambda: server.store.state.model.body("2").mass == mass, "an edit of another")
+    assert status(server) == 200
+
+
+def test_connections_are_limited_and_those_that_go_make_room(server):
+    most = door.MOST_CONNECTIONS
+    held = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(most + 20)]
+    with pytest.raises((OSError, http.client.HTTPException)):
+        answer(server)
+    for one in held:
+        one.close()
+
+    def answers():
+        try:
+            return status(server) == 200
+        except (OSError, http.client.HTTPException):
+            return False
+
+    until(answers, "room for a page")
+
+
+def test_a_large_message_in_parts_as_browsers_send_it_passes(server):
+    with raw_socket(server) as page:
+        part = b"\xfe" + len(b"x" * 60_000).to_bytes(2, "big") + NO_MASK + b"x" * 60_000
+        for k in range(250):  # 15 MB
+            page.sendall((b"\x02" if k == 0 else b"\x80" if k == 249 else b"\x00") + part)
+        page.sendall(b"\x89\x81" + NO_MASK + b"?")
+        page.settimeout(LIMIT)
+        until(lambda: b"\x8a\x01?" in page.recv(1 << 20), "the answer to a ping")
 
 
 @pytest.fixture
@@ -180,10 +249,10 @@ def test_messages_of_the_page_pass():
 
 
 def test_junk_harms_nobody_and_the_connection_goes_on(server):
-    with socket_of(server) as socket:
+    with socket_of(server) as page:
         for junk in DROPPED.values():
-            socket.send(junk)
-        assert socket.ping().wait(LIMIT)
+            page.send(junk)
+        assert page.ping().wait(LIMIT)
     server.send(do.Edit(-1, 1, "2", "mass", (), "7"))
     until(lambda: server.store.state.model.body("2").mass == 7.0, "an edit of another")
 
@@ -240,14 +309,16 @@ def test_memory_of_closed_pages_is_released(server):
     """Their connections are cycles of a few large objects, which Python alone would let lie."""
     gc.disable()
     try:
-        for _ in range(GONE + 1):
-            with socket_of(server) as socket:
-                socket.send(message("ViewerCameraMessage", **CAMERA))
-                socket.recv()
-        until(lambda: _connections() < GONE // 2, "the end of connections that are gone")
+        for _ in range(3 * GONE):
+            with socket_of(server) as page:
+                page.send(message("ViewerCameraMessage", **CAMERA))
+                page.recv()
+        until(lambda: _connections() < 2 * GONE, "the end of connections that are gone")
     finally:
         gc.enable()
 
 
 def _connections() -> int:
-    return sum(type(one) is websockets.asyncio.server.ServerConnection for one in gc.get_objects())
+    return sum(
+        isinstance(one, websockets.asyncio.server.ServerConnection) for one in gc.get_objects()
+    )

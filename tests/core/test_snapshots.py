@@ -56,7 +56,7 @@ def model(name):
 SCENES = {
     "chain": lambda: pg.Stepper(pg.Model.serial(2)),
     "gauss": lambda: pg.Stepper(pg.Model.serial(2), method="gauss6"),
-    "alpha": lambda: pg.Stepper(model("four_bar"), method="generalised_alpha"),
+    "gauss loop": lambda: pg.Stepper(model("four_bar"), method="gauss6"),
     "loop": lambda: pg.Stepper(model("slider_crank")),
     "contact": lambda: pg.Stepper(model("falling_rod")),
     "walk": lambda: pg.Stepper(model("quadruped"), scenario="bound", switches=()),
