@@ -329,6 +329,7 @@ CLEARANCE = record(
     ahead=REAL,  # how far the next search looks [m]
     since=REAL,  # the time for which these hold [s]
     rate=REAL,  # speed of things when no coordinate is faster than the clock allows [m/s]
+    margin=REAL,  # gap from which on things are near [m]
 )
 
 LIMIT = record(  # sign q - value >= 0, or the condition of an event, which is true where it is < 0

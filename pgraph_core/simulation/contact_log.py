@@ -459,8 +459,13 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
 class Clearance(Unportable):
     """What may touch, and conditions that may become true, behind one address."""
 
-    def __init__(self, mech: Mechanism, tables: Tables | None, conditions: Any = None):
-        """Nothing is known to be free yet. `conditions` are records of LIMIT."""
+    def __init__(
+        self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
+    ):
+        """Nothing is known to be free yet.
+
+        `conditions` are records of LIMIT; things are near from a gap of `margin` on [m].
+        """
         given = tables_of(mech.packed, ()) if tables is None else tables
         limits = [] if tables is None else [_limits(tables)]
         limits += [] if conditions is None else [conditions]
@@ -478,6 +483,7 @@ class Clearance(Unportable):
             np.zeros(len(mech.packed.rows)),
             np.zeros(count),
         )
+        self._kept.state["margin"] = margin
         self._buffer = buffer()
         kernels.save_guard(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -148,6 +149,10 @@ class Steps:
     def watched(self) -> Array:
         """(4, 3 points + user events) the monitors of events."""
         return self._kept.watched
+
+    def forget_sides(self, numbers: Sequence[int]) -> None:
+        """On which side of zero the values of these events are is to be found out."""
+        self._signs[numbers] = 0
 
     def begin_again(self, q: Array, v: Array) -> None:
         """Start the same steps from another state: for runs in which nothing is remembered."""

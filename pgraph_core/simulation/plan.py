@@ -288,8 +288,7 @@ def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
 
     Not where the method `asked` for steps them, nor where something else asks for them.
     """
-    watched = any(given.of_contact for given in plan.conditions)
-    wanted = plan.tau is not None or declared.tendons or watched
+    wanted = plan.tau is not None or declared.tendons
     return not (wanted or plan.method.name == asked == "moreau_jean")
 
 

@@ -190,6 +190,7 @@ class Recording:
         if len(plan.ever) > len(self.held):
             self.scene.switch(self._active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
+        woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []
         links = links_of(plan.method.name, points, watch is not None, held)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
         conditions = limits_of(self.mech, plan.conditions)
@@ -198,7 +199,8 @@ class Recording:
             from .contact_log import Clearance
 
             guard = None if self.met else taken(free(self.mech, (plan, WATCHING)))
-            guard = guard or Clearance(self.mech, tables, conditions)
+            margin = max((c.margin for c in plan.conditions), default=0.0)
+            guard = guard or Clearance(self.mech, tables, conditions, margin)
             steps.clearance, steps.control["guard"] = guard, guard.address
             links = links._replace(watch=guard.look_back)
         if points or (plan.contacts and plan.contacts.compliant):
@@ -208,12 +210,14 @@ class Recording:
         if not points:
             watched = NO_MONITORS if watch is None else room_for(len(watch.monitors))
             steps.join(self.scene.address, links, watched, *wanted)
+            steps.forget_sides(woken)
             return
         from .contact_events import ContactEvents
         from .event_scene import EventScene
 
         assert isinstance(self.scene, EventScene)
         steps.join(self.scene.address, links, self.scene.watched, *wanted)
+        steps.forget_sides(woken)
         self.events = ContactEvents(self.mech, plan, self.scene, steps, self.ended)
         self.events.noted = None if watch is None else self._user_event
 

@@ -123,10 +123,23 @@ class Watch:
         self.waiting, self.size = len(conditions), (nq, nv)
         self.error: Exception | None = None
         self.log: list[UserEvent] = []
-        self.called = [i for i, c in enumerate(conditions) if not c.given.compiled]
-        self.called += range(self.waiting, len(self.monitors))
-        self._function = _Address(self._call) if self.called else None
-        self.address = address_of_function(self._function) if self.called else 0
+        self.called: list[int] = []
+        self._function, self.address = None, 0
+        own = [i for i, c in enumerate(conditions) if not (c.given.compiled or c.given.of_contact)]
+        self._call_too([*own, *range(self.waiting, len(self.monitors))])
+
+    def _call_too(self, numbers: Sequence[int]) -> None:
+        """Let steps call these monitors from now on."""
+        self.called += numbers
+        if self.called and self._function is None:
+            self._function = _Address(self._call)
+            self.address = address_of_function(self._function)
+
+    def wake(self, conditions: Sequence[ConditionOf]) -> list[int]:
+        """Call those that watch contacts too, which are in force from now on; their numbers."""
+        woken = [i for i, c in enumerate(conditions) if c.of_contact and i not in self.called]
+        self._call_too(woken)
+        return woken
 
     @property
     def wanted(self) -> Ints:
@@ -206,6 +219,11 @@ class ConditionOf(NamedTuple):
     def contact_force(self) -> bool:
         """Whether it watches the force of a contact."""
         return self.when.force is not None and self.place[0] == "contact"
+
+    @property
+    def margin(self) -> float:
+        """Gap from which on the contact that it watches has to be in force [m]."""
+        return max(self.limit[0] * self.limit[1], 0.0) if self.when.gap is not None else 0.0
 
     @property
     def compiled(self) -> bool:
@@ -327,6 +345,12 @@ class Condition:
 
     def _gap(self, t: float, q: Array, v: Array) -> float:
         """The smallest gap of a contact, however far [m]."""
+        record, tables = self.record, self.given.contacts
+        if record.plan.way is not None and tables is not None:  # contacts are not in force
+            guard = record.steps.clearance
+            gap = guard.gaps(record.scene, q[None], len(tables.touches))[0, self.given.place].min()
+            if np.isfinite(gap):
+                return float(gap)
         from ..engine.contact.contacts import find
 
         scene = self._alone()
@@ -350,6 +374,8 @@ class Condition:
             ]  # fmt: skip
             if some:
                 return points["force"][some].sum(axis=0)
+        if record.scene.touching is None:
+            return np.zeros(3)  # nothing has come near
         if tables.touches[pairs[0]].contact.law == "soft":
             frame = self._evaluated(self._alone().address, t, q, v)
             return frame.pairs["force"][0, pairs].sum(axis=0)

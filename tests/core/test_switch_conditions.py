@@ -197,3 +197,15 @@ def test_conditions_are_found_from_every_distance(options):
             continue
         np.testing.assert_allclose(events, [np.arccos(bound) / 10], rtol=0, atol=1e-5)
         np.testing.assert_allclose(run.q[-1, 0], bound, rtol=0, atol=1e-9)
+
+
+def test_a_landing_switches_a_latch():
+    """A ball falls 0.5 m, while nothing looks at its contact; landing, it passes 12 N."""
+    switch = pg.Switch(constraint="latch", active=True, when={"force": "floor", "above": 12.0})
+    model = resting(0.6)
+    run = pg.simulate(model, t_end=0.6, switches=[switch])
+    assert "began" in run.header
+    (event,) = [event for event in run.events if event.contact == "latch"]
+    g = -np.asarray(model.gravity) @ (0.0, 0.0, 1.0)
+    np.testing.assert_allclose(event.t, np.sqrt(1.0 / g), rtol=0, atol=2e-3)
+    np.testing.assert_allclose(run.q[-1, 0], 0.1, rtol=0, atol=1e-4)

@@ -45,6 +45,8 @@ KINDS = {
     "limits out of reach": (LEAN.edit("2", limits=(-1e3, 1e3)), {}),
     "a condition that never holds": waiting(coordinate="2", above=1e3),
     "the same beside a far contact": waiting(coordinate="2", below=-1e3, contacts=(FLOOR,)),
+    "a gap that stays wide": waiting(gap="floor", below=0.5, contacts=(FLOOR,)),
+    "a contact that never pushes": waiting(force="floor", above=1.0, contacts=(FLOOR,)),
     "an event that never happens": (LEAN, {"events": never}),
     "the same over far ground": (LEAN.replace(contacts=(FLOOR,)), {"events": never}),
     "a scenario that adds nothing": (LEAN.replace(scenarios=(SCENARIO,)), {"scenario": "plain"}),

@@ -123,13 +123,16 @@ def pose(run, guard, row):
 
 @sweep
 def clearance(guard, ahead):
-    """How far everything may move without a touch, `ahead` at most [m]; after `pose`."""
-    may, found = guard.candidates, guard.found
-    n = find_contacts(guard.geometry, guard.ground, may, guard.poses, guard.search, ahead, found)
+    """How far everything may move before a gap is the margin, `ahead` at most [m]; after `pose`."""
+    may, found, margin = guard.candidates, guard.found, guard.state[0].margin
+    n = find_contacts(
+        guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
+    )
     between = may.pairs.shape[0] + may.members.shape[0] > 0
     free = 0.5 * ahead if between else ahead
     for c in range(min(n, found.shape[0])):
-        free = min(free, found[c].gap if found[c].shape_b < 0 else 0.5 * found[c].gap)
+        gap = found[c].gap - margin
+        free = min(free, gap if found[c].shape_b < 0 else 0.5 * gap)
     return free if n <= found.shape[0] else 0.0
 
 
