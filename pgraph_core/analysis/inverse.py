@@ -249,7 +249,7 @@ def _points(mech: Dynamics, q: Array, names: Sequence[str]) -> list[CarryingPoin
     none = np.zeros(0)
     motion.residuals(scene.address, 0.0, q, np.zeros(mech.nv), none, none)  # places the bodies
     place, turn = mech.poses(q)
-    reach = TOUCHING * float(np.max(np.abs(place - place[:1]), initial=1e-3))
+    reach = TOUCHING * radius_of_gyration(mech.packed.system)
     assert scene.touching is not None
     count = kernels.find(scene.address, reach, 0)
     shapes, found = scene.touching.shapes, scene.touching.found[:count]
