@@ -2,7 +2,8 @@
 
 A threshold elsewhere is one of these, or derived from one as `c * EPS * scale`. All are relative
 unless a unit is given. A test halves and doubles each one and checks that verdicts stay the same
-(`tests/test_tolerances.py`). "From a to b" is the interval in which they did so.
+(`tests/test_tolerances.py`). "From a to b" is an interval in which they did so; for the numbers in
+kernels that is Python's use of them, and half to double in kernels.
 """
 
 import sys
@@ -13,7 +14,7 @@ EPS: float = sys.float_info.epsilon  # distance of 1 from the next float64, 2.2e
 
 # Rounding of a result of many operations, relative to its largest term: 1000 operations, each
 # rounded by EPS at most (Higham, Accuracy and Stability of Numerical Algorithms, section 3.1).
-# From 2e-14 to 2e-11.
+# From 2e-15 to 2e-11.
 ROUNDING = 1024 * EPS
 
 # An equation holds where its residual is this part of its largest term. Newton's method doubles
@@ -22,37 +23,51 @@ ROUNDING = 1024 * EPS
 SOLVED = 1e-9
 
 # Error of slopes by central differences of order four and six, relative to the largest: about
-# 1e-11 (measured: tests/core/test_linear.py). From 1e-10 to 1e-7.
+# 1e-11 (measured: tests/core/test_linear.py). From 1e-11 to 1e-7.
 DIFFERENCED = 1e-9
 
 # A difference that a person sees or means: numbers are typed and shown with up to six digits.
-# From 1e-8 to 1e-5.
+# From 1e-8 to 1e-4.
 NOTABLE = 1e-6
+
+# Square of a length or an angle that is added to a square, so that a quotient by its root is
+# finite at zero without a branch. Its root is far below EPS times any length that is used.
+# From 5e-61 to 2e-60.
+TINY = 1e-60
 
 # -- rows and directions --------------------------------------------------------------------------
 
 # A singular value of constraint rows, relative to the largest, with which a run takes the row for
 # none: accelerations of order one then need forces that are a thousand times those at hand.
-# From 1e-4 to 1e-2.
+# From 1e-5 to 1e-2.
 FAINT = 1e-3
 
-# A part whose share of the largest is below this is not named in a sentence. From 0.02 to 0.3.
+# Share of the mean diagonal that is added to a matrix of rows before it is factored, so that
+# redundant rows do no harm; refinement takes it out again (Carpentier, Budhiraja and Mansard,
+# Proximal and sparse resolution of constrained dynamic equations, 2021). From 5e-11 to 2e-10.
+PROXIMAL = 1e-10
+
+# Factor by which a pivot falls below its largest where a position may be singular: the rows there
+# are a tenth as independent as elsewhere. From 50 to 200.
+DIP = 100.0
+
+# A part whose share of the largest is below this is not named in a sentence. From 0.05 to 0.2.
 NAMED = 0.1
 
 # -- searches -------------------------------------------------------------------------------------
 
 # Longest step of Newton's method, in rad or relative to the mechanism's size: within it sine and
-# cosine are close to their tangents. From 0.2 to 1.
+# cosine are close to their tangents. From 0.25 to 5.
 LONGEST_STEP = 0.5
 
 # Distance to a position beside a singular one, in rad or relative to the mechanism's size: small
-# against a turn, and its square is large against the square root of EPS. From 0.01 to 0.1.
+# against a turn, and its square is large against the square root of EPS. From 5e-4 to 0.1.
 NEARBY = 0.05
 
 # Part of the decrease promised by the slope that a step must bring (Armijo's rule; Nocedal and
-# Wright, Numerical Optimization, 2nd ed., section 3.1). From 1e-8 to 0.1.
+# Wright, Numerical Optimization, 2nd ed., section 3.1). From 1e-6 to 1e-2.
 SUFFICIENT_DECREASE = 1e-4
 
 # A gap between shapes that inverse dynamics takes for a contact, relative to the mechanism's size:
-# poses from measurements or from soft contacts are that far off. From 1e-4 to 1e-2.
+# poses from measurements or from soft contacts are that far off. From 5e-4 to 2e-3.
 TOUCHING = 1e-3

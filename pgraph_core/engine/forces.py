@@ -7,6 +7,7 @@ import math
 
 from numba import float64 as f8
 
+from ..tolerances import TINY
 from .compiler.elementary import atan2, exp, power
 from .compiler.jit import kernel, part, sweep
 from .constraints.blocks import point_velocity
@@ -14,8 +15,6 @@ from .records import CREEP, DRAG, SPRING, TORSION, WRENCH
 from .rows import add_bias, bias_of, link_of, origin_of, parent_of, rotation_of, set_bias, spin_of
 from .tree.kinematics import joint_force
 from .vec import add, add_cross, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
-
-TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
 
 
 @part

@@ -8,6 +8,7 @@ zero by the method of multipliers: a large weight, and a shift by what is left.
 
 from numba import types
 
+from ..tolerances import EPS, PROXIMAL, ROUNDING, SOLVED
 from .arrays import F1, F2, opened
 from .compiler.jit import kernel, part, sweep
 from .constraints.blocks import (
@@ -31,13 +32,8 @@ from .tree.dynamics import motion, newton_euler
 from .tree.kinematics import outboard
 from .vec import add, cross, dot, sub
 
-CLOSED = 1e-9  # of the length of the rows, of their speeds: a state that meets its constraints
-PROXIMAL = 1e-10  # of the mean diagonal of J W Jᵀ
 ROUNDS = 12
-SETTLED = 1e-14  # of the largest force: steps that change nothing more
-IDLE = 1e4  # weight of a joint without a motor, of the largest weight
-UNMOVED = 1e-11  # of the largest force: what such a joint may keep
-SAME = 1e-10  # of the largest force: M times what v' differs that the torques give
+IDLE = EPS**-0.25  # weight of a joint without a motor, of the largest: the gain of a round
 WANTED, TORQUE, SHIFT, WEIGHT, ROW, AGAIN, FLOW = 0, 1, 2, 3, 4, 5, 6
 VECTORS = 7  # rows of the workspace
 
@@ -152,7 +148,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
     m = located(scene, v, True)
     residual(blocks, work, space, 0.0, q, row)
     for r in range(m):
-        if not abs(row[r]) <= CLOSED * length:
+        if not abs(row[r]) <= SOLVED * length:
             return 1
     set_jacobian(scene, m, turned)
     residual_velocity(blocks, work, space, 0.0, v, row)
@@ -163,7 +159,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
             size += abs(turned[j, r] * v[j])
         fast = max(fast, size)
     for r in range(m):
-        if not abs(row[r]) <= CLOSED * fast:
+        if not abs(row[r]) <= SOLVED * fast:
             return 1
     dearest = 0.0
     for j in range(n):
@@ -191,7 +187,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
             if not cost[j] > 0.0:
                 shift[j] += tau[j]
                 idle = max(idle, abs(tau[j]))
-        if changed <= SETTLED * largest and idle <= UNMOVED * largest:
+        if changed <= ROUNDING * largest and idle <= ROUNDING * largest:
             break
     else:
         return 1
@@ -206,4 +202,4 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
     apart = 0.0
     for j in range(n):
         apart = max(apart, abs(vectors[TORQUE, j] - passive[j] - wanted[j]))
-    return 0 if apart <= SAME * largest else 1
+    return 0 if apart <= SOLVED * largest else 1

@@ -7,6 +7,7 @@ merge.
 
 import math
 
+from ..tolerances import SOLVED
 from . import layout as at
 from .compiler.jit import kernel, part
 from .rows import (
@@ -66,7 +67,7 @@ TABLE_MOTION = 9
 ) = range(10)
 NO_Q, NO_V, NO_GRAVITY = NO_PHYSICS + 5, NO_PHYSICS + 6, NO_PHYSICS + 7
 FINE = -1
-SLACK = 1.5e-9  # half as much again as a Body's: what is refused here, is refused there in words
+SLACK = 2 * SOLVED  # twice a Body's: what is refused here, is refused there in words
 # kinds of joint, float64 (kinds, 14): number of motions, then kind and axis of each
 COUNT, FIRST, STRIDE = 0, 1, 4
 

@@ -48,7 +48,7 @@ def source_hash() -> str:
     files = {path for module in KERNELS for path in sources(ENGINE / _file(module))}
     found = hashlib.sha256()
     for path in sorted(files):
-        name = path.relative_to(ENGINE).as_posix()
+        name = path.relative_to(ENGINE.parent).as_posix()
         found.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
 

@@ -25,20 +25,18 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
+from ..tolerances import SOLVED
 from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
-TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
 SAME_TIME = 1e-10  # of a second, or of a shorter run: touchdowns within it are one impact
 SHORTEST = 1e-11  # of that: a flight below it is none
-HIDDEN = 2e-3  # of a bounce's height, or more, is rounding: the bounces are over
 UNRESOLVED = 2e-10  # of a second, or of a longer run: rounding over it is no speed
-ALIGNED = 1e-10  # rad: a direction of slip this near is found
+HIDDEN = 2e-3  # of a bounce's height, or more, is rounding: the bounces are over
 MOST_TURNS = 100
-LEFT = 2.0  # times the rounding of a gap: a point that has left
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
-MANY = 300  # events within SAME_TIME: they do not end
+MANY = 300  # events at one time: they do not end
 
 
 class ContactEvents:
@@ -83,7 +81,7 @@ class ContactEvents:
         f["slip_tolerance"] = max(1e-10, 10 * self.steps.blurred) * self.speed
         self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
         self.steps.scale(self.speed / gravity if gravity else float(np.ptp(self.plan.times)))
-        self._first_phases(t, TOUCHING * size)
+        self._first_phases(t, SOLVED * size)
 
     def _first_phases(self, t: float, touching: float) -> None:
         """Phases of the initial state: points that touch stand, slide or hit."""
@@ -205,7 +203,7 @@ class ContactEvents:
         scene.arrange()
         self._observe(t)
         f = scene.points
-        f["fresh"][(scene.phase == SWING) & (f["gap"] > LEFT * f["rounding"])] = 0
+        f["fresh"][(scene.phase == SWING) & (f["gap"] > 2 * f["rounding"])] = 0
         point_kernels.begin(scene.address, float(self.steps.control["turning"]))
 
     def _log(self, t: float, s: int, before: int, cause: str) -> None:
@@ -316,14 +314,14 @@ class ContactEvents:
         self._accelerations(t)
         rates = np.abs(np.column_stack((f["normal_acceleration"], f["tangential_acceleration"])))
         size = max(float(np.linalg.norm(self.mech.model.gravity)), float(np.max(rates)))
-        for s in np.flatnonzero(resting & (f["normal_acceleration"] < -1e-9 * size)).tolist():
+        for s in np.flatnonzero(resting & (f["normal_acceleration"] < -SOLVED * size)).tolist():
             self._close(s, ACCEPTANCE)
             return True
         moved = 0.0
         for s in np.flatnonzero(starting).tolist():
-            moved = max(moved, self._turn(s, 1e-9 * size))
+            moved = max(moved, self._turn(s, SOLVED * size))
         self._turns_taken += 1
-        return moved > ALIGNED and self._turns_taken < MOST_TURNS
+        return moved > SOLVED and self._turns_taken < MOST_TURNS
 
     def _turn(self, s: int, tiny: float) -> float:
         """Turn the direction in which s is about to slip to where it would go; by how much.
@@ -375,7 +373,7 @@ class ContactEvents:
         bilateral = len(u) - sum(row.size for row in rows)
         solved = impacts.impulses(omega, u, bilateral, rows)
         size = float(np.abs(solved.impulse) @ np.abs(u))
-        if solved.gain > 1e-9 * size and any(row.restitution_velocity for row in rows):
+        if solved.gain > SOLVED * size and any(row.restitution_velocity for row in rows):
             self.tally["bounces_left_out"] += 1
             self.ended.notices.append(
                 f"t = {t:.6g} s: Newton's restitution with friction would raise the energy by "
@@ -383,7 +381,7 @@ class ContactEvents:
             )
             rows = [row._replace(restitution_velocity=0.0) for row in rows]
             solved = impacts.impulses(omega, u, bilateral, rows)
-        if solved.missed > 1e-9:
+        if solved.missed > SOLVED:
             self.ended.notices.append(
                 f"t = {t:.6g} s: impulses of an impact are good to {solved.missed:.3g} only"
             )

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
-NO_LIMIT = 2**63 - 1  # of steps
-MANY = 2**62  # steps to the next frame where none is recorded
+NO_LIMIT = (1 << 63) - 1  # of steps
+MANY = 1 << 62  # steps to the next frame where none is recorded
 PART = 0.25  # of a step that could not be solved: the first width that is tried
 TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
 TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps can follow

@@ -25,6 +25,7 @@ from ..model.checks import switch_problems
 from ..packing import Array, Ints
 from ..packing.constraints import values_of
 from ..result.records import UserEvent
+from ..tolerances import ROUNDING, SOLVED
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -412,9 +413,7 @@ class Condition:
         return frame
 
 
-SAME = 1e-12  # of the run: times this near are one
 JUMP = 0.1  # rad, m: a jump of the joints that is no correction
-SPEED = 1e-9  # of the velocities: a row that is met
 
 
 class Change(NamedTuple):
@@ -509,7 +508,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
 def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
     """(times of frames and changes, the changes); a change near a frame gets the time of it."""
     moved: list[Change] = []
-    near = SAME * max(float(np.abs(times).max()), 1e-300)
+    near = ROUNDING * max(float(np.abs(times).max()), 1e-300)
     for change in found:
         if change.t < times[-1]:
             at = float(times[np.abs(times - change.t).argmin()])
@@ -566,7 +565,7 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
 
     m = impulse_rows(scene.held, change.t, q, v)
     left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
-    if left > SPEED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
+    if left > SOLVED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
         text = f"requires velocities at t = {change.t:g} s that the others forbid: they miss by "
         raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))
     return moved

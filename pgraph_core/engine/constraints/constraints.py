@@ -4,6 +4,7 @@
 `space` is named in `layout`; blocks in `blocks`.
 """
 
+from ...tolerances import DIP, ROUNDING
 from .. import layout as at
 from ..arrays import (
     CHANGE,
@@ -421,10 +422,7 @@ def correct(scene, mu, count, m, enough):
 # largest so far marks a position at or beside which the row says nothing new; a row that never says
 # anything has no dip. What dips only because rows take each other's place is sorted out afterwards.
 
-DIP = 100.0  # times smaller than its largest: a pivot in a dip
-OVER = 25.0  # times smaller: where the dip ends
-ROUNDING = 1e-12  # of the time: evaluations at one instant
-TOGETHER = 4.0  # times the way between evaluations: stages of one step see one dip
+STAGES = 4  # times the way between evaluations: stages of one step see one dip
 
 
 @sweep
@@ -432,7 +430,7 @@ def watch(scene, t, q, v):
     """Count dips after a factorisation; keep the deepest place of the first ones."""
     space = opened(scene).space
     factor, dips, least, now = space.factor, space.dips, space.vectors[LEAST], space.watch[0]
-    deepest = OVER
+    deepest = DIP
     gap = abs(t - now.time)
     if gap > ROUNDING * abs(t):
         now.apart = gap
@@ -443,15 +441,13 @@ def watch(scene, t, q, v):
             least[r] = x
         elif x > deepest * least[r]:
             deepest = x / least[r]
-    if deepest <= OVER:
+    if deepest <= DIP:
         now.inside = 0
         return
     if now.inside == 0:
-        if deepest <= DIP:
-            return
         now.inside = 1
         last = min(now.count, dips.shape[0]) - 1
-        if last < 0 or abs(t - dips[last].time) > TOGETHER * now.apart:
+        if last < 0 or abs(t - dips[last].time) > STAGES * now.apart:
             now.count += 1
     n = now.count - 1
     if n < dips.shape[0] and deepest > dips[n].depth:

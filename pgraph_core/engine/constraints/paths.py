@@ -12,6 +12,7 @@ what is below 1e-13 of a torque, or of a unit force along a slider. Rounding kep
 be a constraint wherever a row has no other.
 """
 
+from ...tolerances import ROUNDING
 from .. import layout as at
 from ..compiler.jit import part
 from ..compiler.lane import beyond, numbers, store_triple, triple
@@ -56,8 +57,6 @@ from ..vec import (
     sub,
 )
 from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
-
-GRAIN = 1e-13  # of what an entry is a difference of: less is rounding
 
 
 @part
@@ -167,9 +166,9 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
     if kind <= TRANSLATE:
         h = axis_of(work, k)
         if kind == ROTATE:
-            share = beyond(dot(h, moment), GRAIN * reach)
+            share = beyond(dot(h, moment), ROUNDING * reach)
         else:
-            share = beyond(dot(h, force), GRAIN)
+            share = beyond(dot(h, force), ROUNDING)
         felt = any_number(share)
         store_triple(y, i, 3 * slot, share)
         passed = -inverse_pivot_of(work, k) * share
@@ -177,7 +176,7 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
         force = add_scaled(force, passed, u1)
         moment = add_cross(add_scaled(moment, passed, u0), link, force)
     elif kind == BALL:  # it passes a force on, and no moment
-        least = GRAIN * reach
+        least = ROUNDING * reach
         moment = (beyond(moment[0], least), beyond(moment[1], least), beyond(moment[2], least))
         felt = any_number(moment[0]) or any_number(moment[1]) or any_number(moment[2])
         force = past_ball(work, k, moment, force, y, i, slot)

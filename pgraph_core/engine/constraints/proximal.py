@@ -9,6 +9,7 @@ of 3x3, which fit the registers; the last is filled up with zeros.
 
 import math
 
+from ...tolerances import PROXIMAL
 from ..arrays import CHANGE, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
@@ -16,9 +17,8 @@ from ..compiler.masks import chosen, more
 from ..linear import backward3, factor3, solve3
 from ..vec import load, load3, store, store3
 
-PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
-SMALL = 1e5  # a pivot below this many μ may belong to a null direction
-NULL = 10.0  # an eigenvalue below this many μ does
+SMALL = PROXIMAL**-0.5  # a pivot below this many μ may belong to a null direction
+NULL = 10  # an eigenvalue below this many μ does
 REFINEMENTS = 12
 INVERSE_ITERATIONS = 2  # towards a null direction: each leaves μ/λ of what is not null
 

@@ -16,7 +16,7 @@ from ..compiler.masks import chosen, larger, more, most, smaller
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
 FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
-DAMPED = 1e-5  # m⁴
+DAMPED = (FLAT / 6) ** 2  # m⁴: rates are at most three times those at FLAT
 FASTEST, HARDEST = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at most
 acos = in_each(elementary.acos)
 

@@ -2,11 +2,12 @@
 
 import math
 
+from ...tolerances import ROUNDING
 from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import point_velocity
-from ..constraints.paths import GRAIN, spread, taxicab
+from ..constraints.paths import spread, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.cone import contact
 from ..contact.contacts import NEARBY
@@ -233,10 +234,10 @@ def carry(rows, ways, b, n):
                 for c in range(6):
                     y[3 * (s + c) + r] = share[c]
                 break
-            least = GRAIN * reach
+            least = ROUNDING * reach
             one = dot(axis_of(work, k), moment)
             if kind == TRANSLATE:
-                least = GRAIN + 0.0 * reach
+                least = ROUNDING + 0.0 * reach
                 one = dot(axis_of(work, k), force)
             one = chosen(most(abs(one), least), 0.0 * one, one)
             y[3 * s + r] = one

@@ -6,9 +6,11 @@ narrower. The first event is closed in on by secants and bisection, and the step
 """
 
 import math
+import sys
 
 from numba import types
 
+from ...tolerances import ROUNDING, SOLVED
 from .. import layout as at
 from ..arrays import F1, guard_at, opened_run
 from ..compiler.address import caller
@@ -48,15 +50,13 @@ call_event = caller(EVENT)
 # of a user's functions: time, and the addresses of q, v and their values
 _call_user = caller(types.void(types.float64, types.uint64, types.uint64, types.uint64))
 
-BELOW = 1e-300  # what a value of zero counts as
+BELOW = sys.float_info.min  # what a value of zero counts as
 PARTS = 4  # of a step with dense output that are looked at for themselves
 DIPS = 60  # looks for the least value of an event that comes near zero and turns back
 DEEP = 0.25  # of the fall towards it: what a parabola through three values may be off
 HALVINGS = 40  # of a part that starts at an event
-GOLDEN = 0.381966  # of the longer side: where parabolas converge slowly
-TOUCHES = 1e-12  # of the values around it: a least value that is zero
-ALIKE = 1e-9  # of a part: two instants that are one
-WIDER = 8.0  # a look after an instant at which a value is zero, if it is zero there too
+GOLDEN = (3 - math.sqrt(5)) / 2  # of the longer side: where parabolas converge slowly
+WIDER = 8  # a look after an instant at which a value is zero, if it is zero there too
 
 
 @kernel(PROJECTION, nogil=True, later=True)
@@ -215,7 +215,7 @@ def take_sides(run, low, width):
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
-    w = ALIKE * width
+    w = SOLVED * width
     while w < width and undecided(signs):
         look(run, low, w)
         for i in range(signs.shape[0]):
@@ -337,18 +337,18 @@ def dip(run, low, width, i):
     size = max(y[0], y[2])
     for k in range(DIPS):
         w, least = vertex(x, y)
-        if not x[0] + ALIKE < w < x[2] - ALIKE or least > DEEP * (max(y[0], y[2]) - least):
+        if not x[0] + SOLVED < w < x[2] - SOLVED or least > DEEP * (max(y[0], y[2]) - least):
             if k == 0:
                 return 0.0, 0.0
             break
-        if k % 3 == 2 or abs(w - x[1]) < ALIKE * ALIKE:
+        if k % 3 == 2 or abs(w - x[1]) < SOLVED * SOLVED:
             left, right = x[1] - x[0], x[2] - x[1]
             w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
         look(run, low, w * width)
         value = sign * values[i]
         if value < 0.0:
             return x[0] * width, w * width
-        if value <= TOUCHES * size and data.wanted[i] == 0:
+        if value <= ROUNDING * size and data.wanted[i] == 0:
             watched[NOW, n] = -BELOW
             return w * width, w * width
         if w < x[1]:
@@ -360,7 +360,7 @@ def dip(run, low, width, i):
             x, y = (x[1], w, x[2]), (y[1], value, y[2])
         else:
             x, y = (x[0], x[1], w), (y[0], y[1], value)
-        if x[2] - x[0] < ALIKE:
+        if x[2] - x[0] < SOLVED:
             break
     if y[1] < watched[NEAREST, n]:
         watched[NEAREST, n] = y[1]
@@ -407,7 +407,7 @@ def clear_of_zero(run, low, end):
     for _ in range(HALVINGS):
         clear = True
         for n in range(watched.shape[1] - count, watched.shape[1]):
-            clear = clear and watched[START, n] >= -ALIKE * watched[NOW, n]
+            clear = clear and watched[START, n] >= -SOLVED * watched[NOW, n]
         if clear:
             break
         end *= 0.5
@@ -462,7 +462,7 @@ def next_look(run, low, n, parts):
     if data.links.events == 0 or parts == 1:
         return end
     i = control.frame
-    while i < control.last and times[i] - control.old_time <= low + ALIKE * h:
+    while i < control.last and times[i] - control.old_time <= low + SOLVED * h:
         i += 1
     if i < control.last:
         end = min(end, times[i] - control.old_time)

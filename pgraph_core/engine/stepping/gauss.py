@@ -12,6 +12,7 @@ mass matrix at the start of the step, until rounding is left.
 
 import math
 
+from ...tolerances import EPS, ROUNDING
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
@@ -38,15 +39,14 @@ from ..tree.dynamics import joint_inertia, newton_euler
 from ..tree.kinematics import joint_force, linear_velocity, outboard
 from ..tree.moving import advance, local_rate
 from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
-from .state import EPS, NOT_SOLVED, STEP, copied, size_of_state
+from .state import NOT_SOLVED, STEP, copied, size_of_state
 
 # rows of the real matrix from nv on, before which it holds the mass matrix: 2 nv wide
 Z, RATE, KEPT = 0, 3, 6  # of up to three stages each: (ξ, v); (ξ', p'); p
 PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
 ROUNDS = 60
 LOST = 1e3  # corrections over the motion: they grow
-NEARLY = 1e-13  # a correction that no longer shrinks below it is rounding
-STILL = 64.0  # of rounding: corrections that move no position by more, where nothing moves
+STILL = 64  # of rounding: corrections that move no position by more, where nothing moves
 TERMS = 12  # of the series of dexp: exact for turns of up to 3 rad
 
 
@@ -310,7 +310,7 @@ def gauss(run, h):
         if not (abs(change) < math.inf and size < math.inf):
             return NOT_SOLVED
         missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
-        rounded = missed < NEARLY or abs(change) < still
+        rounded = missed < ROUNDING or abs(change) < still
         solved = missed < 2.0 * EPS or (missed >= last and rounded)
         # at first, from rest, the motion within the step is not known yet
         if solved or (n > 0 and missed > LOST and abs(change) >= still):

@@ -11,6 +11,7 @@ A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8].
 
 import math
 
+from ...tolerances import EPS, ROUNDING
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
@@ -20,7 +21,7 @@ from ..records import CHOSEN
 from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
-from .state import EPS, NOT_SOLVED, STEP, copied, size_of_state
+from .state import NOT_SOLVED, STEP, copied, size_of_state
 from .widths import larger, weigh
 
 # rows of the real matrices, from 3 nv on: 2 nv wide
@@ -30,10 +31,9 @@ RIGHT, SCRATCH, WEIGHTS, SPEEDS, POWERS = 11, 12, 13, 14, 15
 ROWS = 16
 LEAST = 6  # columns
 
-TURN = 1e-6  # step of differences over their scale
-KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian
+MOVE = EPS ** (1 / 3)  # step of central differences over their scale: their error is least
+KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian (RADAU5's THET)
 ITERATIONS = 12
-ROUNDING = 1e-13  # a correction below it, over its scale, is rounding
 
 
 @sweep
@@ -106,9 +106,9 @@ def jacobian(run):
     for j in range(2 * nv):
         z[j] = 0.0
     for j in range(2 * nv):
-        move = TURN
+        move = MOVE
         if weights[j] > 0.0:
-            move = TURN / (weights[j] * (control.rtol + control.atol))
+            move = MOVE / (weights[j] * (control.rtol + control.atol))
         z[j] = move
         local_slope(run, t, z, plus)
         z[j] = -move

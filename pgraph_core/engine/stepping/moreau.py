@@ -12,6 +12,7 @@ part without length. What is soft, or slow, is found where the middle of a part 
 
 import math
 
+from ...tolerances import NOTABLE, SOLVED
 from .. import layout as at
 from ..arrays import (
     ARMATURE,
@@ -125,13 +126,9 @@ from .state import copied, size_of_state
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
 BOUND_ROUNDS = 5  # in which torques against turning find the normal impulses that bound them
-SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 2000  # of a step, two for each impact that is located: a bound on its cost
 DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
-TOGETHER = 1e-7  # of the size: corners this far apart land at once
-RIM = 1e-9  # relative: friction that is nearer to the rim of its cone is all that there is
-CREEPS = 1e-8  # of the velocity without impulses: less slip is the solver's rounding
 BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
 AHEAD = 1e-3  # of a bound of a length: a step's forces bring it there from no farther
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
@@ -361,7 +358,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             near = DRIFT * tolerated(contacts, n, h)
             slack = point.gap / h
         if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
-            near = TOGETHER * smaller_size(contacts, point.shape_a, point.shape_b)
+            near = NOTABLE * smaller_size(contacts, point.shape_a, point.shape_b)
         if laws[point.pair].law == RIGID and point.gap <= near:
             law = laws[point.pair]
             slides = law.static_friction == law.friction
@@ -519,7 +516,7 @@ def bounded_anew(scene, first):
         push = max(lam[first_of(slots, tally.first_contact + n)], 0.0)
         before = blocks.blocks_f[i, at.FRICTION] + blocks.blocks_f[i, at.VALUE]
         now = (law.spinning + law.rolling) * push
-        if abs(now - before) > SAME_BOUND * now:
+        if abs(now - before) > SOLVED * now:
             changed = True
             blocks.blocks_f[i, at.FRICTION] = law.spinning * push
             blocks.blocks_f[i, at.VALUE] = law.rolling * push
@@ -631,8 +628,8 @@ def goes_on_sliding(lam, mu, closing, slip):
     `closing` is its normal velocity without impulses.
     """
     pull = math.sqrt(lam[1] * lam[1] + lam[2] * lam[2])
-    moves = more(slip, CREEPS * abs(closing))  # some points of a patch may be full
-    full = both(more(lam[0], 0.0), most((1.0 - RIM) * (mu * lam[0]), pull))
+    moves = more(slip, SOLVED * abs(closing))  # some points of a patch may be full
+    full = both(more(lam[0], 0.0), most((1.0 - SOLVED) * (mu * lam[0]), pull))
     return either(more(slip, SLIDING), both(moves, full))
 
 

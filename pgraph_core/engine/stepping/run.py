@@ -8,6 +8,7 @@ import math
 
 from numba import types
 
+from ...tolerances import EPS
 from .. import layout as at
 from ..arrays import I1, RUN, opened_run, save_run_tuple
 from ..compiler.address import caller, plain
@@ -18,7 +19,7 @@ from ..rows import v_of
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .explicit import dense_output, last_stage, turn_spins
-from .state import EPS, acceleration_of, call_step, copied, onto_constraints, size_of_state
+from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
     first_width,
     given_start,

@@ -19,7 +19,6 @@ from ..vec import finite
 STEP = types.float64(types.int64, types.float64)
 call_step = caller(STEP)
 
-EPS = 2.220446049250313e-16
 NOT_SOLVED = -1.0
 STEP_ROUNDS = 10  # of projection a step: one is the rule
 

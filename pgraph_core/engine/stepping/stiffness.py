@@ -8,9 +8,8 @@ from ..compiler.jit import kernel, sweep
 from ..motion import F1, F2, call_acceleration, opened
 from ..tree.moving import advance
 
-MOVE = 1e-6  # rad, m: small against curvature, large against rounding
+MOVE = 1e-6  # rad, m: small against curvature, large against rounding; what differences err by
 ROUNDS = 20
-NONE = 1e-6  # of the largest growth so far: what is left is rounding
 SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 
 # rows of `stages`: the state, along which it is moved, the moved state, τ, v' of both
@@ -71,7 +70,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
             return rate
         found = math.sqrt(length) if n > 0 else 0.0  # of a vector of length one
         most = max(most, found)
-        if found < NONE * most:
+        if found < MOVE * most:  # of the largest growth so far: the error of differences
             return found
         for j in range(2 * nv):
             stages[ALONG, j] /= length

@@ -5,6 +5,7 @@ The scales are one radian, the mechanism's length, and its speeds so far: no tol
 
 import math
 
+from ...tolerances import EPS
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import power
@@ -14,7 +15,7 @@ from ..motion import opened
 from ..records import CHOSEN, GIVEN
 from ..rows import BALL, FREE, ROTATE, TRANSLATE, kind_of, q_of, v_of
 from ..vec import finite
-from .state import EPS, NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
+from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 
 @sweep

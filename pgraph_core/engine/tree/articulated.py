@@ -4,6 +4,7 @@
 φ is a pure shift and a and b are those of eqs. (9) and (12).
 """
 
+from ...tolerances import EPS
 from ..compiler.jit import part, sweep
 from ..linear import backward6, diagonal6, factor3, factor6, forward6, pivots6, solve3
 from ..rows import (
@@ -52,8 +53,6 @@ from ..vec import (
     sym_mul,
 )
 from .kinematics import base_axes, carried, outboard
-
-EPS16 = 16 * 2.220446049250313e-16
 
 
 @part
@@ -237,7 +236,7 @@ def articulated(rows, const, q, v, tau, work, vdot):
 @part
 def vanishes(size, inverse):
     """Whether a pivot, given by its inverse, is rounding of an inertia of this size."""
-    return not (EPS16 * size * inverse < 1.0 and inverse > 0.0)
+    return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep

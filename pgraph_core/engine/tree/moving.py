@@ -2,12 +2,11 @@
 
 import math
 
+from ...tolerances import TINY
 from ..compiler.elementary import sine_cosine, tan
 from ..compiler.jit import part, sweep
 from ..rows import BALL, FREE, TRANSLATE, kind_of, q_of, v_of
 from ..vec import add_cross, add_scaled, cross, dot, scale, store3
-
-TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
 
 
 @sweep

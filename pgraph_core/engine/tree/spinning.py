@@ -9,6 +9,7 @@ body's axes at either end as in its axes at the step's middle, where all is solv
 
 import math
 
+from ...tolerances import EPS, LONGEST_STEP, TINY
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
 from ..linear import factor3, solve3
@@ -30,13 +31,11 @@ from ..vec import (
     sym_mul,
 )
 from .kinematics import base_axes
-from .moving import TINY
 
-TURN = 0.25  # [rad] at most of a substep: there Newton's method converges for any inertia
+TURN = LONGEST_STEP / 2  # [rad] of a substep: there Newton's method converges for any inertia
 MOST_SUBSTEPS = 400  # what turns more often in a step keeps its rate
 NEWTON = 30
-ENOUGH = 1e-14  # relative: a correction that is the last
-ROUNDING = 1e-14  # relative: the gyroscopic torque of a ball, or about a principal axis
+ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rounding
 
 
 @sweep
@@ -92,7 +91,7 @@ def rate_after(inertia, before, alpha, h):
     """
     momentum = sym_mul(inertia, before)
     gyroscopic = cross(before, momentum)
-    small = ROUNDING * ROUNDING * dot(before, before) * dot(momentum, momentum)
+    small = ENOUGH * ENOUGH * dot(before, before) * dot(momentum, momentum)
     after = add_scaled(before, h, alpha)
     if not dot(gyroscopic, gyroscopic) > small:
         return after
