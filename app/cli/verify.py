@@ -1,4 +1,4 @@
-"""Commands that check Pgraph itself: `pgraph verify` and `pgraph hunt`."""
+"""The command that checks Pgraph itself: `pgraph verify`."""
 
 from __future__ import annotations
 
@@ -6,15 +6,12 @@ import sys
 import time
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
 
-from .terminal import Answer, Command, aligned, count, seed
-
-if TYPE_CHECKING:
-    from pgraph_core.verification.hunt import Find
+from .terminal import Answer, Command, aligned
 
 HEADER = (
     "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
@@ -25,9 +22,6 @@ def tell(text: str) -> None:
     """Progress on a terminal, over the last line; nothing in a pipe."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
-
-
-# -- verify ----------------------------------------------------------------------------------------
 
 
 def verify_arguments(parser: ArgumentParser) -> None:
@@ -90,62 +84,12 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
     )
 
 
-# -- hunt ------------------------------------------------------------------------------------------
-
-
-def hunt_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--scenes", type=count, default=2000, help="how many (default: 2000)")
-    parser.add_argument("--seed", type=seed, default=0, help="of the random numbers (default: 0)")
-    parser.add_argument("--first", type=seed, default=0, help="number of the first (default: 0)")
-
-
-def hunt(args: Namespace) -> Answer:
-    from pgraph_core.verification import hunt as scenes  # other commands need no kernels
-
-    began = time.perf_counter()
-    given = args.scenes, args.seed, lambda number: tell(f"scene {number + 1}"), args.first
-    finds = list(scenes.hunt(*given))
-    seconds = time.perf_counter() - began
-    silent = [find for find in finds if find.verdict == "silent"]
-    data: dict[str, Any] = {
-        "scenes": args.scenes,
-        "seed": args.seed,
-        "first": args.first,
-        "seconds": seconds,
-        "runs": [facts_of_scene(find) for find in finds],
-    }
-    problem = f"{len(silent)} runs are wrong and silent" if silent else ""
-    return Answer(data, scenes.told(finds, seconds), problem)
-
-
-def facts_of_scene(find: Find) -> dict[str, Any]:
-    """One run, under names that scripts can rely on."""
-    return {
-        "family": find.scene.family,
-        "scene": find.scene.what,
-        "t_end": find.scene.t_end,
-        "setting": find.setting,
-        "verdict": find.verdict,
-        "error": find.error,
-        "estimate": find.estimate,
-        "says": find.says,
-        "floor": find.scene.floor,
-    }
-
-
 COMMANDS = (
     Command(
         "verify",
         "compute known motions; print errors, targets and cost; exit code 1 if one misses",
         verify_arguments,
         verify,
-        simulates=True,
-    ),
-    Command(
-        "hunt",
-        "run random scenes; print the runs that are wrong and do not say so; exit code 1 if any",
-        hunt_arguments,
-        hunt,
         simulates=True,
     ),
 )

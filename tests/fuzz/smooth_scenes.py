@@ -7,8 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Body, Force, Model, Motor, Servo, Spring, Table, Torsion, VectorTable, Wrench
-from ..packing import Array
+from pgraph_core.model import (
+    Body,
+    Force,
+    Model,
+    Motor,
+    Servo,
+    Spring,
+    Table,
+    Torsion,
+    VectorTable,
+    Wrench,
+)
+from pgraph_core.packing import Array
+
 from .scene import NONE, KnownRun, Rng, numbers, scale, without_gravity
 
 # -- one degree of freedom -----------------------------------------------------------------------

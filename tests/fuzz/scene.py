@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model import Body, Model
-from ..packing import Array
+from pgraph_core.model import Body, Model
+from pgraph_core.packing import Array
 
 Rng = np.random.Generator
 Known = Callable[[Array], Array]  # q (n, nq) at times (n,)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import (
+from pgraph_core.model import (
     Body,
     Gear,
     Line,
@@ -24,7 +24,8 @@ from ..model import (
     Velocity,
     When,
 )
-from ..packing import Array
+from pgraph_core.packing import Array
+
 from .scene import INTEGRATED, NONE, KnownRun, Rng, integrated, numbers, scale, without_gravity
 
 FIXED: tuple[dict[str, Any], ...] = (

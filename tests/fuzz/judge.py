@@ -1,4 +1,4 @@
-"""A hunt for runs that are wrong and do not say so.
+"""The judge of the fuzz test: which runs are wrong and do not say so.
 
 Random scenes over scales of mass, length, time and stiffness, each run by default and by two other
 settings, and compared with what is known of them. A run is *wrong and silent* if its error is more
@@ -7,18 +7,19 @@ than ten times what it says of itself, and neither its status nor a notice says 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.states import differences
-from ..errors import PgraphError
-from ..mechanism import Mechanism
-from ..packing import Array
-from ..result import Result
-from ..result.dense import TOO_WIDE
-from ..simulation import simulate
+from pgraph_core.dynamics.states import differences
+from pgraph_core.errors import PgraphError
+from pgraph_core.mechanism import Mechanism
+from pgraph_core.packing import Array
+from pgraph_core.result import Result
+from pgraph_core.result.dense import TOO_WIDE
+from pgraph_core.simulation import simulate
+
 from . import bound_scenes, smooth_scenes, touching_scenes
 from .scene import KnownRun, Rng
 
@@ -47,7 +48,7 @@ def scenes(count: int, seed: int, first: int = 0) -> Iterator[KnownRun]:
 
 
 class Find(NamedTuple):
-    """One run of the hunt."""
+    """One judged run."""
 
     scene: KnownRun
     setting: dict[str, Any]
@@ -55,16 +56,14 @@ class Find(NamedTuple):
     error: float  # true largest error of q over the motion's size
     estimate: float  # what the run says, over the same size
     says: str  # the last notice, or the message
+    number: int = -1  # of the scene
 
 
-def hunt(
-    count: int, seed: int = 0, progress: Callable[[int], Any] | None = None, first: int = 0
-) -> Iterator[Find]:
+def hunt(count: int, seed: int = 0, first: int = 0) -> Iterator[Find]:
     """Every run of `count` scenes from number `first` on, three of each."""
     for k, scene in enumerate(scenes(count, seed, first), first):
-        if progress is not None:
-            progress(k)
-        yield from judged(scene, np.random.default_rng([seed, k, 1]))
+        for find in judged(scene, np.random.default_rng([seed, k, 1])):
+            yield find._replace(number=k)
 
 
 def judged(scene: KnownRun, rng: np.random.Generator) -> Iterator[Find]:
@@ -124,35 +123,32 @@ def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
     return max(turned, moved) / (size or 1.0), size or 1.0
 
 
+def line(find: Find) -> str:
+    """One run in a line."""
+    scene = find.scene
+    return (
+        f"{find.verdict.upper()} {find.number} {scene.family} ({scene.what}), "
+        f"t_end={scene.t_end:.4g}, {find.setting or 'default'}: off by {find.error:.2g}, "
+        f"says {find.estimate:.2g} {find.says}"
+    )
+
+
 def told(finds: Sequence[Find], seconds: float) -> str:
-    """What was wrong and silent, one line each, and the sums."""
-    lines = []
-    for find in finds:
-        if find.verdict == "silent":
-            lines.append(
-                f"SILENT {find.scene.family} ({find.scene.what}), t_end={find.scene.t_end:.4g}, "
-                f"{find.setting or 'default'}: off by {find.error:.2g}, says {find.estimate:.2g}"
-            )
-    count = {
-        verdict: sum(find.verdict == verdict for find in finds)
-        for verdict in ("right", "told", "refused", "unjudged", "silent")
-    }
-    lines.append(
-        f"{len(finds)} runs in {seconds:.0f} s: "
-        + ", ".join(f"{number} {verdict}" for verdict, number in count.items())
-    )
-    ratio = np.array(
-        [
-            find.estimate / find.error
-            for find in finds
-            if find.verdict in ("right", "silent")
-            and find.error > find.scene.floor
-            and np.isfinite(find.estimate)
-        ]
-    )
-    if len(ratio):
-        share = np.mean((ratio > 0.2) & (ratio < 10.0))
-        lines.append(
-            f"estimate over error: within 0.2 to 10 in {100 * share:.1f} % of {len(ratio)}"
-        )
+    """Return the runs that are wrong without a notice, a line each, and sums by family."""
+    lines = [line(find) for find in finds if find.verdict == "silent"]
+    verdicts = ("right", "told", "refused", "unjudged", "silent")
+    for name in (*dict.fromkeys(find.scene.family for find in finds), "all"):
+        of = [find for find in finds if name in (find.scene.family, "all")]
+        count = ", ".join(f"{sum(f.verdict == v for f in of)} {v}" for v in verdicts)
+        ratio = ratios(of)
+        near = np.mean((ratio > 0.2) & (ratio < 10.0)) if len(ratio) else np.nan
+        lines.append(f"{name}: {count}; within 0.2 to 10: {100 * near:.1f} % of {len(ratio)}")
+    lines.append(f"{len(finds)} runs in {seconds:.0f} s")
     return "\n".join(lines)
+
+
+def ratios(finds: Iterable[Find]) -> Array:
+    """Return the estimates over the errors of all judged runs whose error is not rounding."""
+    judged = (f for f in finds if f.verdict in ("right", "told", "silent"))
+    known = (f for f in judged if f.scene.floor < f.error < np.inf and np.isfinite(f.estimate))
+    return np.array([f.estimate / f.error for f in known])

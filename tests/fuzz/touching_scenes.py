@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Body, Contact, Ground, Model
-from ..packing import Array
+from pgraph_core.model import Body, Contact, Ground, Model
+from pgraph_core.packing import Array
+
 from .scene import (
     INTEGRATED,
     NONE,
