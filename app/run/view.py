@@ -158,7 +158,7 @@ def outcome(state: State) -> list[tuple[str, str, bool]] | None:
 def summary(run: Run) -> list[tuple[str, str, bool]]:
     """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
     result = run.result
-    drift, estimate = float(result.energy_drift), float(result.error_estimate)
+    drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
     estimated = not math.isnan(estimate)
     method = METHODS.get(str(result.header.get("method")))
     most = FIRST_ORDER if method is not None and method.order == 1 else POOR

@@ -96,6 +96,13 @@ class Scene(Unportable):
         motion.save_scene(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
+    def solve_tighter(self) -> None:
+        """Halve what counts as solved or closed, in a run that tells the error of another one."""
+        if self.touching is not None:
+            self.touching.tally["fine"] = 0.5
+            first, count = (int(self.touching.tally[x]) for x in ("first_limit", "limits"))
+            self.blocks.blocks_f[first : first + count, at.SIZE] *= 0.5
+
     @property
     def numbers(self) -> list[Array]:
         """What the description gives, as the kernels take it; blocks_f also holds states."""
@@ -177,7 +184,7 @@ class ContactSpace(Unportable):
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
         self.tally["first_turn"] = first + limits + count if contacts.turns else -1
-        self.tally["length"] = packed.length
+        self.tally["length"], self.tally["fine"] = packed.length, 1.0
         self.tally["pull"] = np.linalg.norm(packed.model.gravity)
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
         self.pairs = pairs = table(PAIR, n + limits)

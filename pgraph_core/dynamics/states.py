@@ -71,6 +71,18 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     return turned, apart[:, slides].max(axis=1, initial=0.0)
 
 
+def size_of_motion(rows: Ints, q: Array, length: float) -> float:
+    """The farthest that a joint turns or moves from where it starts, in a motion q (n, nq).
+
+    What moves by less than rounding shows, of the mechanism's length, is at rest.
+    """
+    if not len(q):
+        return 0.0
+    turned, moved = differences(rows, np.broadcast_to(q[:1], q.shape), q)
+    rest = float(np.sqrt(np.finfo(float).eps)) * (length or 1.0)
+    return max(float(turned.max()), float(moved.max()), rest)
+
+
 class BodyMotion(NamedTuple):
     """Everything about bodies, world axes, at the bodies' origins; one row a body, by number."""
 

@@ -379,6 +379,7 @@ CONTACT_TALLY = record(
     length=REAL,  # of the mechanism [m], the size of what has none of its own
     pull=REAL,  # of gravity [m/s²]
     share=REAL,  # of a step that a part is, while forces are added up
+    fine=REAL,  # of what counts as solved or closed: less in a run that tells another one's error
 )
 
 # -- contact points and joint limits of event-driven runs ------------------------------------------

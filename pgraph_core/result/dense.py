@@ -24,13 +24,13 @@ GAIN = 16  # smooth: the error over one frame is 1/64 of that over two; a factor
 def states_at(
     rows: Ints,
     frames: tuple[Array, Array, Array, Array],
-    known: tuple[float, float, float],
+    known: Array,
     asked: Any,
 ) -> tuple[Array, Array, Any]:
     """(q, v, error) at the times `asked`, a number or an array, from frames (t, q, v, v').
 
-    `rows` are the joint rows of the mechanism. `known` is the estimated error of the run, the time
-    until which it is finite, and the error until then. Raises InputError outside of the run.
+    `rows` are the joint rows of the mechanism, `known` (n,) is the estimated error at the frames,
+    the largest so far. Raises InputError outside of the run.
     """
     t, q, v, vdot = frames
     times = _inside(asked, t)
@@ -50,8 +50,7 @@ def states_at(
         for k in (i, i + 1):  # recorded states are returned as they are
             same = x == t[k]
             found[same], speeds[same], missed[same] = q[k[same]], v[k[same]], 0.0
-    estimate, until, before = known
-    error = np.where(x <= until, estimate if np.isfinite(estimate) else before, estimate) + missed
+    error = known[np.minimum(np.searchsorted(t, x), len(t) - 1)] + missed
     if np.ndim(times) == 0:
         return found[0], speeds[0], float(error[0])
     return found, speeds, error

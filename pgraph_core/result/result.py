@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from ..dynamics.scene import load_wrenches
-from ..dynamics.states import BodyMotion, Sensors, bodies_over, no_motion, turned
+from ..dynamics.states import (
+    BodyMotion,
+    Sensors,
+    bodies_over,
+    no_motion,
+    size_of_motion,
+    turned,
+)
 from ..errors import FileError, InputError, Problem, choices, explained, guarded
 from ..markup import ordinary, reason_of
 from ..model import Force, Model
@@ -96,10 +103,9 @@ class Result(EqualByFields, Hinting):
         compare=False
     )  # steps, evaluations, projections, solver iterations, ...
     timing: Mapping[str, float] = field(compare=False)  # seconds a phase
-    error_estimate: float
-    """Estimated largest error of q at the recorded times [rad, m], attitudes as angles, from
-    coarser runs; inf where it is not known to the end, which a notice explains; nan where no
-    estimate was made."""
+    error_at: Array
+    """(n,) Estimated error of q [rad, m], attitudes as angles: the largest difference so far from
+    a finer run; inf from where it is not known on, which a notice says; nan without an estimate."""
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     notices: tuple[str, ...] = field(default=())  # sentences on how the run went
     user_events: tuple[UserEvent, ...] = field(default=())
@@ -149,14 +155,30 @@ class Result(EqualByFields, Hinting):
         return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
 
     @property
+    def error_estimate(self) -> float:
+        """Estimated largest error of q at the recorded times [rad, m]: the last of `error_at`."""
+        return float(self.error_at[-1]) if len(self.error_at) else np.nan
+
+    @property
+    def relative_error(self) -> Array:
+        """(n,) `error_at` over the motion: the farthest that a joint turns or moves from its start.
+
+        Where nothing moves, over 1.5e-8 of the mechanism's length.
+        """
+        packed = self.mechanism.packed
+        return self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)
+
+    @property
     def accuracy(self) -> str:
-        """The error estimate in words: "3e-06 rad or m", "known until ...", "not estimated"."""
+        """The error estimate in words: "3e-06 rad or m, 0.01 % of the motion", "not estimated"."""
         error = self.error_estimate
-        if np.isfinite(error):
-            return f"{error:.2g} rad or m"
-        until, before = self.header.get("error_known", (np.inf, np.nan))
-        if np.isnan(error) or np.isinf(until):
+        if np.isnan(error):
             return "not estimated"
+        if np.isfinite(error):
+            share = 100.0 * self.relative_error[-1]
+            return f"{error:.2g} rad or m, {share:.2g} % of the motion"
+        last = int(np.isfinite(self.error_at).sum()) - 1
+        until, before = self.t[last], self.error_at[last]
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
     def __getitem__(self, name: str) -> Array:
@@ -213,14 +235,12 @@ class Result(EqualByFields, Hinting):
         """(q, v, error) at a time, or an array of times [s], between recorded frames.
 
         q (nq,) and v (nv,), or (n, nq) and (n, nv); `error` is the estimated largest error of q
-        [rad, m]: that of the run (`error_estimate`) and of interpolation. It is nan if the run
-        made no estimate, and inf after the time until which the error is known. Raises InputError
-        for times outside of the run.
+        [rad, m]: that of the run at the next frame (`error_at`) and of interpolation. It is nan if
+        the run made no estimate, and inf after the time until which the error is known. Raises
+        InputError for times outside of the run.
         """
         frames = (self.t, self.q, self.v, self.vdot)
-        until, before = self.header.get("error_known", (np.inf, np.nan))
-        known = (self.error_estimate, until, before)
-        return states_at(self.mechanism.packed.rows, frames, known, t)
+        return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame: one row a frame, its index the time t [s], the columns of `columns`.
@@ -581,8 +601,9 @@ ARRAYS = (
     "work",
     "dissipation",
     "constraint_drift",
+    "error_at",
 )
-SCALARS = ("message", "counters", "timing", "error_estimate", "header", "notices")
+SCALARS = ("message", "counters", "timing", "header", "notices")
 
 
 def body_poses(run: Result) -> Array:
@@ -646,7 +667,7 @@ def add_constraint_wrenches(
 
 # -- several runs as one ---------------------------------------------------------------------------
 
-LEDGER = ("work", "dissipation")  # start from zero in each run
+ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
 
 
 @explained
@@ -654,9 +675,8 @@ def joined(runs: Sequence[Result], /) -> Result:
     """One run from several that each begin where the one before ended, on the last one's mechanism.
 
     The frame at which two runs meet is kept once, as the later one has it: a body that was changed
-    in between, or an impact, shows there. Work and dissipation go on adding up; counters and
-    times add up; the error estimate is the sum of theirs, which holds where the motion does not
-    amplify errors.
+    in between, or an impact, shows there. Work, dissipation and the error estimate go on adding
+    up, as do counters and times; errors add up where the motion does not amplify them.
 
     Raises InputError if there is no run, or if two do not meet in time or differ in size.
     """
@@ -667,7 +687,7 @@ def joined(runs: Sequence[Result], /) -> Result:
     last = runs[-1]
     keep = [slice(0, -1)] * (len(runs) - 1) + [slice(None)]
     arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
-    for name in LEDGER:
+    for name in ADDED:
         arrays[name] = _summed([getattr(r, name) for r in runs], keep)
     return replace(
         last,
@@ -678,7 +698,6 @@ def joined(runs: Sequence[Result], /) -> Result:
         contacts=_contacts(runs, keep),
         counters=_added([r.counters for r in runs]),
         timing=_added([r.timing for r in runs]),
-        error_estimate=float(sum(r.error_estimate for r in runs)),
         header={
             **last.header,
             "t_start": runs[0].header.get("t_start", 0.0),

@@ -96,9 +96,10 @@ def simulate(
     `progress(fraction)` is called now and then; the run stops if it returns False. True shows a
     bar, in a terminal or a notebook (tqdm).
 
-    The error is estimated from coarser runs of the same motion; `estimate=False` leaves them out.
-    A Python function `tau` is called again for them with `estimate=True` only, since it may
-    remember; without, the estimate is nan and the run's `message` says so.
+    The error is estimated from a finer run of the same motion, at half the step or a tighter
+    tolerance, which takes about twice the time; `estimate=False` leaves it out. A Python function
+    `tau` is called again for it with `estimate=True` only, since it may remember; without, the
+    estimate is nan and the run's `message` says so.
 
     Returns a Result. Raises InputError for arguments that do not fit; a numerical failure is a
     `Status` of the result.
@@ -136,6 +137,6 @@ def simulate(
         "step_processor": busy,  # without the time of other programs
         "estimate": time.perf_counter() - stepped,
     }
-    result = record.result(error, timing)
+    result = record.result(error.error, error.notices, timing)
     record.leave()
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
-from .options import FIXED_RTOL
+from .options import FINER, FIXED_RTOL
 from .plan import RunPlan, Way, keep
 
 if TYPE_CHECKING:
@@ -161,6 +161,11 @@ class Steps:
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
 
+    def solve_tighter(self) -> None:
+        """Solve the equations of given implicit steps to a tolerance FINER times tighter."""
+        if self.tolerance is None:
+            self.control["rtol"] /= FINER
+
     def open_ended(self, width: float) -> None:
         """Go on from here by steps of this width, without frames."""
         control = self.control
@@ -270,22 +275,15 @@ class Steps:
         ]
 
 
-class Workplace:
-    """A scene and the loops that step it, which short runs leave to the next ones like them.
+class Workplace(NamedTuple):
+    """A scene, the loop that steps it and its frames, which a short run leaves to the next one.
 
-    Building both takes longer than some tens of steps. A workplace belongs to one run at a time,
-    and to the runs that estimate its error.
+    Building them takes longer than some tens of steps. A workplace belongs to one run at a time.
     """
 
-    def __init__(self, scene: Scene):
-        """No loop steps the scene yet."""
-        self.scene = scene
-        self.loops: dict[RunPlan, tuple[Steps, Frames]] = {}
-        self.used: list[tuple[Steps, Frames]] = []  # by the run, and by those of its estimate
-
-    def left(self) -> None:
-        """The run is over: its loops are free."""
-        self.loops, self.used = {loop[0].plan: loop for loop in self.used}, []
+    scene: Scene
+    steps: Steps
+    out: Frames
 
 
 def free(mech: Mechanism, what: Any) -> list[Any]:

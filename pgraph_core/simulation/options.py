@@ -24,10 +24,9 @@ MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000
 FRAMES = 1000  # recorded by default
-MARKS = 10  # times at which runs are compared, at least
-LEAST_MARKED = 100  # steps: as many as are compared with coarser runs
 SAME = 1e-9  # of a step: times this near are the same
 RTOL = 1e-8  # of adaptive runs
+FINER = 32.0  # ratio of the tolerances of a run and of the one that tells its error
 FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
 STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -62,7 +61,7 @@ class Options(NamedTuple):
     stabilise: Any = "project"
     forces: Sequence[Force] = ()
     switches: Any = None
-    estimate: Any = None  # of the error, from coarser runs; False: none
+    estimate: Any = None  # of the error, from a finer run; False: none
     inputs: Inputs = ()  # of motors and servos, by name
 
     def check(self) -> None:
@@ -289,20 +288,6 @@ def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
     whole = off <= SAME * step + 4 * np.finfo(float).eps * np.abs(times).max()
     width = np.full(len(apart), step) if whole else apart / substeps
     return substeps.astype(np.int64), width
-
-
-def with_marks(times: Array, step: float) -> Array:
-    """The recorded times, and at least MARKS in all, where a run has many steps of one width.
-
-    Its error estimate compares runs there. Between marks lie whole steps of the coarser runs.
-    """
-    substeps, width = steps_between(times, step)
-    count = int(substeps.sum())
-    if len(times) > MARKS or count < LEAST_MARKED or (width != step).any():
-        return times
-    apart = 9 * max(1, count // (9 * MARKS))
-    after = np.setdiff1d(np.arange(apart, count, apart), np.cumsum(substeps))
-    return np.sort(np.concatenate((times, times[0] + step * after)))
 
 
 def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:

@@ -46,7 +46,6 @@ from .options import (
     frame_times,
     positive,
     steps_between,
-    with_marks,
 )
 from .switches import (
     Change,
@@ -371,10 +370,7 @@ def _with_times(
     usual, changes = (given.step if given else None) or USUAL, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span, usual)
-    marked = (
-        o.estimate is not False and tolerance is None and not (plan.contacts or plan.contact_points)
-    )
-    times = with_marks(asked, width) if marked else asked
+    times = asked
     if changes:
         times, changes = with_instants(times, changes)
     substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
@@ -607,10 +603,10 @@ class _Rate:
 
     def swings(self) -> bool:
         """Whether what is fastest swings more than it dies out; False where that is not known."""
-        if not self.known or self.mech.nv > MOST_FREEDOMS:
+        if not self.known:
             return False
         forces = self.plan.drives, self.plan.loads
-        return _fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
+        return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
 
     def without_forces(self) -> float:
         """[1/s] of the same motion without springs, dampers and other forces."""
@@ -637,10 +633,15 @@ def fastest_rate(
     return float(rate) if np.isfinite(rate) else 0.0
 
 
-def _fastest_swings(
+def fastest_swings(
     mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
 ) -> bool:
-    """Whether the largest eigenvalue of the linearised motion has a larger imaginary part."""
+    """Whether the largest eigenvalue of the linearised motion has a larger imaginary part.
+
+    False where there are more than MOST_FREEDOMS.
+    """
+    if mech.nv > MOST_FREEDOMS:
+        return False
     scene, n = Scene(mech.packed, *forces, active), mech.nv
     tau, flow = np.zeros(n), np.zeros(3)
 
@@ -720,7 +721,7 @@ def _times(
 
 
 def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
-    """Which frames were asked for, and are not there for a change, a mark or the start alone."""
+    """Which frames were asked for, and are not there for a change or the start alone."""
     first = o.t_eval is None or len(asked) == np.size(o.t_eval)
     if first and len(times) == len(asked):
         return None

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,20 +57,9 @@ STATUS = {
 }
 
 
-class Estimate(NamedTuple):
-    """Of the error of q at the recorded times."""
-
-    largest: float = np.nan  # [rad, m]; inf: not known to the end; nan: not estimated
-    until: float = np.inf  # time to which it is known [s]
-    before: float = np.nan  # the largest one until then [rad, m]
-    notices: tuple[str, ...] = ()
-    why: str = ""  # there is none
-
-
 class Recording:
     """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
 
-    repeats = False  # whether it starts where another run has met the constraints
     progress: Progress = None
     user: UserTorque | None = None  # what calls a function that gives torques
     watch: Watch | None = None  # of conditions of switches, then of a user's events
@@ -79,47 +68,51 @@ class Recording:
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
-        monitors: Sequence[Monitor] = (), place: Workplace | None = None,
+        monitors: Sequence[Monitor] = (), coarser: Recording | None = None,
     ):  # fmt: skip
         """Nothing is computed yet. Raises InputError if `tau` does not fit.
 
-        `place` is that of another run of the same motion, where it remembers nothing.
+        `coarser` is a run of the same motion whose error this one tells.
         """
+        self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
+        self.planned = plan  # as it began, with the frames that are recorded
         if monitors or plan.conditions:
             self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
-            self.user = acting(tau, mech.nq, mech.nv) if place is None else place.scene.user
+            self.user = acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
-        self._prepare(q, v, place)
+        self._prepare(q, v)
         self._changes = [NO_CHANGES]  # of contact phases, as logged by the kernels
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
 
-    def _prepare(self, q: Array, v: Array, place: Workplace | None = None) -> None:
+    def _prepare(self, q: Array, v: Array) -> None:
         """Scene, frames and stepping loop of the plan, at (q, v)."""
-        mech, plan = self.mech, self.plan
-        self._free = free(mech, plan) if place is None and self._short() else None
-        if self._free and (place := taken(self._free)) and len(plan.active):
-            place.scene.forget(plan.active)
-        self.place = place = Workplace(self._scene()) if place is None else place
-        self.scene = place.scene
-        self._give_torques()
-        steps, out = place.loops.pop(plan, (None, None))
+        mech, plan, before = self.mech, self.plan, self.coarser
+        self._free = free(mech, plan) if before is None and self._short() else None
+        left: Workplace | None = taken(self._free) if self._free else None
         self._reused = self._free is not None  # whether other frames may come into these arrays
-        self.out = self._empty_frames(len(plan.times)) if out is None else out
-        self._arrays = tuple(self.out)  # as kernels take them
-        self.steps = Steps(mech, plan, q, v, self._arrays) if steps is None else steps
-        self.q, self.v = self.steps.q, self.steps.v
-        place.used.append((self.steps, self.out))
-        if steps is None:
-            self._join()
+        if left is not None:
+            self.scene, self.steps, self.out = left
+            if len(plan.active):
+                self.scene.forget(plan.active)
+            self.steps.begin_again(q, v)
         else:
-            steps.begin_again(q, v)
+            again = before is not None and before.user is self.user and not before.scene.remembers
+            self.scene = before.scene if before is not None and again else self._scene()
+            self.out = self._empty_frames(len(plan.times))
+        self._arrays = tuple(self.out)  # as kernels take them
+        self._give_torques()
+        if left is None:
+            self.steps = Steps(mech, plan, q, v, self._arrays)
+        self.q, self.v = self.steps.q, self.steps.v
+        if left is None:
+            self._join()
         if plan.changes:
             self._stop_at_next()
 
@@ -139,8 +132,7 @@ class Recording:
     def leave(self) -> None:
         """The run is over: the next one like it may go on in its workplace."""
         if self._free is not None and not self.ended.log:
-            self.place.left()
-            self._free.append(self.place)
+            self._free.append(Workplace(self.scene, self.steps, self.out))
         elif self.steps.clearance is not None and not self.met:
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
@@ -191,6 +183,9 @@ class Recording:
             self.scene.switch(self._active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []
+        if self.coarser is not None:
+            steps.solve_tighter()
+            self.scene.solve_tighter()
         links = links_of(plan.method.name, points, watch is not None, held)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
         conditions = limits_of(self.mech, plan.conditions)
@@ -198,7 +193,8 @@ class Recording:
         if tables is not None or len(conditions):
             from .contact_log import Clearance
 
-            guard = None if self.met else taken(free(self.mech, (plan, WATCHING)))
+            own = self.met or self.coarser is not None
+            guard = None if own else taken(free(self.mech, (plan, WATCHING)))
             margin = max((c.margin for c in plan.conditions), default=0.0)
             guard = guard or Clearance(self.mech, tables, conditions, margin)
             steps.clearance, steps.control["guard"] = guard, guard.address
@@ -244,17 +240,13 @@ class Recording:
             if (np.abs(self.began[0]) >= MOST_ANGLE).any():
                 self._note_degrees()
 
-    def again(self, plan: RunPlan, most: int | None = None) -> Recording:
-        """The same motion by another plan, to its end or in `most` steps, to compare with.
+    def finer(self, plan: RunPlan) -> Recording:
+        """The same motion by a finer plan, to compare with.
 
         Raises InputError where contacts that come near do not fit the plan's method.
         """
-        progress = self.progress
-        place = None if self.scene.remembers else self.place
-        other = Recording(self.mech, plan, *self.began, self.tau, place=place)
-        other.repeats, other.progress = True, progress
-        if most is not None:
-            other.steps.control["most"] = min(most, int(other.steps.control["most"]))
+        other = Recording(self.mech, plan, *self.began, self.tau, coarser=self)
+        other.progress = progress = self.progress
         if other.begin():
             other.advance_to_end(progress and (lambda _: progress(1.0)))
         return other
@@ -356,7 +348,7 @@ class Recording:
 
     def begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
-        mech, plan, first = self.mech, self.plan, not self.repeats
+        mech, plan, first = self.mech, self.plan, self.coarser is None
         if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
@@ -400,23 +392,11 @@ class Recording:
 
     def _first_evaluation(self) -> int:
         """0, or -1 if v' is not finite at the start, or the first row without inertia."""
-        return self._evaluate(self.scene, self.start, np.empty(self.mech.nv))
-
-    def _evaluate(self, scene: Scene, t: float, vdot: Array) -> int:
-        """v' in the initial state at t; 0, -1 if not finite, or the first row without inertia."""
         return motion.constrained_dynamics(
-            scene.address, address_of(motion.acceleration), t, *self.began, scene.given,
-            np.zeros(3), vdot, np.empty_like(self.out.wrenches[0]),
+            self.scene.address, address_of(motion.acceleration), self.start, *self.began,
+            self.scene.given, np.zeros(3), np.empty(self.mech.nv),
+            np.empty_like(self.out.wrenches[0]),
         )  # fmt: skip
-
-    def accelerations(self, times: Array) -> Array:
-        """(n, nv) v' in the initial state at these times, as forces change; without contacts."""
-        scene, found = self._scene(), np.zeros((len(times), self.mech.nv))
-        scene.given[:] = self.scene.given
-        scene.activate(self.plan.active)
-        for t, vdot in zip(times.tolist(), found):
-            self._evaluate(scene, t, vdot)
-        return found
 
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
@@ -494,7 +474,8 @@ class Recording:
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
             raise refused  # a method that takes no contacts at all, or none as at the start
         if t == self.start:
-            self.plan, self.ended, self.held = plan.touching, Outcome(), {*plan.active.tolist()}
+            self.plan = self.planned = plan.touching
+            self.ended, self.held = Outcome(), {*plan.active.tolist()}
             self._prepare(*(x.copy() for x in self.began))
             return self.begin()
         if refused is not None:
@@ -694,8 +675,13 @@ class Recording:
 
     # -- the result ------------------------------------------------------------------------------
 
-    def result(self, estimate: Estimate, timing: dict[str, float]) -> Result:
-        """The frames that were asked for, as a Result."""
+    def result(
+        self, error: Array | None, told: tuple[str, ...], timing: dict[str, float]
+    ) -> Result:
+        """The frames that were asked for, as a Result.
+
+        `error` (n,) is that of q at the recorded times [rad, m], which the sentences `told` are of.
+        """
         if self._first is not None:
             self._note_singular()
         rows, steps = self._rows(), self.steps
@@ -726,7 +712,6 @@ class Recording:
             counters |= self.events.tally
             timing["events"] = self.events.seconds
         header = {**self.plan.header, "model_hash": self.mech.packed.model.hash}
-        header = {**header, "error_known": (estimate.until, estimate.before)}
         if self.met:
             header["began"] = self.met
         if self.user is not None and self.tau is not self.plan.tau:
@@ -750,9 +735,9 @@ class Recording:
             contacts=contacts,
             counters=counters,
             timing=timing,
-            error_estimate=estimate.largest,
+            error_at=np.full(len(t), np.nan) if error is None else error[rows],
             header=header,
-            notices=(*self.notices(), *estimate.notices),
+            notices=(*self.notices(), *told),
             user_events=tuple(self.watch.log) if self.watch else (),
         )
 

@@ -32,7 +32,7 @@ from ..result.result import add_constraint_wrenches
 from .loop import Outcome
 from .options import SAME, USUAL, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
-from .recording import Estimate, Recording
+from .recording import Recording
 from .snapshots import ADDRESSES, check, laws_of, refuse
 from .switches import Change
 
@@ -348,7 +348,7 @@ class Stepper(Portable):
         stepped = time.perf_counter()
         self._ended(self._record.ended)
         timing = {"build": built - before, "step": stepped - built}
-        return self._record.result(Estimate(), timing)
+        return self._record.result(None, (), timing)
 
     # -- changes between steps -------------------------------------------------------------------
 

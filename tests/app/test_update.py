@@ -233,7 +233,8 @@ def test_a_scenario_brings_its_settings_and_changes_of_them_are_shown():
 )
 def test_a_drift_is_bad_where_it_is_for_its_method(method, drift, good):
     result = SimpleNamespace(
-        energy_drift=drift, error_estimate=drift, accuracy=f"{drift} rad", message="done",
+        energy_drift=drift, relative_error=np.array([drift]), accuracy=f"{drift} rad",
+        message="done",
         status=pg.Status.DONE, header={"method": method}, counters={}, timing={},
         notices=(), constraint_drift=(),
     )  # fmt: skip

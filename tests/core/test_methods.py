@@ -82,7 +82,7 @@ def test_radau_swings_right_however_stiff(k):
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_steps_too_wide_for_an_explicit_method_are_reported(method):
-    """The limit is that of the method: 5 % below it the run lives, 20 % above it does not."""
+    """The limit is that of the method; a run 20 % above it fails or knows its error."""
     mech, q = stiff_pendulum(1e6)
     q = q + np.array([0.0, 1e-9])
     limit = pg.integrators.METHODS[method].limit / 1e3
@@ -92,7 +92,8 @@ def test_steps_too_wide_for_an_explicit_method_are_reported(method):
     assert calm.status.ok
     assert calm.notices == ()
     assert any("radau5" in notice for notice in wild.notices)
-    assert not wild.status.ok or wild.error_estimate > 1e-3 or np.isnan(wild.error_estimate)
+    fine = pg.simulate(mech, q, t_end=500 * limit, t_eval=wild.t, rtol=1e-12, estimate=False)
+    assert not wild.status.ok or wild.error_estimate > 0.2 * worst(wild.q, fine.q)
 
 
 @pytest.mark.parametrize("method", EXPLICIT)

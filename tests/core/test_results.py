@@ -66,7 +66,7 @@ def test_states_are_read_at_any_time_of_the_run(run):
     many = run.at([0.1, 0.37])
     assert [x.shape for x in many] == [(2, 2), (2, 2), (2,)]
     np.testing.assert_array_equal(many[0][1], q)
-    for found, recorded in zip(run.at(run.t), (run.q, run.v, run.error_estimate)):
+    for found, recorded in zip(run.at(run.t), (run.q, run.v, run.error_at)):
         np.testing.assert_allclose(found, recorded, rtol=1e-15, atol=0)
 
 

@@ -73,7 +73,7 @@ def test_equal_runs_are_equal_and_others_are_not(run, saved, tmp_path):
     again = pg.simulate(ROD, t_end=0.01, frames=5)
     assert (run == again) is True
     assert (run != again) is False
-    one, two = (dataclasses.replace(run, q=run.q * np.nan, error_estimate=np.nan) for _ in "ab")
+    one, two = (dataclasses.replace(run, q=run.q * np.nan, error_at=run.t * np.nan) for _ in "ab")
     assert one == two != run
     assert run == dataclasses.replace(run, timing={}, counters={})
     file = tmp_path / "run.npz"

@@ -167,7 +167,7 @@ def one_bound(contacts, pair, gap, rates, thin, width, given):
         bound = (ahead + PART * thin) / rate
     speed = rate if given or gap > 0.0 else closing
     if speed > 0.0:
-        lead = LEAD * impact_depth(law, speed)
+        lead = LEAD * contacts.tally[0].fine * impact_depth(law, speed)
         if speed * width > lead and (given or gap > -lead):
             # Stages far inside may fling each other out, and DOP853 does not weigh all of them: the
             # step would see no force. And a jump of the force would count for the whole step.
@@ -185,7 +185,7 @@ def one_bound(contacts, pair, gap, rates, thin, width, given):
                 loss = law.loss * math.sqrt(1.25 * law.mass * push / depth)
         if push > HARD * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
             own = math.sqrt(slope / law.mass) + loss / law.mass
-            bound = min(bound, WITHIN / own)
+            bound = min(bound, WITHIN * contacts.tally[0].fine / own)
     return bound
 
 

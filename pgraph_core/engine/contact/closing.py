@@ -23,12 +23,15 @@ SIDEWAYS = 1e-6  # of a relative speed: what a normal that turns a little makes 
 
 @part
 def smaller_size(contacts, a, b):
-    """Size of the smaller of two shapes [m]; b is -1 for the ground."""
+    """Size of the smaller of two shapes, which gaps and depths are judged by [m].
+
+    b is -1 for the ground. A run that tells the error of another one takes less.
+    """
     shapes = contacts.geometry.shapes
     size = shapes[a].reach
     if b >= 0:
         size = min(size, shapes[b].reach)
-    return size if size > 0.0 else contacts.tally[0].length
+    return contacts.tally[0].fine * (size if size > 0.0 else contacts.tally[0].length)
 
 
 @part

@@ -87,12 +87,13 @@ def solve_impulses(scene, m, first):
                 vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
     count = find_islands(scene)
     largest = 0.0
+    fine = contacts_at(data.links.contacts).tally[0].fine
     if contacts_at(data.links.contacts).tally[0].share == 0.0:
         for n in range(count):
             largest = max(largest, largest_velocity(scene, n))
     for n in range(count):
         aim(scene, n)
-        if leaves_alone(scene, n, TOLERANCE * largest):
+        if leaves_alone(scene, n, TOLERANCE * fine * largest):
             drop(scene, n)
             note_missed(scene, n)
             continue
@@ -214,13 +215,14 @@ def solve_island(scene, n):
     if size == 0.0:
         drop(scene, n)
         return
-    islands = contacts_at(opened(scene).links.contacts).islands
+    contacts = contacts_at(opened(scene).links.contacts)
+    islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
     left = math.inf
     single = not several_points(scene, n)
     if single:
         few = count <= FEW
-        tolerance = TOLERANCE if few else CROWD
+        tolerance = fine * (TOLERANCE if few else CROWD)
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if few else SWEEPS, tolerance)
         if left <= tolerance or not few:
             report[MISSED] = max(report[MISSED], left)
@@ -230,7 +232,7 @@ def solve_island(scene, n):
         steps = int(min(max(WORK / work, 10.0), MOST_STEPS))
         left = solve_exact(scene, n, size, steps)
     else:
-        left = gauss_seidel(scene, n, size, SWEEPS, CROWD)
+        left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)
     forget_order(islands)
     report[MISSED] = max(report[MISSED], left)
 
@@ -290,11 +292,13 @@ def solve_exact(scene, n, size, most):
     From the last impulses on, else from none in three ways, each with at most as many steps. The
     second asks with the heaviest mass of the island what is open, sticks or slides.
     """
-    report = opened(scene).space.vectors[REPORT]
+    data = opened(scene)
+    report = data.space.vectors[REPORT]
+    tolerance = TOLERANCE * contacts_at(data.links.contacts).tally[0].fine
     left = math.inf
     weigh(scene, n, 1.0)
     if pushes(scene, n):
-        left, taken = converge(scene, n, size, FROM_LAST, True, TOLERANCE, most)
+        left, taken = converge(scene, n, size, FROM_LAST, True, tolerance, most)
         report[STEPS_DONE] += taken
         if left <= CLOSE:
             return left
@@ -303,11 +307,11 @@ def solve_exact(scene, n, size, most):
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop(scene, n)
         weigh(scene, n, heavier)
-        again, taken = converge(scene, n, size, way, False, TOLERANCE, most)
+        again, taken = converge(scene, n, size, way, False, tolerance, most)
         report[STEPS_DONE] += taken
         if heavier > 1.0:
             weigh(scene, n, 1.0)
-            again, taken = converge(scene, n, size, FROM_LAST, False, TOLERANCE, most)
+            again, taken = converge(scene, n, size, FROM_LAST, False, tolerance, most)
             report[STEPS_DONE] += taken
         if again < left:
             left = again
