@@ -8,11 +8,11 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba import types
 
 import pgraph_core as pg
 from pgraph_core.engine.compiler.address import caller
-from pgraph_core.engine.compiler.jit import OPTIONS
+from pgraph_core.engine.compiler.kinds import f8, i8, u8
+from pgraph_core.engine.compiler.lowering.dispatch import OPTIONS
 from pgraph_core.gait.presets import FEET
 from pgraph_peers import mujoco as in_mujoco
 
@@ -31,7 +31,7 @@ SOLE = 1e-3  # m: MuJoCo's feet are balls of this radius
 RECORDED = 3.0  # s of torques for MuJoCo
 CALLS = 100  # of the controller in one sample
 
-_call = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
+_call = caller(i8(f8, u8, u8, u8))
 
 
 @numba.njit(**OPTIONS)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pgraph_core.engine.compiler.jit import _Files, cache_folder
+from pgraph_core.engine.compiler import loading
 from pgraph_core.model.files import user_folder
 
 RUN = """
@@ -33,22 +33,23 @@ def here() -> str:
     return printed("-c", RUN)
 
 
-def test_a_kernel_file_that_is_damaged_is_as_if_it_were_not_there(tmp_path):
-    files = _Files(tmp_path / "kernel")
-    assert files.load("signature") is None
-    files.save("signature", {"code": bytes(1000)})
-    assert files.load("signature") == {"code": bytes(1000)}
-    assert files.load("another") is None
+def test_machine_code_that_is_damaged_is_as_if_it_were_not_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(loading, "cache_folder", lambda: tmp_path)
+    assert loading.kept("piece") is None
+    loading.keep("piece", bytes(1000))
+    assert loading.kept("piece") == bytes(1000)
+    assert loading.kept("another") is None
     (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
     for content in (b"", whole[:20], whole[:-1], bytes(40) + whole[40:], whole + b"0"):
         path.write_bytes(content)
-        assert files.load("signature") is None
-    files.save("signature", 3)
-    assert files.load("signature") == 3
-    closed = _Files(tmp_path / "kernel" / "no folder")
-    closed.save("signature", 3)
-    assert closed.load("signature") is None
+        assert loading.kept("piece") is None
+    loading.keep("piece", b"3")
+    assert loading.kept("piece") == b"3"
+    for closed in (tmp_path / "no folder", None):
+        monkeypatch.setattr(loading, "cache_folder", lambda folder=closed: folder)
+        loading.keep("piece", b"3")
+        assert loading.kept("piece") is None
 
 
 def test_someone_without_a_home_has_a_folder(monkeypatch):
@@ -65,8 +66,10 @@ def spaced(folder):
 
 
 def damaged(folder):
-    shutil.copytree(cache_folder(), folder / cache_folder().name)
-    for path in folder.rglob("*.kernel"):
+    kept = loading.cache_folder()
+    assert kept is not None
+    shutil.copytree(kept, folder / kept.name)
+    for path in folder.rglob("*.o"):
         path.write_bytes(path.read_bytes()[:1000])
     return {"PGRAPH_CACHE": str(folder)}
 
@@ -99,7 +102,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, here):
     """Root can write every folder, so the cache folder is below a file."""
     (tmp_path / "file").write_text("")
     closed = (
-        "import pgraph_core.engine.compiler.jit as jit, pathlib; "
-        f"jit.cache_folder = lambda: pathlib.Path({str(tmp_path / 'file')!r}, 'x')"
+        "import pgraph_core.engine.compiler.loading as loading, pathlib; "
+        f"loading.cache_folder = lambda: pathlib.Path({str(tmp_path / 'file')!r}, 'x')"
     )
     assert printed("-c", f"{closed}\n{RUN}") == here

@@ -11,13 +11,11 @@ import sys
 import threading
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
-from contextlib import nullcontext
 from difflib import get_close_matches
 from importlib.metadata import version
 from pathlib import Path
 
 import pgraph_models
-from pgraph_core.engine import second_process
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
 from . import bench, models, run, study, verify
@@ -88,8 +86,7 @@ def _command(name: str, words: Sequence[str]) -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     args = parser.parse_args(words)
     try:
-        with second_process() if command.simulates else nullcontext():
-            answer = command.answer(args)
+        answer = command.answer(args)
     except PgraphError as error:
         print_problems(error.problems, args.json)
         return 1

@@ -370,20 +370,17 @@ COMMANDS = (
         "simulate; print status, error estimate, energy and cost",
         run_arguments,
         run,
-        simulates=True,
     ),
     Command(
         "sweep",
         "run a model at many values of its fields; write a table",
         sweep_arguments,
         sweep,
-        simulates=True,
     ),
     Command(
         "export",
         "write an animation, with --live a figure that the reader can change; a picture or a film",
         export_arguments,
         export,
-        simulates=True,
     ),
 )

@@ -216,10 +216,10 @@ def _written(maps: list[pg.StabilityMap], output: str) -> None:
 COMMANDS = (
     Command(
         "report", "error against run time of every method and of the installed peers",
-        report_arguments, report, simulates=True,
+        report_arguments, report,
     ),
     Command(
         "stability", "which methods stay accurate as a model is made stiff or extreme",
-        stability_arguments, stability, simulates=True,
+        stability_arguments, stability,
     ),
 )  # fmt: skip

@@ -202,7 +202,6 @@ class Command:
     help: str
     arguments: Callable[[ArgumentParser], None]
     answer: Callable[[Namespace], Answer]  # raises PgraphError
-    simulates: bool = False  # it needs the kernels of runs
 
 
 def print_answer(answer: Answer, as_json: bool) -> None:

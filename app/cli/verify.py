@@ -90,6 +90,5 @@ COMMANDS = (
         "compute known motions; print errors, targets and cost; exit code 1 if one misses",
         verify_arguments,
         verify,
-        simulates=True,
     ),
 )

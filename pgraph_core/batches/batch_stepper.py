@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import numbers_in, positions
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
+from ..engine.compiler.jit import made_by_numba
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
 from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
@@ -420,7 +420,7 @@ def _compiled(tau: Any, varied: bool) -> Any:
     if hasattr(tau, "acting") and varied:
         text = "a controller knows one set of numbers; give the scenario that has its gait"
         raise _refused("tau", text)
-    if callable(tau) and not hasattr(tau, "acting") and not isinstance(tau, Dispatcher):
+    if callable(tau) and not hasattr(tau, "acting") and not made_by_numba(tau):
         text = "a Python function would be called for each instance in turn; compile it by "
         text += "numba.njit, or give an array to each call of step"
         raise _refused("tau", text)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.compiler.jit import JIT, compile_kernel, ready
+from ..engine.compiler.jit import JIT, ready
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.lockstep import block as columns
 from ..engine.lockstep import step as kernels
@@ -157,7 +157,6 @@ def _walk(stepper: Stepper, block: tuple[Array, ...]) -> tuple[int, Array, Array
     own = settings, legs, kept.waves, kept.limit.reshape(1, nv)
     lanes = [np.zeros((*x.shape, LANE_WIDTH)) for x in (*own, feet, kept.matrix, kept.work)]
     place = buffer()
-    compile_kernel("save_walk_of_lanes")
     arrays = kept.rows, kept.spine, *own, *lanes, *block[:4], block[-1]
     walk = walks.WalkOfLanes._make(arrays)
     ready(walks.save_walk_of_lanes)(place, unnamed(walk))

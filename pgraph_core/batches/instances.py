@@ -356,7 +356,7 @@ class TreeLanes(Instances):
 
         def work(t: float, begin: int, end: int, space: Array) -> None:
             room, count = np.zeros(stages), n // len(times)
-            kernels.run(*acts, t, width, count, *state, given, space, room, begin, end)
+            kernels.run_in_lanes(*acts, t, width, count, *state, given, space, room, begin, end)
 
         for k, t in enumerate(times):
             self._in_blocks(partial(work, t), len(given))
@@ -391,7 +391,7 @@ class TreeLanes(Instances):
 
         def work(begin: int, end: int, space: Array) -> None:
             tau = np.empty_like(v[0])
-            kernels.forward_dynamics(*acts, t, q, v, given, space, tau, out, begin, end)
+            kernels.forward_in_lanes(*acts, t, q, v, given, space, tau, out, begin, end)
 
         self._in_blocks(work, len(q))
         return from_lanes(out, len(which))
@@ -405,7 +405,7 @@ class TreeLanes(Instances):
 
         def work(begin: int, end: int, space: Array) -> None:
             passive = np.empty_like(v[0])
-            kernels.inverse_dynamics(*acts, q, v, rates, space, passive, none, out, begin, end)
+            kernels.inverse_in_lanes(*acts, q, v, rates, space, passive, none, out, begin, end)
 
         self._in_blocks(work, len(q))
         found = from_lanes(out, len(self.kind))

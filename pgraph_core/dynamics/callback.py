@@ -7,12 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
-from numba.core.dispatcher import Dispatcher
-from numba.core.errors import NumbaError
 
 from ..engine.compiler.address import address_of_function
-from ..engine.compiler.jit import JIT
+from ..engine.compiler.jit import made_by_numba
 from ..errors import InputError, Problem, shown
 from ..packing import Array
 from ..packing.packed import Packed
@@ -38,7 +35,7 @@ class UserTorque(Unportable):
         self.error: InputError | None = None
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
         self._tau = self.exchange[2, :nv]
-        if JIT and isinstance(function, Dispatcher):
+        if made_by_numba(function):
             self._called: Any = _compiled(function, nq, nv)
             self.interpreted = False
             self.address = int(self._called.address)
@@ -117,6 +114,10 @@ def _compiled(function: Any, nq: int, nv: int) -> Any:
     Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
     the function raises: numba goes on then.
     """
+    # a user's function that is compiled has brought numba
+    from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
+    from numba.core.errors import NumbaError
+
     pointer = types.CPointer(types.float64)
 
     def called(t: float, q: Any, v: Any, tau: Any) -> int:

@@ -1,4 +1,4 @@
-"""What a scene is, as kernels take it: named tuples of arrays, and their numba types.
+"""What a scene is, as kernels take it: named tuples of arrays, and their kinds.
 
 A *scene* is what never changes during a run, and the workspaces, in one tuple behind one address
 (`compiler.address`), so that every method takes the same, and a sweep one argument instead of all
@@ -8,9 +8,8 @@ position. The columns of the arrays are named in `layout`.
 
 from typing import Any, NamedTuple
 
-from numba import types
-
-from .compiler.address import plain, stored
+from .compiler.address import stored
+from .compiler.kinds import C2, F1, F2, F3, I1, I2, array_of, i8, named, plain
 from .records import (
     APART,
     APPLIED_FORCE,
@@ -44,17 +43,7 @@ from .records import (
     SHAPE_PAIR,
     STEP_CONTROL,
     WATCH,
-    array_of,
 )
-
-F1 = types.float64[::1]
-F2 = types.float64[:, ::1]
-F3 = types.float64[:, :, ::1]
-C2 = types.complex128[:, ::1]
-I1 = types.int64[::1]
-I2 = types.int64[:, ::1]
-i8, f8 = types.int64, types.float64
-
 
 # Rows of `Workspace.vectors`: right side and solution of Ω λ = r, corrections of λ, what λ does
 RHS, LAMBDA, CHANGE, STEP = 0, 1, 2, 3
@@ -354,11 +343,6 @@ class Run(NamedTuple):
     wanted: Any  # (ne,) direction in which they count; 0: both
     values: Any  # (ne,)
     out: Any  # frames
-
-
-def named(kind: Any, *members: Any) -> Any:
-    """The numba type of a named tuple."""
-    return types.BaseTuple.from_types(members, kind)
 
 
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)

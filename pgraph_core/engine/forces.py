@@ -5,11 +5,10 @@ What a joint's own parts do is in `drives`, what acts on bodies or between two i
 
 import math
 
-from numba import float64 as f8
-
 from ..tolerances import TINY
 from .compiler.elementary import atan2, exp, power
 from .compiler.jit import kernel, part, sweep
+from .compiler.kinds import f8
 from .constraints.blocks import point_velocity
 from .records import CREEP, DRAG, SPRING, TORSION, WRENCH
 from .rows import add_bias, bias_of, link_of, origin_of, parent_of, rotation_of, set_bias, spin_of

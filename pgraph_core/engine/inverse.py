@@ -6,11 +6,10 @@ Budhiraja and Mansard 2021] for forward dynamics). Where a joint has no motor it
 zero by the method of multipliers: a large weight, and a shift by what is left.
 """
 
-from numba import types
-
 from ..tolerances import EPS, PROXIMAL, ROUNDING, SOLVED
-from .arrays import F1, F2, opened
+from .arrays import opened
 from .compiler.jit import kernel, part, sweep
+from .compiler.kinds import F1, F2, f8, i8
 from .constraints.blocks import (
     along,
     along_coordinates,
@@ -122,8 +121,8 @@ def solve_factor(gram, m, x):
 
 
 @kernel(
-    types.int64(
-        types.int64, types.int64, types.float64, F1, F1, F1, F1, F1, F2, F2, F2, F1
+    i8(
+        i8, i8, f8, F1, F1, F1, F1, F1, F2, F2, F2, F1
     ),
     later=True,
 )  # fmt: skip

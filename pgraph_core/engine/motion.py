@@ -5,16 +5,15 @@ Methods call these kernels by address.
 
 import math
 
-from numba import types
-
 from . import layout as at
-from .arrays import F1, F2, I1, I2, OUT, SCENE, TAU, opened, save
-from .compiler.address import caller, plain
+from .arrays import OUT, SCENE, TAU, opened, save
+from .compiler.address import caller
 from .compiler.jit import kernel, part
+from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
-from .records import PAIR, array_of
+from .records import PAIR
 from .rows import carrier_of, offset_of, origin_of, rotation_of
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
@@ -22,17 +21,17 @@ from .tree.moving import advance
 from .vec import accumulate, add, add_cross, finite, mul, scale, sub
 
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
-_call_user = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
+_call_user = caller(i8(f8, u8, u8, u8))
 
-ACCELERATION = types.int64(types.int64, types.float64, F1, F1, F1, F1, F1)
-PROJECTION = types.int64(types.int64, types.float64, F1, F1, types.int64)
-RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, types.int64, OUT)
+ACCELERATION = i8(i8, f8, F1, F1, F1, F1, F1)
+PROJECTION = i8(i8, f8, F1, F1, i8)
+RECORD = i8(i8, i8, f8, F1, F1, F1, F1, i8, OUT)
 # of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
-CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
-SETTLE = types.int64(types.int64, types.float64, F1, F1)  # scene, t, q, v: after a step
-CONTACT_RECORD = types.int64(types.int64, F2, array_of(PAIR), F1)
+CONTACT_FORCES = i8(i8, F1, F1, F1)
+SETTLE = i8(i8, f8, F1, F1)  # scene, t, q, v: after a step
+CONTACT_RECORD = i8(i8, F2, array_of(PAIR), F1)
 # of constraints, compiled only for a scene that has some
-CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
+CONSTRAIN = i8(i8, f8, F1, F1, F1, F1)
 call_acceleration = caller(ACCELERATION)
 call_constrain = caller(CONSTRAIN)
 call_contact_forces = caller(CONTACT_FORCES)
@@ -42,7 +41,7 @@ call_record = caller(RECORD)
 call_settle = caller(SETTLE)
 
 
-@kernel(types.void(I1, plain(SCENE)))
+@kernel(void(I1, plain(SCENE)))
 def save_scene(buffer, scene):
     """Keep a scene's tuple where `opened` finds it."""
     save(buffer, scene)
@@ -109,7 +108,7 @@ def constrain(scene, t, q, v, vdot, flow):
     return 0
 
 
-@kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F1, F2))
+@kernel(i8(i8, i8, f8, F1, F1, F1, F1, F1, F2))
 def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
     """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
     data = opened(scene)
@@ -132,7 +131,7 @@ def projection(scene, t, q, v, rounds):
     return project(scene, t, q, v, rounds)
 
 
-@kernel(types.void(types.int64, types.float64, F1, F1, F1, F1))
+@kernel(void(i8, f8, F1, F1, F1, F1))
 def residuals(scene, t, q, v, gap, speed):
     """g and g' of the active blocks; after it the workspace holds where their rows act."""
     data = opened(scene)
@@ -168,7 +167,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     return 1 if finite(vdots[i]) and finite(energies[i]) else 0
 
 
-@kernel(types.UniTuple(types.float64, 2)(types.int64, F1, F1))
+@kernel(group(*[f8] * 2)(i8, F1, F1))
 def energy(scene, q, v):
     """(kinetic, potential) energy, springs included [J]."""
     data = opened(scene)
@@ -178,7 +177,7 @@ def energy(scene, q, v):
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
 
 
-@kernel(types.void(types.int64, I2, I2, F2, types.float64, F1, F1, F2))
+@kernel(void(i8, I2, I2, F2, f8, F1, F1, F2))
 def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
     """Add the loads to `external` (nb, 6); `carriers` (nl, 2) are the numbers of their bodies."""
     data = opened(scene)
@@ -200,7 +199,7 @@ def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
                 accumulate(external, b - 1, 3, scale(sign, force))
 
 
-@kernel(types.void(types.int64, F1, F1, F1))
+@kernel(void(i8, F1, F1, F1))
 def drive_torque(scene, q, v, tau):
     """τ of springs, dampers, motors, servos and given torques at t = 0."""
     data = opened(scene)
@@ -208,7 +207,7 @@ def drive_torque(scene, q, v, tau):
     drive(drives, 0.0, q, v, given, tau)
 
 
-@kernel(types.void(types.int64, F1, F1, F1))
+@kernel(void(i8, F1, F1, F1))
 def load_torque(scene, q, v, tau):
     """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
     data = opened(scene)
@@ -219,7 +218,7 @@ def load_torque(scene, q, v, tau):
     torque_of_loads(rows, const, loads, work, space.linear, tau)
 
 
-@kernel("void(i8[:,::1],f8[::1],f8[::1],f8)")
+@kernel(void(I2, F1, F1, f8))
 def move(rows, q, v, h):
     """q moved along v for the time h."""
     advance(rows, q, v, h)

@@ -10,6 +10,7 @@ import math
 from ..tolerances import SOLVED
 from . import layout as at
 from .compiler.jit import kernel, part
+from .compiler.kinds import F1, F2, F3, I1, I2, group, i8
 from .rows import (
     FREE,
     ROTATE,
@@ -108,7 +109,7 @@ def depth_first(parent, bodies_i):
     return count
 
 
-@kernel("i8(i8[:,::1],i8[::1],i8[::1])")
+@kernel(i8(I2, I1, I1))
 def pgraph(bodies_i, path, jdof):
     """Pgraph and jdof of Fig. 4 for depth-first numbers; their length.
 
@@ -137,7 +138,7 @@ def pgraph(bodies_i, path, jdof):
 # -- the packed arrays ----------------------------------------------------------------------------
 
 
-@kernel("i8(i8[::1],f8[:,::1],f8[:,::1],f8[::1],i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1],f8[::1])")
+@kernel(i8(I1, F2, F2, F1, I2, F2, I2, F2, F1))
 def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
     """Number a valid table and fill the System.
 
@@ -308,7 +309,7 @@ def merge(const, k, mass, com, inertia):
 # -- the table from columns -----------------------------------------------------------------------
 
 
-@kernel("UniTuple(i8,3)(i8,i8[::1],i8[::1],f8[:,::1])")
+@kernel(group(*[i8] * 3)(i8, I1, I1, F2))
 def sizes(nb, joint, motion, kinds):
     """Motions, nq and nv of `nb` bodies of the given joints, or of the given motions."""
     if motion.shape[0] > 0:
@@ -332,9 +333,7 @@ def sizes(nb, joint, motion, kinds):
 
 
 @kernel(
-    "UniTuple(i8,3)(i8[::1],i8[::1],i8[::1],i8[::1],f8[:,::1],f8[:,::1],f8[:,::1],f8[::1],"
-    "f8[:,::1],f8[:,:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],"
-    "i8,i8[::1],f8[:,::1],f8[:,::1],f8[::1])"
+    group(*[i8] * 3)(I1, I1, I1, I1, F2, F2, F2, F1, F2, F3, F2, F1, F1, F1, F2, i8, I1, F2, F2, F1)
 )
 def gather(
     parent, joint, motion_of, motion, axis, link, rotation, mass,

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
-from numba import types
 
 from .compiler.jit import JIT
 
@@ -43,11 +41,6 @@ def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
 def by_name(one: Any) -> dict[str, Any]:
     """A record as Python numbers by their names."""
     return dict(zip(one.dtype.names, one.item()))
-
-
-def array_of(kind: np.dtype[Any], dimensions: int = 1) -> types.Array:
-    """The compiler's type of a contiguous array of records."""
-    return types.Array(numba.from_dtype(kind), dimensions, "C")
 
 
 # -- constraints ----------------------------------------------------------------------------------

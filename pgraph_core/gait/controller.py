@@ -10,7 +10,7 @@ import numpy as np
 from ..dynamics.callback import UserTorque
 from ..engine import layout as at
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
-from ..engine.compiler.jit import JIT, compile_kernel, ready
+from ..engine.compiler.jit import JIT, ready
 from ..engine.gait import walking
 from ..engine.gait.tables import (
     FLEXION,
@@ -207,7 +207,6 @@ def _store(exchange: Array, kept: Walk) -> None:
     if not JIT:
         _KEPT[place.ctypes.data] = kept
         return
-    compile_kernel("save_walk")
     buffer = np.zeros(WORDS, dtype=np.int64)
     ready(walking.save_walk)(buffer, unnamed(kept))
     if buffer[len(place) :].any():

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import tokenize
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..engine.compiler.jit import ENGINE, sources
+from ..engine.compiler.jit import ENGINE
+from ..engine.compiler.sources import code_of, sources
 
 HERE = Path(__file__).parent
 WASM, ABOUT = HERE / "kernels.wasm", HERE / "kernels.json"
@@ -51,24 +50,6 @@ def source_hash() -> str:
         name = path.relative_to(ENGINE.parent).as_posix()
         found.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return found.hexdigest()[:16]
-
-
-def code_of(source: str) -> str:
-    """A source without what changes no code: comments, docstrings, spaces."""
-    parts: list[str] = []
-    begins = True  # a statement
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in (tokenize.COMMENT, tokenize.NL):
-            continue
-        if token.type == tokenize.INDENT:
-            parts.append("{")
-        elif token.type == tokenize.DEDENT:
-            parts.append("}")
-        elif token.type != tokenize.STRING or not begins:
-            parts.append(token.string)
-        if token.type not in (tokenize.INDENT, tokenize.DEDENT):
-            begins = token.type == tokenize.NEWLINE
-    return "".join(parts)
 
 
 def _file(module: str) -> str:

@@ -13,12 +13,12 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
+from ..engine.compiler.kinds import Array, Group
 from ..engine.records import APPLIED_FORCE, CHOSEN, SPRING, STEP_CONTROL, WIDEST, table
 from ..errors import InputError, Problem, choices
 from ..integrators import METHODS
@@ -28,8 +28,6 @@ from ..simulation.options import Options
 from ..simulation.plan import plan_of, with_contacts, with_state
 from ..simulation.recording import Recording
 
-TUPLE: Any = types.BaseTuple
-ARRAYS: Any = types.Array
 ALIGNED = 16  # [bytes] as vectors of two doubles want it
 ARRAY, AXIS = 32, 16  # [bytes] of the struct of an array, and for each of its axes
 # in that struct: number of entries, bytes of each, place of the data, then shape and strides
@@ -39,7 +37,7 @@ ENTRIES, ENTRY, DATA, SHAPE = 8, 16, 24, 32
 class Root(NamedTuple):
     """A struct that kernels open by address."""
 
-    kind: Any  # its numba type
+    kind: Any  # of its members
     value: Any  # named tuple
     within: Any = None  # array that holds the struct; None: it stands alone
     skip: int = 0  # [bytes] from the start of that array
@@ -101,11 +99,11 @@ class Image:
 
     def _write(self, out: bytearray, kind: Any, value: Any, at: int) -> int:
         """Write a value at an offset; where the next one begins."""
-        if isinstance(kind, TUPLE):
-            for member, part in zip(kind, value):
+        if isinstance(kind, Group):
+            for member, part in zip(kind.members, value):
                 at = self._write(out, member, part, at)
             return at
-        if isinstance(kind, ARRAYS):
+        if isinstance(kind, Array):
             place = self.place(value)
             head = np.zeros(ARRAY // 8 + 2 * kind.ndim, dtype=np.int64)
             head[ENTRIES // 8], head[ENTRY // 8] = value.size, value.itemsize
@@ -118,10 +116,10 @@ class Image:
 
 
 def size_of(kind: Any) -> int:
-    """Bytes of a struct of this numba type."""
-    if isinstance(kind, TUPLE):
-        return sum(map(size_of, kind))
-    return ARRAY + AXIS * kind.ndim if isinstance(kind, ARRAYS) else 8
+    """Bytes of a struct of this kind."""
+    if isinstance(kind, Group):
+        return sum(map(size_of, kind.members))
+    return ARRAY + AXIS * kind.ndim if isinstance(kind, Array) else 8
 
 
 def offset_of(kind: Any, *path: str) -> int:
@@ -129,23 +127,23 @@ def offset_of(kind: Any, *path: str) -> int:
     at = 0
     for name in path:
         k = kind.fields.index(name)
-        at += sum(size_of(kind[i]) for i in range(k))
-        kind = kind[k]
+        at += sum(size_of(member) for member in kind.members[:k])
+        kind = kind.members[k]
     return at
 
 
 def _arrays(kind: Any, value: Any) -> list[Any]:
-    if isinstance(kind, TUPLE):
-        return [a for member, part in zip(kind, value) for a in _arrays(member, part)]
-    return [value] if isinstance(kind, ARRAYS) else []
+    if isinstance(kind, Group):
+        return [a for member, part in zip(kind.members, value) for a in _arrays(member, part)]
+    return [value] if isinstance(kind, Array) else []
 
 
 def _named(kind: Any, value: Any, path: str = "") -> list[tuple[str, Any]]:
-    if isinstance(kind, TUPLE):
-        names = getattr(kind, "fields", range(len(value)))
-        parts = zip(names, kind, value)
+    if isinstance(kind, Group):
+        names = kind.fields if kind.names else range(len(value))
+        parts = zip(names, kind.members, value)
         return [found for n, k, v in parts for found in _named(k, v, f"{path}.{n}".strip("."))]
-    return [(path, value)] if isinstance(kind, ARRAYS) else []
+    return [(path, value)] if isinstance(kind, Array) else []
 
 
 def _address(array: Any) -> int:
@@ -387,5 +385,5 @@ def _kernels(method: str) -> Mapping[int, str]:
 
         names += [contacts.find, contacts.contact_forces, contacts.record_contacts]
         names += [contacts.settle_contacts, approach.bound_step, walking.walking]
-    called = lambda kernel: getattr(kernel, "signatures", True)  # noqa: E731
+    called = lambda kernel: getattr(kernel, "is_ready", True)  # noqa: E731
     return {address_of(kernel): kernel.__name__ for kernel in names if called(kernel)}

@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 from ..engine.compiler.jit import kernel, part
+from ..engine.compiler.kinds import F1, F2, f4, f8, group, i4, named, u1, void
 from ..engine.vec import add_scaled, dot, load, scale, sub
 
 Vector = tuple[float, float, float]
@@ -22,6 +23,9 @@ GLOSS, GLEAM = 40.0, 0.18  # exponent and strength of the sun's reflection (Blin
 SKY = 1.6  # of the height of a ray, from the horizon to where the sky is the zenith's
 TAPS = 4  # places each way whose mean softens the edge of a shadow
 SHADOW = 0.42  # of the ground's light is missing in the shadow
+
+
+TRIPLE, I4 = group(*[f8] * 3), i4[:, ::1]
 
 
 class Camera(NamedTuple):
@@ -68,7 +72,7 @@ class Tones(NamedTuple):
     from_fill: Vector  # direction to it
 
 
-@kernel(None, nogil=True)
+@kernel(void(F2, I4, F1, F2, I4), nogil=True, later=True)
 def cover(points, faces, opacity, depth, seen):
     """Draw triangles: points (n, 3) on the screen, faces (m, 3); depth and seen (height, width).
 
@@ -111,7 +115,14 @@ def _level(row, column):
     return (rank + 0.5) / 16.0
 
 
-@kernel(None, nogil=True)
+@kernel(
+    void(
+        f4[:, :, ::1], F2, I4, F2, I4, F2, F2, F2, F2,
+        named(Camera, *[TRIPLE] * 4), named(Sun, *[TRIPLE] * 5, f8),
+        named(Ground, *[TRIPLE] * 4, f8), named(Tones, *[TRIPLE] * 9),
+    ),
+    nogil=True, later=True,
+)  # fmt: skip
 def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
           camera, sun, ground, tones):  # fmt: skip
     """The picture (height, width, 3) in linear light: of bodies, ground and sky.
@@ -227,7 +238,7 @@ def _mixed(x, y, share):
     return add_scaled(scale(1.0 - share, x), share, y)
 
 
-@kernel(None, nogil=True)
+@kernel(void(f4[:, :, ::1], u1[::1], u1[:, :, ::1]), nogil=True, later=True)
 def developed(picture, codes, shown):
     """Means of squares of the picture's pixels as bytes; `codes` of light 0 to 1, evenly spaced."""
     height, width, _ = shown.shape

@@ -13,9 +13,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 
 from ..dynamics.states import differences, size_of_motion
+from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
@@ -46,7 +46,7 @@ class Estimate(NamedTuple):
 
 def estimable(tau: object) -> bool:
     """Return whether torques can be asked for a second time: no Python function gives them."""
-    return not callable(tau) or hasattr(tau, "acting") or isinstance(tau, Dispatcher)
+    return not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
 
 
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:

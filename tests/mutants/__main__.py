@@ -82,12 +82,12 @@ def main() -> None:
 
 
 def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
-    """Write the tree's files with all mutants into `copied`, keeping its compiled kernels."""
+    """Write the tree's files with all mutants into `copied`."""
     listed = f"git -C {shlex.quote(str(tree))} ls-files -z --cached --others --exclude-standard"
     names = subprocess.run(shlex.split(listed), check=True, capture_output=True, text=True).stdout
     wanted = {name for name in names.split("\0") if name and os.path.lexists(tree / name)}
     for path in sorted(copied.rglob("*"), reverse=True):
-        kept = path.relative_to(copied).as_posix() in wanted or "__pycache__" in path.parts
+        kept = path.relative_to(copied).as_posix() in wanted
         if path.is_file() and not kept:
             path.unlink()
     inside = defaultdict(list)
@@ -107,7 +107,11 @@ def make_copy(tree: Path, copied: Path, sites: list[Site]) -> None:
 def python(at: Path, *args: str, mode: str = "", **options) -> None:
     """Run Python with the packages of the copy."""
     paths = (at / "tree", at / "tree" / "typings", HERE)  # `typings` links packages to folders
-    here = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PGRAPH_MUTANTS": f"{mode}:{at}"}
+    here = {
+        "PYTHONPATH": os.pathsep.join(map(str, paths)),
+        "PGRAPH_MUTANTS": f"{mode}:{at}",
+        "PGRAPH_CACHE": str(at / "cache"),
+    }
     if mode == "trace":
         here["PGRAPH_MUTANTS_TRACED"] = str(at / "traced")
     environment = {**os.environ, **here, "PYTHONHASHSEED": "0"}

@@ -13,13 +13,7 @@ import math
 import struct
 from typing import Any
 
-from llvmlite import ir
-from numba import extending, types
-
-from .jit import JIT, OPTIONS, part, sweep
-from .lane import DOUBLE, Lane, intrinsic, llvm
-
-overload: Any = extending.overload  # typed too narrowly in numba
+from .jit import late, part, sweep
 
 # sin and cos of Cephes (S. L. Moshier): reduction by π/4 in three parts, minimax polynomials;
 # within 0.9 ulp for |x| < 1e5, but for values below 1e-10 away from 0, which are good to 1e-27.
@@ -47,27 +41,11 @@ FAR = 1e5  # rad: from here on the reduction by three parts loses digits
 
 # -- numbers as bits ------------------------------------------------------------------------------
 
-WORD = ir.IntType(64)
-
-
-@intrinsic
-def _bits_of(typing: Any, x: Any) -> Any:
-    """The 64 bits of a double, as an integer."""
-    return types.int64(types.float64), lambda context, builder, sig, args: builder.bitcast(
-        args[0], WORD
-    )
-
-
-@intrinsic
-def _float_of(typing: Any, x: Any) -> Any:
-    """The double of 64 bits."""
-    return types.float64(types.int64), lambda context, builder, sig, args: builder.bitcast(
-        args[0], DOUBLE
-    )
-
-
-bits_of: Any = _bits_of if JIT else lambda x: struct.unpack("<q", struct.pack("<d", x))[0]
-float_of: Any = _float_of if JIT else lambda n: struct.unpack("<d", struct.pack("<q", n))[0]
+# the 64 bits of a double as an integer, and the double of such
+bits_of: Any = late("elementary", "bits_of", lambda x: struct.unpack("<q", struct.pack("<d", x))[0])
+float_of: Any = late(
+    "elementary", "float_of", lambda n: struct.unpack("<d", struct.pack("<q", n))[0]
+)
 
 
 @part
@@ -114,75 +92,8 @@ def two_product(a, b):
 # -- sine and cosine ------------------------------------------------------------------------------
 
 
-def _sine_and_cosine(builder: Any, x: Any) -> tuple[Any, Any]:
-    """x = n π/2 + r with |r| <= π/4; n's parity picks which is sin r; of a vector or a double."""
-    whole = ir.IntType(64)
-    width = getattr(x.type, "count", 0)
-    if width:
-        whole = ir.VectorType(whole, width)
-
-    def number(value: float) -> Any:
-        return ir.Constant(x.type, [value] * width if width else value)
-
-    def count(value: int) -> Any:
-        return ir.Constant(whole, [value] * width if width else value)
-
-    n = llvm(builder, "rint", builder.fmul(x, number(2.0 / math.pi)))
-    sine, cosine = _near_zero(builder, *_reduced(builder, x, n, number), number)
-    i = builder.fptosi(n, whole)
-    odd = builder.icmp_signed("!=", builder.and_(i, count(1)), count(0))
-
-    def signed(value: Any, i: Any) -> Any:
-        negative = builder.icmp_signed("!=", builder.and_(i, count(2)), count(0))
-        return builder.select(negative, builder.fneg(value), value)
-
-    return (
-        signed(builder.select(odd, cosine, sine), i),
-        signed(builder.select(odd, sine, cosine), builder.add(i, count(1))),
-    )
-
-
-def _reduced(builder: Any, x: Any, n: Any, number: Any) -> tuple[Any, Any]:
-    """(r, what rounding has taken off it): x - n π/2."""
-    r, low = x, number(0.0)
-    for third in PI_4:
-        less = builder.fmul(n, number(2.0 * third))
-        left = builder.fsub(r, less)
-        low = builder.fadd(low, builder.fsub(builder.fsub(r, left), less))
-        r = left
-    return r, low
-
-
-def _near_zero(builder: Any, r: Any, low: Any, number: Any) -> tuple[Any, Any]:
-    """(sine, cosine) of r + low: the small terms are added up before the large ones."""
-    z = builder.fmul(r, r)
-    more = builder.fmul(builder.fmul(r, z), _polynomial(builder, SIN, z, number))
-    sine = builder.fadd(r, builder.fadd(more, low))
-    more = builder.fmul(builder.fmul(z, z), _polynomial(builder, COS, z, number))
-    more = builder.fsub(more, builder.fmul(r, low))
-    half = builder.fmul(number(0.5), z)
-    cosine = builder.fsub(number(1.0), half)
-    lost = builder.fsub(builder.fsub(number(1.0), cosine), half)
-    return sine, builder.fadd(cosine, builder.fadd(more, lost))
-
-
-def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
-    value = number(coefficients[0])
-    for c in coefficients[1:]:
-        value = builder.fadd(builder.fmul(value, z), number(c))
-    return value
-
-
-@intrinsic
-def _near(typingctx: Any, x: Any) -> Any:
-    """(sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call."""
-    pair = types.UniTuple(x, 2)
-
-    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return context.make_tuple(builder, pair, _sine_and_cosine(builder, args[0]))
-
-    return pair(x), code
-
+# (sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call
+_near: Any = late("elementary", "near", lambda x: (math.sin(x), math.cos(x)))
 
 # 2 / π in digits of 24 bits, after two zeros
 DIGITS = (
@@ -281,14 +192,8 @@ def _of_number(x):
     return _far(x)
 
 
-def sine_cosine(x: Any) -> Any:
-    """(sin x, cos x) of a number, or of a lane up to FAR."""
-    return math.sin(x), math.cos(x)
-
-
-@overload(sine_cosine, jit_options={**OPTIONS, "forceinline": True}, strict=False)
-def _sine_cosine(x: Any) -> Any:
-    return (lambda x: _near(x)) if isinstance(x, Lane) else (lambda x: _of_number(x))
+# (sin x, cos x) of a number, or of a lane up to FAR
+sine_cosine: Any = late("elementary", "sine_cosine", lambda x: (math.sin(x), math.cos(x)))
 
 
 @part
@@ -438,44 +343,8 @@ def _atan2(y, x):
     return math.copysign(2.0 * half - arc, y)
 
 
-@intrinsic
-def _place(typing: Any, x: Any, n: Any) -> Any:
-    """Number n of a lane."""
-
-    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.extract_element(args[0], args[1])
-
-    return types.float64(x, types.int64), code
-
-
-@intrinsic
-def _with_place(typing: Any, x: Any, n: Any, value: Any) -> Any:
-    """A lane with another number n."""
-
-    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.insert_element(args[0], args[2], args[1])
-
-    return x(x, types.int64, types.float64), code
-
-
-def atan2(y: Any, x: Any) -> Any:
-    """The angle of (x, y) from the x axis, -π to π, of numbers or lanes."""
-    return math.atan2(y, x)
-
-
-@overload(atan2, jit_options={**OPTIONS, "forceinline": True}, strict=False)
-def _any_atan2(y: Any, x: Any) -> Any:
-    if not isinstance(x, Lane):
-        return lambda y, x: _atan2(y, x)
-    width = x.width
-
-    def of_lanes(y: Any, x: Any) -> Any:  # one place after the other: few ask for it
-        found = y
-        for n in range(width):
-            found = _with_place(found, n, _atan2(_place(y, n), _place(x, n)))
-        return found
-
-    return of_lanes
+# the angle of (x, y) from the x axis, -π to π, of numbers or lanes
+atan2: Any = late("elementary", "atan2", math.atan2)
 
 
 ASIN = (

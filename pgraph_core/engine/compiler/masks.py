@@ -9,118 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.core.typing import templates
-from numba.core.typing.templates import AbstractTemplate, signature
-from numba.extending import lower_builtin
+from .jit import late
 
-from .jit import JIT
-from .lane import Lane, as_vector, intrinsic, llvm
-
-infer_global: Any = templates.infer_global  # untyped in numba
-
-
-def _constant(kind: Any, x: float) -> Any:
-    """A number, or as many as there are in a vector."""
-    return ir.Constant(kind, [x] * kind.count if isinstance(kind, ir.VectorType) else x)
-
-
-def _number(builder: Any, found: Any, kind: Any) -> Any:
-    """Ones where `found`."""
-    return builder.select(found, _constant(kind, 1.0), _constant(kind, 0.0))
-
-
-def _set(builder: Any, mask: Any) -> Any:
-    return builder.fcmp_unordered("!=", mask, _constant(mask.type, 0.0))
-
-
-def _common(*kinds: Any) -> Any:
-    """The lane among these, or a number's type."""
-    return next((kind for kind in kinds if isinstance(kind, Lane)), types.float64)
-
-
-def _taken(context: Any, builder: Any, values: Any, given: Any, kind: Any) -> list[Any]:
-    """Values as lanes, or all as numbers."""
-    if isinstance(kind, Lane):
-        return [as_vector(context, builder, v, k, kind) for v, k in zip(values, given)]
-    return [context.cast(builder, v, k, kind) for v, k in zip(values, given)]
-
-
-def _of_two(emit: Any, plain: Any) -> Any:
-    """An intrinsic of two lanes, of a lane and a number, or of two numbers."""
-
-    @intrinsic
-    def two(typingctx: Any, a: Any, b: Any) -> Any:
-        kind = _common(a, b)
-
-        def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            x, y = _taken(context, builder, args, sig.args, kind)
-            return emit(builder, x, y)
-
-        return kind(a, b), code
-
-    return two if JIT else plain
-
-
-def _comparison(relation: str, plain: Any) -> Any:
-    return _of_two(lambda b, x, y: _number(b, b.fcmp_ordered(relation, x, y), x.type), plain)
-
-
-more = _comparison(">", lambda x, y: float(x > y))
-most = _comparison("<=", lambda x, y: float(x <= y))  # the first is at most the second
-larger = _of_two(lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y), max)
-smaller = _of_two(lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y), min)
-both = _of_two(
-    lambda b, x, y: _number(b, b.and_(_set(b, x), _set(b, y)), x.type),
-    lambda x, y: float(x != 0.0 and y != 0.0),
-)
-either = _of_two(
-    lambda b, x, y: _number(b, b.or_(_set(b, x), _set(b, y)), x.type),
-    lambda x, y: float(x != 0.0 or y != 0.0),
-)
-without = _of_two(
-    lambda b, x, y: _number(b, b.and_(_set(b, x), b.not_(_set(b, y))), x.type),
-    lambda x, y: float(x != 0.0 and y == 0.0),
-)
-
-
-@intrinsic
-def _chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
-    """a where the mask is set, else b."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = _taken(context, builder, args[1:], sig.args[1:], mask)
-        return builder.select(_set(builder, args[0]), x, y)
-
-    return mask(mask, a, b), code
-
-
-@intrinsic
-def _any_of(typingctx: Any, mask: Any) -> Any:
-    """Whether the mask is set anywhere; of a number, whether it is not zero."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        found = _set(builder, args[0])
-        if not isinstance(mask, Lane):
-            return found
-        whole = ir.IntType(mask.width)
-        return builder.icmp_unsigned("!=", builder.bitcast(found, whole), ir.Constant(whole, 0))
-
-    return types.boolean(mask), code
-
-
-chosen: Any = _chosen if JIT else lambda mask, a, b: a if mask else b
-any_of: Any = _any_of if JIT else lambda x: x != 0.0
-
-
-@infer_global(abs)
-class _Abs(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
-        fits = len(args) == 1 and isinstance(args[0], Lane)
-        return signature(args[0], *args) if fits else None
-
-
-@lower_builtin(abs, Lane)
-def _abs(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return llvm(builder, "fabs", args[0])
+more: Any = late("masks", "more", lambda x, y: float(x > y))
+most: Any = late("masks", "most", lambda x, y: float(x <= y))  # the first is at most the second
+larger: Any = late("masks", "larger", max)
+smaller: Any = late("masks", "smaller", min)
+both: Any = late("masks", "both", lambda x, y: float(x != 0.0 and y != 0.0))
+either: Any = late("masks", "either", lambda x, y: float(x != 0.0 or y != 0.0))
+without: Any = late("masks", "without", lambda x, y: float(x != 0.0 and y == 0.0))
+chosen: Any = late("masks", "chosen", lambda mask, a, b: a if mask else b)  # a where it is set
+any_of: Any = late("masks", "any_of", lambda x: x != 0.0)  # whether it is set anywhere

@@ -10,13 +10,11 @@ output ([Mirtich 1996]).
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import GUARD, I1, guard_at, opened_run, save_guard_tuple
-from ..compiler.address import plain
+from ..arrays import GUARD, guard_at, opened_run, save_guard_tuple
 from ..compiler.jit import kernel, part, sweep
-from ..motion import F2, opened
+from ..compiler.kinds import F2, I1, i8, plain, read, void
+from ..motion import opened
 from ..records import NEAR, ONCE
 from ..rows import BALL, FREE, TRANSLATE, kind_of, origin_of, parent_of, q_of, v_of
 from ..stepping.explicit import dense_output
@@ -38,7 +36,7 @@ FASTER = 2.0  # times the speeds of now: what is not faster need not be looked a
 CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
 
 
-@kernel(types.void(I1, plain(GUARD)), later=True)
+@kernel(void(I1, plain(GUARD)), later=True)
 def save_guard(buffer, guard):
     """Keep a guard where `guard_at` finds it."""
     save_guard_tuple(buffer, guard)
@@ -293,7 +291,7 @@ def widest_reach(reach):
     return widest
 
 
-@kernel(types.void(types.int64, types.int64, F2, F2), later=True)
+@kernel(void(i8, i8, read(F2), F2), later=True)
 def frame_gaps(scene, address, q, gaps):
     """Smallest gap (n, contact pairs) of every contact pair at the states q (n, nq) [m].
 

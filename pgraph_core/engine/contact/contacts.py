@@ -2,12 +2,11 @@
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import CONTACTS, I1, opened
-from ..compiler.address import caller, plain, stored
+from ..arrays import CONTACTS, opened
+from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import I1, f8, i8, plain, void
 from ..constraints.blocks import point_velocity, velocities
 from ..forces import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
@@ -43,13 +42,13 @@ CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 ROUNDED = 1e-9  # of the closing speed: slip that rounding would make of it is held
 
 
-@kernel(types.void(I1, plain(CONTACTS)))
+@kernel(void(I1, plain(CONTACTS)))
 def save_contacts(buffer, contacts):
     """Keep a scene's contacts where `contacts_at` finds them."""
     _save(buffer, contacts)
 
 
-FIND = types.int64(types.int64, types.float64, types.int64)
+FIND = i8(i8, f8, i8)
 _call_find = caller(FIND)
 
 

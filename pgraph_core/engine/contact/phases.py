@@ -11,12 +11,11 @@ is all that is not symmetric. Its diagonal at or below zero is Painlevé's case.
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import CHANGE, EVENT_SCENE, I1, LAMBDA, RHS, STEP
-from ..compiler.address import plain, stored
+from ..arrays import CHANGE, EVENT_SCENE, LAMBDA, RHS, STEP
+from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import I1, plain, void
 from ..constraints.blocks import first_of, locate, residual_acceleration, slip, velocities
 from ..constraints.constraints import (
     couplings,
@@ -42,7 +41,7 @@ INSIDE = 1e-9  # part of the cone that is left free, so that projections end ins
 OVER = 1.5  # over-relaxation
 
 
-@kernel(types.void(I1, plain(EVENT_SCENE)), later=True)
+@kernel(void(I1, plain(EVENT_SCENE)), later=True)
 def save_events(buffer, scene):
     """Keep a scene with points where `opened_events` finds it; `opened` finds the scene alone."""
     _save(buffer, scene)

@@ -7,12 +7,11 @@ a part of it does.
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import CHANGE, F1, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
+from ..arrays import CHANGE, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, f8, i8, void
 from ..constraints.blocks import (
     first_of,
     locate,
@@ -39,7 +38,7 @@ from .phases import (
 ROUNDING = 2.0**-51  # of the coordinates that a gap is the difference of
 
 # scene, t, q, v, v', flow
-OBSERVE = types.int64(types.int64, types.float64, F1, F1, F1, F1)
+OBSERVE = i8(i8, f8, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
 WIDTH = 1e-15  # of the step: a bracket this narrow is an instant
 TRIALS = 80
@@ -176,7 +175,7 @@ def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
     return fine
 
 
-@kernel("void(i8,f8,f8[::1],f8[::1],f8[::1],f8[::1])", later=True)
+@kernel(void(i8, f8, F1, F1, F1, F1), later=True)
 def point_accelerations(scene, t, q, v, vdot, flow):
     """Normal and tangential accelerations of every point, open ones too."""
     phased = opened_events(scene)
@@ -205,7 +204,7 @@ def point_accelerations(scene, t, q, v, vdot, flow):
             set_xyz(points[s].tangential_acceleration, a)
 
 
-@kernel("i8(i8,f8,f8[::1],f8[::1])", later=True)
+@kernel(i8(i8, f8, F1, F1), later=True)
 def impulse_rows(scene, t, q, v):
     """Ω and velocities (in RHS) of the active rows of a scene, for impulses; their number."""
     data = opened(scene)
@@ -225,7 +224,7 @@ def impulse_rows(scene, t, q, v):
     return m
 
 
-@kernel("void(i8,f8[::1])", later=True)
+@kernel(void(i8, F1), later=True)
 def add_impulses(scene, v):
     """v += M⁻¹ Jᵀ λ of the active rows, after `impulse_rows`, λ in LAMBDA."""
     data = opened(scene)
@@ -303,7 +302,7 @@ def start(contact, h):
     watch(contact, START, 0.0)
 
 
-@kernel("void(i8,f8)", later=True)
+@kernel(void(i8, f8), later=True)
 def begin(scene, h):
     """What points were just observed to do is what a step starts from; `h` as in `start`."""
     start(opened_events(scene).contact, h)

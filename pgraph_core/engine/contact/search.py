@@ -9,21 +9,11 @@ wide as is usual are compared with all instead.
 
 import math
 
-from numba import types
-
-from ..arrays import (
-    CANDIDATES,
-    F1,
-    F2,
-    FOUND,
-    GEOMETRY,
-    GROUND,
-    POSES,
-    SEARCH,
-)
+from ..arrays import CANDIDATES, FOUND, GEOMETRY, GROUND, POSES, SEARCH
 from ..compiler.elementary import exp, log
 from ..compiler.jit import inlined, kernel, part, sweep
-from ..records import CANDIDATE, SHAPE, SPHERE, array_of
+from ..compiler.kinds import F1, F2, array_of, f8, i8, void
+from ..records import CANDIDATE, SHAPE, SPHERE
 from ..vec import dot, sub, xyz
 from .ground import ground_contacts, ground_gap, normal_of, top
 from .pairs import pair_contacts, pair_gap
@@ -224,19 +214,19 @@ def find_gaps(geometry, ground, candidates, poses, room, probe, gaps):
         gaps[count + k] = pair_gap(geometry, poses, pairs[k].shape_a, pairs[k].shape_b, room, probe)
 
 
-@kernel(types.int64(GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, types.float64, FOUND))
+@kernel(i8(GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, f8, FOUND))
 def contacts(geometry, ground, candidates, poses, search, margin, out):
     """`find_contacts`."""
     return find_contacts(geometry, ground, candidates, poses, search, margin, out)
 
 
-@kernel(types.void(array_of(SHAPE), F2, POSES))
+@kernel(void(array_of(SHAPE), F2, POSES))
 def shape_poses(shapes, work, poses):
     """`place`."""
     place(shapes, work, poses)
 
 
-@kernel(types.void(GEOMETRY, GROUND, CANDIDATES, POSES, array_of(CANDIDATE), FOUND, F1))
+@kernel(void(GEOMETRY, GROUND, CANDIDATES, POSES, array_of(CANDIDATE), FOUND, F1))
 def gaps(geometry, ground, candidates, poses, room, probe, found):
     """`find_gaps`."""
     find_gaps(geometry, ground, candidates, poses, room, probe, found)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..arrays import F1, F2, I2, named
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
+from ..compiler.kinds import F1, F2, I2, array_of, named
 from ..compiler.masks import any_of, either, larger, smaller
-from ..records import INTEGER, REAL, array_of, record
+from ..records import INTEGER, REAL, record
 
 GAIT_SETTINGS = record(  # what a person may change between steps is here
     clock_time=REAL,  # [s]

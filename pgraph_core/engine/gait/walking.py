@@ -8,13 +8,12 @@ torques are those of inverse dynamics for the accelerations that follow, less Já
 
 import math
 
-from numba import types
-
 from .. import layout as at
 from ..compiler import elementary
-from ..compiler.address import plain, stored
+from ..compiler.address import stored
 from ..compiler.elementary import atan2
 from ..compiler.jit import kernel, part
+from ..compiler.kinds import I1, f8, i8, plain, u8, void
 from ..compiler.lane_records import in_each
 from ..compiler.masks import any_of, both, chosen, either, larger, more, smaller, without
 from ..constraints.blocks import velocities
@@ -59,7 +58,7 @@ _save, opened_walk = stored(WALK)
 asin = in_each(elementary.asin)
 
 
-@kernel(types.void(types.int64[::1], plain(WALK)), later=True)
+@kernel(void(I1, plain(WALK)), later=True)
 def save_walk(buffer, walk):
     """Keep a controller's tuple where `walking` finds it."""
     _save(buffer, walk)
@@ -296,7 +295,7 @@ def control(walk, work, t):
         tau[j] = clamp(tau[j], limit[j])
 
 
-@kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
+@kernel(i8(f8, u8, u8, u8), later=True)
 def walking(t, q_place, v_place, tau_place):
     """Ï„ at (t, q, v), which stand where the tuple behind `tau_place` says; 0."""
     walk = opened_walk(tau_place + (tau_place - v_place))

@@ -9,28 +9,12 @@ its step is thrown away and taken by the kernels of one instance.
 import math
 from typing import Any, NamedTuple
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import (
-    CHANGE,
-    F1,
-    F2,
-    F3,
-    FACTORED,
-    I1,
-    I2,
-    LAMBDA,
-    PLACED,
-    RHS,
-    Blocks,
-    Workspace,
-    i8,
-    opened_run,
-)
+from ..arrays import CHANGE, FACTORED, LAMBDA, PLACED, RHS, Blocks, Workspace, opened_run
 from ..arrays import STEP as RESPONSE
 from ..compiler.elementary import FAR
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F2, F3, I1, I2, group, i8, void
 from ..compiler.lane import lanes
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
 from ..constraints.blocks import (
@@ -512,13 +496,13 @@ def as_numbers(x):
     )  # fmt: skip
 
 
-HELD = types.UniTuple(F3, ARRAYS)
-TABLEAU = types.Tuple((F2, F1, F1))
+HELD = group(*[F3] * ARRAYS)
+TABLEAU = group(F2, F1, F1)
 
 
 @kernel(
-    types.void(i8, i8, i8, I2, I2, I2, HELD, TABLEAU, I2, I2, I1, I1, F3, i8, i8, i8),
-    nogil=True, later=True,
+    void(i8, i8, i8, I2, I2, I2, HELD, TABLEAU, I2, I2, I1, I1, F3, i8, i8, i8),
+    nogil=True, later=True, lanes=True,
 )  # fmt: skip
 def step_loops(
     run, advance, copy, own, numbers, drives, held, tableau, state, tables, kind, codes, trace, n,

@@ -7,11 +7,10 @@ needs more than sweeps, its step is thrown away and taken by the kernels of one 
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import F1, F3, I1, I2, i8, opened_run
+from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F3, I1, I2, group, i8, void
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
 from ..constraints.paths import pivots, spread, unspread
@@ -431,16 +430,16 @@ def lay_out(work, frames):
                 frames[w, k, c] = work[k, c, w]
 
 
-BLOCK = types.UniTuple(F3, 15)
+BLOCK = group(*[F3] * 15)
 OUT, IN_LANES, BY_ITSELF = 0, 1, 2  # how an instance of the block goes on
 LEAST = 3  # instances in a block, or each goes by itself
 
 
 @kernel(
-    types.void(
+    void(
         i8, i8, i8, I2, I2, i8, I2, I1, I2, BLOCK, F3, I2, I2, I1, I1, *[i8] * 5, F1,
     ),
-    nogil=True, later=True,
+    nogil=True, later=True, lanes=True,
 )  # fmt: skip
 def step_lanes(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,

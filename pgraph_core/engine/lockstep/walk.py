@@ -2,12 +2,10 @@
 
 from typing import Any, NamedTuple
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import F2, F3, I2, f8, i8, named
-from ..compiler.address import caller, plain, stored
+from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, sweep
+from ..compiler.kinds import F2, F3, I1, I2, f8, i8, named, plain, void
 from ..compiler.lane import lanes
 from ..compiler.lane_records import in_lanes_of
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
@@ -43,10 +41,10 @@ WALK_OF_LANES = named(WalkOfLanes, I2, I2, *[F2] * 4, *[F3] * 12)
 _save, _opened = stored(WALK_OF_LANES)
 _settings, _legs, _feet = map(in_lanes_of, (GAIT_SETTINGS, LEG, FOOT))
 ALL = -1  # lanes
-call_walk = caller(types.int64(i8, i8, f8))
+call_walk = caller(i8(i8, i8, f8))
 
 
-@kernel(types.void(types.int64[::1], plain(WALK_OF_LANES)), later=True)
+@kernel(void(I1, plain(WALK_OF_LANES)), later=True)
 def save_walk_of_lanes(buffer, walk):
     """Keep the tuple where `walk_in_lanes` finds it."""
     _save(buffer, walk)
@@ -70,7 +68,7 @@ def exchange_armatures(rows, const, x):
             x[ARMATURE, j] = stiff
 
 
-@kernel(types.int64(i8, i8, f8), later=True)
+@kernel(i8(i8, i8, f8), later=True, lanes=True)
 def walk_in_lanes(place, w, h):
     """Add τ of the controller to that of all lanes, in the middle of a step h.
 

@@ -6,12 +6,11 @@ for instances that share their parameters, or (blocks, n + 1, columns, W).
 
 import math
 
-from numba import types
-
 from .. import layout as at
-from ..arrays import I1, I2, Loads, i8, opened_run
+from ..arrays import DRIVES, LOADS, Loads, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F2, F3, I1, I2, f8, group, i8, none, plain, void
 from ..compiler.lane import constants, lanes
 from ..forces import drive, torque_of_loads
 from ..tree.dynamics import newton_euler
@@ -20,9 +19,17 @@ from ..tree.moving import normalise_all
 from .explicit import derivative, moving, runge_kutta_step, semi_implicit_step, slope
 from .state import copied
 
+# rows, constants that all share or of each, drives, loads where there are any
+ACTS = [
+    (I2, const, plain(DRIVES), loads)
+    for const in (F2, f8[:, :, :, ::1])
+    for loads in (none, plain(LOADS))
+]
+TABLEAU = group(F2, F1, F1)
 
-@kernel(None, nogil=True)
-def forward_dynamics(rows, const, drives, loads, t, q, v, given, work, tau, vdot, begin, end):
+
+@kernel(*[void(*acts, f8, *[F3] * 4, F2, F3, i8, i8) for acts in ACTS], nogil=True, lanes=True)
+def forward_in_lanes(rows, const, drives, loads, t, q, v, given, work, tau, vdot, begin, end):
     """v' at time t of blocks `begin` to `end` - 1, eq. (26), with all forces."""
     w = lanes(work)
     s = lanes(tau)
@@ -33,8 +40,8 @@ def forward_dynamics(rows, const, drives, loads, t, q, v, given, work, tau, vdot
         derivative(rows, c, drives, loads, w, t, x, y, lanes(given[i]), s, lanes(vdot[i]))
 
 
-@kernel(None, nogil=True)
-def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none, tau, begin, end):
+@kernel(*[void(*acts, *[F3] * 4, F2, F2, F3, i8, i8) for acts in ACTS], nogil=True, lanes=True)
+def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none, tau, begin, end):
     """τ of blocks `begin` to `end` - 1, eq. (24), without the part of springs and dampers."""
     w = lanes(work)
     s = lanes(passive)
@@ -55,8 +62,10 @@ def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none
                 out[j] -= s[j]
 
 
-@kernel(None, nogil=True)
-def run(
+@kernel(
+    *[void(*acts, TABLEAU, f8, f8, i8, *[F3] * 6, i8, i8) for acts in ACTS], nogil=True, lanes=True
+)
+def run_in_lanes(
     rows, const, drives, loads, tableau, t, h, number, q, v, ledger, given, work, stages,
     begin, end,
 ):  # fmt: skip
@@ -104,13 +113,13 @@ def step(trees, tableau, size, t, h, stages):
 # A row is all that steps read before they write it, so that no result depends on what the run has
 # stepped before. Kernels are called by address: nothing is compiled twice.
 
-COPY = types.int64(types.int64, types.int64, types.int64)  # to, from, bytes: C's memmove
-ADVANCE = types.int64(types.int64, types.int64)  # `advance_run`
+COPY = i8(i8, i8, i8)  # to, from, bytes: C's memmove
+ADVANCE = i8(i8, i8)  # `advance_run`
 call_copy = caller(COPY)
 call_advance = caller(ADVANCE)
 
 
-@kernel(types.void(i8, i8, i8, I2, I2, I2, I1, I1, i8, i8, i8), nogil=True)
+@kernel(void(i8, i8, i8, I2, I2, I2, I1, I1, i8, i8, i8), nogil=True)
 def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, begin, end):
     """n steps of instances `begin` to `end` - 1 whose code is RUNNING; their codes after it.
 

@@ -8,13 +8,12 @@ narrower. The first event is closed in on by secants and bisection, and the step
 import math
 import sys
 
-from numba import types
-
 from ...tolerances import ROUNDING, SOLVED
 from .. import layout as at
-from ..arrays import F1, guard_at, opened_run
+from ..arrays import guard_at, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, f8, i8, u8, void
 from ..contact.phases import opened_events
 from ..contact.points import (
     HIGH,
@@ -44,11 +43,11 @@ from .run import LOOK_BACK
 from .state import call_step, copied, onto_constraints, size_of_state
 
 # scene, t, q, v; one number an event, which happens where it changes sign
-EVENT = types.void(types.int64, types.float64, F1, F1, F1)
+EVENT = void(i8, f8, F1, F1, F1)
 call_event = caller(EVENT)
 
 # of a user's functions: time, and the addresses of q, v and their values
-_call_user = caller(types.void(types.float64, types.uint64, types.uint64, types.uint64))
+_call_user = caller(void(f8, u8, u8, u8))
 
 BELOW = sys.float_info.min  # what a value of zero counts as
 PARTS = 4  # of a step with dense output that are looked at for themselves
@@ -69,7 +68,7 @@ def event_projection(scene, t, q, v, rounds):
 @kernel(EVENT, nogil=True, later=True)
 def user_events(scene, t, q, v, values):
     """Values of a user's functions; the last entry of `values` is the address that gives them."""
-    address = types.int64(values[values.shape[0] - 1])
+    address = int(values[values.shape[0] - 1])
     if address != 0:
         _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
 

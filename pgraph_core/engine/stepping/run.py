@@ -6,13 +6,12 @@ projection, frames and events are the same for all methods.
 
 import math
 
-from numba import types
-
 from ...tolerances import EPS
 from .. import layout as at
-from ..arrays import I1, RUN, opened_run, save_run_tuple
-from ..compiler.address import caller, plain
+from ..arrays import RUN, opened_run, save_run_tuple
+from ..compiler.address import caller
 from ..compiler.jit import kernel, sweep
+from ..compiler.kinds import I1, i8, plain, void
 from ..motion import call_record, call_settle, opened
 from ..records import CHOSEN, GIVEN, NEAR, REACHED
 from ..rows import v_of
@@ -31,19 +30,19 @@ from .widths import (
     widen,
 )
 
-LOOK_BACK = types.void(types.int64)
+LOOK_BACK = void(i8)
 call_look_back = caller(LOOK_BACK)
 
 KEPT = 1.2  # a change of width below it is not worth factoring the matrices again
 
 
-@kernel(types.void(I1, plain(RUN)))
+@kernel(void(I1, plain(RUN)))
 def save_run(buffer, run):
     """Keep a run's tuple where `opened_run` finds it."""
     save_run_tuple(buffer, run)
 
 
-@kernel(types.int64(types.int64, types.int64), nogil=True)
+@kernel(i8(i8, i8), nogil=True)
 def advance_run(run, budget):
     """At most `budget` attempts at steps and frames; a status code, RUNNING if not over.
 

@@ -4,19 +4,18 @@ A state y = (q, v, work done, dissipation) is a row of `stages`; `layout` names 
 take the address of a run, which `opened_run` gives back with its names.
 """
 
-from numba import types
-
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.address import caller
 from ..compiler.jit import part, sweep
+from ..compiler.kinds import f8, i8
 from ..motion import call_acceleration, call_projection, opened
 from ..tree.moving import rate
 from ..vec import finite
 
 # run, h: a step of width h from Y into CANDIDATE; its error over the tolerance, 0 without one,
 # infinite where the state is not finite, NOT_SOLVED where equations were not solved
-STEP = types.float64(types.int64, types.float64)
+STEP = f8(i8, f8)
 call_step = caller(STEP)
 
 NOT_SOLVED = -1.0

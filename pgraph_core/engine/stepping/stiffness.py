@@ -2,10 +2,9 @@
 
 import math
 
-from numba import types
-
 from ..compiler.jit import kernel, sweep
-from ..motion import F1, F2, call_acceleration, opened
+from ..compiler.kinds import F1, F2, f8, group, i8
+from ..motion import call_acceleration, opened
 from ..tree.moving import advance
 
 MOVE = 1e-6  # rad, m: small against curvature, large against rounding; what differences err by
@@ -43,7 +42,7 @@ def apply_slope(scene, accelerate, size, stages, flow):
         w[j] = (there[j] - stages[HERE, j]) / h
 
 
-@kernel(types.float64(types.int64, types.int64, types.UniTuple(types.int64, 2), F2, F1), nogil=True)
+@kernel(f8(i8, i8, group(*[i8] * 2), F2, F1), nogil=True)
 def fastest_rate(scene, accelerate, size, stages, flow):
     """Largest |eigenvalue| of the motion about the state in the first row [1/s], within about 10 %.
 

@@ -2,6 +2,7 @@
 
 from .. import layout as at
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F2, F3, I2, read, void
 from ..rows import (
     acceleration_of,
     body_mass_of,
@@ -33,10 +34,10 @@ from ..vec import (
 )
 from .kinematics import accelerate, linear_velocity, outboard, positions
 
-TREE = "i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1]"
+TREE = I2, F2, I2, F2
 
 
-@kernel(f"void({TREE},f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[:,::1])")
+@kernel(void(*TREE, read(F1), read(F1), F2, F2, F2))
 def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
     """Origins (nb, 3) and rotations (nb, 9) of all bodies in the world; `v` must be zero."""
     outboard(rows, const, work, q, v)
@@ -54,11 +55,7 @@ def place(work, bodies_i, bodies_f, b, position, rotation):
     store9(rotation, b - 1, 0, mat_mul(r, home_of(bodies_f, b)))
 
 
-@kernel(
-    f"void({TREE},f8[:,::1],f8[:,::1],f8[:,::1],f8[:,:,::1],f8[:,::1],f8[:,:,::1],f8[:,:,::1],"
-    "f8[:,:,::1],f8[:,:,::1],f8[:,:,::1])",
-    nogil=True,
-)
+@kernel(void(*TREE, *[read(F2)] * 3, read(F3), F2, *[F3] * 5), nogil=True)
 def motion_and_forces(
     rows,
     const,

@@ -5,6 +5,7 @@ origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) 
 """
 
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F2, I1, I2, i8, void
 from ..rows import (
     ROTATE,
     TRANSLATE,
@@ -55,7 +56,7 @@ def apply_external(bodies_i, bodies_f, external, work):
         add_bias(work, k, scale(-1.0, moment), scale(-1.0, force))
 
 
-@kernel("i8(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1])")
+@kernel(i8(I2, F2, F1, F1, F1, F2, F1))
 def forward_dynamics(rows, const, q, v, tau, work, vdot):
     """Tree dynamics into `vdot`; 0, or -1 where it is not finite, or the singular row."""
     articulated(rows, const, q, v, tau, work, vdot)
@@ -65,9 +66,7 @@ def forward_dynamics(rows, const, q, v, tau, work, vdot):
     return 0 if finite(vdot) else -1
 
 
-@kernel(
-    "i8(i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[::1])"
-)
+@kernel(i8(I2, F2, I2, F2, F1, F1, F1, F2, F2, F1))
 def forward_dynamics_external(rows, const, bodies_i, bodies_f, q, v, tau, external, work, vdot):
     """As `forward_dynamics` with wrenches on the bodies."""
     outboard(rows, const, work, q, v)
@@ -104,9 +103,7 @@ def newton_euler(rows, const, v, vdot, work, tau):
         add_force(work, p, add_cross(moment, link_of(work, k), force), force)
 
 
-@kernel(
-    "void(i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[::1])"
-)
+@kernel(void(I2, F2, I2, F2, F1, F1, F1, F2, F2, F1))
 def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work, tau):
     """τ = M v' + C - Jᵀ f, eq. (24), by the recursive Newton-Euler sweeps."""
     outboard(rows, const, work, q, v)
@@ -230,14 +227,14 @@ def singular_pivot(rows, work, m):
 # -- what asks for them ---------------------------------------------------------------------------
 
 
-@kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1])")
+@kernel(void(I2, F2, F1, F1, F2, F2))
 def mass_matrix(rows, const, q, v, work, m):
     """M of eq. (25); `v` must be zero: only frames matter. O(n depth)."""
     outboard(rows, const, work, q, v)
     joint_inertia(rows, const, work, m)
 
 
-@kernel(None)  # few ask for it: compiled at the first call
+@kernel(i8(I2, F2, I2, F2, F1, F1, F1, F2, F1, F2, I1, F2, F1), later=True)
 def forward_dynamics_composite(
     rows, const, bodies_i, bodies_f, q, v, tau, external, zero, work, outer, m, vdot
 ):
@@ -260,7 +257,7 @@ def forward_dynamics_composite(
     return 0 if finite(vdot) else -1
 
 
-@kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],i8,f8[::1],f8[:,::1],f8[:,::1])")
+@kernel(void(I2, F2, F1, F1, i8, F1, F2, F2))
 def jacobian(rows, const, q, v, k, point, work, jac):
     """J of eq. (20) into (6, nv): V of the point fixed in row k at `point` (home axes) is J v.
 
@@ -282,7 +279,7 @@ def jacobian(rows, const, q, v, k, point, work, jac):
         k = parent_of(rows, k)
 
 
-@kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],i8,f8[::1],f8[:,::1],f8[::1])")
+@kernel(void(I2, F2, F1, F1, F1, i8, F1, F2, F1))
 def jacobian_bias(rows, const, q, v, zero, k, point, work, bias):
     """J' v (6,): the acceleration of the point at v' = 0 (`zero`), without gravity (R6)."""
     outboard(rows, const, work, q, v)

@@ -2,17 +2,15 @@
 
 import math
 
-from numba import types
-
-from ..arrays import F1, F2, I1, I2
 from ..compiler.jit import kernel
+from ..compiler.kinds import F1, F2, I1, I2, f8, i8
 from ..motion import opened
 from ..rows import carrier_of, offset_of, origin_of, rotation_of
 from ..vec import add, dot, mul
 from .kinematics import outboard, positions
 
 
-@kernel(types.float64(types.int64, I1, I2, F2, F1, F1), later=True)
+@kernel(f8(i8, I1, I2, F2, F1, F1), later=True)
 def lowest(scene, bodies, bodies_i, bodies_f, normal, q):
     """The least height of the origins of these bodies at q [m]."""
     data = opened(scene)

@@ -1,10 +1,8 @@
 """Outboard sweeps: frames, velocities, and what depends on them, eqs. (5)-(9)."""
 
-from typing import Any
-
-from ..compiler.elementary import FAR, overload, sine_cosine
-from ..compiler.jit import OPTIONS, part, sweep
-from ..compiler.lane import Lane, four, numbers_of_four
+from ..compiler.elementary import FAR, sine_cosine
+from ..compiler.jit import part, sweep
+from ..compiler.lane import by_lanes, four, numbers_of_four
 from ..rows import (
     BALL,
     FREE,
@@ -184,16 +182,8 @@ def turn_by_fours(rows, work, q):
         turn(rows, work, q, k)
 
 
-def angles(rows: Any, work: Any, q: Any) -> None:
-    """Sine and cosine of every rotation first: apart, as they need not wait for each other."""
-    turn_all(rows, work, q)
-
-
-@overload(angles, jit_options={**OPTIONS, "forceinline": True}, strict=False)
-def _angles(rows: Any, work: Any, q: Any) -> Any:
-    if isinstance(q.dtype, Lane):
-        return lambda rows, work, q: turn_all(rows, work, q)
-    return lambda rows, work, q: turn_by_fours(rows, work, q)
+# sine and cosine of every rotation first: apart, as they need not wait for each other
+angles = by_lanes(turn_all, turn_by_fours)
 
 
 @sweep

@@ -2,11 +2,9 @@
 
 import math
 
-from numba import types
-
-from ..arrays import F1, F2, F3
 from ..compiler.jit import kernel, part
-from ..records import INTEGER, REAL, array_of, record
+from ..compiler.kinds import F1, F2, F3, array_of, read, void
+from ..records import INTEGER, REAL, record
 from ..vec import (
     add,
     add_cross,
@@ -55,7 +53,7 @@ def quaternion_of(r):
     return (s * w, s * x, s * y, s * z)
 
 
-@kernel(types.void(F3, F3, F3), nogil=True)
+@kernel(void(read(F3), read(F3), F3), nogil=True)
 def as_quaternions(position, rotation, pose):
     """Places (n, nb, 3) and rotations (n, nb, 9) as x y z, w x y z (n, nb, 7)."""
     for i in range(pose.shape[0]):
@@ -65,7 +63,10 @@ def as_quaternions(position, rotation, pose):
             pose[i, b, 3], pose[i, b, 4], pose[i, b, 5], pose[i, b, 6] = turn
 
 
-@kernel(types.void(array_of(SENSOR), F1, F2, F2, F3, F3, F3, F3, F2), nogil=True)
+@kernel(
+    void(*map(read, (array_of(SENSOR), F1, F2, F2, F3, F3, F3, F3)), F2),
+    nogil=True,
+)
 def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
     """What sensors read in every frame, (n, columns).
 

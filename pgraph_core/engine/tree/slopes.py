@@ -11,11 +11,9 @@ S' = v_λ × S; of a free motion the turn is carried by the slide.
 
 from typing import Any, NamedTuple
 
-from numba import types
-
-from ..arrays import F1, F2, I1, I2, named
-from ..compiler.address import plain, stored
+from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.kinds import F1, F2, I1, I2, i8, named, plain, void
 from ..layout import FREE
 from ..linear import restore6
 from ..rows import (
@@ -82,7 +80,7 @@ SLOPES = named(Slopes, I2, F2, F2, F2, F2, F2, I2, F2)
 _save, opened_slopes = stored(SLOPES)
 
 
-@kernel(types.void(I1, plain(SLOPES)), later=True)
+@kernel(void(I1, plain(SLOPES)), later=True)
 def save_slopes(buffer, slopes):
     """Keep a workspace where `opened_slopes` finds it."""
     _save(buffer, slopes)
@@ -273,7 +271,7 @@ def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
                 i = outer[i]
 
 
-@kernel(types.void(types.int64, F1, F1, F1, F2), later=True)
+@kernel(void(i8, F1, F1, F1, F2), later=True)
 def torque_slopes(space, q, v, vdot, slopes):
     """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), ∂τ/∂v into the others."""
     rows, const, work, _, bodies, freedoms, outer, _ = opened_slopes(space)
@@ -420,7 +418,7 @@ def set_inverse(outer, m, x, first):
             x[c, first + i] = x[i, first + c]
 
 
-@kernel(types.int64(types.int64, F1, F1, F1, F2), later=True)
+@kernel(i8(i8, F1, F1, F1, F2), later=True)
 def forward_derivatives(space, q, v, tau, slopes):
     """∂v'/∂q, ∂v'/∂v and M⁻¹ into `slopes` (nv, 3 nv); 0, or what `forward_dynamics` answers."""
     rows, const, work, passive, bodies, freedoms, lists, m = opened_slopes(space)

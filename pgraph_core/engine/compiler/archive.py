@@ -1,0 +1,148 @@
+"""The archive of kernels that comes with the package: a file of bitcode.
+
+A file begins with the SHA-256 digest of the rest. Then follow the length of an index in JSON, the
+index, and sections, each compressed. Pieces of bitcode are named by the hash of their content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import lzma
+import zlib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from . import sources
+from .jit import ENGINE
+
+DIGEST, LENGTH = 32, 8  # [bytes]
+FORM = 1  # of the file
+FILE = ENGINE / "kernels.archive"
+COMMAND = "python -m pgraph_core.engine --archive"
+
+
+def key(*parts: str) -> str:
+    """A name in the cache."""
+    return " ".join(parts)
+
+
+class Unusable(Exception):
+    """A file that is no archive for this program, with the reason."""
+
+
+def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
+    """The bytes of a file."""
+    packed = {
+        name: lzma.compress(data, preset=9 | lzma.PRESET_EXTREME) for name, data in sections.items()
+    }
+    places, at = {}, 0
+    for name, data in packed.items():
+        places[name] = (at, len(data))
+        at += len(data)
+    head = zlib.compress(json.dumps({"form": FORM, **index, "sections": places}).encode(), 9)
+    rest = len(head).to_bytes(LENGTH, "little") + head + b"".join(packed.values())
+    return hashlib.sha256(rest).digest() + rest
+
+
+class File:
+    """A file that was read. Raises Unusable."""
+
+    def __init__(self, path: Path):
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise Unusable(
+                "is missing" if isinstance(error, FileNotFoundError) else "cannot be read"
+            ) from error
+        digest, rest = content[:DIGEST], content[DIGEST:]
+        if hashlib.sha256(rest).digest() != digest:
+            raise Unusable("is damaged")
+        length = int.from_bytes(rest[:LENGTH], "little")
+        self.index = json.loads(zlib.decompress(rest[LENGTH : LENGTH + length]))
+        if self.index.get("form") != FORM:
+            raise Unusable("is of another version of Pgraph")
+        self._rest, self._start = rest, LENGTH + length
+        self._sections: dict[str, bytes] = {}
+
+    def part(self, section: str, begin: int, size: int) -> bytes:
+        """Bytes of a section."""
+        if section not in self._sections:
+            at, length = self.index["sections"][section]
+            at += self._start
+            self._sections[section] = lzma.decompress(self._rest[at : at + length])
+        return self._sections[section][begin : begin + size]
+
+
+class Archive:
+    """The kernels of the package; without pieces where the file cannot be used."""
+
+    def __init__(self, path: Path = FILE):
+        self._path, self.problem = path, ""
+        self._index: dict[str, Any] = {"kernels": {}, "pieces": {}, "files": {}}
+        try:
+            self._file: Any = File(path)
+            if tuple(self._file.index["llvm"]) > llvm.llvm_version_info:
+                made, here = (
+                    ".".join(map(str, v))
+                    for v in (self._file.index["llvm"], llvm.llvm_version_info)
+                )
+                raise Unusable(f"was made by LLVM {made}, and llvmlite here has LLVM {here}")
+            self._index = self._file.index
+        except Unusable as error:
+            self.problem = f"the archive of kernels {error}"
+        for digest, code in self._index["files"].values():
+            sources.CODE_OF.setdefault(digest, code)
+        self._stale = {
+            name
+            for name, (digest, code) in self._index["files"].items()
+            if _changed(name, digest, code)
+        }
+        self._groups = [set(group) for group in self._index.get("groups", [])]
+
+    def pieces(self, name: str) -> list[str] | None:
+        """The pieces of a kernel; None where it is not there, or older than its sources."""
+        known = self._index["kernels"].get(name)
+        if known is None or self._stale & self._groups[known["files"]]:
+            return None
+        return known["pieces"]
+
+    def symbol(self, name: str) -> str:
+        """How a kernel's functions are called in its pieces."""
+        return self._index["kernels"][name]["symbol"]
+
+    def why(self, name: str) -> str:
+        """Why a kernel is not taken from here, as a part of a sentence."""
+        if self.problem:
+            return self.problem
+        if name not in self._index["kernels"]:
+            return "kernels that the archive lacks are needed"
+        return "the archive of kernels is older than their sources"
+
+    def stale(self) -> list[str]:
+        """The names of the kernels that are older than their sources."""
+        return [name for name in self._index["kernels"] if self.pieces(name) is None]
+
+    def names(self) -> list[str]:
+        """The names of all its kernels."""
+        return list(self._index["kernels"])
+
+    def bitcode(self, piece: str) -> bytes:
+        """The bitcode of a piece."""
+        return self._file.part(*self._index["pieces"][piece])
+
+
+def _changed(name: str, digest: str, code: str) -> bool:
+    path = ENGINE / name
+    here = sources.digest_of(path)
+    return here != digest and (not here or sources.code_hash(path) != code)
+
+
+@cache
+def current() -> Archive:
+    """The archive of this package."""
+    return Archive()

@@ -1,0 +1,420 @@
+"""From Python into machine code: one function for all kernels, which reads their signatures.
+
+A kernel's own function takes its arguments as words of 8 bytes. `enter` is a function of CPython's
+convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel takes,
+and lays the arguments out: numbers as they are, an array as the struct that kernels read (owner,
+parent, number of entries, bytes of each, place, shape, strides), tuples member after member. It
+releases the GIL where the kernel does, and makes Python objects of the results.
+
+Nothing of it is known to a kernel, whose code is the same for every version of Python and NumPy.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+
+from .kinds import Array, Group, Kind, Signature
+
+INT, UNSIGNED, REAL, ARRAY, TUPLE, NONE = range(6)
+OF_SCALAR = {"i8": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
+# words of the table, then a word for each result, then for each argument its message and its kind
+FUNCTION, ARGUMENTS, SIZE, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT, FAILED, FIRST = range(11)
+MOST = 8  # results
+ORDERED, WRITEABLE = 0x101, 0x400  # NumPy's flags: C-contiguous and aligned; writeable
+EQUAL = 2  # Py_EQ
+
+BYTE, HALF, WORD, DOUBLE = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.DoubleType()
+OBJECT, WORDS, VOID = BYTE.as_pointer(), WORD.as_pointer(), ir.VoidType()
+# functions of Python's stable interface: result, arguments
+PYTHON: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "PyBytes_AsString": (OBJECT, (OBJECT,)),
+    "PyErr_Clear": (VOID, ()),
+    "PyErr_Occurred": (OBJECT, ()),
+    "PyErr_SetString": (VOID, (OBJECT, OBJECT)),
+    "PyEval_RestoreThread": (VOID, (OBJECT,)),
+    "PyEval_SaveThread": (OBJECT, ()),
+    "PyFloat_AsDouble": (DOUBLE, (OBJECT,)),
+    "PyFloat_FromDouble": (OBJECT, (DOUBLE,)),
+    "PyLong_AsLongLong": (WORD, (OBJECT,)),
+    "PyLong_AsUnsignedLongLong": (WORD, (OBJECT,)),
+    "PyLong_FromLongLong": (OBJECT, (WORD,)),
+    "PyNumber_Index": (OBJECT, (OBJECT,)),
+    "PyObject_RichCompareBool": (HALF, (OBJECT, OBJECT, HALF)),
+    "PyTuple_GetItem": (OBJECT, (OBJECT, WORD)),
+    "PyTuple_New": (OBJECT, (WORD,)),
+    "PyTuple_SetItem": (HALF, (OBJECT, WORD, OBJECT)),
+    "PyTuple_Size": (WORD, (OBJECT,)),
+    "PyType_IsSubtype": (HALF, (OBJECT, OBJECT)),
+    "Py_DecRef": (VOID, (OBJECT,)),
+    "Py_IncRef": (VOID, (OBJECT,)),
+}
+DATA = ("PyExc_TypeError", "PyExc_RuntimeError", "PyTuple_Type", "_Py_NoneStruct")
+ENTER = "pgraph_enter"
+
+
+class _Code:
+    """A function of LLVM under construction."""
+
+    def __init__(self, module: ir.Module, name: str, result: Any, arguments: tuple[Any, ...]):
+        self.module = module
+        self.function = ir.Function(module, ir.FunctionType(result, arguments), name)
+        self.builder = ir.IRBuilder(self.function.append_basic_block())
+
+    def python(self, name: str, *args: Any) -> Any:
+        """Call a function of Python."""
+        result, kinds = PYTHON[name]
+        known = self.module.globals.get(name)
+        known = known or ir.Function(self.module, ir.FunctionType(result, kinds), name)
+        return self.builder.call(known, args)
+
+    def data(self, name: str) -> Any:
+        """The address of an object of Python."""
+        known = self.module.globals.get(name)
+        return known or ir.GlobalVariable(self.module, BYTE, name)
+
+    def exception(self, name: str) -> Any:
+        """A class of exceptions."""
+        return self.builder.load(self.builder.bitcast(self.data(name), OBJECT.as_pointer()))
+
+    def word(self, words: Any, at: Any) -> Any:
+        """words[at]."""
+        return self.builder.load(self.place(words, at))
+
+    def place(self, words: Any, at: Any) -> Any:
+        """&words[at]."""
+        return self.builder.gep(words, [WORD(at) if isinstance(at, int) else at])
+
+    def field(self, address: Any, kind: Any) -> Any:
+        """What stands at an address."""
+        return self.builder.load(self.builder.inttoptr(address, kind.as_pointer()))
+
+    def pointer(self, word: Any) -> Any:
+        """A word as the address of an object."""
+        return self.builder.inttoptr(word, OBJECT)
+
+    def loop(self, count: Any, body: Callable[[Any], None]) -> None:
+        """`body(i)` for i from 0 to count - 1."""
+        b = self.builder
+        head, inside, after = (b.append_basic_block() for _ in range(3))
+        before = b.block
+        b.branch(head)
+        b.position_at_end(head)
+        i: Any = b.phi(WORD)
+        i.add_incoming(WORD(0), before)
+        b.cbranch(b.icmp_signed("<", i, count), inside, after)
+        b.position_at_end(inside)
+        body(i)
+        i.add_incoming(b.add(i, WORD(1)), b.block)
+        b.branch(head)
+        b.position_at_end(after)
+
+
+def module() -> str:
+    """The text of the module that holds `enter`."""
+    made = ir.Module()
+    _enter(made, _take(made))
+    return str(made)
+
+
+def _take(made: ir.Module) -> Any:
+    """take(object, &description, &words, head, ndarray): 1 where it fits and is laid out."""
+    double = WORDS.as_pointer()
+    code = _Code(made, "take", HALF, (OBJECT, double, double, WORD, WORD))
+    b, (given, at_kind, at_word, head, ndarray) = code.builder, code.function.args
+    code.function.linkage = "internal"
+    kind, words = b.load(at_kind), b.load(at_word)
+    operation = code.word(kind, 0)
+    of = code.field(b.sub(b.add(b.ptrtoint(given, WORD), head), WORD(8)), OBJECT)
+    wrong = b.append_basic_block()
+    choice = b.switch(operation, wrong)
+
+    def case(number: int) -> None:
+        block = b.append_basic_block()
+        choice.add_case(WORD(number), block)
+        b.position_at_end(block)
+
+    def must(good: Any) -> None:
+        block = b.append_basic_block()
+        b.cbranch(good, block, wrong)
+        b.position_at_end(block)
+
+    def done(kinds: int, count: Any) -> None:
+        b.store(code.place(kind, kinds), at_kind)
+        b.store(code.place(words, count), at_word)
+        b.ret(HALF(1))
+
+    def is_a(wanted: Any) -> Any:
+        same = b.icmp_unsigned("==", of, wanted)
+        with b.if_else(same) as (then, other):
+            with then:
+                first = b.block
+            with other:
+                found = b.icmp_signed("!=", code.python("PyType_IsSubtype", of, wanted), HALF(0))
+                second = b.block
+        result = b.phi(ir.IntType(1))
+        result.add_incoming(ir.IntType(1)(1), first)
+        result.add_incoming(found, second)
+        return result
+
+    def without_error(value: Any, suspicious: Any) -> None:
+        with b.if_then(suspicious, likely=False):
+            must(b.icmp_unsigned("==", code.python("PyErr_Occurred"), OBJECT(None)))
+        b.store(value, b.bitcast(words, value.type.as_pointer()))
+        done(1, 1)
+
+    case(INT)
+    value = code.python("PyLong_AsLongLong", given)
+    without_error(value, b.icmp_signed("==", value, WORD(-1)))
+
+    case(UNSIGNED)
+    index = code.python("PyNumber_Index", given)
+    must(b.icmp_unsigned("!=", index, OBJECT(None)))
+    value = code.python("PyLong_AsUnsignedLongLong", index)
+    code.python("Py_DecRef", index)
+    without_error(value, b.icmp_signed("==", value, WORD(-1)))
+
+    case(REAL)
+    must(b.not_(is_a(code.pointer(ndarray))))  # an array of one number is none
+    value = code.python("PyFloat_AsDouble", given)
+    without_error(value, b.fcmp_ordered("==", value, DOUBLE(-1.0)))
+
+    case(ARRAY)  # kind: axes, NumPy's description, bytes of an entry, flags
+    must(is_a(code.pointer(ndarray)))
+    start = b.add(b.ptrtoint(given, WORD), head)
+    axes = code.word(kind, 1)
+    number = code.field(b.add(start, WORD(8)), HALF)
+    must(b.icmp_signed("==", b.sext(number, WORD), axes))
+    flags = b.zext(code.field(b.add(start, WORD(48)), HALF), WORD)
+    asked = code.word(kind, 4)
+    must(b.icmp_signed("==", b.and_(flags, asked), asked))
+    descr, wanted = code.field(b.add(start, WORD(40)), OBJECT), code.pointer(code.word(kind, 2))
+    with b.if_then(b.icmp_unsigned("!=", descr, wanted), likely=False):
+        same = code.python("PyObject_RichCompareBool", descr, wanted, HALF(EQUAL))
+        must(b.icmp_signed("==", same, HALF(1)))
+    b.store(WORD(0), code.place(words, 0))
+    b.store(WORD(0), code.place(words, 1))
+    b.store(code.word(kind, 3), code.place(words, 3))
+    b.store(code.field(start, WORD), code.place(words, 4))
+    b.store(WORD(1), code.place(words, 2))
+    shape = code.field(b.add(start, WORD(16)), WORDS)
+    strides = code.field(b.add(start, WORD(24)), WORDS)
+
+    def axis(i: Any) -> None:
+        size = code.word(shape, i)
+        b.store(b.mul(code.word(words, 2), size), code.place(words, 2))
+        b.store(size, code.place(words, b.add(i, WORD(5))))
+        b.store(code.word(strides, i), code.place(words, b.add(b.add(i, axes), WORD(5))))
+
+    code.loop(axes, axis)
+    done(5, b.add(WORD(5), b.add(axes, axes)))
+
+    case(TUPLE)  # kind: how many members, then theirs
+    must(is_a(code.data("PyTuple_Type")))
+    count = code.word(kind, 1)
+    must(b.icmp_signed("==", code.python("PyTuple_Size", given), count))
+    b.store(code.place(kind, 2), at_kind)
+
+    def member(i: Any) -> None:
+        one = code.python("PyTuple_GetItem", given, i)
+        good = b.call(code.function, [one, at_kind, at_word, head, ndarray])
+        must(b.icmp_signed("!=", good, HALF(0)))
+
+    code.loop(count, member)
+    b.ret(HALF(1))
+
+    case(NONE)
+    must(b.icmp_unsigned("==", given, code.data("_Py_NoneStruct")))
+    done(1, 0)
+
+    b.position_at_end(wrong)
+    b.ret(HALF(0))
+    return code.function
+
+
+def _enter(made: ir.Module, take: Any) -> None:
+    """enter(self, arguments, their number), by METH_FASTCALL."""
+    code = _Code(made, ENTER, OBJECT, (OBJECT, OBJECT.as_pointer(), WORD))
+    b, (own, given, number) = code.builder, code.function.args
+    table = b.bitcast(code.python("PyBytes_AsString", own), WORDS)
+    words = b.alloca(WORD, code.word(table, SIZE))
+    results = b.alloca(WORD, WORD(MOST))
+    at_kind, at_word = b.alloca(WORDS), b.alloca(WORDS)
+
+    def fail(exception: str, message: Any) -> None:
+        code.python("PyErr_Clear")
+        code.python("PyErr_SetString", code.exception(exception), code.pointer(message))
+        b.ret(OBJECT(None))
+
+    count = code.word(table, ARGUMENTS)
+    with b.if_then(b.icmp_signed("!=", number, count), likely=False):
+        fail("PyExc_TypeError", code.word(table, COUNT))
+    b.store(words, at_word)
+    made_of = code.word(table, RESULTS)
+    b.store(code.place(table, b.add(made_of, WORD(FIRST))), at_kind)
+
+    def argument(i: Any) -> None:
+        kind = b.load(at_kind)
+        message = code.word(kind, 0)
+        b.store(code.place(kind, 1), at_kind)
+        one = b.load(b.gep(given, [i]))
+        head, ndarray = code.word(table, HEAD), code.word(table, NDARRAY)
+        good = b.call(take, [one, at_kind, at_word, head, ndarray])
+        with b.if_then(b.icmp_signed("==", good, HALF(0)), likely=False):
+            fail("PyExc_TypeError", message)
+
+    code.loop(count, argument)
+    kind = ir.FunctionType(HALF, [WORDS, WORDS]).as_pointer()
+    function = b.inttoptr(code.word(table, FUNCTION), kind)
+    nogil = b.icmp_signed("!=", code.word(table, NOGIL), WORD(0))
+    with b.if_else(nogil) as (then, other):
+        with then:
+            thread = code.python("PyEval_SaveThread")
+            first = b.call(function, [words, results])
+            code.python("PyEval_RestoreThread", thread)
+            one = b.block
+        with other:
+            second = b.call(function, [words, results])
+            two = b.block
+    status = b.phi(HALF)
+    status.add_incoming(first, one)
+    status.add_incoming(second, two)
+    with b.if_then(b.icmp_signed("!=", status, HALF(0)), likely=False):
+        fail("PyExc_RuntimeError", code.word(table, FAILED))
+    with b.if_then(b.icmp_signed("==", made_of, WORD(0))):
+        none = code.data("_Py_NoneStruct")
+        code.python("Py_IncRef", none)
+        b.ret(none)
+
+    def boxed(i: Any) -> Any:
+        value = code.word(results, i)
+        real = b.icmp_signed("==", code.word(table, b.add(i, WORD(FIRST))), WORD(REAL))
+        with b.if_else(real) as (then, other):
+            with then:
+                first = code.python("PyFloat_FromDouble", b.bitcast(value, DOUBLE))
+                one = b.block
+            with other:
+                second = code.python("PyLong_FromLongLong", value)
+                two = b.block
+        found = b.phi(OBJECT)
+        found.add_incoming(first, one)
+        found.add_incoming(second, two)
+        return found
+
+    with b.if_then(b.icmp_signed("==", code.word(table, IN_TUPLE), WORD(0))):
+        b.ret(boxed(WORD(0)))
+    several = code.python("PyTuple_New", made_of)
+    code.loop(made_of, lambda i: code.python("PyTuple_SetItem", several, i, boxed(i)))
+    b.ret(several)
+
+
+# -- the table of a kernel -------------------------------------------------------------------------
+
+
+class _Method(ctypes.Structure):
+    """PyMethodDef."""
+
+    _fields_ = [
+        ("name", ctypes.c_char_p),
+        ("call", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("doc", ctypes.c_char_p),
+    ]
+
+
+FASTCALL = 0x80
+ALIVE: list[Any] = []  # what machine code has the address of
+
+
+def function(name: str, signature: Signature, nogil: bool, enter: int, address: int) -> Any:
+    """The function that Python calls; `address` is where the kernel takes its words."""
+    results = signature.result
+    members = results.members if isinstance(results, Group) else (results,)
+    out = [OF_SCALAR[one.code] for one in members if getattr(one, "code", "") != "void"]
+    kinds: list[int] = []
+    size = 0
+    for i, kind in enumerate(signature.arguments, start=1):
+        kinds.append(_text(f"{name}: argument {i} must be {in_words(kind)}"))
+        more, words = _described(kind)
+        kinds += more
+        size += words
+    count = _text(f"{name} takes {len(signature.arguments)} arguments")
+    failed = _text(f"{name} failed")
+    table = [
+        address, len(signature.arguments), size, int(nogil), len(out),
+        int(isinstance(results, Group)), object.__basicsize__, id(np.ndarray), count, failed,
+    ]  # fmt: skip
+    own = np.array([*table, *out, *kinds], dtype=np.uint64).tobytes()
+    method = _Method(name.encode(), enter, FASTCALL, None)
+    new = ctypes.pythonapi.PyCFunction_NewEx
+    new.restype, new.argtypes = (
+        ctypes.py_object,
+        [ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p],
+    )
+    made = new(ctypes.byref(method), own, None)
+    ALIVE.extend((method, own, made))
+    return made
+
+
+def _text(message: str) -> int:
+    """The address of a text."""
+    kept = ctypes.create_string_buffer(message.encode())
+    ALIVE.append(kept)
+    return ctypes.addressof(kept)
+
+
+def _described(kind: Kind) -> tuple[list[int], int]:
+    """(the words that describe a kind, how many words it takes)."""
+    if isinstance(kind, Array):
+        ALIVE.append(kind.dtype)
+        flags = ORDERED if kind.read else ORDERED | WRITEABLE
+        words = [ARRAY, kind.ndim, id(kind.dtype), kind.dtype.itemsize, flags]
+        return words, 5 + 2 * kind.ndim
+    if isinstance(kind, Group):
+        parts = [_described(member) for member in kind.members]
+        words = [TUPLE, len(parts)]
+        for more, _ in parts:
+            words += more
+        return words, sum(size for _, size in parts)
+    number = OF_SCALAR[kind.code]
+    return [number], int(number != NONE)
+
+
+def in_words(kind: Kind) -> str:
+    """What an argument must be."""
+    if isinstance(kind, Array):
+        entries = "records" if kind.dtype.names else kind.dtype.name
+        how = "C-contiguous" if kind.read else "C-contiguous, writeable"
+        return f"a {how} array of {entries} with {kind.ndim} axes"
+    if isinstance(kind, Group):
+        return f"a tuple of {len(kind.members)} members that fit"
+    return {INT: "an integer", UNSIGNED: "an address", REAL: "a number", NONE: "None"}[
+        OF_SCALAR[kind.code]
+    ]
+
+
+FITTING: dict[str, Any] = {
+    "i8": (int, np.integer), "u8": (int, np.integer),
+    "f8": (float, int, np.floating, np.integer), "none": type(None),
+}  # fmt: skip
+
+
+def fits(signature: Signature, args: tuple[Any, ...]) -> bool:
+    """Whether a signature takes arguments."""
+    kinds = signature.arguments
+    return len(kinds) == len(args) and all(map(_fits, kinds, args))
+
+
+def _fits(kind: Kind, value: Any) -> bool:
+    if isinstance(kind, Array):
+        known = isinstance(value, np.ndarray) and value.dtype == kind.dtype
+        ordered = known and value.flags.c_contiguous and value.flags.aligned
+        return ordered and value.ndim == kind.ndim and (kind.read or value.flags.writeable)
+    if isinstance(kind, Group):
+        known = isinstance(value, tuple) and len(value) == len(kind.members)
+        return known and all(map(_fits, kind.members, value))
+    return isinstance(value, FITTING[kind.code])

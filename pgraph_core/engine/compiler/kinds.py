@@ -1,0 +1,97 @@
+"""The types of what kernels take and return, for signatures: `void(i8[:, ::1], f8)`.
+
+They describe memory alone. What the compiler makes of them is in `lowering.kinds`, so that a
+kernel with its signature costs no import of a compiler.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+
+class Kind:
+    """The type of a value."""
+
+    code: str  # of a number
+
+    def __call__(self, *arguments: Kind) -> Signature:
+        """Return the signature of a function that returns this kind."""
+        return Signature(self, arguments)
+
+
+@dataclass(frozen=True)
+class Scalar(Kind):
+    """A number by its NumPy code; "none" for a missing one and "void" for no result."""
+
+    code: str
+
+    def __getitem__(self, axes: slice | tuple[slice, ...]) -> Array:
+        """Return the kind of a C-contiguous array, with an axis for each slice."""
+        return Array(np.dtype(self.code), len(axes) if isinstance(axes, tuple) else 1)
+
+
+@dataclass(frozen=True)
+class Array(Kind):
+    """A C-contiguous array of numbers or records."""
+
+    dtype: np.dtype[Any]
+    ndim: int
+    read: bool = False  # not written: an array that is read-only does as well
+
+
+@dataclass(frozen=True)
+class Group(Kind):
+    """A tuple; a named one has its class."""
+
+    members: tuple[Kind, ...]
+    names: Any = None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names of the members."""
+        return self.names._fields
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a function returns and takes."""
+
+    result: Kind
+    arguments: tuple[Kind, ...]
+
+
+i8, f8, u8, i4, f4, u1 = map(Scalar, ("i8", "f8", "u8", "i4", "f4", "u1"))
+none, void = Scalar("none"), Scalar("void")
+
+
+def group(*members: Kind) -> Group:
+    """Return the kind of a tuple without names."""
+    return Group(members)
+
+
+def named(names: Any, *members: Kind) -> Group:
+    """Return the kind of a named tuple."""
+    return Group(members, names)
+
+
+def array_of(record: np.dtype[Any], dimensions: int = 1) -> Array:
+    """Return the kind of a C-contiguous array of records."""
+    return Array(record, dimensions)
+
+
+def read(kind: Array) -> Array:
+    """Return the kind of an array that a kernel does not write."""
+    return replace(kind, read=True)
+
+
+def plain(kind: Kind) -> Kind:
+    """Return the kind of a tuple without names."""
+    return Group(tuple(map(plain, kind.members))) if isinstance(kind, Group) else kind
+
+
+I1, I2 = i8[::1], i8[:, ::1]
+F1, F2, F3 = f8[::1], f8[:, ::1], f8[:, :, ::1]
+C2 = Scalar("c16")[:, ::1]

@@ -1,0 +1,243 @@
+"""Where a kernel's machine code comes from, and how it is loaded: with llvmlite alone.
+
+A kernel comes from the user's cache, else from the archive's bitcode, else from numba. The archive
+holds kernels in pieces: a piece has the functions that the same kernels reach.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import os
+import sys
+import threading
+import uuid
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+
+from . import archive, calls, sources
+from .jit import Kernel
+from .lane import LANE_WIDTH
+
+DIGEST = 32  # [bytes] of a SHA-256
+
+
+class Code(NamedTuple):
+    """A loaded kernel."""
+
+    address: int  # for `caller`
+    call: Any  # for Python
+
+
+# -- the cache -------------------------------------------------------------------------------------
+
+
+@cache
+def cache_folder() -> Path | None:
+    """$PGRAPH_CACHE if set, else the user's cache folder; None where neither can be written."""
+    chosen = os.environ.get("PGRAPH_CACHE")
+    bases = [Path(chosen)] if chosen else []
+    user = os.environ.get("XDG_CACHE_HOME") or _platform_cache()
+    if os.path.isabs(user):  # a user may have no home
+        bases.append(Path(user, "pgraph"))
+    for base in bases:
+        folder = base / "kernels"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return None
+
+
+def _platform_cache() -> str:
+    if sys.platform == "win32":
+        return os.environ.get("LOCALAPPDATA", "")
+    return os.path.expanduser("~/Library/Caches" if sys.platform == "darwin" else "~/.cache")
+
+
+def _file(key: str) -> Path | None:
+    folder = cache_folder()
+    name = hashlib.sha256(f"{key} {processor()}".encode()).hexdigest()[:32]
+    return folder / f"{name}.o" if folder is not None else None
+
+
+def kept(key: str) -> bytes | None:
+    """Machine code for this processor that was kept; None without it, or where it is damaged."""
+    path = _file(key)
+    with contextlib.suppress(OSError):
+        content = path.read_bytes() if path is not None else b""
+        digest, code = content[:DIGEST], content[DIGEST:]
+        if digest and hashlib.sha256(code).digest() == digest:
+            return code
+    return None
+
+
+def keep(key: str, code: bytes) -> None:
+    """Keep machine code for this processor, if that can be written."""
+    path = _file(key)
+    if path is None:
+        return
+    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
+    try:
+        part.write_bytes(hashlib.sha256(code).digest() + code)
+        part.replace(path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            part.unlink()
+
+
+# -- the processor ---------------------------------------------------------------------------------
+
+
+@cache
+def processor() -> str:
+    """The processor, its features and the code generator: what machine code is made for and by."""
+    return f"{llvm.get_process_triple()} {_name()} {_features()} llvmlite {version('llvmlite')}"
+
+
+def _name() -> str:
+    return os.environ.get("PGRAPH_PROCESSOR") or llvm.get_host_cpu_name()
+
+
+def _features() -> str:
+    return "" if _name() == "generic" else llvm.get_host_cpu_features().flatten()
+
+
+@cache
+def machine() -> Any:
+    """The code generator for this processor."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return machine_for(llvm.get_process_triple(), _name(), _features())
+
+
+def machine_for(triple: str, cpu: str, features: str) -> Any:
+    """A code generator; at its highest level, without contraction of a b + c."""
+    static = "static" if triple.startswith("x86") else "default"
+    return llvm.Target.from_triple(triple).create_target_machine(
+        cpu=cpu, features=features, opt=3, reloc=static, codemodel="jitdefault", jit=True
+    )
+
+
+# -- machine code ----------------------------------------------------------------------------------
+
+
+class _Engine:
+    """All machine code of this process."""
+
+    def __init__(self) -> None:
+        empty = llvm.parse_assembly("")
+        empty.triple = llvm.get_process_triple()
+        self._engine = llvm.create_mcjit_compiler(empty, machine())
+        self._loaded: set[str] = set()
+        for name in (*calls.PYTHON, *calls.DATA):
+            llvm.add_symbol(
+                name, ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value
+            )
+        enter = archive.key("enter", sources.hash_of([Path(calls.__file__)]))
+        self.add(enter, kept(enter) or self._made_enter(enter))
+        self.enter = self.address(calls.ENTER)
+
+    @staticmethod
+    def _made_enter(key: str) -> bytes:
+        module = llvm.parse_assembly(calls.module())
+        found = object_of(module)
+        keep(key, found)
+        return found
+
+    def has(self, key: str) -> bool:
+        """Whether machine code is loaded."""
+        return key in self._loaded
+
+    def add(self, key: str, code: bytes) -> None:
+        """Load machine code."""
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._loaded.add(key)
+
+    def address(self, name: str) -> int:
+        """Where a function is."""
+        self._engine.finalize_object()
+        return self._engine.get_function_address(name)
+
+
+@cache
+def engine() -> _Engine:
+    """The one of this process."""
+    return _Engine()
+
+
+def object_of(module: Any, target: Any = None) -> bytes:
+    """Machine code of a module as an object file."""
+    target = target or machine()
+    module.triple, module.data_layout = target.triple, str(target.target_data)
+    return target.emit_object(module)
+
+
+def code_of(kernel: Kernel, variant: int) -> Code:
+    """A kernel's machine code, loaded."""
+    name = name_of(kernel, variant)
+    found = archive.current()
+    pieces = found.pieces(name)
+    if pieces is None:
+        symbol = name.replace(".", "_").replace("@", "_").replace(":", "_")
+        key = archive.key(name, sources.hash_of(sources.sources(file_of(kernel))))
+        if not engine().has(key):
+            engine().add(key, kept(key) or _compiled(kernel, variant, symbol, key))
+    else:
+        symbol = found.symbol(name)
+        for piece in pieces:
+            if not engine().has(piece):
+                engine().add(piece, kept(piece) or _generated(piece))
+    signature = kernel.signatures[variant]
+    enter, words = engine().enter, engine().address(f"w_{symbol}")
+    call = calls.function(kernel.__name__, signature, kernel.nogil, enter, words)
+    return Code(engine().address(f"k_{symbol}"), call)
+
+
+def name_of(kernel: Kernel, variant: int) -> str:
+    """A kernel's name in caches and archives."""
+    module = kernel.__module__.split("pgraph_core.")[-1]
+    width = f"@{LANE_WIDTH}" if kernel.lanes else ""
+    return f"{module}.{kernel.__name__}:{variant}{width}"
+
+
+def file_of(kernel: Kernel) -> Path:
+    """The file that a kernel is written in."""
+    return Path(kernel.py_func.__code__.co_filename)
+
+
+def _generated(piece: str) -> bytes:
+    """Machine code from the archive's bitcode, which is kept."""
+    found = object_of(llvm.parse_bitcode(archive.current().bitcode(piece)))
+    keep(piece, found)
+    return found
+
+
+def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
+    """Machine code by numba, which is kept."""
+    from .building import module_of
+
+    _say(archive.current().why(name_of(kernel, variant)))
+    found = object_of(module_of(kernel, variant, symbol, machine()))
+    keep(key, found)
+    return found
+
+
+_SAID: set[str] = set()
+_SAYING = threading.Lock()
+
+
+def _say(why: str) -> None:
+    """One sentence for all kernels that are compiled for the same reason."""
+    with _SAYING:
+        if why in _SAID:
+            return
+        _SAID.add(why)
+    print(f"pgraph: {why}; kernels are compiled, which takes a while.", file=sys.stderr)

@@ -1,0 +1,155 @@
+"""What `elementary` names and numba has to be told: bits, sines of lanes, functions by type."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from llvmlite import ir
+from numba import extending, types
+
+from .. import elementary
+from ..elementary import COS, PI_4, SIN
+from .dispatch import INLINED
+from .lane import DOUBLE, Lane, intrinsic, llvm
+
+overload: Any = extending.overload  # typed too narrowly in numba
+WORD = ir.IntType(64)
+
+
+@intrinsic
+def bits_of(typing: Any, x: Any) -> Any:
+    """The 64 bits of a double, as an integer."""
+    return types.int64(types.float64), lambda context, builder, sig, args: builder.bitcast(
+        args[0], WORD
+    )
+
+
+@intrinsic
+def float_of(typing: Any, x: Any) -> Any:
+    """The double of 64 bits."""
+    return types.float64(types.int64), lambda context, builder, sig, args: builder.bitcast(
+        args[0], DOUBLE
+    )
+
+
+def _sine_and_cosine(builder: Any, x: Any) -> tuple[Any, Any]:
+    """x = n π/2 + r with |r| <= π/4; n's parity picks which is sin r; of a vector or a double."""
+    whole = ir.IntType(64)
+    width = getattr(x.type, "count", 0)
+    if width:
+        whole = ir.VectorType(whole, width)
+
+    def number(value: float) -> Any:
+        return ir.Constant(x.type, [value] * width if width else value)
+
+    def count(value: int) -> Any:
+        return ir.Constant(whole, [value] * width if width else value)
+
+    n = llvm(builder, "rint", builder.fmul(x, number(2.0 / math.pi)))
+    sine, cosine = _near_zero(builder, *_reduced(builder, x, n, number), number)
+    i = builder.fptosi(n, whole)
+    odd = builder.icmp_signed("!=", builder.and_(i, count(1)), count(0))
+
+    def signed(value: Any, i: Any) -> Any:
+        negative = builder.icmp_signed("!=", builder.and_(i, count(2)), count(0))
+        return builder.select(negative, builder.fneg(value), value)
+
+    return (
+        signed(builder.select(odd, cosine, sine), i),
+        signed(builder.select(odd, sine, cosine), builder.add(i, count(1))),
+    )
+
+
+def _reduced(builder: Any, x: Any, n: Any, number: Any) -> tuple[Any, Any]:
+    """(r, what rounding has taken off it): x - n π/2."""
+    r, low = x, number(0.0)
+    for third in PI_4:
+        less = builder.fmul(n, number(2.0 * third))
+        left = builder.fsub(r, less)
+        low = builder.fadd(low, builder.fsub(builder.fsub(r, left), less))
+        r = left
+    return r, low
+
+
+def _near_zero(builder: Any, r: Any, low: Any, number: Any) -> tuple[Any, Any]:
+    """(sine, cosine) of r + low: the small terms are added up before the large ones."""
+    z = builder.fmul(r, r)
+    more = builder.fmul(builder.fmul(r, z), _polynomial(builder, SIN, z, number))
+    sine = builder.fadd(r, builder.fadd(more, low))
+    more = builder.fmul(builder.fmul(z, z), _polynomial(builder, COS, z, number))
+    more = builder.fsub(more, builder.fmul(r, low))
+    half = builder.fmul(number(0.5), z)
+    cosine = builder.fsub(number(1.0), half)
+    lost = builder.fsub(builder.fsub(number(1.0), cosine), half)
+    return sine, builder.fadd(cosine, builder.fadd(more, lost))
+
+
+def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
+    value = number(coefficients[0])
+    for c in coefficients[1:]:
+        value = builder.fadd(builder.fmul(value, z), number(c))
+    return value
+
+
+@intrinsic
+def near(typingctx: Any, x: Any) -> Any:
+    """(sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call."""
+    pair = types.UniTuple(x, 2)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return context.make_tuple(builder, pair, _sine_and_cosine(builder, args[0]))
+
+    return pair(x), code
+
+
+def sine_cosine(x: Any) -> Any:
+    """(sin x, cos x) of a number, or of a lane up to FAR."""
+    return math.sin(x), math.cos(x)
+
+
+@overload(sine_cosine, jit_options=INLINED, strict=False)
+def _sine_cosine(x: Any) -> Any:
+    of_number, of_lane = elementary._of_number, near
+    return (lambda x: of_lane(x)) if isinstance(x, Lane) else (lambda x: of_number(x))
+
+
+@intrinsic
+def place_of(typing: Any, x: Any, n: Any) -> Any:
+    """Number n of a lane."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.extract_element(args[0], args[1])
+
+    return types.float64(x, types.int64), code
+
+
+@intrinsic
+def with_place(typing: Any, x: Any, n: Any, value: Any) -> Any:
+    """A lane with another number n."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.insert_element(args[0], args[2], args[1])
+
+    return x(x, types.int64, types.float64), code
+
+
+def atan2(y: Any, x: Any) -> Any:
+    """The angle of (x, y) from the x axis, -π to π, of numbers or lanes."""
+    return math.atan2(y, x)
+
+
+@overload(atan2, jit_options=INLINED, strict=False)
+def _any_atan2(y: Any, x: Any) -> Any:
+    of_numbers = elementary._atan2
+    if not isinstance(x, Lane):
+        return lambda y, x: of_numbers(y, x)
+    width = x.width
+
+    def of_lanes(y: Any, x: Any) -> Any:  # one place after the other: few ask for it
+        found = y
+        for n in range(width):
+            found = with_place(found, n, of_numbers(place_of(y, n), place_of(x, n)))
+        return found
+
+    return of_lanes

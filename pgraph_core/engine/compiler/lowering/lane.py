@@ -1,0 +1,461 @@
+"""Lane(width): a numba type that is an LLVM vector of doubles, so that one kernel runs W instances.
+
+`lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
+it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
++ - * / neg, their in-place forms, sqrt, floor, min and max with a number, and `sine_cosine` and
+`atan2` of `elementary`; a float becomes a lane where it is stored or meets one. They cannot be
+compared: a kernel for lanes branches on the structure of a mechanism, never on its state.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import extending, types
+from numba.core import cgutils
+from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing import templates
+from numba.core.typing.templates import AbstractTemplate, signature
+from numba.extending import lower_builtin, lower_cast, models, register_model
+
+from ..lane import LANE_WIDTH
+from .dispatch import INLINED
+
+DOUBLE = ir.DoubleType()
+infer_global: Any = templates.infer_global  # untyped in numba
+intrinsic: Any = extending.intrinsic
+overload: Any = extending.overload  # typed too narrowly in numba
+
+
+class Lane(types.Type):
+    """W doubles side by side."""
+
+    def __init__(self, width: int):
+        """A vector type of `width` doubles."""
+        self.width = width
+        super().__init__(name=f"Lane({width})")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Numbers become lanes, so that a constant may be stored."""
+        return Conversion.safe if isinstance(other, (types.Float, types.Integer)) else None
+
+
+@register_model(Lane)
+class LaneModel(models.PrimitiveModel):
+    """In registers and in memory: one LLVM vector."""
+
+    def __init__(self, dmm: Any, fe_type: Lane):
+        super().__init__(dmm, fe_type, ir.VectorType(DOUBLE, fe_type.width))
+
+
+def splat(builder: Any, value: Any, width: int) -> Any:
+    """A double in all places of a vector."""
+    vector = ir.VectorType(DOUBLE, width)
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.IntType(32)(0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
+    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
+
+
+def as_vector(context: Any, builder: Any, value: Any, given: Any, lane: Lane) -> Any:
+    """A lane as it is; a number in all places."""
+    if isinstance(given, Lane):
+        return value
+    return splat(builder, context.cast(builder, value, given, types.float64), lane.width)
+
+
+@lower_cast(types.Float, Lane)
+@lower_cast(types.Integer, Lane)
+def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return as_vector(context, builder, value, fromty, toty)
+
+
+def _binary(name: str, *operators: Any) -> None:
+    """Typing and lowering of one operation between lanes, or a lane and a number."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lane = next((a for a in args if isinstance(a, Lane)), None)
+            fits = all(isinstance(a, (Lane, types.Float, types.Integer)) for a in args)
+            return signature(lane, *args) if lane is not None and len(args) == 2 and fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (
+            as_vector(context, builder, a, given, sig.return_type)
+            for a, given in zip(args, sig.args)
+        )
+        return getattr(builder, name)(x, y)
+
+    for op in operators:
+        infer_global(op)(Template)
+        for pair in (
+            (Lane, Lane),
+            (Lane, types.Float),
+            (types.Float, Lane),
+            (Lane, types.Integer),
+            (types.Integer, Lane),
+        ):
+            lower_builtin(op, *pair)(lower)
+
+
+_binary("fadd", operator.add, operator.iadd)
+_binary("fsub", operator.sub, operator.isub)
+_binary("fmul", operator.mul, operator.imul)
+_binary("fdiv", operator.truediv, operator.itruediv)
+
+
+def _unary(function: Any, emit: Any) -> None:
+    """Typing and lowering of a function of one lane."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            return (
+                signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lane) else None
+            )
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return emit(builder, args[0], sig.return_type.width)
+
+    lower_builtin(function, Lane)(lower)
+
+
+def llvm(builder: Any, name: str, value: Any) -> Any:
+    """An LLVM intrinsic of a vector or a double."""
+    kind = f"v{value.type.count}f64" if isinstance(value.type, ir.VectorType) else "f64"
+    function = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(value.type, [value.type]), f"llvm.{name}.{kind}"
+    )
+    return builder.call(function, [value])
+
+
+_unary(operator.neg, lambda builder, x, width: builder.fneg(x))
+_unary(math.sqrt, lambda builder, x, width: llvm(builder, "sqrt", x))
+_unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
+
+
+def _clamp(function: Any, relation: str) -> None:
+    """min and max of a lane and a lane or number: the first where it stands in `relation` to it."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lane = next((a for a in args if isinstance(a, Lane)), None)
+            fits = all(isinstance(a, (Lane, types.Float)) for a in args)
+            return signature(lane, lane, args[1]) if lane and len(args) == 2 and fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bound = as_vector(context, builder, args[1], sig.args[1], sig.return_type)
+        keep = builder.fcmp_unordered(relation, args[0], bound)  # nan stays nan
+        return builder.select(keep, args[0], bound)
+
+    lower_builtin(function, Lane, types.Float)(lower)
+    lower_builtin(function, Lane, Lane)(lower)
+
+
+_clamp(min, "<")
+_clamp(max, ">")
+
+
+@intrinsic
+def lanes(typingctx: Any, array: Any) -> Any:
+    """A float64 array (..., W), C-contiguous, as an array (...) of lanes over the same memory.
+
+    The caller sees to it that the last axis is `LANE_WIDTH` long.
+    """
+    view = _view_type(array, array.ndim - 1)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        return _view(context, builder, view, source, source.data, 0)
+
+    return view(array), codegen
+
+
+@intrinsic
+def constants(typingctx: Any, array: Any, block: Any) -> Any:
+    """The constants of a block: an array (rows, columns) that all share as it is, or its own,
+    out of (blocks, rows, columns, W), as lanes."""
+    if array.ndim == 2:
+        return array(array, block), lambda context, builder, sig, args: args[0]
+    view = _view_type(array, 2)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        stride = cgutils.unpack_tuple(builder, source.strides)[0]
+        index = context.cast(builder, args[1], sig.args[1], types.intp)
+        start = cgutils.pointer_add(builder, source.data, builder.mul(index, stride))
+        return _view(context, builder, view, source, start, 1)
+
+    return view(array, block), codegen
+
+
+def _view_type(array: Any, ndim: int) -> types.Array:
+    """The type of a view as lanes; unaligned, as NumPy's memory need not suit vectors."""
+    if not (isinstance(array, types.Array) and array.layout == "C"):
+        raise TypeError("lanes view C-contiguous arrays")
+    return types.Array(Lane(LANE_WIDTH), ndim, "C", aligned=False)
+
+
+def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: int) -> Any:
+    """An array of lanes over the memory of `source` from `start`, its first `skip` axes taken."""
+    target = context.make_array(view)(context, builder)
+    shape = cgutils.unpack_tuple(builder, source.shape)[skip:-1]
+    strides = cgutils.unpack_tuple(builder, source.strides)[skip:-1]
+    count = context.get_constant(types.intp, 1)
+    for n in shape:
+        count = builder.mul(count, n)
+    target.data = builder.bitcast(start, context.get_data_type(view.dtype).as_pointer())
+    target.nitems = count
+    target.itemsize = context.get_constant(types.intp, 8 * view.dtype.width)
+    target.shape = cgutils.pack_array(builder, shape)
+    target.strides = cgutils.pack_array(builder, strides)
+    target.meminfo, target.parent = source.meminfo, source.parent
+    return target._getvalue()
+
+
+# -- triples: three numbers in one register, or three lanes ---------------------------------------
+# A wrench whose components are triples is three wrenches, and goes through the same lines as one:
+# the three rows of a block at the cost of one. Three rows of a 3x3 block are three triples.
+
+
+class Triple(Lane):
+    """Three numbers; the fourth place is idle."""
+
+    def __init__(self) -> None:
+        super().__init__(4)
+        self.name = "Triple"
+
+
+register_model(Triple)(LaneModel)
+
+
+class Three(types.Type):
+    """Three numbers of every instance: a triple of lanes."""
+
+    def __init__(self, lane: Lane):
+        self.lane = lane
+        super().__init__(name=f"Three({lane.width})")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Numbers become lanes, so that a triple of constants may be stored."""
+        return Conversion.safe if isinstance(other, Triple) else None
+
+
+@register_model(Three)
+class ThreeModel(models.StructModel):
+    """Three vectors."""
+
+    def __init__(self, dmm: Any, fe_type: Three):
+        super().__init__(dmm, fe_type, [(name, fe_type.lane) for name in "xyz"])
+
+
+TRIPLE, FOUR, LANE = Triple(), Lane(4), Lane(LANE_WIDTH)
+THREE = Three(LANE)
+PAIR = ir.VectorType(DOUBLE, 2)
+WHOLE = ir.VectorType(DOUBLE, 4)
+PLACE = ir.IntType(32)
+
+
+def _parts(builder: Any, three: Any) -> list[Any]:
+    return [builder.extract_value(three, n) for n in range(3)]
+
+
+def _three(context: Any, builder: Any, parts: Any) -> Any:
+    value = ir.Constant(context.get_value_type(THREE), ir.Undefined)
+    for n, part in enumerate(parts):
+        value = builder.insert_value(value, part, n)
+    return value
+
+
+@lower_cast(Triple, Three)
+def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    numbers = [builder.extract_element(value, PLACE(n)) for n in range(3)]
+    return _three(context, builder, [splat(builder, x, LANE_WIDTH) for x in numbers])
+
+
+def _binary_of_threes(name: str, *operators: Any) -> None:
+    """Typing and lowering of one operation between triples of lanes, or one and a lane."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            if len(args) != 2 or not any(isinstance(a, Three) for a in args):
+                return None
+            kinds = [THREE if isinstance(a, (Three, Triple)) else LANE for a in args]
+            return signature(THREE, *kinds)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (
+            _parts(builder, a) if isinstance(given, Three) else [a] * 3
+            for a, given in zip(args, sig.args)
+        )
+        return _three(context, builder, [getattr(builder, name)(a, b) for a, b in zip(x, y)])
+
+    for op in operators:
+        infer_global(op)(Template)
+        for pair in ((Three, Three), (Three, Lane), (Lane, Three)):
+            lower_builtin(op, *pair)(lower)
+
+
+_binary_of_threes("fadd", operator.add, operator.iadd)
+_binary_of_threes("fsub", operator.sub, operator.isub)
+_binary_of_threes("fmul", operator.mul, operator.imul)
+
+
+@infer_global(operator.neg)
+class _NegThree(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(THREE, THREE) if isinstance(args[0], Three) else None
+
+
+@lower_builtin(operator.neg, Three)
+def _neg_three(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return _three(context, builder, [builder.fneg(x) for x in _parts(builder, args[0])])
+
+
+def _mask(*places: int) -> Any:
+    return ir.Constant(ir.VectorType(PLACE, len(places)), list(places))
+
+
+def _pointer(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    """Where entry (i, j) of a C-contiguous array is."""
+    array = context.make_array(kind)(context, builder, values[0])
+    strides = cgutils.unpack_tuple(builder, array.strides)
+    place = builder.mul(values[1], strides[0])
+    place = builder.add(place, builder.mul(values[2], strides[1]))
+    return cgutils.pointer_add(builder, array.data, place)
+
+
+@intrinsic
+def triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
+    """Three numbers side by side, or three lanes."""
+
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return _three(context, builder, args)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = ir.Constant(WHOLE, [0.0] * 4)
+        for n, arg in enumerate(args):
+            value = builder.insert_element(value, arg, PLACE(n))
+        return value
+
+    if any(isinstance(a, Lane) for a in (x, y, z)):
+        return THREE(LANE, LANE, LANE), of_lanes
+    return TRIPLE(types.float64, types.float64, types.float64), code
+
+
+@intrinsic
+def numbers(typingctx: Any, x: Any) -> Any:
+    """The three numbers, or lanes, of a triple, as a tuple."""
+    three = isinstance(x, Three)
+    kind = types.UniTuple(LANE if three else types.float64, 3)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        found = [builder.extract_element(args[0], PLACE(n)) for n in range(3)] if not three else []
+        return context.make_tuple(builder, kind, found or _parts(builder, args[0]))
+
+    return kind(THREE if three else TRIPLE), code
+
+
+@intrinsic
+def four(typingctx: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
+    """Four numbers side by side."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = ir.Constant(WHOLE, ir.Undefined)
+        for n, arg in enumerate(args):
+            value = builder.insert_element(value, arg, PLACE(n))
+        return value
+
+    return FOUR(*[types.float64] * 4), code
+
+
+@intrinsic
+def numbers_of_four(typingctx: Any, x: Any) -> Any:
+    """The four numbers, as a tuple."""
+    kind = types.UniTuple(types.float64, 4)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        found = [builder.extract_element(args[0], PLACE(n)) for n in range(4)]
+        return context.make_tuple(builder, kind, found)
+
+    return kind(FOUR), code
+
+
+@intrinsic
+def load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
+    """a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
+
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        found = [builder.load(builder.gep(place, [PLACE(n)]), align=8) for n in range(3)]
+        return _three(context, builder, found)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        two = builder.load(builder.bitcast(place, PAIR.as_pointer()), align=8)
+        one = builder.load(builder.gep(place, [PLACE(2)]), align=8)
+        last = builder.insert_element(ir.Constant(PAIR, [0.0] * 2), one, PLACE(0))
+        return builder.shuffle_vector(two, last, _mask(0, 1, 2, 3))
+
+    of = isinstance(a.dtype, Lane)
+    return (THREE if of else TRIPLE)(a, types.intp, types.intp), of_lanes if of else code
+
+
+@intrinsic
+def store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
+    """a[i, j], a[i, j + 1], a[i, j + 2] from a triple."""
+
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        for n, part in enumerate(_parts(builder, args[3])):
+            builder.store(part, builder.gep(place, [PLACE(n)]), align=8)
+        return context.get_dummy_value()
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        two = builder.shuffle_vector(args[3], ir.Constant(WHOLE, ir.Undefined), _mask(0, 1))
+        builder.store(two, builder.bitcast(place, PAIR.as_pointer()), align=8)
+        builder.store(
+            builder.extract_element(args[3], PLACE(2)), builder.gep(place, [PLACE(2)]), align=8
+        )
+        return context.get_dummy_value()
+
+    of = isinstance(a.dtype, Lane)
+    kinds = (a, types.intp, types.intp, THREE if of else TRIPLE)
+    return types.void(*kinds), of_lanes if of else code
+
+
+@intrinsic
+def beyond(typingctx: Any, x: Any, least: Any) -> Any:
+    """A triple with zero in place of numbers that are at most `least` in size; nan stays nan."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        three = isinstance(signature.return_type, Three)
+        bound = args[1] if three else splat(builder, args[1], 4)
+        found = []
+        for y in _parts(builder, args[0]) if three else [args[0]]:
+            keep = builder.fcmp_unordered(">", llvm(builder, "fabs", y), bound)
+            found.append(builder.select(keep, y, ir.Constant(y.type, [0.0] * y.type.count)))
+        return _three(context, builder, found) if three else found[0]
+
+    if isinstance(x, Three):
+        return THREE(THREE, LANE), code
+    return TRIPLE(TRIPLE, types.float64), code
+
+
+def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
+    """A function of (rows, work, q): the one or the other, as the entries of q are lanes or not."""
+
+    def of_any(rows: Any, work: Any, q: Any) -> Any:
+        return of_numbers(rows, work, q)
+
+    @overload(of_any, jit_options=INLINED, strict=False)
+    def _of_any(rows: Any, work: Any, q: Any) -> Any:
+        if isinstance(q.dtype, Lane):
+            return lambda rows, work, q: of_lanes(rows, work, q)
+        return lambda rows, work, q: of_numbers(rows, work, q)
+
+    return of_any

@@ -1,0 +1,101 @@
+"""Which files a kernel is compiled from, and hashes that change where their code does."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+import tokenize
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+from .jit import ENGINE
+
+IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+HERE = Path(__file__).parent
+# how machine code is kept, found and called: no kernel is compiled from it
+KEEPING = {
+    HERE / f"{name}.py" for name in ("archive", "building", "calls", "loading", "sources", "wasm")
+}
+
+
+@cache
+def imported(module: Path) -> tuple[Path, ...]:
+    """The files that a module imports by `from .x import y`, the only form in the engine."""
+    found: list[Path] = []
+    for dots, dotted, names in IMPORT.findall(module.read_text(encoding="utf-8")):
+        package = module.parents[len(dots) - 1].joinpath(*filter(None, dotted.split(".")))
+        inside = [package / f"{name}.py" for name in re.findall(r"\w+", names)]
+        candidates = (package.with_suffix(".py"), package / "__init__.py", *inside)
+        found += [path for path in candidates if path.is_file() and path not in KEEPING]
+    return tuple(found)
+
+
+@cache
+def sources(module: Path) -> frozenset[Path]:
+    """A module's file and those of all that it imports, directly or not."""
+    found, new = {module}, [module]
+    while new:
+        more = set(imported(new.pop())) - found
+        found |= more
+        new += more
+    return frozenset(found)
+
+
+def hash_of(files: Iterable[Path]) -> str:
+    """Hash of what files compile to, and of where they are in the package."""
+    parts = sorted((name_of(path), code_hash(path)) for path in files)
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+
+
+def name_of(path: Path) -> str:
+    """A file's name below the engine; `../show/raster.py` for one beside it."""
+    return Path(os.path.relpath(path, ENGINE)).as_posix()
+
+
+@cache
+def digest_of(path: Path) -> str:
+    """Hash of a file's bytes; "" where it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError:
+        return ""
+
+
+CODE_OF: dict[str, str] = {}  # {hash of bytes: hash of code} as far as they are known
+
+
+@cache
+def code_hash(path: Path) -> str:
+    """Hash of a file's code, without comments and docstrings."""
+    digest = digest_of(path)
+    if digest not in CODE_OF:
+        text = code_of(path.read_text(encoding="utf-8"))
+        CODE_OF[digest] = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return CODE_OF[digest]
+
+
+def code_of(source: str) -> str:
+    """A source without what changes no code: comments, docstrings, spaces."""
+    parts: list[str] = []
+    begins, said = True, False  # a statement begins; a docstring stood before
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in (tokenize.COMMENT, tokenize.NL):
+            continue
+        if token.type == tokenize.STRING and begins:
+            begins, said = False, True
+            continue
+        if token.type == tokenize.INDENT:
+            parts.append("{")
+        elif token.type == tokenize.DEDENT:
+            parts.append("}")
+        elif token.type == tokenize.NEWLINE:
+            parts += [] if said else ["\n"]
+            begins = True
+        else:
+            parts.append(token.string)
+            begins = False
+        said = False
+    return "".join(parts)

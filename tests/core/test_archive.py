@@ -1,0 +1,170 @@
+"""The archive of kernels: it belongs to its sources, and a run needs no compiler where it fits."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from pgraph_core.engine.compiler import archive, sources
+from pgraph_core.engine.compiler.jit import JIT
+
+pytestmark = pytest.mark.skipif(not JIT, reason="nothing is compiled")
+STALE = archive.current().stale() or archive.current().problem
+fits = pytest.mark.skipif(bool(STALE), reason=f"make the archive again: {archive.COMMAND}")
+
+RUN = """
+import hashlib, sys
+import pgraph_core as pg
+run = pg.simulate(pg.Model.serial(3), t_end=0.1)
+print(hashlib.sha256(run.q.tobytes() + run.v.tobytes()).hexdigest(), "numba" in sys.modules)
+"""
+
+
+def told(*lines: str, **environment: str) -> tuple[str, str]:
+    """Return what a new process prints, and what it says besides."""
+    code = "\n".join((*lines, RUN))
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **environment}, check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    return done.stdout, done.stderr
+
+
+def with_archive(path: Path) -> str:
+    """Return the line that lets a process take another archive."""
+    return (
+        "import pathlib; from pgraph_core.engine.compiler import archive; "
+        f"archive.FILE = pathlib.Path({str(path)!r}); "
+        "archive.current = lambda one=archive.Archive(archive.FILE): one"
+    )
+
+
+@pytest.mark.nightly
+def test_no_kernel_of_the_archive_is_older_than_its_sources():
+    assert not archive.current().problem
+    assert archive.current().stale() == []
+
+
+@fits
+def test_every_kernel_of_the_package_is_in_the_archive():
+    code = (
+        "from pgraph_core.engine import every_kernel\n"
+        "from pgraph_core.engine.compiler import archive, loading\n"
+        "known = set(archive.current().names())\n"
+        "for one in every_kernel():\n"
+        "    for i in range(len(one.signatures)):\n"
+        "        if (name := loading.name_of(one, i)) not in known: print(name)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout.split() == []
+
+
+@fits
+def test_a_first_run_needs_no_compiler_and_says_nothing(tmp_path):
+    found, said = told(PGRAPH_CACHE=str(tmp_path))
+    assert found.split()[1] == "False"
+    assert said == ""
+    assert told(PGRAPH_CACHE=str(tmp_path)) == (found, "")
+
+
+@fits
+@pytest.mark.nightly
+def test_two_processes_at_once_and_folders_that_cannot_be_written_give_the_same_bits(tmp_path):
+    (tmp_path / "file").write_text("")
+    closed = {"PGRAPH_CACHE": str(tmp_path / "file"), "XDG_CACHE_HOME": str(tmp_path / "file")}
+    with ThreadPoolExecutor(2) as both:
+        again = both.map(lambda _: told(PGRAPH_CACHE=str(tmp_path)), range(2))
+        assert {*again, told(**closed), told(PGRAPH_PROCESSOR="generic")} == {told()}
+
+
+def problem(path: Path) -> str:
+    return archive.Archive(path).problem
+
+
+def test_a_file_that_is_no_archive_says_why_and_has_no_kernels(tmp_path, monkeypatch):
+    path = tmp_path / "kernels.archive"
+    assert "missing" in problem(path)
+    index = {"llvm": (1, 0, 0), "kernels": {}, "pieces": {}, "groups": [], "files": {}}
+    path.write_bytes(whole := archive.written(index, {"plain": b"123"}))
+    assert problem(path) == ""
+    for content in (
+        b"", whole[:20], whole[:-1], whole + b"0", bytes(1) + whole[1:],
+        whole[:40] + bytes([whole[40] ^ 1]) + whole[41:],
+    ):  # fmt: skip
+        path.write_bytes(content)
+        assert "damaged" in problem(path)
+        assert archive.Archive(path).pieces("engine.motion.acceleration:0") is None
+    path.write_bytes(archive.written({**index, "llvm": (10**6, 0, 0)}, {}))
+    assert "LLVM 1000000.0.0" in problem(path)
+    monkeypatch.setattr(archive, "FORM", -1)
+    path.write_bytes(whole := archive.written(index, {}))
+    monkeypatch.undo()
+    assert "version" in problem(path)
+    path.unlink()
+    path.mkdir()
+    assert "cannot be read" in problem(path)
+
+
+def test_a_kernel_is_stale_where_a_file_of_its_own_has_other_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "ENGINE", tmp_path)
+    texts = {"a.py": "x = 1\n", "b.py": "y = 2\n"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    index = {
+        "llvm": (1, 0, 0),
+        "kernels": {
+            "one": {"symbol": "s", "pieces": ["p"], "files": 0},
+            "both": {"symbol": "t", "pieces": ["p", "q"], "files": 1},
+        },
+        "pieces": {"p": ("plain", 0, 1), "q": ("plain", 1, 1)},
+        "groups": [["a.py"], ["a.py", "b.py"]],
+        "files": {
+            name: (
+                hashlib.sha256(text.encode()).hexdigest()[:16],
+                sources.code_hash(tmp_path / name),
+            )
+            for name, text in texts.items()
+        },
+    }
+    path = tmp_path / "kernels.archive"
+    path.write_bytes(archive.written(index, {"plain": b"pq"}))
+
+    def stale(**edits: str) -> list[str]:
+        for name, text in edits.items():
+            (tmp_path / f"{name}.py").write_text(text)
+        for kept in (sources.digest_of, sources.code_hash):
+            kept.cache_clear()
+        return archive.Archive(path).stale()
+
+    assert stale() == []
+    assert stale(b='"""Said."""\n\ny = 2  # again\n') == []
+    assert stale(b="y = 3\n") == ["both"]
+    assert stale(b="y = 2\n", a="x = 2\n") == ["one", "both"]
+    (tmp_path / "a.py").unlink()
+    assert stale() == ["one", "both"]
+    found = archive.Archive(path)
+    assert "older" in found.why("one")
+    assert "lacks" in found.why("three")
+    assert found.bitcode("q") == b"q"
+
+
+@fits
+@pytest.mark.nightly
+def test_without_a_usable_archive_a_run_has_the_same_bits_and_one_sentence_why(tmp_path):
+    whole = archive.FILE.read_bytes()
+    wanted, _ = told()
+    for k, content in enumerate((None, whole[: len(whole) // 2])):
+        path = tmp_path / f"{k}.archive"
+        if content is not None:
+            path.write_bytes(content)
+        found, said = told(with_archive(path), PGRAPH_CACHE=str(tmp_path / "cache"))
+        assert found.split()[0] == wanted.split()[0]
+        if k == 0:
+            assert said.count("\n") == 1
+            assert "archive of kernels is missing" in said
+        else:
+            assert said == ""  # the cache has what was compiled before
