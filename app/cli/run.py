@@ -19,7 +19,6 @@ from .terminal import (
     Bar,
     Command,
     aligned,
-    compile_kernels,
     count,
     duration,
     first_scenario,
@@ -68,9 +67,7 @@ def run(args: Namespace) -> Answer:
     model = open_model(args)
     scenario = first_scenario(model, args.scenario)
     bar = progress_bar()
-    compiling = time.perf_counter()
-    compile_kernels(bar)
-    compiling = time.perf_counter() - compiling
+    bar("loading", 0.0)  # kernels: at a first start a second or two
     result = pg.simulate(
         pg.Mechanism(model),
         scenario=scenario,
@@ -83,7 +80,6 @@ def run(args: Namespace) -> Answer:
     elif args.output:
         result.save(args.output)
     data = {"model": model.name, "scenario": scenario} | facts(result)
-    data["timing"] = {"compile": compiling} | data["timing"]
     if args.output:
         data["output"] = args.output
     return Answer(data, "\n".join(_run_lines(data)), "" if result.status.ok else result.message)
@@ -201,7 +197,6 @@ def sweep(args: Namespace) -> Answer:
             text = "is a range, of which a grid takes no points: give PATH=first:last:points, "
             raise pg.InputError(pg.Problem("sweep", path, f"{text}or --samples"))
     bar = progress_bar()
-    compile_kernels(bar)
     table = pg.sweep(
         model, dict(args.set), args.metric, first_scenario(model, args.scenario),
         samples=args.samples, n=args.n, seed=args.seed, workers=args.workers,
@@ -324,7 +319,6 @@ def _drawn(args: Namespace, film: bool) -> Answer:
     elif not film and args.what == "view" and args.at is None and args.scenario is None:
         model.to_image(args.output, **sized, **look)
     else:
-        compile_kernels(bar)
         run = pg.simulate(model, scenario=scenario, **_options(args))
         if args.what == "plot":
             run.to_plot(args.output, *args.columns, **sized)
@@ -347,7 +341,7 @@ def _page(args: Namespace) -> Answer:
 
     model, bar = open_model(args), progress_bar()
     scenario, why = first_scenario(model, args.scenario), ""
-    bar("compiling", 0.0)  # at a first start: what this model needs, and nothing else
+    bar("loading", 0.0)
     if args.live or args.open:
         result, why = exported(model, scenario, args.open, args.t_end, Path(args.output))
     else:

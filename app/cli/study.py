@@ -16,7 +16,6 @@ from .terminal import (
     Answer,
     Bar,
     Command,
-    compile_kernels,
     count,
     first_scenario,
     model_argument,
@@ -74,7 +73,6 @@ def report(args: Namespace) -> Answer:
     _writable(args.output, pg.Study.SUFFIXES)
     mech, options = _motion(args)
     bar = progress_bar()
-    compile_kernels(bar)
     study = _study(mech, args, options, bar)
     data = json.loads(study.to_json())
     if args.output:

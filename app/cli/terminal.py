@@ -263,11 +263,3 @@ def _draw(what: str, fraction: float) -> bool:
 
 def _ignore(what: str, fraction: float) -> bool:
     return True
-
-
-def compile_kernels(bar: Bar) -> None:
-    """Compile or load the kernels, so that later times are those of runs."""
-    from pgraph_core.engine import warm_up
-
-    for i, n, _ in warm_up():
-        bar("compiling", i / n)

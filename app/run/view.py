@@ -119,7 +119,7 @@ def kernels(state: State) -> Payload | None:
         return {"text": f"The fast code did not compile: {k.problem}", "fraction": -1.0}
     if not k.total:
         return {"text": "Preparing the fast code ...", "fraction": None}
-    said = f"Compiling the fast code, {k.done} of {k.total}: {k.name}"
+    said = f"Compiling the fast code, about half a minute: {k.done} of {k.total}, {k.name}"
     return {"text": f"{said}. Editing works meanwhile.", "fraction": k.done / k.total}
 
 
@@ -129,6 +129,8 @@ def job(state: State) -> Payload | None:
     if not state.kernels.ready:
         return {"text": "waits until the fast code is compiled", "fraction": None}
     fraction = state.job.fraction
+    if not fraction:  # it loads its kernels
+        return {"text": "starting ...", "fraction": None}
     return {"text": f"{100 * fraction:.0f} %", "fraction": fraction}
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pgraph_core as pg
+from pgraph_core.engine.compiler.archive import current
 from pgraph_core.markup import reason_of
 from pgraph_core.model.files import shown_path
 
@@ -85,20 +86,38 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
     return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 
 
-class Compiler:
-    """Compiles the kernels in a process of its own and tells how far it is."""
+def why_compiled() -> str:
+    """Return why numba has to compile kernels of usual runs; "" where the package brings them."""
+    found = current()
+    return found.problem or next(map(found.why, found.stale()), "")
 
-    def __init__(self, send: Send, command: tuple[str, ...] = COMPILE):
-        self._send = send
+
+class Compiler:
+    """Compiles kernels in a process of its own, where the package brings none that fit.
+
+    Where it does, a run loads what it needs by itself, in a second or two at the first start.
+    """
+
+    def __init__(
+        self,
+        send: Send,
+        command: tuple[str, ...] = COMPILE,
+        why: Callable[[], str] = why_compiled,
+    ):
+        self._send, self._why = send, why
         self._command = (sys.executable, *command)
         self._process: subprocess.Popen[str] | None = None
         threading.Thread(target=self._watch, name="pgraph-compile", daemon=True).start()
 
     def stop(self) -> None:
+        """End the process."""
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
 
     def _watch(self) -> None:
+        if not self._why():
+            self._send(Compiled())
+            return
         said = ""
         with subprocess.Popen(
             self._command,
@@ -113,8 +132,9 @@ class Compiler:
                 match line.split(maxsplit=2):
                     case [done, total, name] if done.isdigit() and total.isdigit():
                         self._send(Compiling(int(done), int(total), name.strip()))
-                    case [*_]:
-                        said = line.strip() or said
+                    case [*_] if line.strip():
+                        said = line.strip()
+                        print(said, file=sys.stderr, flush=True)
         self._send(Compiled(said if process.returncode else ""))
 
 

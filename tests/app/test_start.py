@@ -1,10 +1,18 @@
-"""The start of the page."""
+"""The start of the page: what it waits for, and what it does not."""
 
 import threading
 import urllib.request
 
+import pytest
+
 import pgraph_core as pg
 from pgraph_app import server
+from pgraph_app.run import worker
+from pgraph_app.run.update import Compiled, Compiling
+from pgraph_app.run.worker import Compiler, why_compiled
+from pgraph_core.engine.compiler.archive import Archive
+
+from .store import until
 
 
 def test_a_browser_that_returns_late_holds_up_nothing(monkeypatch, tmp_path):
@@ -18,3 +26,39 @@ def test_a_browser_that_returns_late_holds_up_nothing(monkeypatch, tmp_path):
     finally:
         closed.set()
         page.stop()
+
+
+def events_of(code: str, why: str) -> list[object]:
+    """Return what a compiler sends whose process runs this code."""
+    sent: list[object] = []
+    Compiler(sent.append, ("-c", code), lambda: why)
+    until(lambda: any(isinstance(event, Compiled) for event in sent), "the end of the compiler")
+    return sent
+
+
+def test_no_process_is_started_where_the_package_brings_the_kernels():
+    assert events_of("raise SystemExit('started')", "") == [Compiled()]
+
+
+def test_progress_goes_to_the_page_and_reasons_to_the_terminal(capfd):
+    code = "print('1 2 a'); print('it is damaged'); print('2 2 b c'); print('12 words')"
+    sent = events_of(code, "it is damaged")
+    assert sent == [Compiling(1, 2, "a"), Compiling(2, 2, "b c"), Compiled()]
+    assert capfd.readouterr().err.splitlines() == ["it is damaged", "12 words"]
+
+
+@pytest.mark.parametrize(
+    "code", ["raise SystemExit('no disk')", "print('1 2 a'); raise SystemExit('no disk')"]
+)
+def test_a_failure_reaches_the_page(code, capfd):
+    assert events_of(code, "it is damaged")[-1] == Compiled("no disk")
+    assert "no disk" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("content", [None, b"", b"\0" * 100])
+def test_an_archive_that_cannot_be_used_is_a_reason(tmp_path, monkeypatch, content):
+    path = tmp_path / "kernels.archive"
+    if content is not None:
+        path.write_bytes(content)
+    monkeypatch.setattr(worker, "current", lambda: Archive(path))
+    assert "archive" in why_compiled()
