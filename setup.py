@@ -18,8 +18,14 @@ FOLDERS = {
     "pgraph_models": "static_models",
     "pgraph_peers": "peers",
 }
-LIBRARY = ["numpy>=2.0", "scipy>=1.13", "numba>=0.61,<0.69", "pydantic>=2.9"]
-PAGE = [
+LIBRARY = [
+    "numpy>=2.0",
+    "scipy>=1.13",
+    "llvmlite>=0.50",  # the archive of kernels is bitcode of its LLVM, which older ones cannot read
+    "pydantic>=2.9",
+]
+REST = [
+    "numba>=0.61,<0.69",  # compiles functions of the user, and kernels that the archive lacks
     "trimesh>=4.5",
     "viser==1.1.1",  # pinned: app/core/bridge.py knows names that viser does not document
     "websockets>=13",  # used by app/core/bridge.py; viser brings it
@@ -58,7 +64,7 @@ def main() -> None:
                 for package, folder in FOLDERS.items()
                 for part in ("", *find_namespace_packages(folder, exclude=["*__pycache__*"]))
             ],
-            install_requires=LIBRARY if lean else LIBRARY + PAGE,
+            install_requires=LIBRARY if lean else LIBRARY + REST,
             long_description=for_index(readme, project["urls"].get("Source")),
             long_description_content_type="text/markdown",
             options={"build": {"build_base": build}},

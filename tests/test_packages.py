@@ -17,6 +17,9 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+from pgraph_core.engine.compiler.archive import FILE, File
 
 ROOT = Path(__file__).parent.parent
 OURS = {
@@ -132,6 +135,15 @@ def test_every_link_of_the_readme_works_on_an_index(address: str | None):
     assert [link for link in LINK.findall(shown) if not link.startswith("https://")] == []
 
 
+@pytest.mark.quick
+def test_every_llvmlite_that_is_allowed_reads_the_archive_of_kernels():
+    (bound,) = (x for x in map(Requirement, SETUP["LIBRARY"]) if x.name == "llvmlite")
+    made_by = File(FILE).index["made_by"]["llvmlite"]
+    (least,) = bound.specifier
+    assert least.operator == ">="
+    assert Version(least.version).release[:2] == Version(made_by).release[:2]
+
+
 @pytest.mark.nightly
 def test_the_wheel_has_every_file_of_every_package_and_no_other_names(wheel: Path, lean: Path):
     names = {name.split("/")[0] for name in shipped(wheel)}
@@ -180,10 +192,10 @@ def test_a_deleted_module_is_in_no_later_wheel(tmp_path: Path):
 
 @pytest.mark.nightly
 def test_what_an_installation_brings(wheel: Path, lean: Path):
-    page = {"viser", "trimesh", "websockets"}
-    assert len(brought(lean)) <= 9
-    assert brought(wheel) >= brought(lean) | page
-    assert not brought(lean) & page
+    rest = {"viser", "trimesh", "websockets", "numba"}
+    assert len(brought(lean)) <= 8
+    assert brought(wheel) >= brought(lean) | rest
+    assert not brought(lean) & rest
 
 
 @pytest.mark.nightly
@@ -203,6 +215,19 @@ def test_a_lean_installation_simulates_and_refuses_the_page(lean: Path, tmp_path
         ("export", "pendulum", "-o", "b.png"),
     ):
         assert "PGRAPH_LEAN" in output(pgraph, *words, cwd=tmp_path, code=1)
+
+
+@pytest.mark.nightly
+def test_install_run_and_uninstall_leave_nothing(wheel: Path, tmp_path: Path):
+    python = environment_of(brought(wheel), tmp_path / "environment")
+    (site,) = tmp_path.glob("environment/lib/python*/site-packages")
+    before = {file.name for file in site.iterdir()}
+    output(*PIP, "--python", python, "install", "--no-deps", wheel, cwd=tmp_path)
+    home = {"HOME": str(tmp_path), "PGRAPH_CACHE": "", "PYTHONDONTWRITEBYTECODE": ""}
+    output(python.parent / "pgraph", "run", "double_pendulum", cwd=tmp_path, **home)
+    output(*PIP, "--python", python, "uninstall", "-y", "pgraph-dynamics", cwd=tmp_path)
+    assert {file.name for file in site.iterdir()} - {"__pycache__"} == before
+    assert not (python.parent / "pgraph").exists()
 
 
 @pytest.mark.nightly
