@@ -45,7 +45,7 @@ browser: $(VENV)/installed-for-tests
 
 # Before the tests, so that their processes do not compile the same kernels at the same time.
 kernels: $(VENV)/installed-for-tests
-	@echo "Compiling the kernels ..."
+	@echo "Making machine code of the kernels, usually in 10 s ..."
 	@$(BIN)/python -m pgraph_core.engine --all > /dev/null
 
 site: $(VENV)/installed-for-nights ## the documents as a site with living figures, in build/site
