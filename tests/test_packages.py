@@ -35,6 +35,8 @@ SETUP = runpy.run_path(str(ROOT / "setup.py"))
 
 def output(*words: str | Path, cwd: Path, code: int = 0, **environment: str) -> str:
     """Run a command; its standard output, or what it says on the other channel if it fails."""
+    if words[0] != sys.executable:  # of another environment, which is to see its own packages alone
+        environment["PYTHONPATH"] = ""
     done = subprocess.run(
         [*map(str, words)], cwd=cwd, env=os.environ | environment, capture_output=True, text=True
     )
@@ -215,6 +217,13 @@ def test_a_lean_installation_simulates_and_refuses_the_page(lean: Path, tmp_path
         ("export", "pendulum", "-o", "b.png"),
     ):
         assert "PGRAPH_LEAN" in output(pgraph, *words, cwd=tmp_path, code=1)
+    (archive,) = tmp_path.glob("environment/lib/python*/site-packages/pgraph_core/engine/*.archive")
+    archive.write_bytes(archive.read_bytes()[:-1])
+    cold = {"PGRAPH_CACHE": str(tmp_path / "cache")}
+    refused = output(pgraph, "run", "double_pendulum", cwd=tmp_path, code=1, **cold)
+    assert "archive" in refused
+    assert "pip install numba" in refused
+    assert "Traceback" not in refused
 
 
 @pytest.mark.nightly
