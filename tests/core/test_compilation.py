@@ -40,7 +40,8 @@ def test_a_session_with_the_models_that_come_along_compiles_nothing(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", USE], check=True, capture_output=True, text=True, env=given
     )
-    assert (done.stdout.strip(), done.stderr) == ("False", "")
+    assert done.stdout.strip() == "False"
+    assert "pgraph:" not in done.stderr  # it says why kernels are compiled; warnings are others
 
 
 @pytest.mark.nightly
