@@ -91,19 +91,6 @@ def test_american_spellings_do_the_same():
     np.testing.assert_array_equal(mech.linearize(q, v).A, mech.linearise(q, v).A)
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"com": (0, 0, -500)}, {"link": (300, 0, 0)}, {"tip": (0, 250, 0)}, {"mass": 2e5},
-        {"mass": 1e6, "com": (0, 0, 1)},
-    ],
-)  # fmt: skip
-def test_millimetres_and_grams_are_noticed(fields):
-    (doubt,) = pg.Model(bodies=[pg.Body(name="a", **fields, inertia=(1, 1, 1))]).doubts
-    assert "'a'" in doubt
-    assert "millimetres" in doubt or "grams" in doubt
-
-
 def test_a_run_goes_to_matlab_with_its_names_and_units(tmp_path):
     from scipy.io import loadmat
 

@@ -8,7 +8,17 @@ import numpy as np
 
 from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine.arrays import FACTORED, LEAST, VECTORS, Contacts, Islands, Links, User, Workspace
+from ..engine.arrays import (
+    CALMED,
+    FACTORED,
+    LEAST,
+    VECTORS,
+    Contacts,
+    Islands,
+    Links,
+    User,
+    Workspace,
+)
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.records import (
     BODY_WRENCH,
@@ -350,7 +360,7 @@ def workspace(
         np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros((count, at.PLACE)),
-        np.zeros((VECTORS, max(most + 2, nq, nv, 3))),
+        np.zeros((VECTORS, max(most + 2, nq, nv, CALMED + 1))),
         np.zeros((n, 3)),
         np.zeros((n, 6)),
         table(WATCH, 1),

@@ -104,7 +104,7 @@ class Workspace(NamedTuple):
     omega: Any  # (m, m) Delassus matrix
     factor: Any  # (m, m) of omega
     place: Any  # (nb, 15) where and along what a block acts
-    vectors: Any  # (VECTORS, max(m, nq, 3)) rows are named above
+    vectors: Any  # (VECTORS, at least m, nq, CALMED + 1) rows are named above
     linear: Any  # (n + 1, 3) velocities of origins [m/s]
     carried: Any  # (n + 1, 6) wrenches on their way to the ground
     watch: Any  # (1,) where the pivots of omega dip in a run

@@ -15,7 +15,6 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
-from ..model.doubts import HEAVY, TALL
 from ..model.fields import GROUND
 from ..model.files import ALLOW
 from ..model.model import LOST
@@ -230,6 +229,8 @@ NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit where a format asks for 
 
 # -- units -----------------------------------------------------------------------------------------
 
+TALL = 100.0  # m between two bodies
+HEAVY = 1e5  # kg of one body
 SPREAD = 5.0  # radius of gyration over the size of the model
 TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
 

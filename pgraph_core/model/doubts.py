@@ -93,14 +93,6 @@ def _units(model: Any) -> Iterator[str]:
     if pull > MOST_GRAVITY:
         text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
         yield f"model: gravity is {pull:g} m/s², {text}"
-    far = {b.name: max(map(math.hypot, *zip(*_places(b)))) for b in model.bodies}
-    farthest = max(far, key=far.__getitem__, default="")
-    if far and far[farthest] > TALL:
-        text = f"has points {far[farthest]:.4g} m from its joint or its parent's; lengths are in m"
-        yield f"body '{farthest}': it {text}: are they given in millimetres?"
-    heaviest = max(model.bodies, key=lambda b: b.mass, default=None)
-    if heaviest is not None and heaviest.mass > HEAVY:
-        yield f"body '{heaviest.name}': it has {heaviest.mass:.4g} kg: is its mass in grams?"
     for body in model.bodies:
         spans = zip(body.sequence, body.limits)
         turned = [
@@ -113,11 +105,6 @@ def _units(model: Any) -> Iterator[str]:
         if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
             yield f"body '{body.name}': {several_turns(body.q[0])}"
             return
-
-
-def _places(body: Body) -> list[Vec3]:
-    """Vectors of a body that are lengths [m]."""
-    return [body.link, body.com, body.tip or (0.0, 0.0, 0.0)]
 
 
 def _starts(bodies: Sequence[Body]) -> Iterator[str]:
@@ -251,8 +238,6 @@ def _idle_parameters(model: Any) -> Iterator[str]:
             yield f"parameter '{name}': no formula uses it"
 
 
-TALL = 100.0  # m between two bodies
-HEAVY = 1e5  # kg of one body
 MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
 MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
 Z = (0.0, 0.0, 1.0)

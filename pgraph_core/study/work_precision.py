@@ -174,7 +174,6 @@ class Work:
         self.notes: list[str] = []
         self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
-        self.bent: set[str] = set()  # notices of all runs
         self.steps_took: dict[tuple[str, Setting], list[float]] = {}  # seconds
 
     def study(self, known: Reference | None, rate: float, target: float | None) -> Study:
@@ -291,7 +290,6 @@ class Work:
         return run
 
     def _row(self, one: Participant, setting: Setting, done: Outcome, known: Reference) -> Row:
-        self.bent |= set(done.notices)
         if not done.ok or len(done.motion.q) != len(known.t):
             return Row.of(one, setting, done._replace(ok=False), None, 0.0)
         reached = Errors.of(known.errors(done.motion))
@@ -322,8 +320,6 @@ class Work:
 
     def _why(self, name: str, seen: float | None, rate: float) -> str:
         method = METHODS[name]
-        if any("corner" in text for text in self.bent):
-            return "tables bend inside its steps"
         if self.task.impulses and method.eventful:
             return "impacts and changes of contact lie inside its steps"
         if self.task.touching:

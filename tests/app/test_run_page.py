@@ -109,7 +109,7 @@ def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     until(lambda: served.store.state.request.step == 1e-4, "a long run's settings")
     page.locator("button.simulate").click()
     until(lambda: served.store.state.job, "the run under way")
-    page.locator("button.cancel").click()
+    page.get_by_title("Stop the simulation").click()
     until(lambda: served.store.state.job is None, "the run cancelled")
     page.wait_for_function(
         "[...document.querySelectorAll('[data-view=run]')].some((one) =>"

@@ -73,7 +73,7 @@ from ..contact.contacts import (
     slides_now,
     touching,
 )
-from ..contact.impulse import solve_impulses
+from ..contact.impulse import TOLERANCE, solve_impulses
 from ..contact.meeting import (
     closed_limit,
     first_meeting,
@@ -152,9 +152,10 @@ def moreau_jean(run, h):
     done = 0.0
     parts = 0
     w = 0.0
+    stuck = False
     while True:
         left = h - done
-        again = parts < MOST_PARTS
+        again = parts < MOST_PARTS and not stuck
         if w > 0.0 and again and hits_at_once(scene, h, q, v, vdot):
             w = 0.0
         elif part_of_step(run, done, h, left, again):
@@ -169,6 +170,7 @@ def moreau_jean(run, h):
         part_of_step(run, done, h, w, False)
         if w == left:
             break
+        stuck = w == 0.0 and not changed(stages[at.TRIAL], stages[at.CANDIDATE], nq, nv)
         tally.cuts += 1
         done += w
     if parts == MOST_PARTS:  # what is left was taken at once, as a time step without location
@@ -180,6 +182,20 @@ def moreau_jean(run, h):
         note_passages(scene, t + h)
     tally.frozen = FROZEN
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
+
+
+@sweep
+def changed(before, after, nq, nv):
+    """Return whether an impact changed velocities by more than the solver's tolerance.
+
+    One that did not would be met again at once, as where a motion pushes into the ground.
+    """
+    most = 0.0
+    change = 0.0
+    for j in range(nq, nq + nv):
+        most = max(most, abs(before[j]))
+        change = max(change, abs(after[j] - before[j]))
+    return change > TOLERANCE * most
 
 
 @sweep
