@@ -4,10 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
-import pgraph_models
 from tests.worlds import WHOLE
 
 ROOT = Path(__file__).parent.parent
@@ -26,11 +26,9 @@ def test_the_tour_of_the_readme_runs(capsys):
     (tour,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     exec(compile(tour, "README.md", "exec"), {})
     out = capsys.readouterr().out
-    model = pg.Model.load(pgraph_models.path("quadruped"))
-    assert str(pg.Mechanism(model).pgraph) in out
     assert "1001 frames" in out
     assert "notice" not in out
-    assert " N on the left hind paw" in out
+    assert 0.0 < float(out.split()[-2]) < np.pi  # the largest angle of the hand [rad]
 
 
 def test_links_pictures_and_files_of_the_documents_are_there():

@@ -73,6 +73,7 @@ def test_an_impossible_inertia_is_refused_with_its_offer_and_repaired(bench, ser
     nothing_refused(bench)
     bench.keyboard.press("Control+z")
     until(lambda: model(served) is before, "one undo step")
+    until(lambda: field(bench, "inertia", 8).input_value() != "1", "the undo on the page")
     for k in (0, 4, 8):  # number by number: taken once it is possible
         typed(field(bench, "inertia", k), "7")
     until(lambda: model(served).body("2").inertia[0][0] == 7.0, "a possible inertia")
