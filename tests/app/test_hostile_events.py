@@ -119,7 +119,9 @@ CAUGHT = {
 @pytest.mark.parametrize("what", CAUGHT)
 def test_what_a_fuzz_test_found_stays_fixed(what):
     rod = pg.Distance(name="rod", body="12", point=(0, 0, 0), other_point=(0, 0, 0), length=5.0)
-    after(begun(pg.Model.serial(12).add(rod)), *CAUGHT[what])
+    state = after(begun(pg.Model.serial(12).add(rod)), *CAUGHT[what])
+    assert pg.Model.from_json(state.model.to_json()) == state.model
+    assert len(state.model.bodies) == 12
 
 
 @pytest.mark.parametrize("name", ["quadruped_hips", "four_bar", "rolling_disc"])
