@@ -17,6 +17,15 @@ from pgraph_app.cli.main import main as pgraph
 HERE = Path(__file__).parent
 COMMAND = re.compile(r"^    pgraph (export .*--live.* -o (\S+))$", re.MULTILINE)
 
+MOVED = {  # pages of earlier versions, and where their content is
+    "batches": "many", "benchmarks": "evidence", "comparison": "limits", "construction": "evidence",
+    "dependencies": "developer", "design": "developer", "figures": "gallery",
+    "glossary": "conventions", "notebooks": "gallery", "pgraph_by_hand": "paper",
+    "precision": "evidence", "reliability": "evidence", "report": "accuracy",
+    "stability": "accuracy", "stance": "paper", "sweeps": "many", "testing": "developer",
+    "theory": "paper", "verification": "accuracy",
+}  # fmt: skip
+
 project = "Pgraph"
 author = copyright = "the authors of Pgraph"
 version = release = version_of("pgraph-dynamics")
@@ -84,6 +93,17 @@ def make_notebooks(app):
         made.write_text(page, encoding="utf-8")
 
 
+def make_redirects(app, error):
+    """Write a page under each old name that leads to the new one."""
+    if app.builder.format != "html" or error:
+        return
+    for old, new in MOVED.items():
+        body = f'<p>This page moved to <a href="{new}.html">{new}</a>.</p>'
+        lead = f'<meta http-equiv="refresh" content="0; url={new}.html">'
+        text = SHEET.format(old, body).replace("<meta name", f"{lead}<meta name", 1)
+        Path(app.outdir, f"{old}.html").write_text(text, encoding="utf-8")
+
+
 def shown_output(output):
     """What a cell printed or gave, as HTML; without progress bars."""
     if output.output_type == "stream":
@@ -118,5 +138,6 @@ def setup(app):
     """Called by Sphinx."""
     app.connect("builder-inited", make_figures)
     app.connect("builder-inited", make_notebooks)
+    app.connect("build-finished", make_redirects)
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_text)

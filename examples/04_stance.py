@@ -1,7 +1,7 @@
 """The paper's case study: the stance of the quadruped, 0.25 s on four feet.
 
 Run it with `python examples/04_stance.py`, or cell by cell; the first run on a machine compiles for
-some seconds. docs/stance.md has the figures and a comparison with two other solvers.
+some seconds. docs/paper.md has the figures and a comparison with two other solvers.
 """
 
 # %% The model: four columns for the tree, a point constraint a paw, servos for the push.

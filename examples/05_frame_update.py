@@ -1,6 +1,6 @@
 """Pgraph by hand: table, seven steps, Pgraph and jdof, pattern of ε_φ, one frame update.
 
-Run it with `python examples/05_frame_update.py`. docs/pgraph_by_hand.md explains what it prints.
+Run it with `python examples/05_frame_update.py`. docs/paper.md explains what it prints.
 """
 
 import numpy as np

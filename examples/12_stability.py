@@ -1,6 +1,6 @@
 """The stability map: which methods hold on a pendulum whose spring is made stiffer and stiffer.
 
-Run it with `python examples/12_stability.py`; docs/stability.md has more maps and what they show.
+Run it with `python examples/12_stability.py`; docs/accuracy.md has more maps and what they show.
 """
 
 import pgraph_core as pg

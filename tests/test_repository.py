@@ -1,4 +1,4 @@
-"""The documents: the tour of the README runs, and what the documents name is there."""
+"""The documents: their code runs and prints what they show, and their links and figures hold."""
 
 import re
 import tomllib
@@ -11,7 +11,10 @@ import pgraph_core as pg
 from tests.worlds import WHOLE
 
 ROOT = Path(__file__).parent.parent
-DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+DOCS = sorted((ROOT / "docs").glob("*.md"))
+DOCUMENTS = [*ROOT.glob("*.md"), *DOCS]
+CODE = re.compile(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", re.DOTALL)
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
 def test_version_is_the_top_of_the_changelog():
@@ -31,6 +34,45 @@ def test_the_tour_of_the_readme_runs(capsys):
     assert 0.0 < float(out.split()[-2]) < np.pi  # the largest angle of the hand [rad]
 
 
+@pytest.mark.parametrize(
+    "file", [f for f in DOCS if CODE.search(f.read_text())], ids=lambda f: f.stem
+)
+def test_code_of_a_document_runs_and_prints_the_numbers_shown(file, tmp_path, monkeypatch, capsys):
+    """Numbers within 1 %, those in exponential notation (error estimates) within a factor of 3."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for piece, shown in CODE.findall(file.read_text()):
+        exec(compile(piece, file.name, "exec"), names)
+        printed = NUMBER.findall(capsys.readouterr().out)
+        expected = NUMBER.findall(shown)
+        for there, here in zip(expected, printed if expected else (), strict=True):
+            widest = 2.0 if "e" in there else 0.01
+            assert abs(float(here) - float(there)) <= widest * abs(float(there)), piece
+    runs = [value for value in names.values() if isinstance(value, pg.Result)]
+    assert all(run.status.ok for run in runs), [run.message for run in runs]
+
+
+def rows(file: Path) -> list[list[str]]:
+    """Return the cells of all table rows of a document."""
+    lines = (line.strip() for line in file.read_text().splitlines())
+    return [[c.strip() for c in x.strip("|").split("|")] for x in lines if x.startswith("|")]
+
+
+def test_measured_figures_are_those_of_their_results_and_pages_agree():
+    """Evidence quotes the results of benchmarks, and the README quotes the evidence."""
+    evidence = rows(ROOT / "docs" / "evidence.md")
+    quoted = [
+        (row[1], x) for row in evidence for x in re.findall(r"benchmarks/results/\w+\.md", row[-1])
+    ]
+    assert len(quoted) > 20
+    for figures, source in quoted:
+        there = NUMBER.findall((ROOT / source).read_text())
+        assert [x for x in NUMBER.findall(figures) if x not in there] == [], (figures, source)
+    ratios = [row[2] for row in rows(ROOT / "README.md") if NUMBER.fullmatch(row[-1])]
+    assert len(ratios) > 5
+    assert [x for x in ratios if x not in [row[1] for row in evidence]] == []
+
+
 def test_links_pictures_and_files_of_the_documents_are_there():
     named = re.compile(r"\b((?:tests|benchmarks|app|pgraph_core|peers)/[\w/]+\.\w+)")
     for file in DOCUMENTS:
@@ -39,7 +81,7 @@ def test_links_pictures_and_files_of_the_documents_are_there():
         missing = [x for x in (*links, *(ROOT / x for x in named.findall(text))) if not x.exists()]
         assert missing == [], file.name
     contents = (ROOT / "docs" / "index.md").read_text()
-    files = [file.stem for file in (ROOT / "docs").glob("*.md") if file.stem != "index"]
+    files = [file.stem for file in DOCS if file.stem != "index"]
     assert [file for file in files if f" <{file}>\n" not in contents] == []
 
 

@@ -12,7 +12,6 @@ import pgraph_core as pg
 pytestmark = pytest.mark.nightly
 ROOT = Path(__file__).parent.parent
 DOCS = sorted((ROOT / "docs").glob("*.md"))
-CODE = re.compile(r"```python\n(.*?)```", re.DOTALL)
 EXTERNAL = re.compile(r"^(https?:|mailto:|data:)")
 
 
@@ -48,15 +47,3 @@ def test_the_site_has_the_reference_the_equations_and_the_figures(site):
     for file in (ROOT / "examples" / "notebooks").glob("*.ipynb"):
         text = (site / "notebooks" / f"{file.stem}.html").read_text()
         assert [x for x in ("<iframe srcdoc=", "pgraphEngine") if x not in text] == []
-
-
-@pytest.mark.parametrize(
-    "file", [f for f in DOCS if CODE.search(f.read_text())], ids=lambda f: f.stem
-)
-def test_code_of_a_document_runs_as_it_stands(file, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    for piece in CODE.findall(file.read_text()):
-        exec(compile(piece, file.name, "exec"), names)
-    runs = [value for value in names.values() if isinstance(value, pg.Result)]
-    assert all(run.status.ok for run in runs), [run.message for run in runs]

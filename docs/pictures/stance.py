@@ -159,7 +159,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def report(run: pg.Result, found: Curves, peers: dict[str, Curves]) -> None:
-    """The tables of docs/stance.md."""
+    """The tables of docs/paper.md."""
     print("| solver | angular accelerations | tip forces |\n|---|---|---|")
     for name, curves in peers.items():
         alpha, force = (difference(a, b) for a, b in zip(found, curves))
@@ -180,7 +180,7 @@ def pictured(t: np.ndarray) -> list[int]:
 
 
 def draw(model: pg.Model, run: pg.Result, found: Curves, peers: dict[str, Curves]) -> None:
-    """Figs. 10 to 13 with our numbers, as pictures of docs/stance.md."""
+    """Figs. 10 to 13 with our numbers, as pictures of docs/paper.md."""
     import matplotlib
 
     matplotlib.use("svg")

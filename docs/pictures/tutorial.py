@@ -1,4 +1,7 @@
-"""Pictures of docs/tutorial.md, taken as its test does it: `python -m docs.pictures.tutorial`."""
+"""Take the pictures of docs/tutorial_page.md by the steps of its test.
+
+Run it with `python -m docs.pictures.tutorial`.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,11 @@ from tests.app.test_tutorial import STEPS
 
 HERE = Path(__file__).parent
 WIDTH, HEIGHT = 1200, 720
+PICTURED = (4, 5)  # steps: the closed loop and its motion
 
 
 def main() -> None:
-    """Take one picture per step."""
+    """Take the pictures of the steps PICTURED."""
     server = serve(pg.Model.serial(1), port=0, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
@@ -30,7 +34,8 @@ def main() -> None:
         page.wait_for_selector("table.bodies tr[data-name]")
         for k, step in enumerate(STEPS, 1):
             step(page)
-            shot(page, HERE / f"tutorial_{k}.png")
+            if k in PICTURED:
+                shot(page, HERE / f"tutorial_{k}.png")
         browser.close()
     server.stop()
 

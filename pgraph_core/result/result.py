@@ -276,7 +276,7 @@ class Result(EqualByFields, Hinting):
         """Write the run as an animation in 3D: one HTML file that needs nothing else.
 
         `live`: as a figure in which the reader runs the mechanism, pulls on it, and changes what
-        `open` names, PATH or PATH=low:high, as in "bodies.lower.mass=0.2:5"; docs/figures.md.
+        `open` names, PATH or PATH=low:high, as in "bodies.lower.mass=0.2:5"; docs/gallery.md.
         Raises InputError for fields that cannot be left open, FileError for other suffixes.
         """
         if Path(path).suffix.lower() not in (".html", ".htm"):

@@ -89,7 +89,7 @@ def work_precision(
 
     Adaptive methods run at `tolerances` (1e-2 .. 1e-12), the others at `steps` [s]
     (h0 2^-k, k = 0 .. 8); `fixed` runs all at steps. Errors are dimensionless, over `frames` times
-    (docs/report.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default the
+    (docs/accuracy.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default the
     finest run possible, whose own error is estimated and printed. `quantity` is whose error:
     "position", "velocity" or "force", the last of constraints. `peers` are names of other engines
     ("mujoco", "pinocchio", "exudyn", "sundials", "scipy"). Times are those of whole calls on a

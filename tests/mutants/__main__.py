@@ -2,7 +2,7 @@
 
 One copy of the repository contains every mutant behind a switch, so its kernels are compiled once.
 A first run of all tests records the mutants that each test reaches. Then, for each mutant, the
-tests that reach it run until one fails. See `docs/testing.md`.
+tests that reach it run until one fails. See `docs/developer.md`.
 """
 
 from __future__ import annotations
