@@ -36,7 +36,7 @@ def worst(frames, model, q):
 @given(seeds)
 @settings(max_examples=40)
 def test_frames_and_one_exact_update_are_the_absolute_form(seed):
-    """Every joint kind (R15), forests too, and steps of up to half a turn."""
+    """Every joint kind, forests too, and steps of up to half a turn."""
     s = random_case(seed)
     frames, op = frame_vectors(s.model, s.q), Operators(s.model, s.topology, s.q)
     assert worst(frames, s.model, s.q) < 1e-14
@@ -93,7 +93,7 @@ def test_a_joint_carries_its_subtree(picks):
 
 
 def test_visits_of_fig_1():
-    """Pgraph [1 2 3 5 2 4 2 6 7]: find is the first place (R17), places 5 and 7 turn nothing."""
+    """Pgraph [1 2 3 5 2 4 2 6 7]: find is the first place, places 5 and 7 turn nothing."""
     found = visits([1, 2, 3, 5, 2, 4, 2, 6, 7])
     assert [visit.find for visit in found] == [1, 2, 3, 4, 2, 6, 2, 8, 9]
     carried = [(1, 2, 3, 5, 4, 6, 7), (2, 3, 5, 4, 6, 7), (3, 5), (5,), (), (4,), (), (6, 7), (7,)]

@@ -1,4 +1,4 @@
-"""The methods converge at their orders, on rotating bodies and with constraints too (R21)."""
+"""The methods converge at their orders, on rotating bodies and with constraints too."""
 
 import numpy as np
 import pytest
