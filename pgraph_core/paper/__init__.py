@@ -150,7 +150,7 @@ class Operators:
         return np.concatenate([self._bias(k) for k in range(self.topology.nb)])
 
     def _spatial_mass(self, k: int) -> Array:
-        """M_k: [I, m l_c ×; -m l_c ×, m 1] with I about the origin in world axes (R8)."""
+        """Return M_k = [[I, m l_c ×], [-m l_c ×, m 1]], I about the origin in world axes (R8)."""
         body, R = self.bodies[k], self.rotation[k]
         c = skew(R @ body.com)
         inertia = R @ np.array(body.inertia) @ R.T - body.mass * c @ c
@@ -158,7 +158,7 @@ class Operators:
         return np.block([[inertia, body.mass * c], [-body.mass * c, m]])
 
     def _bias(self, k: int) -> Array:
-        """b_k: [ω × I ω; m ω × (ω × l_c)]."""
+        """Return b_k = [ω × I ω, m ω × (ω × l_c)]."""
         body, w = self.bodies[k], self.joints[k].omega
         spin = self._spatial_mass(k)[:3, :3] @ w
         c: Array = self.rotation[k] @ body.com * body.mass
@@ -185,12 +185,12 @@ class Operators:
 
     @cached_property
     def base(self) -> Array:
-        """(6 nb,) V'_0 = [0; -g] handed to the roots: gravity as acceleration (R7)."""
+        """(6 nb,) V'_0 = [0; -g] of the roots' parent: gravity as acceleration (R7)."""
         held = np.concatenate((np.zeros(3), -np.array(self.model.gravity)))
         return np.outer(self.topology.parent == 0, held).reshape(-1)
 
     def acceleration(self, vdot: Array) -> Array:
-        """(6 nb,) spatial accelerations V' = Φ (H θ'' + a), eq. (21) as of R6; without [0; -g]."""
+        """Return V' = Φ (H θ'' + a) (6 nb,), eq. (21) as in R6, without gravity."""
         return self.Phi @ (self.H @ vdot + self.a)
 
     @cached_property
@@ -212,7 +212,7 @@ class Operators:
         return shift @ self._motions[6 * k - 6 : 6 * k].toarray()
 
     def point_bias(self, k: int, point: Array) -> Array:
-        """(6,) J' θ' of a point: φ (Φ a) + a_T with a_T = [0; ω × (ω × l_T)] (R6)."""
+        """Return J' θ' (6,) of a point, φ (Φ a) + [0, ω × (ω × l_T)] (R6)."""
         arm, w = self.rotation[k - 1] @ point, self.joints[k - 1].omega
         a = self._biases[6 * k - 6 : 6 * k]
         return phi(arm) @ a + np.concatenate((np.zeros(3), np.cross(w, np.cross(w, arm))))

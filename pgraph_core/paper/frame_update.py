@@ -28,23 +28,23 @@ from .motion import (
     v_slices,
 )
 
-CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # of a quaternion
+CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 
 
 class Visit(NamedTuple):
     """One place of Pgraph, all counted from 1 as in the paper."""
 
     kappa: int
-    number: int  # Pgraph(κ); 0 is the ground
-    find: int  # the first place of that number: a re-entry where it is not κ (R2, R17)
-    P: tuple[int, ...]  # the body and all that its joint carries; empty at a re-entry
+    number: int  # Pgraph(κ), 0 for the ground
+    find: int  # the first place of that number, less than κ at a re-entry (R2)
+    P: tuple[int, ...]  # the body and everything that its joint carries, empty at a re-entry
 
 
 class Movement(NamedTuple):
-    """Where one motion of a joint stands in the array of frame vectors and in v."""
+    """Places of one motion of a joint in the array of frame vectors and in v."""
 
-    turns: slice  # of v: angles [rad]
-    slides: slice  # of v: displacements [m]
+    turns: slice  # its angles in v [rad]
+    slides: slice  # its displacements in v [m]
     slide: int  # row of its displacement
     axes: slice  # rows of its axes
     carried: Ints  # rows that it turns: F(P), without what comes before it in its own joint
@@ -52,15 +52,15 @@ class Movement(NamedTuple):
 
 @dataclass(frozen=True)
 class FrameVectors:
-    """What Fig. 7 updates: link vectors, axes of motion and axes of the body frames, world axes.
+    """Vectors that Fig. 7 updates: links, axes of motion and axes of the body frames, world axes.
 
-    A body's rows of `vectors` are: the link to where its joint starts; for each motion its
-    displacement [m] and its axes (one, or the three of a ball or free motion); the three axes
-    of the body's frame.
+    A body's rows of `vectors` are the link to the start of its joint, then for each motion its
+    displacement [m] and its axes (one, or the three of a ball or free motion), then the three
+    axes of the body's frame.
     """
 
     topology: Topology
-    rows: tuple[slice, ...]  # of `vectors`, by number
+    rows: tuple[slice, ...]  # rows of `vectors` by number
     walk: tuple[tuple[Visit, tuple[Movement, ...]], ...]  # along Pgraph
     vectors: Array  # (n, 3)
 
@@ -100,7 +100,7 @@ class FrameVectors:
 
 
 def _carry(F: Array, move: Movement, step: Array) -> None:
-    """One motion (R15): l += h d where it slides, F(P) = Rot(h, Δθ) F(P) where it turns."""
+    """Apply one motion: a slide adds l += h d, a rotation gives F(P) = Rot(h, Δθ) F(P)."""
     axes = F[move.axes]
     if len(slid := step[move.slides]):
         F[move.slide] += slid @ axes
@@ -109,7 +109,7 @@ def _carry(F: Array, move: Movement, step: Array) -> None:
 
 
 def rotation_by(vector: Array) -> Array:
-    """(3, 3) Rot(h, Δθ) of the rotation vector h Δθ; Rodrigues' formula."""
+    """Return Rot(h, Δθ) (3, 3) of the rotation vector h Δθ by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     return rodrigues(vector / angle, angle) if angle else np.eye(3)
 
@@ -202,7 +202,7 @@ def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
 
 
 def increments(model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array) -> Array:
-    """(nv,) exact Δθ from q to q_next [rad, m]; a ball's is its relative rotation vector (R15)."""
+    """Return Δθ (nv,) from q to q_next [rad, m], for a ball its relative rotation vector."""
     bodies = bodies_of(model, Topology.of(model))
     found: list[float] = []
     for body, place in zip(bodies, q_slices(bodies)):
@@ -227,9 +227,9 @@ def _increment(motion: Motion, x: Array, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class FrameUpdateTrace:
-    """One update, place by place, as in Fig. 8; `print` it for the table."""
+    """One update, place by place, as in Fig. 8. `print` shows the table."""
 
-    names: tuple[str, ...]  # by number
+    names: tuple[str, ...]  # names of the bodies by number
     steps: tuple[tuple[Visit, str], ...]  # and what the joint does, in words
     frames: FrameVectors  # after the update
 
