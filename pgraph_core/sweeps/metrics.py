@@ -1,4 +1,4 @@
-"""What a sweep measures in each run: a function, or words such as "max knee"."""
+"""Metrics of a sweep: functions of a run, or words such as "max knee"."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
 
 
 def said_of(metric: Any) -> str:
-    """What a metric computes, in words that change with its code and with what it holds."""
+    """Return a text that identifies a metric, its code and the values that it closes over."""
     if isinstance(metric, str):
         return metric
     if isinstance(metric, partial):
@@ -106,7 +106,7 @@ def _constant(value: Any) -> Any:
 
 
 def _plain(values: Any) -> str:
-    """As text, without addresses in memory."""
+    """Return the values as text, without memory addresses."""
     return re.sub(r" at 0x[0-9a-f]+", "", repr(values))
 
 
@@ -132,7 +132,10 @@ def _name(metric: Any) -> str:
 
 
 def words(metric: str) -> tuple[str, str]:
-    """How, and of what; nothing of what for a metric of the whole run."""
+    """Split a metric into the way and its column. The way is "" for a metric of the whole run.
+
+    Raises InputError.
+    """
     if metric in OF_RUN:
         return "", metric
     way, _, what = metric.partition(" ")
@@ -143,7 +146,7 @@ def words(metric: str) -> tuple[str, str]:
 
 
 def column_of(run: Result, what: str) -> Array:
-    """The one column of `Result.columns` that is meant."""
+    """Return the column of `Result.columns` with the name `what`. Raises InputError."""
     columns = run.columns()
     found = meant(columns, what)
     if not found:

@@ -66,7 +66,7 @@ class Sweep(Hinting):
         return f"<Sweep of {len(self)} points over {over}: {', '.join(self.values)}{missing}>"
 
     def __getitem__(self, name: str) -> Any:
-        """A column by its name. Raises InputError; rows are those of `to_pandas().iloc`."""
+        """Return a column by its name. Raises InputError."""
         columns = self.columns()
         if name not in columns:
             do = "; rows are table.to_pandas().iloc[...]" if not isinstance(name, str) else ""
@@ -86,7 +86,7 @@ class Sweep(Hinting):
         return needed("pandas", "pandas").DataFrame(self.columns())
 
     def to_csv(self) -> str:
-        """CSV text; numbers are written so that they are read back bit for bit."""
+        """Return CSV text whose numbers read back bit for bit."""
         columns, out = self.columns(), io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(columns)
@@ -158,24 +158,25 @@ def sweep(
     """Run a model at many values of its fields, and measure each run.
 
     `set` maps paths to values: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0"
-    or a parameter's name. Each point is `Model.edit` of these numbers, which changes no others: a
-    body of another mass keeps its inertia, one with another link its tip.
-    `samples` "grid" combines all values; "latin", "sobol" and "random" take `n` points, each path
-    given as (low, high) or as a frozen distribution of `scipy.stats`.
+    or a parameter's name. Each point is `Model.edit` of these numbers and changes no others: a
+    body of another mass keeps its inertia. `samples` "grid" combines all values. "latin", "sobol"
+    and "random" take `n` points, with each path given as (low, high) or as a frozen distribution
+    of `scipy.stats`.
 
     `metric` is a name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
     `Result.columns`, or energy_drift, error_estimate, t_end, steps), a function of a run that
-    returns a number, or several in a list or dict. `options` go to `simulate`; the error is not
-    estimated unless `estimate=True` or a metric asks for it.
+    returns a number, or several in a list or dict. `options` go to `simulate`. The error is only
+    estimated with `estimate=True` or for a metric that needs it.
 
-    A sweep that takes longer than a moment runs in `workers` processes, all cores by default, or on
+    A sweep that takes longer than a second runs in `workers` processes, all cores by default, or on
     a Dask cluster at the address `scheduler`. The table does not depend on where it is computed. In
-    a script without `if __name__ == "__main__":` it runs in this process alone, with a warning; a
-    metric that cannot be pickled, as a lambda, is computed there too.
-    `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
-    points so far, and `resume=True` goes on from there; without it they are not written over. A
-    point that fails keeps its reason. If `progress(fraction)` returns False, the sweep stops with
-    the points so far; True shows a bar, in a terminal or a notebook (tqdm).
+    a script without `if __name__ == "__main__":` it runs in this process alone, with a warning, as
+    does a metric that cannot be pickled, such as a lambda.
+
+    `out` (.csv, .parquet) is written at the end. Until then a file `out` + ".part" holds the
+    finished points. `resume=True` continues from it; otherwise an existing one is an error. A
+    failed point keeps its reason. If `progress(fraction)` returns False, the sweep stops with the
+    finished points. `progress=True` shows a bar in a terminal or notebook (tqdm).
 
     Raises InputError, FileError.
     """
@@ -261,7 +262,7 @@ def _tried(
     What says how all points can be stepped together, if they can.
     """
     for point in points[:TRIED].tolist():
-        with suppress(ModelError):  # of this point alone: its row says so
+        with suppress(ModelError):  # this point alone fails, and its row gives the reason
             model = with_numbers(model, paths, point)
             break
     else:
@@ -272,7 +273,7 @@ def _tried(
         ours = [problem for problem in error.problems if problem.where == "simulate"]
         if ours:
             raise InputError(ours) from None
-        return None  # of this point alone: its row says so
+        return None  # this point alone fails, and its row gives the reason
     for metric in metrics.values():
         if isinstance(metric, str):
             measured(run, metric)
@@ -296,10 +297,10 @@ def _table(
 
 
 class Kept:
-    """The points so far, in a file: a header that names the sweep, then a line for each point.
+    """File of finished points: a header that identifies the sweep, then one line per point.
 
-    A line that was cut short or damaged is left out: its point is computed again. Raises InputError
-    for the file of another sweep, and for points that would be lost.
+    Damaged lines are skipped and their points computed again. Raises InputError for the file of
+    another sweep, and for points that would be lost.
     """
 
     def __init__(self, out: str | FilePath, resume: bool, fingerprint: str):
@@ -326,7 +327,7 @@ class Kept:
             raise FileError(Problem(str(self._part), "", text)) from None
 
     def _read(self, fingerprint: str) -> list[Row]:
-        """The rows of whole lines; none of a sweep that has not come to its first point."""
+        """Return the rows of undamaged lines. Raises InputError for the file of another sweep."""
         header, *lines = map(_line, self._part.read_bytes().splitlines() or [b'{"sweep": ""}'])
         if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
@@ -349,7 +350,7 @@ class Kept:
 
 
 def _line(text: bytes) -> dict[str, Any]:
-    """What a line holds; nothing where it was cut short or damaged."""
+    """Parse a line, or return {} if it is damaged."""
     try:
         found = json.loads(text)
     except ValueError:

@@ -29,14 +29,14 @@ from ..simulation import simulate
 from .metrics import Metric, measured
 from .together import Together
 
-CHUNK = 1.0  # [s] of work handed out at once; a sweep that takes no longer starts no processes
-MOST_NUMBERS = 10_000_000  # in frames of a run again, whose frames missed an oscillation at first
+CHUNK = 1.0  # [s] work sent to a process at once; a shorter sweep starts no processes
+MOST_NUMBERS = 10_000_000  # limit on the frames of a run that is repeated with a frame per step
 ANSWER = 10  # [s] for a scheduler to answer
 
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one point; no values where it failed, and the reason."""
+    """Result of one point: its values, or the reason of its failure."""
 
     point: int
     values: tuple[float, ...]
@@ -53,7 +53,7 @@ class Task:
     metrics: Mapping[str, Metric | str]
     options: Mapping[str, Any]
     version: str
-    together: Together | None = None  # how points are stepped together
+    together: Together | None = None  # plan of a batch that steps the points together
 
     @cached_property
     def located(self) -> tuple[Path, ...]:
@@ -70,7 +70,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
     if task.together is not None and len(points) > 1:
         try:
             return _rows_together(task, task.together, paths, points)
-        except PgraphError:  # of some point, which says so when it runs alone
+        except PgraphError:  # some point fails; run alone, it gives its own reason
             pass
     return [_row(task, paths, number, values) for number, values in points]
 
@@ -78,7 +78,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
 def _rows_together(
     task: Task, together: Together, paths: Sequence[Path], points: Sequence[Any]
 ) -> list[Row]:
-    """As `_row` of each, which runs alone where it does not come to its end."""
+    """Return the row of each point from one batch. Points that fail there run alone."""
     design = np.array([values for _, values in points])
     metrics = [str(metric) for metric in task.metrics.values()]
     values, ended = together.measured(task.model, task.paths, design, metrics)
@@ -156,7 +156,7 @@ GUARD = 'to use all cores call it in your script below `if __name__ == "__main__
 
 
 def _guarded() -> bool:
-    """Whether the main script may be run again by spawned processes: they all do that first."""
+    """True if spawned processes, which first run the main script again, may do so."""
     path = getattr(sys.modules.get("__main__"), "__file__", None)
     try:
         return path is None or "__name__" in FilePath(path).read_text(errors="replace")
@@ -202,7 +202,7 @@ def _by_processes(
             pool.shutdown(cancel_futures=True)
 
 
-_KEPT: list[Task] = []  # of this process, which computes points of one sweep
+_KEPT: list[Task] = []  # the sweep whose points this process computes
 
 
 def _keep(task: Task) -> None:

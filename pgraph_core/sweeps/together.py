@@ -22,8 +22,8 @@ from ..simulation.plan import plan_of
 from .metrics import OF_RUN, WAYS, Metric, column_of, words
 
 Array = np.ndarray
-OPTIONS = ("scenario", "method", "step", "stabilise", "forces")  # of a run, and of a batch
-ALSO = ("t_end", "frames", "t_eval", "estimate")  # of a run: when it is recorded
+OPTIONS = ("scenario", "method", "step", "stabilise", "forces")  # options that a batch takes too
+ALSO = ("t_end", "frames", "t_eval", "estimate")  # options that decide what a run records
 SAME_RUN = ("bodies", "constraints", "contacts", "forces", "gravity", "ground")  # no times or steps
 PIECE = 1000  # steps of all instances that are kept at once
 
@@ -36,11 +36,11 @@ class Exact(BatchStepper):
 
 @dataclass(frozen=True)
 class Together:
-    """What all runs of a sweep share, where a batch can take their steps."""
+    """Plan of a batch that takes the steps of all runs of a sweep."""
 
-    options: Mapping[str, Any]  # of the batch
+    options: Mapping[str, Any]  # options of the batch
     frames: Array  # (n,) steps from the start to each recorded state
-    columns: Mapping[str, int]  # of the metrics, in (q, v); -1: of the run
+    columns: Mapping[str, int]  # column in (q, v) of each metric, -1 for the whole run
     constants: Mapping[str, float]  # metrics that are the same for all
 
     @classmethod
@@ -48,7 +48,7 @@ class Together:
         cls, model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
         options: Mapping[str, Any], run: Result,
     ) -> Together | None:  # fmt: skip
-        """For metrics of coordinates, of runs at given steps; None for others.
+        """Return the plan, or None unless all metrics are of coordinates and steps are fixed.
 
         `model` is that of the first point and `run` its run, or the start of it.
         """
@@ -121,7 +121,7 @@ class Together:
 
 
 def _place(run: Result, column: Array) -> int | None:
-    """Where a column stands in (q, v); None for what is none of both."""
+    """Return the index of a column in (q, v), or None for another column."""
     for states, first in ((run.q, 0), (run.v, run.q.shape[1])):
         if np.shares_memory(states, column):
             return first + (column.ctypes.data - states.ctypes.data) // states.itemsize
@@ -132,7 +132,7 @@ def together(
     model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
     options: Mapping[str, Any], run: Result,
 ) -> Together | None:  # fmt: skip
-    """As `Together.of`; None too where the first point says why it cannot run."""
+    """Return `Together.of`, or None if the first point cannot run."""
     try:
         return Together.of(model, groups, metrics, options, run)
     except PgraphError:
