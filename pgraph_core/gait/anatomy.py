@@ -1,6 +1,6 @@
-"""What a walking controller needs to know of a model: legs, spine, mass, and how it stands.
+"""Legs, spine, mass and standing pose of a model, for its walking controller.
 
-Vectors in a leg's plane are complex numbers x + i y, and a turn by an angle is exp(i angle).
+Vectors in a leg's plane are complex numbers x + i y. A rotation by an angle is exp(i angle).
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
 class Anatomy(NamedTuple):
-    """Four legs, the front ones first, left before right; at q = 0 in the world."""
+    """Data of four legs, front before hind and left before right, at q = 0 in world axes."""
 
     feet: tuple[Footfall, ...]
-    legs: Any  # of LEG; `share` is the controller's
+    legs: Any  # records of type LEG, whose `share` the controller fills in
     hips: Array  # (4, 3) [m]
     soles: Array  # (4, 3) [m]
     spine: Ints  # (ns, 2) places in q and v

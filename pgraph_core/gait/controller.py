@@ -34,9 +34,10 @@ from ..tolerances import EPS
 from .anatomy import Anatomy, anatomy, standing
 from .footing import terrain_of
 
-SAMPLES = 400  # of a stride, to plan its waves
-LOW, UPRIGHT, LIMP = 0.6, 0.5, 15.0  # what counts as a fall; how joints slow down after it [1/s]
-REACH = 0.98  # of the longest leg that a step may use
+SAMPLES = 400  # points per stride at which its waves are planned
+LOW, UPRIGHT = 0.6, 0.5  # a fall: relative height, cosine of the tilt
+LIMP = 15.0  # [1/s] rate at which joints slow down after a fall
+REACH = 0.98  # largest reach of a step, relative to the stretched leg
 
 
 @explained
@@ -139,7 +140,7 @@ class Controller(Portable):
 
 
 class GaitTorque(UserTorque):
-    """A controller at work in one run; `settings` may be changed between its chunks."""
+    """A controller in one run, whose `settings` may change between chunks of steps."""
 
     interpreted = False
 
@@ -173,7 +174,7 @@ class GaitTorque(UserTorque):
 
     @property
     def numbers(self) -> list[Array]:
-        """What the model and the gait give."""
+        """Return the arrays that depend on the model and the gait."""
         kept = self.kept
         return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
 

@@ -1,4 +1,4 @@
-"""What feet stand on: the ground of a walk, and the footprints that a run left on it."""
+"""The ground of a walk, and the footprints that a run left on it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Footprint(NamedTuple):
     """One stance of a foot: where it stood, and when."""
 
     foot: str  # the contact
-    start: float  # [s] of its first recorded frame on the ground
-    end: float  # [s] of its last one
-    x: float  # [m] where it first stood
+    start: float  # [s] time of its first recorded frame on the ground
+    end: float  # [s] time of its last one
+    x: float  # [m] its first position
     y: float
     z: float
     moved: float  # [m] the way of the sole while it was down
@@ -101,9 +101,9 @@ AROUND = 10.0  # m of plane around the steps that is part of their map
 
 
 def terrain_of(model: Model) -> Terrain:
-    """Heights of the steps of the ground, cut into cells by all their edges; empty without steps.
+    """Return the heights of the steps of the ground in cells that all their edges cut.
 
-    Where steps overlap the last one counts.
+    The arrays are empty without steps. Of overlapping steps the last one counts.
     """
     steps, ny = model.ground.steps, model.ground_normal[1]
     if not steps:
@@ -118,7 +118,7 @@ def terrain_of(model: Model) -> Terrain:
     return Terrain(x, z, heights)
 
 
-LAWS: dict[str, dict[str, float]] = {  # of a paw's sole: it gives 2 mm under its load
+LAWS: dict[str, dict[str, float]] = {  # contact of a paw's sole, which yields 2 mm under its load
     "complementarity": {},
     "penalty": {"stiffness": 5e4, "damping": 100.0},
     "soft": {"stiffness": 1e6, "damping": 0.5},

@@ -15,7 +15,10 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 
 @explained
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
-    """The presets by name; `feet` are contacts: left and right in front, left and right behind."""
+    """Return the presets by name, for `feet` named left front, right front, left hind, right hind.
+
+    Raises InputError.
+    """
     if isinstance(feet, str) or len(feet) != 4:
         raise refusal("gaits", "feet", f"must be the names of four contacts; given {shown(feet)}")
     return {
