@@ -75,7 +75,7 @@ def _of_joints(mech: Mechanism, states: Array, given: Given, which: str) -> Arra
 
 
 def point(motion: Motion, given: Given) -> Array:
-    """Position of `point` of `body` [m]; `axes`, such as "xy", picks coordinates."""
+    """Return the position of `point` of `body` [m], or its coordinates named by `axes` ("xy")."""
     place = np.array(given.get("point", (0.0, 0.0, 0.0)))
     poses = (motion.mechanism.pose(q, given["body"]) for q in motion.q)
     return np.array([x + R @ place for x, R in poses])[:, _axes(given)]
@@ -150,7 +150,7 @@ def last_event(motion: Motion, given: Given) -> Array:
 
 
 def frequencies(motion: Motion, given: Given) -> Array:
-    """Of small motions about the first state, at rest [rad/s]; the `modes` in ascending order."""
+    """Return frequencies `modes` of small motions about the first state [rad/s], ascending."""
     found = linear.frequencies(motion.mechanism, motion.q[0])
     return np.reshape(found[given["modes"]], (-1, 1))
 
@@ -232,9 +232,9 @@ def _rows(given: Given) -> list[int]:
 class Observable:
     """One quantity of a case and its reference values."""
 
-    kind: str  # of `KINDS`
-    given: Mapping[str, Any]  # what the kind needs: a body, a point, ...
-    frames: tuple[int, ...] | None  # indices of those compared; None: all
+    kind: str  # a key of `KINDS`
+    given: Mapping[str, Any]  # arguments of the kind: a body, a point, ...
+    frames: tuple[int, ...] | None  # indices of the compared frames, all if None
     reference: Array  # (n, k)
     scale: float  # below it, errors are absolute [unit of the quantity]
     target: float  # largest error that passes
@@ -251,7 +251,7 @@ class Observable:
         return found if self.frames is None else found[list(self.frames)]
 
     def errors(self, motion: Motion) -> Array:
-        """(n,) error of each row of the reference; inf after the end of a run that failed."""
+        """Return the error of each row of the reference (n,), inf after the end of a failed run."""
         found = np.full_like(self.reference, np.inf)
         try:
             there = self.of(motion)[: len(found)]
@@ -272,16 +272,16 @@ class Case:
     name: str
     description: str
     why_hard: str
-    how_obtained: str  # how the reference was computed
+    how_obtained: str  # origin of the reference
     accuracy: float  # estimated, of the reference
     model: Model
-    options: Mapping[str, Any]  # of `simulate`: method, rtol or step, t_end, scenario, tau, ...
-    t: Array | None  # (n,) times compared [s]; None: the run chooses them, or there is no run
+    options: Mapping[str, Any]  # arguments of `simulate`: method, rtol or step, t_end, tau, ...
+    t: Array | None  # (n,) compared times [s]; None if the run chooses them or there is no run
     states: Array | None  # (n, nq) evaluated instead of a run
     observables: tuple[Observable, ...]
 
     def motion(self, *, progress: Callable[[float], Any] | None = None, **options: Any) -> Motion:
-        """The run, with `options` replacing those of the case; its states if it has no run."""
+        """Return the run with `options` replacing those of the case, or states if it has no run."""
         mech = Mechanism(self.model)
         if self.states is not None:
             return States(mech, self.states, np.zeros((len(self.states), mech.nv)))
@@ -298,11 +298,11 @@ class Verdict:
     observable: Observable
     error: float
     run: Result | None
-    seconds: float = field(default=0.0)  # of the stepping loop
+    seconds: float = field(default=0.0)  # time of the stepping loop
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end and the error is within the target."""
+        """True if the run reached its end and the error is within the target."""
         ended = self.run is None or self.run.status.ok
         return ended and self.error <= self.observable.target
 
@@ -350,7 +350,7 @@ def _name(data: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
 
 
 def _case(data: Mapping[str, Any], entry: Mapping[str, Any], path: Path) -> Case:
-    """One entry of `cases`; fields that it omits are those of the file."""
+    """Return one entry of `cases`, with the fields of the file where it omits them."""
     options = dict(entry.get("run", {}))
     states = entry.get("states")
     t = _times(data, entry, options) if entry.get("grid", True) and states is None else None
