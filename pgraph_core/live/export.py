@@ -40,7 +40,7 @@ from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
 MOST = 600  # recorded pictures
-USUAL = 10.0  # [s] of motion where nothing says it
+USUAL = 10.0  # [s] default duration of motion
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 KEPT = 6  # digits of the numbers of the drawing
 
@@ -102,7 +102,7 @@ SCRIPTS = ("engine.js", "view.js", "figure.js")
 
 
 def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
-    """What the scripts compute with; no runs, and the reason, where nothing can travel."""
+    """Return the data that the scripts compute with, or no runs and the reason."""
     header, mech = run.header, run.mechanism
     found: dict[str, Any] = {
         "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": header["step"] or STEP,
@@ -143,7 +143,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
 
 
 def usual(run: Result, method: str) -> dict[str, float]:
-    """{"step" or "rtol": value} of a method where nothing is asked for: as the run has it."""
+    """Return the default {"step" or "rtol": value} of a method: that of the run if possible."""
     step, rtol = run.header["step"], run.header["rtol"]
     if method == run.header["method"]:
         return {"step": step} if rtol is None else {"rtol": rtol}
@@ -151,7 +151,7 @@ def usual(run: Result, method: str) -> dict[str, float]:
 
 
 def _how(run: Result, method: str) -> str:
-    """How motion is computed here, and why so."""
+    """Describe the method with which motion is computed here, and the reason for it."""
     header = run.header
     ((name, value),) = usual(run, method).items()
     text = f"{method}, {name} {value:g}{' s' if name == 'step' else ''}"
@@ -198,7 +198,7 @@ def packed(content: bytes) -> str:
 
 
 class _Drawing:
-    """What is drawn: pieces of bodies, and the recorded poses."""
+    """Pieces of bodies to draw, and their recorded poses."""
 
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
@@ -211,7 +211,7 @@ class _Drawing:
         self.parent = self.mech.topology.parent.tolist()
 
     def looks(self, model: Model) -> list[Any]:
-        """How the bodies of a model of these names look."""
+        """Return the looks of the bodies of a model with the same names."""
         bodies = [model.body(name) for name in self.mech.names]
         children, colors = shapes.children_of(self.parent), shapes.branch_colors(self.parent)
         return looks(bodies, children, colors)
@@ -273,7 +273,7 @@ class _Drawing:
         return drawn, meshes
 
     def _follow(self, field: Opened, drawn: Sequence[dict[str, Any]]) -> None:
-        """How the pieces change with a field, from its two ends."""
+        """Record the change of the pieces between the two ends of a field's range."""
         ends = (with_numbers(self.mech.model, [field.path], [x]) for x in (field.low, field.high))
         low, high = ([p for look in self.looks(model) for p in look.pieces] for model in ends)
         if not len(low) == len(high) == len(drawn):
@@ -299,7 +299,7 @@ class _Drawing:
 
 
 def _facts(run: Result, engine: dict[str, Any]) -> str:
-    """How the recorded run was made, and what follows what the reader changes."""
+    """Describe how the run was recorded, and what a change of an open field computes."""
     header = run.header
     step = f"step {header['step']:g} s" if header["step"] else f"rtol {header['rtol']:g}"
     text = f"{run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"

@@ -58,7 +58,7 @@ def _file(module: str) -> str:
 
 @cache
 def about() -> dict[str, Any]:
-    """What the module was made of: the hash of its sources, the versions of the compilers."""
+    """Return the record of the module: the hash of its sources, the versions of the compilers."""
     return json.loads(ABOUT.read_text(encoding="utf-8")) if ABOUT.is_file() else {}
 
 
@@ -68,7 +68,7 @@ def wasm() -> bytes:
 
 
 def stale() -> str:
-    """Why the module does not belong to these sources, as a sentence; "" where it does."""
+    """Return the reason why the module does not belong to these sources, or ""."""
     made = about().get("sources")
     if made == source_hash() and WASM.is_file():
         return ""

@@ -23,9 +23,9 @@ from ..packing import length_in
 from .run import BASE, LiveRun
 
 TRIED = 3  # values within the range, besides its ends
-MOST_VALUES = 200  # that are worked out one by one
-SOME = 21  # values of a field where the browser knows no rule
-FARTHER = 4  # how many times smaller or larger a value may be where no range is given
+MOST_VALUES = 200  # limit on the values of a field that are computed one by one
+SOME = 21  # default number of values of a field that no rule covers
+FARTHER = 4  # default range of a value: this factor smaller and larger
 TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
 PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
 
@@ -36,11 +36,11 @@ class Opened(NamedTuple):
     path: Path
     low: float
     high: float
-    number: int = 0  # how many values it may take, evenly; 0: any
+    number: int = 0  # number of evenly spaced values, 0 for any value
 
     @property
     def values(self) -> list[float]:
-        """Those it may take; empty where any will do. The model's own is one of them."""
+        """Return the permitted values with the model's own, or [] if any value is permitted."""
         if not self.number:
             return []
         return sorted({*np.linspace(self.low, self.high, self.number).tolist(), self.path.present})
@@ -54,7 +54,7 @@ class Opened(NamedTuple):
         return " ".join(words) + (f" of {self.path.name}" if self.path.name else "")
 
     def unit(self, model: Model) -> str:
-        """Of the value; empty where the description gives none."""
+        """Return the unit of the value, or "" if the field has none."""
         if self.path.group in ("", "gravity", "ground", "scenarios"):
             return "m/s²" if self.path.group == "gravity" else ""
         kind, name = type(model.part(self.path.name, KINDS[self.path.group])), self.path.inside[0]
@@ -63,7 +63,7 @@ class Opened(NamedTuple):
 
 
 def opened(model: Model, given: str) -> Opened:
-    """Of `PATH`, `PATH=low:high`, or `PATH=low:high:n`. Raises InputError."""
+    """Parse `PATH`, `PATH=low:high` or `PATH=low:high:n`. Raises InputError."""
     name, _, span = given.partition("=")
     path = Path(model, name, "export")
     x, count = path.present, 0
@@ -87,7 +87,7 @@ def opened(model: Model, given: str) -> Opened:
 
 
 class Follows(NamedTuple):
-    """What follows a field in the image of one method; addresses."""
+    """Places in the image of one method that change with a field, as addresses."""
 
     copies: tuple[tuple[int, float], ...]  # with the factor
     table: tuple[int, ...]  # numbers of the table of bodies, from which the rest is packed
@@ -98,10 +98,10 @@ class Follows(NamedTuple):
 def follows(
     model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any
 ) -> list[tuple[Opened, dict[str, Follows]]]:
-    """Every field with {method: what follows}; one that no rule holds for takes some values only.
+    """Return every field with {method: places that follow it}.
 
-    `make(mechanism, method)` is the run of a changed model. Raises InputError where the browser
-    cannot follow.
+    A field that no rule covers takes some values only. `make(mechanism, method)` returns the run
+    of a changed model. Raises InputError if the browser cannot follow a field.
     """
     found = []
     rng = np.random.default_rng(0)
@@ -204,7 +204,7 @@ def _follows(
 
 
 def _factor(x: Any, y: Any) -> float | None:
-    """c where every y is c x, rounded once; None."""
+    """Return c if y equals c x, rounded once, else None."""
     k = int(np.argmax(np.abs(x)))
     for c in (1.0, -1.0, float(y[k] / x[k]) if x[k] else 1.0):
         if np.array_equal(c * x, y):
@@ -220,7 +220,7 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
 def _differs(
     run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
 ) -> str:
-    """What is not as wanted after doing to the image what the browser does; "" if all is."""
+    """Change the image as the browser does and return what differs from `want`, or ""."""
     memory = bytearray(own)
 
     def view(name: str) -> Any:

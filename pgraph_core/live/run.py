@@ -28,8 +28,8 @@ from ..simulation.options import Options
 from ..simulation.plan import plan_of, with_contacts, with_state
 from ..simulation.recording import Recording
 
-ALIGNED = 16  # [bytes] as vectors of two doubles want it
-ARRAY, AXIS = 32, 16  # [bytes] of the struct of an array, and for each of its axes
+ALIGNED = 16  # [bytes] alignment of vectors of two doubles
+ARRAY, AXIS = 32, 16  # [bytes] size of the struct of an array, and per axis
 # in that struct: number of entries, bytes of each, place of the data, then shape and strides
 ENTRIES, ENTRY, DATA, SHAPE = 8, 16, 24, 32
 
@@ -37,14 +37,14 @@ ENTRIES, ENTRY, DATA, SHAPE = 8, 16, 24, 32
 class Root(NamedTuple):
     """A struct that kernels open by address."""
 
-    kind: Any  # of its members
+    kind: Any  # type of its members
     value: Any  # named tuple
-    within: Any = None  # array that holds the struct; None: it stands alone
+    within: Any = None  # array that holds the struct, None if the struct stands alone
     skip: int = 0  # [bytes] from the start of that array
 
 
 class Image:
-    """Where structs and arrays stand from address `base` on, and their bytes."""
+    """Layout of structs and arrays from address `base` on, and their bytes."""
 
     def __init__(self, base: int, roots: Mapping[str, Root], others: Iterable[Any] = ()):
         """`others` are arrays that no struct names. Nothing is written yet."""
@@ -56,7 +56,7 @@ class Image:
         for name, root in roots.items():
             if root.within is None:
                 self.at[name], top = top, _aligned(top + size_of(root.kind))
-        self._places = [0] * len(self._begins)  # in the order of the arrays: the same every time
+        self._places = [0] * len(self._begins)  # sorted like the arrays, so every image is the same
         for k in dict.fromkeys(self._span_of(a) for a in arrays if a.nbytes):
             self._places[k] = top
             top = _aligned(top + self._ends[k] - self._begins[k])
@@ -66,7 +66,7 @@ class Image:
                 self.at[name] = self.place(root.within) + root.skip
 
     def place(self, array: Any) -> int:
-        """Where an array's first entry stands."""
+        """Return the address of an array's first entry."""
         if array.nbytes == 0:
             return self.base
         k, address = self._span_of(array), _address(array)
@@ -91,14 +91,14 @@ class Image:
         for begin, end, place in zip(self._begins, self._ends, self._places):
             found[place - self.base : place - self.base + end - begin] = _memory(begin, end)
         for name, root in self._roots.items():
-            if root.within is not None:  # where this machine's struct stood
+            if root.within is not None:  # replaces the struct of this machine
                 at, size = self.at[name] - self.base, root.within.nbytes - root.skip
                 found[at : at + size] = bytes(size)
             self._write(found, root.kind, changed.get(name, root.value), self.at[name] - self.base)
         return found
 
     def _write(self, out: bytearray, kind: Any, value: Any, at: int) -> int:
-        """Write a value at an offset; where the next one begins."""
+        """Write a value at an offset and return the offset of the next one."""
         if isinstance(kind, Group):
             for member, part in zip(kind.members, value):
                 at = self._write(out, member, part, at)
@@ -123,7 +123,7 @@ def size_of(kind: Any) -> int:
 
 
 def offset_of(kind: Any, *path: str) -> int:
-    """Where a member of a named tuple type stands in its struct [bytes]."""
+    """Return the offset of a member of a named tuple type in its struct [bytes]."""
     at = 0
     for name in path:
         k = kind.fields.index(name)
@@ -151,7 +151,7 @@ def _address(array: Any) -> int:
 
 
 def _spans(arrays: Iterable[Any]) -> tuple[list[int], list[int]]:
-    """Where the memory of arrays begins and ends, those that overlap together."""
+    """Return begins and ends of the memory of arrays, with overlapping arrays merged."""
     begins: list[int] = []
     ends: list[int] = []
     for begin, end in sorted((_address(a), _address(a) + a.nbytes) for a in arrays if a.nbytes):
@@ -168,7 +168,7 @@ def _memory(begin: int, end: int) -> bytes:
 
 
 def _strides(array: Any) -> tuple[int, ...]:
-    """Of a contiguous array; NumPy gives others where an axis has one entry or none."""
+    """Return the strides of a contiguous array, also for axes of length 0 or 1."""
     strides, step = [], array.itemsize
     for n in reversed(array.shape):
         strides.insert(0, step)
@@ -182,11 +182,11 @@ def _aligned(address: int) -> int:
 
 # -- runs ------------------------------------------------------------------------------------------
 
-BASE = 1 << 21  # [bytes] where images begin: over the stack and the constants of the kernels
+BASE = 1 << 21  # [bytes] address of images: above the stack and the constants of the kernels
 # methods of a figure
 SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
 LOADS, CORNERS = offset_of(SCENE, "loads", "table"), offset_of(RUN, "corners")
-LONGEST = 100_000_000  # steps that a reader may ask for: what happens later is left out
+LONGEST = 100_000_000  # limit on the steps of a reader's run
 
 
 def offsets(kind: Any) -> dict[str, int]:
@@ -199,12 +199,12 @@ NO_LINKS, NO_RUN_LINKS = Links(), RunLinks(0, 0, 0, 0)
 
 
 class Setup(NamedTuple):
-    """What is run, besides the mechanism."""
+    """Arguments of a run in addition to the mechanism."""
 
     scenario: str | None = None
     step: float = 1e-3  # [s]
     t_start: float = 0.0  # [s]
-    state: tuple[Any, Any] | None = None  # q, v; None: the scenario's, or the model's
+    state: tuple[Any, Any] | None = None  # (q, v), None for that of the scenario or the model
     forces: tuple[Force, ...] = ()  # besides the model's and the scenario's
 
     def options(self, method: str | None) -> Options:
@@ -225,7 +225,7 @@ def methods_of(mech: Mechanism, setup: Setup) -> tuple[str, ...]:
 
 
 class LiveRun:
-    """The memory of a run at its start, before its constraints are met."""
+    """Memory of a run at its start, before the state is projected onto its constraints."""
 
     def __init__(self, mech: Mechanism, setup: Setup, method: str):
         """Raises InputError where the scene cannot travel."""
@@ -260,7 +260,7 @@ class LiveRun:
         nb, nv = self.mech.nb, self.mech.nv
         self.position, self.rotation = np.zeros((nb, 3)), np.zeros((nb, 9))
         self.still, self.trial = np.zeros(nv), np.zeros(self.mech.nq + nv)
-        self.view_work = np.zeros_like(scene.work)  # what steps keep there is not to be touched
+        self.view_work = np.zeros_like(scene.work)  # apart from the steps' own
         self.numbers, self.packed_arrays = packed.columns.numbers, packed._arrays
         scratch = (self.position, self.rotation, self.still, self.trial, self.view_work)
         others = (self._pull, *self.numbers, *self.packed_arrays, *scratch)
@@ -268,7 +268,7 @@ class LiveRun:
         self._scene = kept
 
     def memory(self) -> bytearray:
-        """The image; addresses of kernels are zero, see `links`."""
+        """Return the image. Addresses of kernels are zero and are filled in by `links`."""
         at_, steps = self.image.at, self.record.steps
         kept = self._scene._replace(links=NO_LINKS._replace(contacts=at_.get("contacts", 0)))
         kept = kept._replace(user=kept.user._replace(address=0))
@@ -311,7 +311,7 @@ class LiveRun:
         return found
 
     def header(self) -> dict[str, Any]:
-        """Where the browser finds what it reads and writes; addresses in [bytes]."""
+        """Return the addresses [bytes] of all data that the browser reads and writes."""
         place, record = self.image.place, self.record
         steps, kept = record.steps, record.steps._kept
         parent, body, motions, start = self.numbers
@@ -357,7 +357,7 @@ class LiveRun:
 
 
 def _logged(image: Image, touching: Any) -> int:
-    """Where the number of logged changes of phases stands; 0 where there are no contacts."""
+    """Return the address of the number of logged phase changes, 0 without contacts."""
     if touching is None:
         return 0
     tally = touching._kept.tally
