@@ -1,7 +1,7 @@
-"""The columns of a run as a table: their names, and what is meant by a name.
+"""The columns of a run as a table: their names, and the look-up of a name.
 
-A coordinate is called as its body, as in `run["knee"]`; everything else as the attribute of the
-run that holds it, with what it is of after a dot: `v.knee`, `energy`, `contact_force.paw.z`.
+A coordinate has the name of its body, as in `run["knee"]`. All other columns are named
+`attribute.object`: `v.knee`, `energy`, `contact_force.paw.z`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ UNITS_V = {
 
 
 class Column(NamedTuple):
-    """(n,) values over the frames, and their unit; "" of words."""
+    """Values over the frames (n,), and their unit, which is "" for words."""
 
     unit: str
     values: Any
@@ -66,7 +66,7 @@ def columns_of(run: Any) -> dict[str, Column]:
 
 
 def _forces(run: Any) -> dict[str, Column]:
-    """Those of constraints, contacts and limits, and the contacts' phases."""
+    """Return the columns of constraints, contacts, limits and phases."""
     found: dict[str, Column] = {}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
@@ -125,14 +125,14 @@ def meant(columns: Iterable[str], name: str) -> list[str]:
 
 
 def _is_coordinate(column: str, known: set[str]) -> bool:
-    """Whether a column holds q: its joint has a velocity."""
+    """True for a column of q, whose joint has a velocity."""
     joint = column.removeprefix("q.")
     own = bool({f"v.{joint}", f"v.{joint.rpartition('.')[0]}.0"} & known)
     return own and f"q.{column}" not in known
 
 
 def no_column(columns: Iterable[str], name: str) -> str:
-    """What to write in place of a name that is no column's."""
+    """Return the message for an unknown column, with the closest names."""
     known = list(columns)
     last = name.rpartition(".")[2].rpartition("_")[2]
     close = get_close_matches(name, known, n=6, cutoff=0.5)
@@ -142,10 +142,10 @@ def no_column(columns: Iterable[str], name: str) -> str:
 
 
 def frame(columns: Mapping[str, Column]) -> Any:
-    """A pandas.DataFrame of its numbers, a row a frame, its index t [s]; `attrs["units"]`.
+    """Return a pandas.DataFrame with one row per frame, index t [s] and `attrs["units"]`.
 
-    Beyond what every DataFrame does, it takes the names that `meant` does and that of the index,
-    and a KeyError says what there is. Needs pandas.
+    It also accepts the names that `meant` accepts and the name of the index. A KeyError lists the
+    columns. Needs pandas.
     """
     numbers = {name: column for name, column in columns.items() if column.unit}
     made = _frame_class()({name: column.values for name, column in numbers.items()}).set_index("t")
@@ -154,7 +154,7 @@ def frame(columns: Mapping[str, Column]) -> Any:
 
 
 def dataset(columns: Mapping[str, Column]) -> Any:
-    """Return an xarray.Dataset of the numbers over t [s]; `attrs["units"]` of each."""
+    """Return an xarray.Dataset of the numbers over t [s], each with its `attrs["units"]`."""
     xarray = needed("xarray", "xarray")
     numbers = {name: column for name, column in columns.items() if column.unit}
     t = numbers.pop("t")
@@ -191,7 +191,7 @@ def _frame_class() -> Any:
 
     class Frame(pandas.DataFrame):
         @property
-        def _constructor(self) -> Any:  # of what is made from it
+        def _constructor(self) -> Any:  # class of derived tables
             return Frame
 
         def _is_time(self, key: Any) -> bool:
@@ -225,7 +225,7 @@ def _frame_class() -> Any:
             return named or super().__contains__(key)
 
         def set_index(self, keys: Any, *args: Any, **named: Any) -> Any:
-            if self._is_time(keys):  # as df.plot(x="t") asks
+            if self._is_time(keys):  # df.plot(x="t") calls this
                 return None if named.get("inplace") else self.copy()
             return super().set_index(keys, *args, **named)
 
@@ -239,5 +239,5 @@ def _frame_class() -> Any:
 
 
 def _itself(value: Any) -> Any:
-    """What a pickle calls: a table is read back as a plain one."""
+    """Return the value: pickles call this, so a table is read back as a plain one."""
     return value

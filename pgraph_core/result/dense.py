@@ -17,8 +17,8 @@ from ..tolerances import NAMED, NOTABLE, SOLVED
 
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
 TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
-TOO_WIDE = "frames are too wide"  # how the notice of such an oscillation begins
-GAIN = 16  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
+TOO_WIDE = "frames are too wide"  # beginning of the notice about such an oscillation
+GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
 
 
 def states_at(
@@ -116,7 +116,7 @@ def _inside(asked: Any, t: Array) -> Array:
 
 
 def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
-    """(q', q'') from q, v, v'; of quaternions q' = ½ ω q and q'' = ½ (ω' q + ω q')."""
+    """Return (q', q'') from q, v, v', with q' = ½ ω q and q'' = ½ (ω' q + ω q') of quaternions."""
     rate, bend = np.empty_like(q), np.empty_like(q)
     of_q, of_v = plain(rows)
     rate[:, of_q], bend[:, of_q] = v[:, of_v], vdot[:, of_v]
@@ -199,7 +199,7 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     rough, bent = _corrections(frames, i)
     width = t[i + 1] - t[i]
     steep, curved = (_at_both(np.abs(x).max(axis=1, initial=0.0), i) for x in (rate, bend))
-    turned = np.maximum(width * steep / TURN, (width / TURN) ** 2 * curved)  # of the motion
+    turned = np.maximum(width * steep / TURN, (width / TURN) ** 2 * curved)  # > most past Nyquist
     rough = np.where(turned > most, np.inf, rough)
     if len(t) < 3:
         return np.where((rough <= SMOOTH * bent + rounding) & (rough <= most), rough, np.inf)

@@ -1,7 +1,7 @@
-"""What a run records besides its states: contacts and joint limits, and events of the user.
+"""Records of a run: contacts, joint limits and events of the user.
 
-`ContactRecord` has forces, gaps, phases and events of contacts; a `UserEvent` is where a function
-that was given to `simulate` crossed zero.
+`ContactRecord` has forces, gaps, phases and events of contacts. A `UserEvent` is a zero crossing of
+a function passed to `simulate`.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from ..portable import EqualByFields, keep_unchanged
 
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
-PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # by number, as kernels know them
-MAKE = "_make"  # what makes a record that nobody has read yet
+PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # indexed by the numbers of the kernels
+MAKE = "_make"  # attribute that makes a record when it is first read
 FREE, STOP = "free", "stop"  # a joint between its limits, and at one
 
 
 class Event(NamedTuple):
-    """A change of one contact point at one instant; a bounce goes from swing to swing."""
+    """A change of one contact point at one instant. A bounce goes from swing to swing."""
 
     t: float  # [s]
     contact: str  # its name, with the number of the point where it has several
@@ -48,7 +48,7 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ContactRecord(EqualByFields):
-    """By touch: the contact's name, or `name[body]` where it has several; n frames."""
+    """Arrays over n frames by the contact's name, or `name[body]` if it has several bodies."""
 
     force: Mapping[str, Array] = field(default_factory=dict)
     """(n, 6) [torque, force] on the touch's body about its origin, world axes [N m, N]."""
@@ -95,7 +95,7 @@ class ContactRecord(EqualByFields):
         return self.__dict__
 
     def keep_unchanged(self) -> None:
-        """Let nobody write into its arrays; mappings of other kinds see to it themselves."""
+        """Make its arrays read-only. Other kinds of mappings do so themselves."""
         if MAKE in self.__dict__ or not self.wrench.flags.writeable:
             return  # done when it is made, or before
         keep_unchanged((self.wrench, self.residual))
@@ -118,7 +118,7 @@ class ContactRecord(EqualByFields):
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, Array]) -> ContactRecord:
-        """The way back; other names are passed over."""
+        """Rebuild a record from its arrays, ignoring other names."""
         parts: list[dict[str, Any]] = [
             {
                 key.removeprefix(f"contact {what}:"): array
@@ -137,7 +137,7 @@ class ContactRecord(EqualByFields):
 
 
 class Named(Mapping[str, Any]):
-    """Arrays by name; a name that is not there is answered by a sentence, which is a KeyError."""
+    """Arrays by name. An unknown name raises a KeyError whose text lists the names."""
 
     def __init__(self, arrays: Mapping[str, Any], word: str, what: str):
         """`word` is what it holds, `what` a thing that has a name: "contact_force", "contact"."""
@@ -155,11 +155,11 @@ class Named(Mapping[str, Any]):
         return iter(self._arrays)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of arrays."""
         return len(self._arrays)
 
     def __repr__(self) -> str:
-        """As of a dictionary."""
+        """Return the repr of a dictionary."""
         return repr(dict(self))
 
     def _missing(self, name: Any) -> str:
@@ -188,7 +188,7 @@ class ByTouch(Named):
         self._model, self._joined, self._swapped = model, joined, swapped
 
     def __getitem__(self, name: Any) -> Any:
-        """Of a contact pair, or of all contacts between two bodies. Raises NameLookupError."""
+        """Return the array of a pair, or of all contacts of two bodies. Raises NameLookupError."""
         if not (isinstance(name, tuple) and len(name) == 2):
             return super().__getitem__(name)
         a, b = name
@@ -221,7 +221,7 @@ class ByTouch(Named):
 
 
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
-OF_CONSTRAINTS = ("constraint_force", "constraint")  # what Named is told of them
+OF_CONSTRAINTS = ("constraint_force", "constraint")  # arguments of Named for constraints
 NOTHING, NO_FORCES = ContactRecord(), Named({}, *OF_CONSTRAINTS)
 
 
@@ -232,8 +232,8 @@ class UserEvent(NamedTuple):
     """One event of `simulate(events=[...])`, located within a step."""
 
     t: float  # [s]
-    name: str  # of the function
-    number: int  # of the function in the list
+    name: str  # name of the function
+    number: int  # index of the function in the list
     q: Array  # (nq,)
     v: Array  # (nv,)
 
@@ -243,7 +243,7 @@ class UserEvent(NamedTuple):
 
 
 def event_arrays(events: Sequence[UserEvent]) -> dict[str, Any]:
-    """Arrays by names for a file; none where there are no events."""
+    """Return arrays by name for a file, {} without events."""
     if not events:
         return {}
     t, name, number, q, v = zip(*events)

@@ -1,4 +1,4 @@
-"""Result: states over time, energies, forces, cost, and how a run ended; several runs as one."""
+"""Result of a run: states over time, energies, forces, cost, status. `joined` joins several."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 class Status(Enum):
-    """How a run ended."""
+    """End of a run: reached, stopped or failed."""
 
     DONE = "the run reached its end"
     STOPPED = "an event stopped the run"
@@ -69,7 +69,7 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end, or a terminal event of the user."""
+        """True if the run reached its end or a terminal event of the user."""
         return self in (Status.DONE, Status.STOPPED)
 
 
@@ -80,12 +80,13 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculate
 @explained
 @dataclass(frozen=True, eq=False)
 class Result(EqualByFields, Hinting):
-    """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed.
+    """Result of a run, with arrays of one row per recorded frame.
 
-    Two runs are equal if their models and all their numbers are; their costs are not compared.
+    A run that failed keeps the frames up to the failure. Two runs are equal if their models and all
+    their numbers are equal. Their costs are not compared.
     """
 
-    mechanism: Mechanism = field(compare=False)  # its model is compared
+    mechanism: Mechanism = field(compare=False)  # only its model is compared
     status: Status
     message: str  # the status with its time, its body and advice
     t: Array  # (n,) [s]
@@ -98,7 +99,7 @@ class Result(EqualByFields, Hinting):
     dissipation: Array  # (n,) [J] taken out by dampers and friction
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
-    contacts: ContactRecord  # forces, gaps, slips of contacts; torques of joint limits
+    contacts: ContactRecord  # forces, gaps, slips of contacts and torques of joint limits
     counters: Mapping[str, int] = field(
         compare=False
     )  # steps, evaluations, projections, solver iterations, ...
@@ -130,7 +131,7 @@ class Result(EqualByFields, Hinting):
         self.__post_init__()
 
     def __eq__(self, other: object) -> bool:
-        """Whether the models and the numbers are equal, nan to nan."""
+        """Compare the models and the numbers, with nan equal to nan."""
         equal = super().__eq__(other)
         if equal is not True or not isinstance(other, Result):
             return equal
@@ -150,7 +151,7 @@ class Result(EqualByFields, Hinting):
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
 
     def __str__(self) -> str:
-        """As repr, with the notices, a line each."""
+        """Return the repr and one line per warning."""
         left = [text for text in self.notices if self.status.ok or text not in self.message]
         return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
 
@@ -182,7 +183,7 @@ class Result(EqualByFields, Hinting):
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
     def __getitem__(self, name: str) -> Array:
-        """Coordinates of a joint over time: (n,), or (n, k) for k > 1; or another column.
+        """Return the coordinates of a joint over time, (n,) or (n, k) for k > 1, or another column.
 
         Raises InputError if unknown.
         """
@@ -202,7 +203,7 @@ class Result(EqualByFields, Hinting):
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
 
     def __bool__(self) -> bool:
-        """True: a run is there; `status.ok` says whether it reached its end."""
+        """Return True. Use `status.ok` to test whether the run reached its end."""
         return True
 
     def __len__(self) -> int:
@@ -216,7 +217,7 @@ class Result(EqualByFields, Hinting):
         raise InputError(Problem("Result", "", text))
 
     def _ipython_key_completions_(self) -> list[str]:
-        """What `run["` completes to in a notebook: the joints."""
+        """Return the completions of `run["` in a notebook: the joints."""
         return list(self.mechanism.joints)
 
     def _no_joint(self, name: Any) -> str:
@@ -243,18 +244,18 @@ class Result(EqualByFields, Hinting):
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame: one row a frame, its index the time t [s], the columns of `columns`.
+        """Return a pandas DataFrame of `columns`, one row per frame, with the time t [s] as index.
 
-        Words are left out, so that tables add and average: `phases` has those of contacts.
-        `table["trunk"]` gives all columns of the joint, as other beginnings of names do; a name
-        that nothing has raises a KeyError with those there are. `table.attrs["units"]` has units.
+        Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
+        columns of the joint. An unknown name raises a KeyError that lists the columns.
+        `table.attrs["units"]` holds the units. Needs pandas.
         """
         return frame(columns_of(self))
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset: the columns of `columns` over the time t [s], with their units.
+        """Return an xarray Dataset of `columns` over the time t [s], with their units.
 
-        Words are left out, as in `to_pandas`. Needs xarray.
+        Columns of words are omitted. Needs xarray.
         """
         return dataset(columns_of(self))
 
@@ -314,11 +315,11 @@ class Result(EqualByFields, Hinting):
         speed: float = 1.0, view: str = "start", dark: bool = False,
         progress: Callable[[float], Any] | None = None,
     ) -> None:  # fmt: skip
-        """Write a film of the run: .mp4 (H.264) or .gif; at `speed` 0.5 it is slow motion.
+        """Write a film of the run as .mp4 (H.264) or .gif. `speed=0.5` plays at half speed.
 
         `size` is (width, height) in pixels, `view` as in `to_image`. `progress(fraction)` is
-        called after each frame; nothing is written if it returns False. Raises InputError,
-        FileError; MissingPackage names what to install.
+        called after each frame. Nothing is written if it returns False. Raises InputError,
+        FileError, and MissingPackage with the package to install.
         """
         options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
         from ..show import pictures
@@ -332,7 +333,7 @@ class Result(EqualByFields, Hinting):
         return _show().opened(_show().animation_html(self))
 
     def _repr_html_(self) -> str:
-        """How it ended, and the run as a figure: it computes if it can travel, else it plays."""
+        """Return the summary and a figure that computes in the browser, or else plays the run."""
         facts = _show().run_html(self)
         if not len(self.t) or not self.mechanism.names:
             return facts
@@ -365,12 +366,12 @@ class Result(EqualByFields, Hinting):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} smallest gap [m]; also by two names, as `contact_force`."""
+        """{contact pair: (n,)} smallest gap [m], also by two names like `contact_force`."""
         return self._by_touch("gap", np.minimum.reduce)
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} fastest slip [m/s]; also by two names, as `contact_force`."""
+        """{contact pair: (n,)} fastest slip [m/s], also by two names like `contact_force`."""
         return self._by_touch("slip", np.maximum.reduce)
 
     @property
@@ -391,12 +392,12 @@ class Result(EqualByFields, Hinting):
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Changes of contact points and limits in event-driven runs; each prints as a sentence."""
+        """Changes of contact points and limits in event-driven runs. Each prints as a sentence."""
         return self.contacts.events
 
     @property
     def phases(self) -> Mapping[str, Any]:
-        """{point: (n,)} swing, weight acceptance, slip or stance; a limit: free or stop."""
+        """{point: (n,)} swing, weight acceptance, slip or stance, and free or stop of a limit."""
         return Named(self.contacts.phases, "phases", "contact point or limit")
 
     @property
@@ -456,12 +457,11 @@ class Result(EqualByFields, Hinting):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write an `.npz`: the arrays, and a JSON header that holds the model; or a table.
+        """Write the run as `.npz` with its model, or a table as `.csv` or `.mat`.
 
-        A table is `.csv` or, for MATLAB and Octave, `.mat`: one variable for each column, whose
-        name has `_` for other characters than letters and digits; `names` and `units` are lists.
-        As `Model.save` does, it writes meshes from elsewhere to `meshes` next to an `.npz`.
-        Raises FileError for other suffixes.
+        A `.mat` file (MATLAB, Octave) has one variable per column, with `_` in place of characters
+        other than letters and digits, and the lists `names` and `units`. Meshes from elsewhere are
+        copied to `meshes` next to an `.npz`. Raises FileError for other suffixes.
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
@@ -527,9 +527,9 @@ class Result(EqualByFields, Hinting):
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
-        """The columns of `columns` as CSV; the first line has their units: "knee [rad]".
+        """Return `columns` as CSV text with units in the first line, "knee [rad]".
 
-        A name that a spreadsheet would take for a formula begins with a quote.
+        A name that a spreadsheet would interpret as a formula begins with a quote.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -562,7 +562,7 @@ def _entries(path: str | Path) -> tuple[dict[str, Any], dict[str, Array]]:
         raise FileError(Problem(shown_path(path), "", text)) from None
     try:
         with file:
-            if file.read(2) != b"PK":  # of zip files, which .npz files are
+            if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
                 raise FileError(Problem(str(path), "", f"is no run: not an .npz file; {WRITTEN}"))
             file.seek(0)
             data = np.load(file, allow_pickle=False)
@@ -573,7 +573,7 @@ def _entries(path: str | Path) -> tuple[dict[str, Any], dict[str, Array]]:
         raise
     except KeyError:
         text = f"is no run: it has no header; {WRITTEN}"
-    except Exception:  # what zip, zlib, numpy and its parser raise on damaged files is not bounded
+    except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
         text = "is damaged and cannot be read as a run; save the run again, or copy the file again"
     raise FileError(Problem(str(path), "", text))
 
@@ -636,7 +636,7 @@ def _loads(run: Result) -> Array:
     """(n, nb, 6) wrenches on the bodies from forces of the model, its scenario and the call."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
-    t, q, v = run.t.copy(), run.q.copy(), run.v.copy()  # as above
+    t, q, v = run.t.copy(), run.q.copy(), run.v.copy()  # kernels need writable arrays
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)
@@ -729,7 +729,7 @@ def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
 
 
 def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
-    """Arrays by name; zeros where a run has none."""
+    """Join arrays by name, with zeros for a run that lacks one."""
     found = {}
     for name in dict.fromkeys(key for part in parts for key in part):
         like = next(part[name] for part in parts if name in part)
