@@ -19,7 +19,7 @@ from ..packing.forces import NO_LOADS
 from ..tolerances import FAINT, LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
 from .rows import ANGLE, Rows, apart
 
-ASSEMBLY_ROUNDS = 50  # of the projection, which is enough from nearby
+ASSEMBLY_ROUNDS = 50  # limit on projections, enough from a nearby state
 ROUNDS = 150
 IDLE = 8  # steps in a row that gain nothing notable, and the search ends
 TRIES = 3  # from other starts, where the first ends in a valley
@@ -28,16 +28,16 @@ TRIES = 3  # from other starts, where the first ends in a valley
 @explained
 @dataclass(frozen=True)
 class Assembly:
-    """What assembling a state changed."""
+    """Changes that assembling a state made."""
 
     moved: float  # largest move of a joint [rad or m]
-    joint: str  # the body whose joint moved most; "" where none did notably
+    joint: str  # the body whose joint moved most, "" if none moved notably
     turned: bool  # whether that move is an angle
     speed_change: float  # largest change of a joint velocity [rad/s or m/s]
 
     @property
     def notable(self) -> bool:
-        """Whether anything moved by more than rounding."""
+        """True if anything moved by more than rounding."""
         return max(self.moved, self.speed_change) > NOTABLE
 
     def __str__(self) -> str:
@@ -74,7 +74,10 @@ def assemble(
 
 
 def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
-    """Indices of the named constraints; of the active ones where no names are given."""
+    """Return the indices of the named constraints, by default of the active ones.
+
+    Raises InputError for unknown names.
+    """
     if names is None:
         return mech.packed.active
     known = [c.name for c in mech.model.constraints]
@@ -91,10 +94,10 @@ def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
 def assembled(
     mech: Dynamics, q: Array, v: Array, active: Ints, scene: Scene, t: float = 0.0
 ) -> tuple[Array, Array, Assembly]:
-    """(q, v, report) that meets the constraints `active` of `scene`, near (q, v).
+    """Return (q, v, report) near (q, v) that meets the constraints `active` of `scene`.
 
-    In the mass metric. From nearby by the projection of runs; where that does not end, or ends
-    far away, by damped steps. Raises InputError naming what cannot be met, and by how much.
+    Nearness is measured in the mass metric. The projection of runs is tried first, then damped
+    least squares. Raises InputError with the constraints that cannot be met and their residuals.
     """
     new_q, new_v = q.copy(), v.copy()
     rounds = (
@@ -136,7 +139,7 @@ def _report(before: Rows, q: Array, v: Array) -> Assembly:
 
 
 class Closing(NamedTuple):
-    """Where damped least squares ended."""
+    """End of damped least squares."""
 
     rows: Rows  # at the state it ended
     rounds: int
@@ -213,10 +216,10 @@ def stopped(rows: Rows) -> tuple[Array, float]:
 
 
 def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
-    """Which constraints cannot be met, alone or together, and by how much.
+    """Return the constraints that cannot be met, alone or together, and the residuals.
 
-    Of those that are missed one after the other is left out; what still cannot be met without is
-    not to blame. Joints that may be in a wrong place come after them.
+    Missed constraints are removed one after the other. A constraint without which the others still
+    cannot be met is not to blame. Joints that may be misplaced follow in the list.
     """
     rows = ended.rows
     for name in reversed(_missed(rows)):
@@ -231,7 +234,7 @@ def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
 
 
 def speed_contradiction(rows: Rows) -> Problem:
-    """As `contradiction`, of the velocities that the constraints ask for."""
+    """Return the `contradiction` between velocities that the constraints prescribe."""
     for c in reversed(rows.constraints):
         if stopped(rows.without(c.name))[1] > SOLVED:
             rows = rows.without(c.name)

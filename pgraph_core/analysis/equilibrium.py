@@ -1,10 +1,10 @@
-"""Where a mechanism stays at rest: a minimum of its potential energy, if it has one.
+"""Equilibria of a mechanism: minima of its potential energy, if it has one.
 
-Newton's method in the moves that constraints and limits leave. Where every force has an energy the
-Hessian's negative eigenvalues are turned round and a line search lets the energy only fall (Nocedal
-and Wright, Numerical Optimization, 2nd ed., section 3.4), so that saddles are left. Other forces
-are balanced by pseudo-transient continuation (Kelley and Keyes 1998), which follows the flow of
-the forces, and where that goes round and round by damped least squares.
+Newton's method runs in the motions that constraints and limits permit. If every force has an
+energy, negative eigenvalues of the Hessian are reversed and a line search only decreases the energy
+(Nocedal and Wright, Numerical Optimization, 2nd ed., section 3.4), so the search leaves saddles.
+Other forces are balanced by pseudo-transient continuation (Kelley and Keyes 1998), which follows
+the flow of the forces, or by damped least squares if that flow is periodic.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ HALVINGS = 40
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
-    """q (nq,) at rest near q; see `Mechanism.equilibrium`."""
+    """Return q (nq,) at rest near q, see `Mechanism.equilibrium`."""
     q, _ = state_of(mech, q, None, scenario)
     here = Place(mech, q, np.zeros(mech.nv), scenario)
     low, high = bounds(mech)
@@ -87,7 +87,7 @@ class Place(Balance):
 
     @property
     def has_energy(self) -> bool:
-        """Whether every force has one: no torque on a body, no force that turns with one."""
+        """True if every force has an energy: no torque on a body, no force that follows one."""
         wrenches = [f for f in self.forces if isinstance(f, Wrench)]
         balls = np.zeros(self.mech.nv, dtype=bool)
         for _, _, j in self.mech.packed.quaternions:
@@ -124,7 +124,7 @@ class Place(Balance):
 
     @cached_property
     def size(self) -> float:
-        """How far the bodies are apart [m]."""
+        """Extent of the mechanism [m]."""
         apart = float(np.ptp(self.rows.poses[0], axis=0).max(initial=0.0))
         return max(apart, self.rows.length) or 1.0
 
@@ -149,7 +149,7 @@ class Place(Balance):
 
     @cached_property
     def force(self) -> float:
-        """Size of the forces of the model, in the mass metric; 1 where there are none."""
+        """Norm of the forces of the model in the mass metric, or 1 without forces."""
         acting = self.weights + np.abs(self.torque(self.q, self.v))
         return float(np.linalg.norm(self.rows.gradient(acting))) or 1.0
 
@@ -178,7 +178,7 @@ class _Ways(NamedTuple):
 
     @property
     def curved_down(self) -> bool:
-        """Whether the energy falls to both sides along some way."""
+        """True if the energy decreases to both sides along some direction."""
         return bool(len(self.values) and self.values[0] < -DIFFERENCED * np.abs(self.values).max())
 
     @property
@@ -221,7 +221,7 @@ class _Search:
         return free @ right[int(np.sum(sizes > ROUNDING * sizes.max(initial=0.0))) :].T
 
     def released(self) -> bool:
-        """Let go of the joint that is pushed off its limit most; whether there was one."""
+        """Release the joint that is pushed off its limit most. Return False if there is none."""
         if not self.held.any():
             return False
         here, held = self.here, np.flatnonzero(self.held)
@@ -251,7 +251,7 @@ class _Search:
         return here.at(q, here.v)
 
     def share(self, step: Array) -> float:
-        """How much of a step is short enough, and stays within the limits."""
+        """Return the fraction of a step that is short enough and stays within the limits."""
         longest = float(np.max(np.abs(step) / self.here.reach, initial=0.0))
         most = 1.0 / max(longest / LONGEST_STEP, 1.0)
         at_q = single(self.here.rows)
@@ -264,7 +264,7 @@ class _Search:
         return most if most * longest > ROUNDING else 0.0
 
     def taken(self, new: Place) -> Place:
-        """A step's place; the joint that its limit stopped is held from now on."""
+        """Accept the place after a step, and hold the joint that its limit stopped."""
         if self.stopper >= 0:
             self.held[self.stopper] = True
         return new
@@ -272,7 +272,7 @@ class _Search:
     # -- with an energy --------------------------------------------------------------------------
 
     def downhill(self) -> Place | None:
-        """A minimum of the energy, or the start where that is an equilibrium; None: not found."""
+        """Return a minimum of the energy, or the start if it is an equilibrium, or None."""
         least = np.inf
         for taken in range(ROUNDS):
             here, ways = self.here, self.ways()
@@ -336,7 +336,7 @@ class _Search:
     # -- without ---------------------------------------------------------------------------------
 
     def along_the_forces(self) -> Place | None:
-        """Where the flow of the forces ends: implicit Euler's steps that grow as they fade."""
+        """Follow the flow of the forces to its end by growing steps of implicit Euler."""
         least, before, h = np.inf, 0.0, 0.0
         for taken in range(ROUNDS):
             here, free = self.here, self.free(self.here)
@@ -365,7 +365,7 @@ class _Search:
         return self.best if least <= SOLVED else None
 
     def balanced(self) -> Place | None:
-        """Where damped least squares leave nothing of the forces, stable or not."""
+        """Return a balance of the forces by damped least squares, stable or not, or None."""
         damping, least = 1e-3, np.inf
         for _ in range(ROUNDS):
             here, free = self.here, self.free(self.here)

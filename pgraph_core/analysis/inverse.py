@@ -1,7 +1,7 @@
-"""Inverse dynamics of mechanisms with loops: joint torques for a motion that constraints allow.
+"""Inverse dynamics of mechanisms with loops: joint torques for a motion that constraints permit.
 
-M v' + C - passive = S τ + Jᵀλ + J_cᵀf. With N spanning the null space of J (orthonormal in the mass
-metric) the constraints' forces drop out, Nᵀ S τ + Nᵀ J_cᵀ f = Nᵀ r, and τ is the solution of least
+M v' + C - passive = S τ + Jᵀλ + J_cᵀf. Let N span the null space of J, orthonormal in the mass
+metric. The constraints' forces drop out, Nᵀ S τ + Nᵀ J_cᵀ f = Nᵀ r. τ is the solution of least
 weighted norm ([Aghili 2005], [Nakamura and Ghodoussi 1989]).
 """
 
@@ -30,10 +30,10 @@ from ..tolerances import EPS, NAMED, NOTABLE, ROUNDING, SOLVED, TOUCHING
 from .mobility import complement, judged
 from .rows import Rows
 
-EDGES = 8  # of the first pyramid inside a friction cone
-REFINEMENTS = 12  # of it, each by the directions in which it is used
-# Cost of a force against that of a torque, where its square is half the digits: it decides only
-# where torques do not. What torques cannot balance weighs as much more, before it is met exactly
+EDGES = 8  # edges of the first pyramid inside a friction cone
+REFINEMENTS = 12  # refinements of the pyramid, each by the directions in use
+# Cost of a force relative to that of a torque, whose square is half the digits: it decides only if
+# torques do not. What torques cannot balance weighs as much more, before it is balanced exactly
 # (weighting method; Lawson and Hanson, Solving Least Squares Problems, chapter 22).
 LIGHT = EPS**0.25
 
@@ -47,7 +47,7 @@ def constrained_inverse_dynamics(
     weights: Array | Mapping[str, float] | None,
     contacts: Sequence[str] | None,
 ) -> Array:
-    """τ (nv,) of least weighted norm for v'; see `Mechanism.constrained_inverse_dynamics`."""
+    """Return τ (nv,) of least norm for v', see `Mechanism.constrained_inverse_dynamics`."""
     at_once = None if contacts else _at_once(mech, (q, v, vdot), actuated, weights)
     if at_once is not None:
         return at_once
@@ -76,7 +76,7 @@ def constrained_inverse_dynamics(
 
 
 class Prepared(NamedTuple):
-    """What the kernel of a mechanism takes besides the state."""
+    """Arguments of the kernel in addition to the state."""
 
     addresses: tuple[int, int, float]
     cost: Array  # (nv,) of every joint
@@ -89,9 +89,9 @@ def _at_once(
     actuated: Sequence[str] | None,
     weights: Array | Mapping[str, float] | None,
 ) -> Array | None:
-    """τ where the kernel takes the state as it is and no row is in doubt; None for a closer look.
+    """Return τ if the kernel accepts the state and no row may be redundant, else None.
 
-    The steps below then say what is wrong, or decide which rows are redundant.
+    The slower steps then report bad input or decide which rows are redundant.
     """
     own = vars(mech).get("_inverse_prepared") or _prepared(mech)
     if own is None:
@@ -114,7 +114,7 @@ def _at_once(
 
 
 def _prepared(mech: Dynamics) -> Prepared | None:
-    """Made once a mechanism; None without constraints."""
+    """Prepare the kernel's arguments, once per mechanism. None without constraints."""
     scene = mech._scene
     if not scene.active[0]:
         return None
@@ -156,7 +156,7 @@ def _coordinates(mech: Dynamics, actuated: Sequence[str] | None) -> Ints:
 
 
 def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Array:
-    """(nv,) > 0, the cost of τ² in each coordinate; joints that a mapping leaves out cost 1."""
+    """Return the cost of τ² in each coordinate (nv,) > 0, by default 1. Raises InputError."""
     if weights is None:
         return np.ones(mech.nv)
     if isinstance(weights, Mapping):
@@ -225,7 +225,7 @@ def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> P
 
 
 class CarryingPoint(NamedTuple):
-    """Where a contact pushes: a force is `axes.T @ (normal, tangential, tangential)`."""
+    """Point at which a contact acts with force `axes.T @ (normal, tangential, tangential)`."""
 
     jacobian: Array  # (3, nv) of the body's point against the other's, world axes
     axes: Array  # (3, 3) normal and two tangents, as rows
@@ -323,7 +323,7 @@ def _carried(
 
 
 def _edges(point: CarryingPoint, angles: Array) -> Array:
-    """(3, k) forces along the edges of a pyramid in a friction cone, normal part 1; the normal."""
+    """Return the normal and the edges of a pyramid in a friction cone (3, 1 + k), normal part 1."""
     mu = point.friction
     own = np.stack((np.ones_like(angles), mu * np.cos(angles), mu * np.sin(angles)))
     return point.axes.T @ np.hstack((np.array([[1.0], [0.0], [0.0]]), own))
@@ -340,7 +340,7 @@ def _apart(edges: list[Array]) -> Array:
 
 
 def _balanced(balance: Array, owed: Array, share: Array) -> Array:
-    """The shares that meet the balance exactly, nearest to least cost; all stay >= 0."""
+    """Return shares >= 0 that meet the balance exactly and are closest to least cost."""
     for _ in range(3):
         share = share + np.linalg.lstsq(balance, owed - balance @ share, rcond=ROUNDING)[0]
     return np.maximum(share, 0.0) if len(share) else share

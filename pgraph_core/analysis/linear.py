@@ -48,20 +48,20 @@ class Linearisation:
 
     A: Array  # (n, n)
     B: Array  # (n, nv)
-    coordinates: tuple[str, ...]  # of y: the body whose joint it is, with its number if several
-    velocities: tuple[str, ...]  # of u: the same, or fewer where rows bind velocities alone
+    coordinates: tuple[str, ...]  # names of y: the body of the joint, with an index if several
+    velocities: tuple[str, ...]  # names of u: the same, or fewer if rows bind velocities alone
     eigenvalues: Array  # (n,) complex [1/s], by size
     modes: Array  # (nv, n) the moves of all coordinates that belong to them
     moves: Array  # (nv, len(coordinates)) δq = moves δy
     q: Array  # (nq,) the state
     v: Array  # (nv,)
-    conservative: bool  # whether the eigenvalues come from two symmetric problems
-    drift: Array  # (n,) x' at the state: x' = drift + A x + B δτ; 0 at rest in an equilibrium
-    notices: tuple[str, ...] = ()  # what the user should know about it
+    conservative: bool  # True if the eigenvalues come from two symmetric problems
+    drift: Array  # (n,) x' = drift + A x + B δτ, which is 0 at rest in an equilibrium
+    notices: tuple[str, ...] = ()  # warnings
 
     @property
     def frequencies(self) -> Array:
-        """Of what swings, ascending [rad/s]."""
+        """Frequencies of the oscillating modes, ascending [rad/s]."""
         found = self.eigenvalues.imag
         return np.sort(found[found > 0])
 
@@ -114,7 +114,7 @@ class Balance:
 
     @cached_property
     def free_places(self) -> Array:
-        """As `free`, for the rows that positions obey."""
+        """`free` for the rows that constrain positions."""
         groups = [group for group in self.rows.groups if group.holonomic]
         if len(groups) == len(self.rows.groups):
             return self.free
@@ -234,7 +234,7 @@ def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:
 def state_of(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> tuple[Array, Array]:
-    """(q, v) of a call: the initial state of the scenario, and rest, unless given; assembled."""
+    """Return the assembled (q, v) of a call, by default the scenario's initial q at rest."""
     start = mech.home()[0]
     if scenario is not None:
         for name, values in mech.model.scenario(scenario).q.items():
@@ -251,7 +251,7 @@ def state_of(
 def linearise(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> Linearisation:
-    """The linearised dynamics at (q, v); see `Mechanism.linearise`."""
+    """Return the linearised dynamics at (q, v), see `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
     here = Balance(mech, q, v, scenario)
     here.touching = Touching(mech, touching(mech, scenario), (here.drives, here.loads), (q, v))
@@ -301,7 +301,7 @@ def linearise(
 
 
 def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
-    """What is left out, and whether the state stays as it is."""
+    """Return warnings about ignored contacts and about a state that is no equilibrium."""
     found: list[str] = []
     if here.touching is not None and here.touching.shut:
         shut = choices(here.touching.shut, 6)
@@ -322,14 +322,14 @@ def _eigenvectors(A: Any) -> tuple[Any, Any]:
 
 
 def _answered(here: Balance, force: Any) -> Any:
-    """v' that forces (nv, k) add where no row may move; from articulated bodies without rows."""
+    """Return v' due to forces (nv, k) that keep the rows fixed."""
     if len(here.rows.J):
         return here.free @ (here.free.T @ force)
     return np.linalg.solve(here.M, force)
 
 
 def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array) -> bool:
-    """Whether nothing dissipates, follows time or binds velocities alone, about a state of rest."""
+    """True at rest if nothing dissipates, depends on time or binds velocities alone."""
     if np.any(here.v) or np.any(force_v) or by_place.shape[1] != here.free.shape[1]:
         return False
     K = by_place.T @ force_q @ by_place
@@ -393,18 +393,18 @@ def _names(mech: Dynamics) -> list[str]:
 
 
 def frequencies(mech: Dynamics, q: Array) -> Array:
-    """(nv,) of small motions of the tree about q [rad/s], ascending; 0 where it would move away."""
+    """Return frequencies of small motions about q (nv,) [rad/s], ascending, 0 if unstable."""
     rest = np.zeros(mech.nv)
     stiffness, mass = -force_slopes(mech, q, rest, rest)[0], mech.mass_matrix(q)
     return np.sqrt(np.maximum(squares(mass, stiffness, flexibility(mech, q))[0], 0.0))
 
 
 def squares(mass: Array, stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """(ω², shapes) of M x'' + K x = 0, ascending; the shapes (n, n) are columns.
+    """Return (ω², shapes) of M x'' + K x = 0, ascending. The shapes (n, n) are columns.
 
-    The slow half is found from K⁻¹M, the fast half from M⁻¹K, with `flexibility` M⁻¹ from
-    articulated bodies: each is good to 1e-12 on a chain of 1000, where one alone loses six digits
-    of the other half. A stiffness that is not positive has negative ω².
+    The slow half comes from K⁻¹M, the fast half from M⁻¹K, with `flexibility` M⁻¹ from articulated
+    bodies. Each is accurate to 1e-12 on a chain of 1000, where one alone loses six digits of the
+    other half. An indefinite stiffness has negative ω².
     """
     stiffness = _symmetric(stiffness)
     try:
@@ -440,7 +440,7 @@ def forward_derivatives(
     mech: Dynamics, q: Array, v: Array, tau: Array | None
 ) -> tuple[Array, Array, Array]:
     """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, with springs and dampers. Raises InputError."""
-    mech.forward_dynamics(q, v, tau)  # says what is wrong, and what is left out
+    mech.forward_dynamics(q, v, tau)  # checks the arguments and warns about ignored parts
     q, v = mech._state(q, v)
     given = mech._rest if tau is None else numbers("tau", tau, mech.nv)
     kernel, address, shape, by_q, by_v, by_tau, space, _ = slopes_of(mech)

@@ -24,8 +24,8 @@ from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
 
 LOOK_ROUNDS = 40
-LOOKS = 3  # at positions around
-BRANCH_LOOKS = 12  # where there are branches
+LOOKS = 3  # nearby positions that are examined
+BRANCH_LOOKS = 12  # nearby positions at a branch point
 ALONG = np.cos(2 * NEARBY)  # cosine between directions of one branch
 PANEL = 16  # groups that are freed of what came before at once: a matrix product, not a vector's
 LISTED = 8  # rows, joints or branches in a sentence
@@ -37,8 +37,8 @@ class Redundant:
 
     constraint: str
     direction: str  # "rotation about x", in world axes unless a body is named
-    bodies: tuple[str, ...]  # that it touches
-    only_here: bool  # whether it says something at positions nearby
+    bodies: tuple[str, ...]  # bodies that it connects
+    only_here: bool  # True if it is not redundant at nearby positions
 
     def __str__(self) -> str:
         return f"{self.direction} of constraint '{self.constraint}'"
@@ -47,35 +47,35 @@ class Redundant:
 @explained
 @dataclass(frozen=True)
 class Mobility:
-    """What constraints leave of a mechanism's freedom at one position."""
+    """Degrees of freedom of a mechanism under constraints at one position."""
 
     tree: int  # degrees of freedom without the constraints
-    constraints: int  # how many are active
-    rows: int  # of them, velocity rows counted
-    rank: int  # of all rows here
-    dof: int  # ways to move off: tree - rank
+    constraints: int  # number of active constraints
+    rows: int  # number of their rows, velocity rows included
+    rank: int  # rank of all rows here
+    dof: int  # degrees of freedom: tree - rank
     positions: int  # dimension of the positions that can be reached by closing loops alone
     redundant: tuple[Redundant, ...]
-    extra: int  # ways to move that are there only here: a singular position
-    finite: bool  # whether they lead anywhere; False: parts can shake, not move
-    joints: tuple[str, ...]  # that take part in motions, where the position is singular
-    branches: tuple[tuple[float, ...], ...]  # (nv,) directions in which motions lead away
-    branch: int  # index of the one that the velocity takes; -1: none
-    prescribed: int  # ways to move that prescribed motions decide
-    moved: float  # how far the position was from meeting the constraints [rad or m]
+    extra: int  # degrees of freedom that exist only here: a singular position
+    finite: bool  # True if they are finite motions, False if they exist to first order only
+    joints: tuple[str, ...]  # joints that take part in motions from a singular position
+    branches: tuple[tuple[float, ...], ...]  # (nv,) directions of the branches of motion
+    branch: int  # index of the branch that the velocity follows, -1 for none
+    prescribed: int  # degrees of freedom that prescribed motions determine
+    moved: float  # distance of the given position from the assembled one [rad or m]
     names: tuple[str, ...]  # the joint of each degree of freedom
     doubts: tuple[str, ...] = ()  # defaults of constraints that hardly fit the model
 
     @property
     def locked(self) -> str:
-        """What belongs after the number of ways to move where some of them lead nowhere; or ""."""
+        """Return the remark on degrees of freedom of first order only, or ""."""
         if not self.extra or self.finite:
             return ""
         here = f", {self.extra} of them to first order only"
         return here + (": it is locked" if self.extra == self.dof else "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields by name, for JSON; `text` is the report in words."""
+        """Return the fields by name for JSON, with the report in words as `text`."""
         return asdict(self) | {"text": str(self)}
 
     def __str__(self) -> str:
@@ -88,11 +88,11 @@ def mobility(
     v: Array | None = None,
     active: Sequence[str] | None = None,
 ) -> Mobility:
-    """The report at q, the initial state by default, moved first to where constraints are met.
+    """Return the mobility at the assembled position nearest to q, by default the initial state.
 
-    `active` names constraints, the model's active ones by default. A velocity decides between
-    branches at a singular position. O(n³) in the degrees of freedom. Raises InputError where the
-    constraints cannot be met.
+    `active` names constraints, by default the model's active ones. The velocity `v` selects a
+    branch at a singular position. The cost is O(n³) in the degrees of freedom. Raises InputError
+    if the constraints cannot be met.
     """
     at = mech.home()[0] if q is None else position(mech.packed, q)
     v = None if v is None else finite("v", v, mech.nv)
@@ -134,7 +134,7 @@ Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, 
 
 
 def rank_of(state: Rows, groups: Sequence[Group], basis: Array, gap: float) -> int:
-    """Return the rank of some groups of rows; `basis` is that of all of them."""
+    """Return the rank of some groups of rows, where `basis` is the basis of all rows."""
     return len(basis if len(groups) == len(state.groups) else judged(state, groups, gap)[0])
 
 
@@ -218,7 +218,10 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
 
 
 def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
-    """A position around: the move to it, and itself; `here` where it led back, None if nowhere."""
+    """Return the move to a nearby position and the position.
+
+    It is `here` if the move led back, and None if no position was found.
+    """
     reach = np.where(here.turns, 1.0, here.size)
     step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
     ended = descended(here.at(here.advanced(step)), rounds=LOOK_ROUNDS)
@@ -254,7 +257,7 @@ def _taken(here: Rows, branches: tuple[Array, ...], v: Array | None) -> int:
 
 
 def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
-    """Redundant rows by direction; those that a group does not have around are only here."""
+    """Return redundant rows by direction, marked `only_here` if nearby positions lack them."""
     elsewhere = {(g.constraint.name, g.nature): _directions(state, g, n) for g, n in around}
     rows: list[Redundant] = []
     for group, null in found:

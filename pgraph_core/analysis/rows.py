@@ -36,16 +36,16 @@ class Group(NamedTuple):
     constraint: Constraint
     nature: str  # translation, rotation, slip or coordinate
     rows: slice
-    directions: Array  # (rows, 3) unit vectors in world axes; zero where it has none
-    holonomic: bool  # whether positions obey them
+    directions: Array  # (rows, 3) unit vectors in world axes, zero for rows without a direction
+    holonomic: bool  # True if they constrain positions
 
 
 class _Evaluated(NamedTuple):
-    """What the kernels give of the rows at one position."""
+    """Rows at one position, as the kernels return them."""
 
     J: Array  # (m, nv)
-    gap: Array  # (m,) residuals of positions [m]; 0 for rows that only velocities obey
-    asked: Array  # (m,) the speeds that prescribed motions ask for [m/s]
+    gap: Array  # (m,) residuals of positions [m], 0 for rows of velocities alone
+    asked: Array  # (m,) speeds of prescribed motions [m/s]
     groups: tuple[Group, ...]
 
 
@@ -67,7 +67,7 @@ class Rows:
     def of(
         cls, mech: Dynamics, active: Ints, q: Array, v: Array | None = None, t: float = 0.0
     ) -> Rows:
-        """The rows of the constraints with these indices; at rest unless `v` is given."""
+        """Return the rows of the constraints with these indices, at rest unless `v` is given."""
         scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)
         v = np.zeros(mech.nv) if v is None else v
         return cls(mech, scene, tuple(active.tolist()), q, v, t)
@@ -106,7 +106,7 @@ class Rows:
 
     @cached_property
     def length(self) -> float:
-        """What stands for one radian [m]."""
+        """Length by which rotations are multiplied [m]: the radius of gyration."""
         return radius_of_gyration(self.mech.packed.system)
 
     @cached_property
@@ -116,7 +116,7 @@ class Rows:
 
     @cached_property
     def size(self) -> float:
-        """Of the mechanism [m]: what rounding of positions is relative to."""
+        """Extent of the mechanism [m], the scale of rounding of positions."""
         tied = [c for c in self.constraints if isinstance(c, AtPoints)]
         points = [p for c in tied for p in (c.point, c.other_point) if p is not None]
         farthest = [np.abs(x).max() for x in [self.poses[0], *map(np.array, points)] if x.size]
@@ -137,7 +137,7 @@ class Rows:
 
     @property
     def gap(self) -> Array:
-        """(m,) residuals of positions [m]; 0 for rows that only velocities obey."""
+        """(m,) residuals of positions [m], 0 for rows of velocities alone."""
         return self._evaluated.gap
 
     @cached_property
@@ -212,7 +212,7 @@ class Rows:
 
     @cached_property
     def root(self) -> Array:
-        """(nv, nv) lower L with M = L Lᵀ; joints without inertia get a little."""
+        """(nv, nv) lower L with M = L Lᵀ, where joints without inertia get a small one."""
         M = self.mech.mass_matrix(self.q)
         try:
             root = np.linalg.cholesky(M)

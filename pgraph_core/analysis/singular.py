@@ -24,20 +24,20 @@ from .rows import Rows
 
 LISTED = 4
 LOOKS = 4  # parabolas through the eigenvalue
-NULL = FAINT**2  # of the mean of Ω's diagonal: eigenvalues are squares of singular values
+NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
 
 # -- redundant rows ---------------------------------------------------------------------------
 
 
 def redundancy(scene: Scene) -> str:
-    """A sentence on the redundant rows of the last factors; "" where there are none.
+    """Return a sentence on the redundant rows of the last factors, or "" without any.
 
-    A null direction of Ω is a combination of rows that says nothing: the last row of it that is
-    not the last of another is called redundant, as in `mobility`.
+    A null direction of Ω is a combination of rows without effect. Its last row that is not the last
+    of another direction is called redundant, as in `mobility`.
     """
     count = int(scene.space.vectors[FACTORED, 1])
     blocks = sum(end - first for _, first, end in scene.spans)
-    if count == 0 or blocks != scene.active[0]:  # contacts are among them: others than in a moment
+    if count == 0 or blocks != scene.active[0]:  # contacts take part, which change at any moment
         return ""
     rows = _rows(scene)
     chosen = named(scene, standing_for(scene.space.nulls[:count, : len(rows)]))
@@ -56,9 +56,9 @@ def named(scene: Scene, rows: list[int]) -> list[str]:
 
 
 def standing_for(nulls: Array, share: float = NOTABLE) -> list[int]:
-    """Columns that stand for the null directions, from the last one on; ascending.
+    """Return one column per null direction, chosen from the last one on, ascending.
 
-    Entries below `share` of the largest are none.
+    Entries below `share` of the largest count as zero.
     """
     left, found = nulls.copy(), []
     for column in range(left.shape[1] - 1, -1, -1):
@@ -112,7 +112,7 @@ class Passed(NamedTuple):
     """A singular position on the way of a run."""
 
     t: float
-    rows: tuple[str, ...]  # what says nothing new only there
+    rows: tuple[str, ...]  # rows that are redundant only there
 
 
 class _Look:
@@ -186,7 +186,7 @@ def passed(scene: Scene) -> list[Passed]:
 
 
 def _touched(look: _Look, width: float) -> Passed | None:
-    """The singular position within `width` of a dip's deepest place; None where there is none."""
+    """Return the singular position within `width` of the bottom of a dip, or None."""
     fastest = float(np.max(np.abs(look.v), initial=0.0))
     if fastest == 0.0 or look.rows == 0:
         return None
@@ -206,9 +206,10 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
 
 
 def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool) -> str:
-    """What a person should know of the singular positions that a run passed; "" if none.
+    """Return a warning about singular positions that a run passed, or "".
 
-    `start` and `end` are those of the run; `redundant`: whether rows were at the start.
+    `start` and `end` are those of the run. `redundant` tells whether rows were redundant at the
+    start.
     """
     dips = int(scene.space.watch[0]["count"])
     places = passed(scene) if dips else []
@@ -234,10 +235,10 @@ def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool)
 
 
 def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
-    """A sentence on a motion whose gap the rows do not see; "" where it is something else.
+    """Return a sentence on a motion whose gap grows while the rows J vanish, or "".
 
-    Rows J of such a motion vanish where it begins: its gap grows as its square, against a force
-    of infinite size, and projection by J cannot take it back.
+    The gap of such a motion grows as its square, against a force of infinite size, and projection
+    by J cannot close it.
     """
     state = Rows.of(mech, active, q, v, t)
     rows, gap = state.scaled[state.holonomic], state.gap[state.holonomic]
@@ -268,7 +269,7 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
 
 
 def holding(mech: Dynamics, active: Ints, t: float, q: Array, way: Array) -> list[str]:
-    """Names of the constraints that alone say how a gap changes; none where they leave it free.
+    """Return the names of the constraints that determine the change of a gap, [] if it is free.
 
     `way` (nv,) is the gradient of the gap.
     """

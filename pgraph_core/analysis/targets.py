@@ -28,7 +28,7 @@ MOST_STARTS = 100_000
 
 
 class Target(NamedTuple):
-    """Where a point of a body or site is to be, and how it is to be turned."""
+    """Target position and attitude of a point of a body or site."""
 
     name: str
     point: Array  # (3,) in the body's axes
@@ -39,7 +39,7 @@ class Target(NamedTuple):
 def inverse_kinematics(
     mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
 ) -> Array:
-    """q (nq,) near q; see `Mechanism.inverse_kinematics`."""
+    """Return q (nq,) near q, see `Mechanism.inverse_kinematics`."""
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
         text = f"must be a whole number from 1 to {MOST_STARTS}; given {shown(starts)}"
         raise InputError(Problem(WHERE, "starts", text))
@@ -103,7 +103,7 @@ def _turn(name: str, given: Any) -> Array:
 
 
 def bounds(mech: Dynamics) -> tuple[Array, Array]:
-    """(nv,) least and greatest coordinate of each degree of freedom; balls have none."""
+    """Return the limits of each degree of freedom, (nv,) each, infinite for balls."""
     low, high = np.full(mech.nv, -np.inf), np.full(mech.nv, np.inf)
     for name, joint in mech.joints.items():
         body, j = mech.model.body(name), joint.v.start
@@ -143,7 +143,7 @@ def single(rows: Rows) -> Array:
 
 
 def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tuple[Array, float]:
-    """(q, what is left [m]) from a start; turns count by the mechanism's radius of gyration."""
+    """Return (q, residual [m]) from a start. Rotations count by the radius of gyration."""
     damping, left = 1e-3, np.inf
     error, J = _errors(rows, wanted)
     left = float(np.linalg.norm(error))
@@ -194,7 +194,7 @@ def _angle(R: Array) -> Array:
 
 
 def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Target]:
-    """The targets that are missed; all where only loops are."""
+    """Return the missed targets, or all if only loops are open."""
     here = rows.at(q)
     loops = len(here.holonomic)
     found = [

@@ -19,7 +19,7 @@ from ..packing import Array, Drives, Loads
 from ..packing.forces import length_at, points_of_spring, terms_of
 from ..tolerances import EPS, SOLVED
 
-DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences
+DEPTHS = (0.1, 1e-2, 1e-3)  # steps of finite differences relative to the least depth
 
 
 def length_of(mech: Dynamics, f: Force, q: Array) -> float:
@@ -45,7 +45,7 @@ def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
 
 
 class Touching:
-    """What touches at (q, v), where a run starts."""
+    """Contacts that touch at the state (q, v) of the start of a run."""
 
     def __init__(
         self,
@@ -54,10 +54,10 @@ class Touching:
         forces: tuple[Drives, Loads],
         state: tuple[Array, Array],
     ):
-        """`contacts` and `forces` are those that act; limits of joints always do."""
+        """Find what touches among active `contacts` and limits, under active `forces`."""
         self.mech, (q, v) = mech, state
-        self.shut: list[str] = []  # rigid contacts and limits, as a sentence names them
-        self.depth = 0.0  # of the soft or penalty contact that is least deep [m]; 0: none pushes
+        self.shut: list[str] = []  # names of closed rigid contacts and limits, for sentences
+        self.depth = 0.0  # least depth of a soft or penalty contact [m], 0 if none pushes
         self._limits(q)
         tables = contact_tables(mech.packed, contacts) if contacts else None
         if tables is None or not tables.touches:
@@ -115,7 +115,7 @@ class Touching:
 
     @property
     def steps(self) -> tuple[float, ...]:
-        """Of differences in q [rad, m]: none leaves the contact."""
+        """Return steps of finite differences in q [rad, m], none of which leaves the contact."""
         return tuple(share * self.depth / max(1.0, self.mech.packed.length) for share in DEPTHS)
 
     def slopes_in_v(self, q: Array, v: Array) -> Array:
