@@ -167,13 +167,13 @@ def _carried_tip(model: Model) -> Body | None:
 
 
 def own_mass_ratio(model: Model) -> float | None:
-    """Of the model as it is."""
+    """Return the mass ratio of the model itself."""
     tip = _carried_tip(model)
     return None if tip is None else tip.mass / model.body(tip.parent).mass
 
 
 def inertia(model: Model, value: float) -> Model:
-    """Every body's inertia about its centre of mass times `value`; masses stay."""
+    """Scale every body's inertia about its centre of mass by `value`, but no masses."""
     if not any(any(map(any, body.inertia)) for body in model.bodies):
         raise lacking("inertia", "inertia about centres of mass")
     bodies = tuple(
@@ -214,7 +214,7 @@ def own_chain_length(model: Model) -> float | None:
 
 
 def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
-    """Link i of n; all but the first start at the end of the one before, at rest."""
+    """Return link i of n. All but the first start at the end of the previous one, at rest."""
 
     def part(x: tuple[float, ...], by: int = n) -> tuple[float, ...]:
         return tuple(c / by for c in x)
@@ -306,7 +306,7 @@ def _with_body(model: Model, old: Body, new: Body) -> Model:
 
 
 def own_speed(model: Model) -> float | None:
-    """The largest initial velocity; None at rest."""
+    """Return the largest initial velocity, None at rest."""
     return max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None
 
 
@@ -363,13 +363,13 @@ AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
 
 
 def first_axis(model: Model) -> str:
-    """The first axis that the model has: what a map varies where nothing is asked for."""
+    """Return the first axis that applies to the model: the default of a map."""
     for name, axis in AXES.items():
         if axis.of_steps:
             continue
         try:
             axis.applied(model, axis.values[0])
-        except PgraphError:  # it has nothing to vary, or not with such a value
+        except PgraphError:  # the axis does not apply to this model or value
             continue
         return name
     return "step"

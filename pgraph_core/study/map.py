@@ -58,13 +58,13 @@ class Cell:
     error_half: float = NAN  # at half of the step
     order: float = NAN  # observed, from these two
     step_needed: float = NAN  # to meet the target, from the observed order [s]
-    time: float = NAN  # of the failure, or from which the motion grew [s]
+    time: float = NAN  # time of the failure, or of the start of growth [s]
     body: str = ""  # the first at fault
     step_limit: float = NAN  # predicted largest stable step [s]
-    energy_lost: float = 0.0  # that the model does not dissipate
+    energy_lost: float = 0.0  # loss that the model does not dissipate
     energy_gained: float = 0.0
     constraint_drift: float = 0.0  # over the mechanism's length
-    evaluations: int = 0  # of the dynamics
+    evaluations: int = 0  # evaluations of the dynamics
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def evidence(
 
 
 def step_limit(method: str, rate: float) -> float:
-    """The largest step at which an explicit method is stable at a rate [1/s], in s; else NaN."""
+    """Return the largest stable step [s] of an explicit method at a rate [1/s], else NaN."""
     most = METHODS[method].limit
     return most / rate if most > 0.0 and rate > 0.0 else NAN
 
@@ -134,7 +134,7 @@ def spurious_energy(run: Result, scale: float) -> Array:
 
 
 def steady_loss(growth: Array) -> float:
-    """Mean energy lost in the last third if each third loses more than the one before; else 0."""
+    """Return the mean loss in the last third if each third loses more than the last, else 0."""
     if len(growth) < 3 or not np.isfinite(growth).all():
         return 0.0
     thirds = [float(part.mean()) for part in np.array_split(growth, 3)]
@@ -170,7 +170,7 @@ def _first_row(found: Evidence, frame: int) -> int:
 
 
 def _failed(found: Evidence) -> Cell | None:
-    """The run ended early; its message has the cause, the body and the time."""
+    """Return the cell of a run that ended early, with the cause, the body and the time."""
     if found.run.status.ok:
         return None
     many = found.run.status is Status.TOO_MANY_STEPS
@@ -245,7 +245,7 @@ HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluatio
 @explained
 @dataclass(frozen=True)
 class StabilityMap(Hinting):
-    """A verdict on each value of the axis, method and step; `print` shows it as text."""
+    """A verdict on each value of the axis, method and step. `print` shows it as text."""
 
     model: str  # name
     axis: str
@@ -253,10 +253,10 @@ class StabilityMap(Hinting):
     unit: str
     values: tuple[float, ...]
     methods: tuple[str, ...]
-    steps: tuple[float, ...]  # [s]; empty if the values are the steps
+    steps: tuple[float, ...]  # [s], empty if the values are the steps
     t_end: float  # [s]
     target: float  # largest error that is OK
-    references: tuple[str, ...]  # of each value
+    references: tuple[str, ...]  # source of the reference of each value
     cells: tuple[Cell, ...]
     complete: bool = True  # False: it was cancelled, and these are the cells so far
     own: float | None = None  # the value of the model as it is, if it is among them
@@ -306,7 +306,7 @@ class StabilityMap(Hinting):
 
     @property
     def advice(self) -> str:
-        """The method and step to take, in a sentence; of a cancelled map, what there is so far."""
+        """The recommended method and step in a sentence, of a cancelled map as far as it came."""
         whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
         if self.complete or len(self.cells) == whole:
@@ -341,7 +341,7 @@ class StabilityMap(Hinting):
 
     @property
     def title(self) -> str:
-        """What was varied, over which duration, to which target."""
+        """The varied quantity, the duration and the target, in a sentence."""
         unit = f" [{self.unit}]" if self.unit else ""
         steps = ", ".join(f"{s:g}" for s in self.steps)
         each = f"; steps {steps} s from left to right" if self.steps else ""
@@ -376,7 +376,7 @@ class StabilityMap(Hinting):
         return found
 
     def figure(self, *, narrow: bool = False) -> str:
-        """A heat map as an SVG text that stands alone; `narrow`: for a column."""
+        """Return a heat map as standalone SVG text, `narrow` for a column of a page."""
         squares = []
         for c in self.cells:
             letter, colour, ink, _ = LOOK[c.status]
@@ -427,7 +427,7 @@ class StabilityMap(Hinting):
         return maps_page([self])
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON takes them; numbers that are not finite are None."""
+        """Return plain values for JSON, with None for numbers that are not finite."""
         return plain(vars(self) | {"cells": [asdict(cell) for cell in self.cells]})
 
     def to_json(self) -> str:

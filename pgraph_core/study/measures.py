@@ -1,4 +1,4 @@
-"""What studies measure: how far motions differ, the order of convergence that follows, times."""
+"""Measures of studies: differences of motions, the order of convergence, times."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..result import Result
 from ..tolerances import EPS, SOLVED
 
 COARSE = 0.1  # errors above show no order
-TRUST = 10.0  # an error estimate is right within this factor; so is what a reference resolves
+TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
 LEAST = 3  # points of a slope
 OFF = 0.5  # orders closer than this are the same: methods have whole ones
 STEADY = 0.75  # least to largest slope within points that show an order
@@ -55,7 +55,7 @@ def rms(e: Array) -> float:
 
 
 class Motion(NamedTuple):
-    """What is known of a motion at n times; an engine may give its positions alone."""
+    """A motion at n times, of some engines the positions alone."""
 
     q: Array  # (n, nq)
     v: Array | None = None  # (n, nv)
@@ -63,7 +63,7 @@ class Motion(NamedTuple):
 
     @classmethod
     def of(cls, run: Result) -> Motion:
-        """Of one of our runs."""
+        """Return the motion of a run."""
         wrenches = list(run.constraint_force.values())
         force = np.stack(wrenches, axis=1) if wrenches else np.zeros((len(run.t), 0, 6))
         return cls(run.q, run.v, force)
@@ -113,7 +113,7 @@ def velocities(mech: Mechanism, motion: Motion) -> Array:
 
 
 def _over_largest(found: Array, known: Array) -> Array:
-    """(n, 2 m) sizes of the differences of [angular; linear] over the largest known ones."""
+    """Return norms of angular and linear differences (n, 2 m) over the largest known norms."""
     parts = []
     for part in (slice(0, 3), slice(3, 6)):
         largest = float(np.linalg.norm(known[..., part], axis=-1).max(initial=0.0))
@@ -123,7 +123,7 @@ def _over_largest(found: Array, known: Array) -> Array:
 
 
 class Observables(NamedTuple):
-    """What is compared at n states."""
+    """Compared quantities at n states."""
 
     points: Array  # (n, a, 3) tips of the bodies [m]
     rotations: Array  # (n, b, 4) of the bodies, unit quaternions [w, x, y, z]
@@ -147,10 +147,9 @@ def observer(mech: Mechanism) -> Callable[[Array], Observables]:
 
 
 def differences(found: Observables, reference: Observables, scale: float) -> Array:
-    """(n, a + b) |y - y_ref| / max(|y_ref|, scale); rotations as angles [rad].
+    """Return |y - y_ref| / max(|y_ref|, scale) (n, a + b), rotations as angles [rad].
 
-    Points count from where the reference starts, so that a mechanism far from the origin is not
-    measured against its distance.
+    Points are relative to the reference's start, so the distance from the origin has no effect.
     """
     gap = np.linalg.norm(found.points - reference.points, axis=-1)
     moved = np.linalg.norm(reference.points - reference.points[:1], axis=-1)
@@ -174,9 +173,9 @@ def reach(mech: Mechanism) -> float:
 
 
 def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
-    """(n, elementary motions) difference of two motions q, other (n, nq); inf where not finite.
+    """Return the difference of two motions (n, nq) per elementary motion, inf if not finite.
 
-    Rotations [rad]; translations over the mechanism's length.
+    Rotations are in rad, translations relative to the mechanism's length.
     """
     rows = mech.packed.system.rows[1:].tolist()
     found = np.zeros((len(q), len(rows)))
@@ -212,7 +211,7 @@ def step_counts() -> list[int]:
 
 
 def levelled(errors: Sequence[float]) -> bool:
-    """Whether shorter steps no longer help, because of rounding or an inner tolerance."""
+    """True if shorter steps no longer help, because of rounding or an inner tolerance."""
     return len(errors) > 4 and min(errors) < SOLVED and errors[-1] > 0.7 * min(errors[-5:-3])
 
 
@@ -240,7 +239,7 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
 
 
 def _steady(points: Sequence[tuple[float, float]]) -> bool:
-    """Whether the slopes over every two intervals are alike; of three points those over one."""
+    """True if slopes over two intervals (one interval for three points) are alike."""
     n, e = np.log(np.array(points)).T
     apart = 2 if len(points) > LEAST else 1
     slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
@@ -248,7 +247,7 @@ def _steady(points: Sequence[tuple[float, float]]) -> bool:
 
 
 Spread = tuple[float, float, float]  # lower quartile, median, upper quartile
-SHORTEST = 2e-3  # s; a sample of a shorter run is the median of several
+SHORTEST = 2e-3  # [s] a sample of a shorter run is the median of several runs
 MOST_REPEATS = 20
 
 
@@ -291,10 +290,10 @@ def measured(
     seed: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[list[float]]:
-    """Seconds of every run in every round; each run returns its own seconds.
+    """Return the seconds of every run in every round, where each run returns its seconds.
 
-    `expected` are rough seconds of the runs, for the fractions; `progress(fraction)` is called
-    between the runs and may raise to end the measurement.
+    `expected` are rough seconds of the runs. `progress(fraction)` is called between the runs and
+    may raise to end the measurement.
     """
     shuffle = random.Random(seed)
     found: list[list[float]] = [[] for _ in runs]

@@ -39,7 +39,7 @@ class Section(NamedTuple):
 
 
 def page(title: str, sections: Iterable[Section], lines: Sequence[str] = ()) -> str:
-    """The HTML text, without links to other files; `lines` are sentences below the title."""
+    """Return the HTML text of a standalone page, with `lines` of text below the title."""
     first = "".join(f"<p>{escape(line)}</p>" for line in lines)
     parts = "".join(
         f'<section><h2 id="s{i}">{escape(part.title)}</h2>{part.body}</section>'
@@ -69,12 +69,12 @@ def _root(colours: Sequence[str], series: Sequence[str]) -> str:
 
 
 def series_colour(i: int) -> str:
-    """The CSS colour of a series in both schemes; after the last it starts over."""
+    """Return the CSS colour of a series in both schemes, cyclically."""
     return f"var(--s{i % len(SERIES)}, {SERIES[i % len(SERIES)]})"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """An HTML table of plain texts, which are escaped here; wide ones scroll within the page."""
+    """Return an HTML table of plain texts, which are escaped. Wide tables scroll."""
     head = "".join(f"<th>{escape(text)}</th>" for text in header)
     body = "".join(
         f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows
@@ -84,7 +84,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
-    """A table as lines of plain text; columns are aligned to the `left` or to the right."""
+    """Return a table as lines of plain text, with columns aligned `left` or right."""
     widths = [max(len(row[i]) for row in cells) for i in range(len(left))]
     lines = []
     for row in cells:
@@ -126,7 +126,7 @@ MARKS = (  # within a circle of radius 1
 HIGHEST = 1e3  # errors above are drawn there
 CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
 MAP_LEFT, MAP_TOP = 84, 64
-LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # of a group's name, and of a column's head along the row
+LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of a slanted head
 
 
 class Point(NamedTuple):
@@ -141,7 +141,7 @@ class Point(NamedTuple):
 class Curve(NamedTuple):
     """The runs of one method."""
 
-    name: str  # in the legend
+    name: str  # text in the legend
     points: Sequence[Point]
     dashed: bool = False
 
@@ -153,7 +153,7 @@ class Paper(NamedTuple):
     height: float
     right: float  # end of the time axis
     bottom: float  # end of the error axis
-    columns: int  # of a legend below; 0: at the right
+    columns: int  # columns of a legend below the diagram, 0 for a legend at the right
 
 
 WIDE = Paper(900.0, 520.0, 690.0, 472.0, 0)
@@ -193,10 +193,10 @@ def error_diagram(
     limit: float = math.nan,
     target: float | None = None,
 ) -> str:
-    """Error over run time, both logarithmic, one curve a method; a sentence if there is no point.
+    """Return a diagram of log error over log run time, one curve per method.
 
-    `titles` are those of the axes. Errors below `limit`, the limit of the reference, are shaded;
-    `target` is a dashed line.
+    Without points it is a sentence. `titles` are those of the axes. Errors below `limit`, the limit
+    of the reference, are shaded. `target` is a dashed line.
     """
     open_ = (
         '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
@@ -314,13 +314,13 @@ class Square(NamedTuple):
     group: int
     column: int
     colour: str
-    ink: str  # of the letter
+    ink: str  # colour of the letter
     letter: str
     text: str  # shown when one points at it
 
 
 class Key(NamedTuple):
-    """What a colour and a letter of the heat map mean."""
+    """Entry of the legend of a heat map: a colour, a letter and their meaning."""
 
     letter: str
     colour: str

@@ -1,4 +1,4 @@
-"""What the runs of a study are compared with, and how accurate that is itself."""
+"""References of studies and their accuracy."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ FINER = 1e-7  # tolerance of the reference, relative to the largest error that i
 RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
 CALM = 1e4  # radians of the fastest oscillation up to which implicit methods cost far more
 ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
-PATIENCE = 5  # times the budget of a cell
+PATIENCE = 5  # budget of a reference relative to that of a cell
 STATES = 5  # at which the fastest rate is evaluated
 NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
 LATE = "it took too long"
-SHORTER = 4  # times shorter, where no reference of the whole is found in time
-MOST_DIVISIONS = 5  # and no oftener
+SHORTER = 4  # factor by which a motion is shortened if no reference is found in time
+MOST_DIVISIONS = 5  # limit on such divisions
 GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
 FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time make
 
@@ -50,9 +50,9 @@ class Reference:
     t: Array  # (n,) [s]
     errors: Measure
     accuracy: float  # error of the reference itself
-    source: str  # where it comes from, in words
+    source: str  # origin of the reference, in words
     margin: float = GIVEN
-    growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s]; 0: it is regular
+    growth: float = 0.0  # growth rate of errors in chaotic motion [1/s], 0 in regular motion
 
     @property
     def limit(self) -> float:
@@ -126,9 +126,9 @@ def _completed(
     estimate: bool,
     failures: list[str],
 ) -> Iterator[Result]:
-    """The runs that reach the end, until one takes too long; why not goes into `failures`.
+    """Yield the runs that reach the end, until one takes too long.
 
-    Raises what the last one raised if each was refused.
+    Reasons of failures are appended to `failures`. Raises the last error if every run was refused.
     """
     refused: PgraphError | None = None
     ran = False
@@ -158,11 +158,11 @@ def _completed(
 def finest(
     task: Task, rate: float, step: float, watch: Callable[[], Progress]
 ) -> tuple[Reference, Task]:
-    """(the best of the finest runs, with its distance to the second finest; its motion).
+    """Return the best of the finest runs, with its distance to the second finest, and its task.
 
-    A motion is shortened to the horizon up to which both still agree, if it is chaotic, or to
-    what can be computed in time. `rate` is the fastest of the motion [1/s], `step` the finest of
-    the ladder [s]. Raises InputError, with the cause, if no method reaches the end.
+    A chaotic motion is shortened to the horizon up to which both agree, and a long one to what can
+    be computed in time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the
+    ladder [s]. Raises InputError, with the cause, if no method reaches the end.
     """
     best: tuple[float, Motion, Array, str] | None = None
     failures: list[str] = []
@@ -208,9 +208,9 @@ def _of_a_part(
 
 
 def growth_of(t: Array, apart: Array) -> float:
-    """The rate at which two runs part in chaotic motion [1/s], Lyapunov's exponent; else 0.
+    """Return the rate at which two runs separate [1/s], Lyapunov's exponent, 0 without chaos.
 
-    `apart` (n, m) is how far. Differences that grow as a power of time are no chaos.
+    `apart` (n, m) are their differences. Growth as a power of time is not chaos.
     """
     largest = np.maximum.accumulate(apart.max(axis=1, initial=0.0))
     some = (largest > GROWN[0]) & (largest < GROWN[1])
@@ -267,11 +267,11 @@ def merged(times: list[Array], t_end: float) -> Array:
 def known_motion(
     task: Task, step: float, target: float, budget: int, progress: Progress
 ) -> KnownMotion | None:
-    """The best of two runs by different methods; None if no run reaches the end.
+    """Return the best of two runs by different methods, or None if no run reaches the end.
 
-    Its accuracy is the distance of both runs, or what the better one estimates of itself if the
-    other is off by no more than it estimates. `step` is the finest of the cells [s], `budget` that
-    of one cell. Raises PgraphError if no method takes the scene.
+    Its accuracy is the distance of both runs, or the estimate of the better one if the other is
+    within its own estimate. `step` is the finest of the cells [s], `budget` that of one cell.
+    Raises PgraphError if no method accepts the scene.
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])
@@ -323,7 +323,7 @@ def weight_of(mech: Mechanism) -> int:
 
 
 def per_step(method: str, nv: int) -> int:
-    """About how often a step evaluates the dynamics; a Jacobian by differences counts too."""
+    """Return the approximate evaluations per step, those for a Jacobian by differences included."""
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
         return NEWTON * chosen.evaluations

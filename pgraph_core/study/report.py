@@ -39,7 +39,7 @@ HEADER = (
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)  # on a terminal
 
-LEFT_OUT = "left out: it would take more than"  # how the reason of a run begins that was not made
+LEFT_OUT = "left out: it would take more than"  # beginning of the reason of a skipped run
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Row:
     constraint_drift: tuple[float, float] | None = None  # position [m, rad], velocity
     gap_violation: float | None = None  # deepest penetration [m]
     counters: Mapping[str, int] | None = None
-    seconds: Spread | None = None  # quartiles of the whole call; of a peer, of its steps [s]
-    stepping: Spread | None = None  # of the stepping loop [s]
+    seconds: Spread | None = None  # [s] quartiles of the whole call, or of a peer's steps
+    stepping: Spread | None = None  # [s] quartiles of the stepping loop
     ratio: Spread | None = None  # to the baseline of the same round
     us_per_step: float | None = None
     real_time_factor: float | None = None  # simulated over computed time
@@ -71,7 +71,7 @@ class Row:
     def of(
         cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
     ) -> Row:
-        """From one run; errors below `limit` count as the limit of the reference."""
+        """Return the row of one run. Errors below `limit` count as the limit of the reference."""
         limited = found is not None and found.rms < limit
         rms = None if found is None else max(found.rms, limit) if limited else found.rms
         return cls(
@@ -99,7 +99,7 @@ class Row:
 
     @property
     def digits(self) -> float | None:
-        """-log10 of the error; at the reference's limit a lower bound."""
+        """-log10 of the error, a lower bound at the limit of the reference."""
         if self.error is None:
             return None
         return float(-np.log10(self.error)) if self.error > 0 else 17.0
@@ -111,7 +111,7 @@ class Row:
 
     @property
     def work(self) -> int:
-        """Evaluations of the dynamics; 0 where they are not known."""
+        """Evaluations of the dynamics, 0 if unknown."""
         return (self.counters or {}).get("evaluations", 0)
 
     def timed(self, seconds: Spread, stepping: Spread, ratio: Spread, duration: float) -> Row:
@@ -182,21 +182,21 @@ class Row:
 @explained
 @dataclass(frozen=True)
 class Study(Hinting):
-    """Error against run time of many methods on one motion; `print(study)` is a table."""
+    """Error against run time of many methods on one motion. `print(study)` shows a table."""
 
-    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # of files
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files
 
-    name: str  # of the model
+    name: str  # name of the model
     scenario: str | None
-    t_end: float  # [s] of the compared motion
-    frames: int  # times at which it was compared
+    t_end: float  # [s] duration of the compared motion
+    frames: int  # number of compared times
     rows: tuple[Row, ...]
     orders: Mapping[str, tuple[float | None, float]]  # (observed, nominal)
     reference: Mapping[str, Any]  # source, accuracy, limit
     baseline: int | None  # index of the row that ratios are relative to
     target: float | None
     rounds: int
-    clock: str  # of the times: "wall" or "processor"
+    clock: str  # clock of the times: "wall" or "processor"
     timing: Mapping[str, float]  # seconds of the study's parts
     machine: Mapping[str, Any]
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
@@ -315,7 +315,7 @@ class Study(Hinting):
 
     @property
     def answer(self) -> str:
-        """The method and setting to take, in a sentence; or why there is none."""
+        """The recommended method and setting, or the reason why there is none, in a sentence."""
         if not self.cancelled:
             return self._answer()
         measured = sum(bool(row.error and row.time) for row in self.rows)
@@ -339,7 +339,7 @@ class Study(Hinting):
         return f"{text}; {self._unmet(wanted, ours)}."
 
     def peer_table(self) -> list[list[str]]:
-        """A header and rows of times at equal error, ours and each peer's; [] without peers."""
+        """Return a header and rows of times at equal error, or [] without peers."""
         found = self.against_peers()
         if not found:
             return []
@@ -358,7 +358,7 @@ class Study(Hinting):
         return cells
 
     def figure(self, *, narrow: bool = False) -> str:
-        """The diagram as SVG, which takes the colours of the page; `narrow`: for a column."""
+        """Return the diagram as SVG in the colours of the page, `narrow` for a column."""
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -405,7 +405,7 @@ class Study(Hinting):
         return None if row is None else self.rows.index(row)
 
     def to_json(self) -> str:
-        """One JSON object with the names of this class; numbers that are not finite are null."""
+        """Return a JSON object of the fields, with null for numbers that are not finite."""
         return json.dumps(plain(self.to_dict()), allow_nan=False)
 
     def save(self, path: str | Path, /) -> None:
@@ -423,7 +423,7 @@ class Study(Hinting):
 
 
 def seconds_at(rows: tuple[Row, ...], error: float) -> float:
-    """Least time of a curve to reach an error, inf if it does not; rows as in the ladder."""
+    """Return the least time of a curve to reach an error, inf if it does not."""
     points = [(row.error or np.inf, row.time or np.inf) for row in rows]
     found = [seconds for reached, seconds in points if reached <= error]
     for (e0, s0), (e1, s1) in pairwise(points):
@@ -434,7 +434,7 @@ def seconds_at(rows: tuple[Row, ...], error: float) -> float:
 
 
 def plain(value: Any) -> Any:
-    """Nested plain values for JSON; numbers that are not finite become None."""
+    """Return nested plain values for JSON, with None for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -28,7 +28,7 @@ from ..model.force import OnJoint
 
 
 def changed(body: Body, **fields: object) -> Body:
-    """A validated body with other fields; what followed from its shapes is a number of its own."""
+    """Return a validated body with other fields, whose derived values become plain numbers."""
     own = {**fields_of(body), "derived": (), "density": None}
     return Body(**{**own, **fields})
 
@@ -82,7 +82,7 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
 
 
 def _times(value: Any, by: float) -> Any:
-    """Numbers, however nested, times a factor; None stays."""
+    """Multiply nested numbers by a factor, keeping None."""
     if value is None:
         return None
     return tuple(_times(x, by) for x in value) if isinstance(value, (tuple, list)) else by * value
@@ -184,7 +184,10 @@ def _force(f: Force, model: Model, s: Scale) -> Force:
 
 
 def _along_joints(f: OnJoint | Tendon, model: Model, s: Scale) -> dict[str, Any]:
-    """A length that is a sum of turns and slides is in radians; slides get another coefficient."""
+    """Scale a force along joints. A sum of rotations and slides stays in rad.
+
+    Its slides get other coefficients instead.
+    """
     bodies = {name: model.body(name) for name, _, _ in f.terms}
     slides = {(name, k): _slides(bodies[name], k) for name, k, _ in f.terms}
     all_slide = all(slides.values())

@@ -235,7 +235,7 @@ class Work:
         return not self.stopped.is_set()
 
     def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
-        """Results as they come, in the caller's thread; ends early if the caller cancels."""
+        """Yield results as they arrive, in the caller's thread, until the caller cancels."""
         for future in as_completed(futures):
             self.done += 1
             answer = None if self.progress is None else self.progress(self.done / self.total)
@@ -297,11 +297,11 @@ def _line(sweep: Sweep, value: float, work: Work) -> Line:
 def _cell(
     sweep: Sweep, index: int, line: Line, method: str, step: float, work: Work
 ) -> tuple[int, Cell] | None:
-    """The cell and its place; None if the map was cancelled meanwhile."""
+    """Return the index of a cell and the cell, or None if the map was cancelled."""
     cell = Cell(line.value, method, step, Verdict.FAILED, line.problem, time=0.0)
     if line.model is None:
         return index, cell
-    mech = Mechanism(line.model)  # one a thread: they share nothing
+    mech = Mechanism(line.model)  # one per thread, so that threads share nothing
     count = steps_of(line.t_end, step)
     each, allowed = per_step(method, mech.nv), sweep.budget // weight_of(mech)
     most = count * each
@@ -353,7 +353,7 @@ def times_of(t_end: float, step: float) -> Array:
 
 
 def _advised(cells: list[Cell]) -> tuple[Cell, ...]:
-    """The cells; those that are not OK name methods that are, at the same value and step."""
+    """Add to cells that are not OK the methods that are, at the same value and step."""
     good: dict[tuple[float, float], list[str]] = {}
     for cell in cells:
         if cell.status is Verdict.OK:

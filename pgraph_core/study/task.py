@@ -1,7 +1,7 @@
-"""What a study runs: its settings, the motion that every run makes, and who makes it.
+"""Task of a study: settings, the motion that every run computes, and the participants.
 
 Builders of other engines are in the package `pgraph_peers` (folder `peers`), which depends on this
-one. They are found by their entry points, when a study names an engine.
+one. Their entry points are looked up when a study names an engine.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .measures import Motion
 
 HALVINGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
-MOST_SETTINGS = 64  # of one method
+MOST_SETTINGS = 64  # limit on the settings of one method
 
 
 class Setting(NamedTuple):
@@ -46,7 +46,7 @@ class Setting(NamedTuple):
 
     @property
     def options(self) -> dict[str, Any]:
-        """As `simulate` takes them."""
+        """Return the arguments of `simulate`."""
         return {k: v for k, v in self._asdict().items() if v is not None}
 
 
@@ -155,7 +155,7 @@ def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:
     return tuple(dict.fromkeys(found))
 
 
-GROUP = "pgraph.peers"  # of the entry points
+GROUP = "pgraph.peers"  # group of the entry points of peers
 Progress = Callable[[float], Any]
 Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) -> run or None
 
@@ -176,7 +176,7 @@ class Task:
     tau: Any = None
     stabilise: str | None = "project"
     quantity: str = "position"  # whose error is measured, of `errors.QUANTITIES`
-    asked: float = 0.0  # duration that was asked for; the times may end before it [s]
+    asked: float = 0.0  # requested duration, which the times may not reach [s]
 
     @property
     def t_end(self) -> float:
@@ -224,17 +224,17 @@ class Task:
 
     @property
     def impulses(self) -> bool:
-        """Whether rigid contacts or joint limits act."""
+        """True if rigid contacts or joint limits act."""
         contacts = contact_tables(self.mech.packed, touching_contacts(self.mech, self._given))
         return contacts is not None and contacts.rigid
 
     @property
     def touching(self) -> bool:
-        """Whether contacts act."""
+        """True if contacts act."""
         return bool(touching_contacts(self.mech, self._given))
 
     def rate(self) -> float:
-        """Largest rate of the linearised motion at the start [1/s]; 0 if it is not known."""
+        """Return the largest rate of the linearised motion at the start [1/s], 0 if unknown."""
         if callable(self.tau):
             return 0.0
         given = self._given
@@ -244,7 +244,7 @@ class Task:
         return fastest_rate(self.mech, acting, active_constraints(self.mech, given), q, v)
 
     def rate_at(self, states: list[tuple[Array, Array]]) -> float:
-        """The largest rate over some states (q, v) [1/s]; 0 with contacts, which it cannot see."""
+        """Return the largest rate over some states (q, v) [1/s], 0 with contacts (no slopes)."""
         if contact_tables(self.mech.packed, touching_contacts(self.mech, self._given)) is not None:
             return 0.0
         return max(replace(self, q=q, v=v).rate() for q, v in states)
@@ -255,24 +255,24 @@ class Task:
 
 
 class Outcome(NamedTuple):
-    """What a study keeps of one run by Pgraph or by a peer."""
+    """Result of one run by Pgraph or a peer in a study."""
 
-    motion: Motion  # in Pgraph's coordinates, as far as the run came
-    seconds: tuple[float, float]  # of the stepping loop: wall clock, processor
+    motion: Motion  # Pgraph's coordinates up to the end of the run
+    seconds: tuple[float, float]  # stepping loop: wall clock, processor
     ok: bool = True
     reason: str = ""  # why not
     counters: Mapping[str, int] = {}
     estimate: float = np.nan  # the run's own error estimate [rad, m]
     energy_drift: float = np.nan
-    drift: tuple[float, float] = (np.nan, np.nan)  # of constraints: position, velocity
-    penetration: float = np.nan  # deepest of all contacts [m]
+    drift: tuple[float, float] = (np.nan, np.nan)  # constraint drift of positions, velocities
+    penetration: float = np.nan  # largest penetration of all contacts [m]
     cancelled: bool = False
-    whole: tuple[float, float] = (0.0, 0.0)  # seconds of the whole call; of a peer, of its steps
+    whole: tuple[float, float] = (0.0, 0.0)  # [s] whole call, or a peer's steps
     notices: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, run: Result, whole: tuple[float, float] = (0.0, 0.0)) -> Outcome:
-        """Of one of our runs."""
+        """Return the outcome of a run."""
         ok = run.status.ok
         drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
         depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]

@@ -50,15 +50,15 @@ from .task import (
     whole,
 )
 
-FRAMES = 101  # times at which motions are compared, by default
+FRAMES = 101  # default number of times at which motions are compared
 CLOCKS = ("wall", "processor")
-PATIENCE = 10.0  # times longer than others a run of a reference may take
-MOST_GROWTH = 4.0  # of the time from one tolerance to the next: more is the machine
-EXTRA = 4  # rounds more, where times contradict the work that they are of
-NOISE = 0.8  # of the time of a run that does less work: no run that does more takes less
-DIVIDED = "narrower ones were taken"  # in a notice: its steps are not those that were given
-ENOUGH = 0.2  # s that the last run of a method may take, of those for its order
-SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at each part's end
+PATIENCE = 10.0  # limit on the time of a reference's run relative to other runs
+MOST_GROWTH = 4.0  # largest plausible growth of the time per tolerance, else the machine is busy
+EXTRA = 4  # additional rounds if times contradict the work
+NOISE = 0.8  # a run with more work that takes less than this share contradicts
+DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
+ENOUGH = 0.2  # [s] limit on the last of the runs for the order of a method
+SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # progress at the end of each part
 
 
 @explained
@@ -85,19 +85,19 @@ def work_precision(
     longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
-    """Error against run time of `methods` on the motion that `simulate` computes.
+    """Measure error against run time of `methods` on the motion that `simulate` computes.
 
     Adaptive methods run at `tolerances` (1e-2 .. 1e-12), the others at `steps` [s]
-    (h0 2^-k, k = 0 .. 8); `fixed` runs all at steps. Errors are dimensionless, over `frames` times
-    (docs/accuracy.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default the
-    finest run possible, whose own error is estimated and printed. `quantity` is whose error:
-    "position", "velocity" or "force", the last of constraints. `peers` are names of other engines
-    ("mujoco", "pinocchio", "exudyn", "sundials", "scipy"). Times are those of whole calls on a
-    built mechanism without an estimate, and of their steps; `clock="wall"` includes time taken by
-    other programs. Runs of more than `longest` seconds are left out. If `progress(fraction)`
-    returns False, the study ends with the rows so far and `cancelled` set.
+    (h0 2^-k, k = 0 .. 8). `fixed` runs all at steps. Errors are dimensionless, over `frames` times
+    (docs/accuracy.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default
+    the finest run possible, whose own error is estimated and printed. `quantity` is "position",
+    "velocity" or "force" (of constraints). `peers` are names of other engines ("mujoco",
+    "pinocchio", "exudyn", "sundials", "scipy").
 
-    Raises InputError for arguments that do not fit. A run that fails stays in the table.
+    Times are processor times of whole calls on a built mechanism without an estimate, and of their
+    steps. `clock="wall"` includes time taken by other programs. Runs of more than `longest` seconds
+    are skipped, and failed runs stay in the table. If `progress(fraction)` returns False, the study
+    ends with the finished rows and `cancelled` set. Raises InputError.
     """
     call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)
@@ -253,7 +253,7 @@ class Work:
     def _first_runs(
         self, participants: list[Participant], known: Reference
     ) -> list[tuple[Callable[[], float], float]]:
-        """Fill `rows`; for each (a function that runs it again for its time, seconds it took)."""
+        """Fill `rows`. Return for each a function that times it again and the seconds it took."""
         began = time.perf_counter()
         runs: list[tuple[Callable[[], float], float]] = []
         part, total = (
@@ -361,7 +361,7 @@ class Work:
     def _time(
         self, runs: list[tuple[Callable[[], float], float]], target: float | None
     ) -> int | None:
-        """Write the times into `rows`; the index of the baseline."""
+        """Write the times into `rows` and return the index of the baseline."""
         began = time.perf_counter()
         chosen = [i for i, row in enumerate(self.rows) if row.ok]
         if not chosen:
