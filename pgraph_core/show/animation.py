@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 PICTURES = 30  # a second
 MOST_PICTURES = 3000
-ASPECT = 1.2  # of the narrowest usual window, in which all of it is seen
+ASPECT = 1.2  # aspect of the narrowest usual window, in which everything must be visible
 QUIET = "<style>.mantine-Notification-root { display: none; }</style>"  # viser's on software GL
-MOMENTS = 16  # of a run, of all of which the camera has a view
+MOMENTS = 16  # moments of a run that the camera must show
 
 # Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
 Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
@@ -92,7 +92,7 @@ def draw(
 
 
 def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool) -> np.ndarray:
-    """(n, 3) corners of the bodies at moments of the run; of one that `leaves`, kept in place."""
+    """Return corners of the bodies at moments of the run (n, 3), in place if the run `leaves`."""
     corners = []
     for frame in pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]:
         gone = level(frame[0, :3] - pose[0, 0, :3], up) if leaves else np.zeros(3)

@@ -15,9 +15,9 @@ Progress = Callable[[float], Any] | None
 
 @contextlib.contextmanager
 def shown_progress(given: Any, where: str) -> Iterator[Progress]:
-    """The function that is called with the fraction done; a bar for True, None for False.
+    """Yield a progress function: the given one, a bar for True, or None for False.
 
-    `where` is the function that was given it. Raises InputError for what is neither.
+    `where` names the calling function. Raises InputError for other arguments.
     """
     if given is None or given is False:
         yield None

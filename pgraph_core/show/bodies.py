@@ -24,16 +24,16 @@ Node = TypeVar("Node", bound="viser.SceneNodeHandle")
 
 
 class Look(NamedTuple):
-    """How one body is drawn, and from which description."""
+    """Drawn form of one body, and its description."""
 
     body: Any  # with the fields of `pg.Body`
-    links: tuple[tuple[float, float, float], ...]  # where its children hang on it at q = 0 [m]
+    links: tuple[tuple[float, float, float], ...]  # positions of its children's joints at q = 0 [m]
     pieces: tuple[shapes.Piece, ...]
     color: shapes.Color
-    plain: bool = False  # in one colour
+    plain: bool = False  # True for one colour
 
     def alike(self, other: Look) -> bool:
-        """Whether both are drawn the same."""
+        """True if both are drawn the same."""
         same = self.pieces is other.pieces or _drawn(self.pieces) == _drawn(other.pieces)
         return same and self.color == other.color
 
@@ -49,9 +49,9 @@ def looks(
     bodies: Sequence[Any], children: Sequence[Sequence[int]], colors: Sequence[shapes.Color],
     before: Sequence[Look] = (), plain: bool = False,
 ) -> list[Look]:  # fmt: skip
-    """The looks of bodies by number; those of `before` are reused if nothing changed.
+    """Return the looks of bodies by number, reusing those of `before` if nothing changed.
 
-    `plain`: in the bodies' colours, without those of their shapes.
+    With `plain`, shapes have the colours of their bodies.
     """
     found: list[Look] = []
     for k, (body, color) in enumerate(zip(bodies, colors)):
@@ -79,7 +79,7 @@ ROOM = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # 1 m, the size
 
 
 def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(n, 3) corners of what is drawn of bodies at these poses [m]; of none, of room for one."""
+    """Return corners of the drawn bodies at these poses (n, 3) [m], or of ROOM without bodies."""
     found = [p + corners(look.pieces) @ r.T for look, p, r in zip(looks, positions, R)]
     return np.concatenate(found) if found else ROOM
 
@@ -107,7 +107,7 @@ def at_rest(node: Node) -> Node:
 
 
 class SeparateBodies:
-    """A node a body, with a child for each further colour; only what looks different is sent."""
+    """One node per body, with a child for each further colour. Only changes are sent."""
 
     def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
@@ -183,7 +183,7 @@ def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
 
 
 def _faded(own: float, opacity: float | None) -> float | None:
-    """The opacity of what is drawn with its `own` among faded bodies; None for 1."""
+    """Return the product of a piece's `own` opacity and that of faded bodies, None for 1."""
     return None if opacity is None and own == 1.0 else own * (1.0 if opacity is None else opacity)
 
 
@@ -194,7 +194,7 @@ def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
 
 
 class BatchedBodies:
-    """One node a kind of solid; each instance is a unit solid, scaled and placed."""
+    """One node per kind of solid, whose instances are scaled and placed unit solids."""
 
     def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server

@@ -1,4 +1,4 @@
-"""The digraph: a tidy tree for small models, lanes for large ones; its layout and its SVG."""
+"""Layout and SVG of the digraph: a tidy tree for small models, lanes for large ones."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from html import escape
 from typing import Literal
 
 TIDY = 40  # bodies up to which the tree is drawn as a tree
-ROW, ROW_OF_LOOPS = 37.0, 48.0  # between levels of the tree [px]; loops run between the levels
+ROW, ROW_OF_LOOPS = 37.0, 48.0  # [px] distance of levels without and with loops between them
 LANE, LANE_ROW = 18.0, 22.0
-CHARACTER, NODE, LONGEST = 6.2, 26.0, 20  # [px] a letter and a node; letters shown of a name
+CHARACTER, NODE = 6.2, 26.0  # [px] width of a letter and of a node
+LONGEST = 20  # shown letters of a name
 LABEL = NODE / 2 + 14  # [px] from a node's middle to where its name begins
 CLEAR, BELOW, APART = (
     13.0,
@@ -25,23 +26,23 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Layout:
-    """Node centres by number, body 0 (ground) first [px]; y grows downwards."""
+    """Node centres by number, the ground first [px], with y downwards."""
 
     kind: Literal["tree", "lanes"]
     x: tuple[float, ...]
     y: tuple[float, ...]
     width: float
     height: float
-    routes: tuple[tuple[Point, ...], ...] = ()  # of the loops: corners of their lines
+    routes: tuple[tuple[Point, ...], ...] = ()  # corners of the lines of loops
 
 
 def layout(
     parent: tuple[int, ...], letters: tuple[int, ...], loops: Sequence[tuple[int, int]] = ()
 ) -> Layout:
-    """Places for the ground and bodies 1..nb; `letters` is the length of each name.
+    """Return places of the ground and of bodies 1..nb, with names of `letters` letters.
 
-    `loops` are pairs of bodies; the line of each keeps clear of nodes and names. Loops to the
-    ground (0) have no line.
+    `loops` are pairs of bodies, whose lines avoid nodes and names. Loops to the ground (0) have no
+    line.
     """
     if len(parent) > TIDY:
         place = _lanes(parent, letters)
@@ -65,7 +66,7 @@ def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layo
 
 
 def _reach(letters: int) -> float:
-    """How far a node and its name reach to the right of its middle [px]."""
+    """Return the extent of a node and its name to the right of its centre [px]."""
     return LABEL + CHARACTER * min(letters, LONGEST)
 
 
@@ -101,7 +102,7 @@ def _subtree(root: int, children: list[list[int]], right: list[float]) -> _Subtr
 
 
 def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
-    """One row a body in Pgraph order; the last child keeps its parent's lane, as in a git log."""
+    """Return one row per body in Pgraph order, with last children in their parents' lanes."""
     n = len(parent)
     last = {p: k for k, p in enumerate(parent, 1)}
     lane, taken = [0] * (n + 1), {0}
@@ -164,7 +165,7 @@ def _gap(taken: list[Interval], x0: float, x1: float) -> float:
 
 
 def _left_of(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Point, ...], ...]:
-    """Lines left of all lanes; lines that pass the same rows get a column each."""
+    """Return lines left of all lanes, with a column for each of those that pass the same rows."""
     columns: list[float] = []  # the row down to which each is taken
     routes: dict[int, tuple[Point, ...]] = {}
     for i in sorted(range(len(loops)), key=lambda i: min(place.y[k] for k in loops[i])):
@@ -200,7 +201,7 @@ def _shifted(place: Layout, routes: tuple[tuple[Point, ...], ...]) -> Layout:
 
 # -- the picture of a notebook ---------------------------------------------------------------
 
-RADIUS = 11  # [px] of a node
+RADIUS = 11  # [px] radius of a node
 LOOP = "#d9730d"
 
 

@@ -16,7 +16,7 @@ from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
 FINER = 2  # pixels that are drawn for each that is shown, each way
 SHADOWS = 1536  # pixels of the sun's screen, each way
-TILT = (-0.45, 0.25, 1.0)  # of the sun, as parts along right, towards the viewer, and up
+TILT = (-0.45, 0.25, 1.0)  # direction of the sun: right, towards the viewer, up
 MOST_PIXELS = 8192  # each way
 MOST_IN_ALL = 4096 * 4096  # pixels of a picture: about 2 GB while it is drawn
 LEAST_PIXELS = 16
@@ -27,9 +27,9 @@ class Drawing:
 
     def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int], *,
                  view: stage.Which = "start", dark: bool = False):  # fmt: skip
-        """`poses` (n, nb, 7), by number: all stay in view; `size` (width, height) in pixels.
+        """Keep all `poses` (n, nb, 7) in view of a picture of `size` (width, height) pixels.
 
-        Raises InputError for sizes and views that are none.
+        Raises InputError for invalid sizes and views.
         """
         self.size = checked_size(size)
         if view not in stage.TOWARDS[model.up]:
@@ -130,7 +130,7 @@ class Drawing:
         return extent(self.looks, pose[:, :3], shapes.to_matrix(pose[:, 3:]))
 
     def _gone(self, pose: np.ndarray) -> np.ndarray:
-        """How far the camera has followed a mechanism that travels [m]."""
+        """Return the displacement of the camera that follows a travelling mechanism [m]."""
         return level(pose[0, :3] - self._start, self.up) if self._travels else np.zeros(3)
 
     # -- where it is seen from -----------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What notebooks show: models and runs as HTML, as a small picture and as plots."""
+"""Models and runs in notebooks: as HTML, as a small picture and as plots."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .stage import GRID
 # -- HTML ------------------------------------------------------------------------------------------
 
 
-ROWS = 24  # of a table; a longer one is cut in the middle
+ROWS = 24  # limit on the rows of a table, which is cut in the middle
 DRAWN = 120  # bodies up to which the digraph is drawn
 
 
@@ -47,7 +47,7 @@ def mechanism_html(mech: Any) -> str:
 
 
 def run_html(run: Any) -> str:
-    """How a `pg.Result` ended, its accuracy and its cost, and its notices."""
+    """Return the status, accuracy, cost and warnings of a `pg.Result` as HTML."""
     header, model = run.header, run.mechanism.model
     facts: list[tuple[object, ...]] = [
         ("method", header["method"]),
@@ -224,7 +224,7 @@ def _turns(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float
 
 
 def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: str = "") -> Any:
-    """A matplotlib figure of columns, {name: (unit, values)}, over time; a panel per unit.
+    """Return a matplotlib figure of columns {name: (unit, values)} over time, a panel per unit.
 
     Needs matplotlib.
     """

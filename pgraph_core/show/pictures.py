@@ -22,9 +22,9 @@ from .drawing import Drawing, checked_size
 from .notebook import digraph_of
 from .vector import view_svg
 
-DPI = 100  # of plots: their size is in pixels
-MOST_FRAMES = 20_000  # of a film
-MOST_OF_A_GIF = 1_000_000_000  # pixels of all its frames, a byte each, in memory
+DPI = 100  # resolution of plots, whose size is in pixels
+MOST_FRAMES = 20_000  # limit on the frames of a film
+MOST_OF_A_GIF = 1_000_000_000  # limit on the pixels of all its frames, one byte each
 GIF_RATES = (50, 33, 25, 20, 10, 5, 2, 1)  # frames a second that viewers of GIF keep
 QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 is coarse
 Progress = Callable[[float], Any] | None
@@ -47,7 +47,7 @@ def view(
 
 
 def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str | bytes:
-    """The digraph of a model; `size` in pixels, by default as large as it is drawn.
+    """Return a picture of the digraph of a model, `size` in pixels, by default its natural size.
 
     Raises InputError, FileError, MissingPackage.
     """
@@ -102,9 +102,9 @@ def film(
     run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
     speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
 ) -> bytes | None:  # fmt: skip
-    """A film of a run; `speed` 0.5 is slow motion. Raises InputError, FileError, MissingPackage.
+    """Return a film of a run, or None if `progress(fraction)` returns False after a frame.
 
-    `progress(fraction)` is called after each frame; there is no film if it returns False.
+    `speed=0.5` plays at half speed. Raises InputError, FileError, MissingPackage.
     """
     suffix = _suffix(path, (".mp4", ".gif"), "film")
     for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):

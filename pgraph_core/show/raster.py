@@ -20,16 +20,16 @@ Vector = tuple[float, float, float]
 NOTHING = -1  # the number of the face where there is none
 LINE = 0.008  # half the width of the lines of the ground over a cell
 GLOSS, GLEAM = 40.0, 0.18  # exponent and strength of the sun's reflection (Blinn's model)
-SKY = 1.6  # of the height of a ray, from the horizon to where the sky is the zenith's
+SKY = 1.6  # slope of the sky's colour over a ray's height, from horizon to zenith
 TAPS = 4  # places each way whose mean softens the edge of a shadow
-SHADOW = 0.42  # of the ground's light is missing in the shadow
+SHADOW = 0.42  # share of the ground's light that is missing in a shadow
 
 
 TRIPLE, I4 = group(*[f8] * 3), i4[:, ::1]
 
 
 class Camera(NamedTuple):
-    """The ray through a pixel is corner + x right + y down; its part along the view is 1."""
+    """A camera. The ray through a pixel is corner + x right + y down, with depth 1."""
 
     eye: Vector
     corner: Vector
@@ -49,7 +49,7 @@ class Sun(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """A plane with lines; u and v give the cell of a place; it fades out at the distance `fade`."""
+    """A plane with lines. u and v give the cell of a place. It fades out at distance `fade`."""
 
     point: Vector
     normal: Vector
@@ -74,9 +74,9 @@ class Tones(NamedTuple):
 
 @kernel(void(F2, I4, F1, F2, I4), nogil=True, later=True)
 def cover(points, faces, opacity, depth, seen):
-    """Draw triangles: points (n, 3) on the screen, faces (m, 3); depth and seen (height, width).
+    """Draw faces (m, 3) of points (n, 3) on the screen into depth and seen (height, width).
 
-    Each pixel gets the greatest w of the triangles over its centre, and the number of that one.
+    Each pixel gets the greatest w of the triangles over its centre, and the triangle's number.
     Of a triangle with an opacity below 1 only this share of the pixels counts, in an ordered
     pattern of 16 levels (Bayer, IEEE International Conference on Communications 1973).
     """
@@ -160,7 +160,7 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
 
 @part
 def _on(points, faces, places, normals, face, x, y):
-    """Place and unit normal of the face that a pixel shows; shares true to perspective."""
+    """Return place and unit normal of the face in a pixel, with perspective-correct shares."""
     ax, ay, aw = load(points, faces[face, 0], 0)
     bx, by, bw = load(points, faces[face, 1], 0)
     cx, cy, cw = load(points, faces[face, 2], 0)
@@ -218,7 +218,7 @@ def _floor(place, far, ray, camera, shadows, sun, ground, tones):
 
 @part
 def _sunny(shadows, sun, place, spread):
-    """How much of the sun reaches a place, 0 to 1, the mean over some pixels of its screen."""
+    """Return the share of sunlight at a place, 0 to 1, averaged over pixels of the shadow map."""
     off = sub(place, sun.origin)
     x, y, w = dot(off, sun.x), dot(off, sun.y), dot(off, sun.w) + sun.texel
     if not (0.0 <= x < shadows.shape[1] and 0.0 <= y < shadows.shape[0]):
@@ -240,7 +240,7 @@ def _mixed(x, y, share):
 
 @kernel(void(f4[:, :, ::1], u1[::1], u1[:, :, ::1]), nogil=True, later=True)
 def developed(picture, codes, shown):
-    """Means of squares of the picture's pixels as bytes; `codes` of light 0 to 1, evenly spaced."""
+    """Write means of blocks of pixels as bytes, where `codes` are the bytes of light 0 to 1."""
     height, width, _ = shown.shape
     n = picture.shape[0] // height
     finest = len(codes) - 1

@@ -1,6 +1,6 @@
-"""How a body looks: simple pieces in its frame, and the pieces as a trimesh mesh.
+"""Drawn form of a body: simple pieces in its frame, and the pieces as a trimesh mesh.
 
-Bodies and shapes are taken as they come: anything with the fields of `pg.Body` and `pg.Shape`.
+Bodies and shapes are any objects with the fields of `pg.Body` and `pg.Shape`.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ TRUNK_HUE = 0.63  # bodies that carry several tips
 TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
-SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radius [m]
+SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, least radius [m]
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A solid in body axes; `size` are the edges of its bounding box, along its own axes."""
+    """A solid in body axes, with its bounding box of edges `size` along its own axes."""
 
     kind: Literal["box", "sphere", "cylinder", "capsule", "mesh", "heightfield"]
     size: tuple[float, float, float]  # [m]
     position: tuple[float, float, float]  # its middle [m]
     rotation: np.ndarray  # (3, 3)
-    file: Any = ""  # of a mesh; of a heightfield its shape
-    color: Color | None = None  # of its own; else its body's
+    file: Any = ""  # file of a mesh, or the shape of a heightfield
+    color: Color | None = None  # its own colour, or None for that of its body
     opacity: float = 1.0
-    taper: float = 1.0  # of a capsule or cylinder: its radius at the far end over that at the near
+    taper: float = 1.0  # ratio of the far to the near radius of a capsule or cylinder
 
 
 def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -64,7 +64,7 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _missing(shape: Any) -> bool:
-    """Whether a shape is a mesh whose file cannot be read."""
+    """True if a shape is a mesh whose file cannot be read."""
     return bool(shape.file) and isinstance(_read(shape.file, _changed(shape.file)), str)
 
 
@@ -154,7 +154,7 @@ def _solid(part: Piece, *, many: bool = False) -> Any:
 
 @lru_cache(maxsize=256)
 def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: bool) -> Any:
-    """A trimesh with its middle in the origin; copies of a body have the same one."""
+    """Return a trimesh centred at the origin."""
     creation, (x, _, z) = needed("trimesh").creation, size
     if kind == "box":
         return creation.box(extents=size)
@@ -176,7 +176,7 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
     """A frustum, or the hull of two balls, along z, `tall` in all, its middle in the origin."""
     if caps:
         length = max(tall - near - far, abs(near - far) + 1e-9)
-        touch = math.asin((near - far) / length)  # where the cone leaves the balls
+        touch = math.asin((near - far) / length)  # angle at which the cone touches the balls
         below, above = np.linspace(-np.pi / 2, touch, 9), np.linspace(touch, np.pi / 2, 9)
         radii = np.concatenate((near * np.cos(below), far * np.cos(above)))
         z = np.concatenate((near * np.sin(below), length + far * np.sin(above)))
@@ -188,10 +188,10 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
-    """A trimesh of a helical spring along z within the unit cube; stretched, it stays one."""
+    """Return a trimesh of a helical spring along z in the unit cube, for stretching along z."""
     around, along = 8, 14 * turns
     t = np.linspace(0.0, 1.0, along)
-    ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # it starts and ends on its axis
+    ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # both ends lie on the axis
     r, angle = (0.5 - wire) * ends, 2 * np.pi * turns * t
     middle = np.column_stack((r * np.cos(angle), r * np.sin(angle), t - 0.5))
     out = np.column_stack((np.cos(angle), np.sin(angle), 0 * t))
@@ -233,7 +233,7 @@ def cone() -> Any:
 
 
 def _file(name: str) -> Any:
-    """The mesh in a file; a box of 0.1 m if it cannot be read, so that the body is still seen."""
+    """Return the mesh in a file, or a box of 0.1 m as a visible stand-in."""
     found = _read(name, _changed(name))
     if isinstance(found, str):
         return needed("trimesh").creation.box(extents=(0.1, 0.1, 0.1))
@@ -265,7 +265,7 @@ def _read(name: str, changed: int) -> Any:
 
 
 def _changed(name: str) -> int:
-    """When a file was written last; 0 where there is none."""
+    """Return the time of the last change of a file [ns], 0 without a file."""
     try:
         return Path(name).stat().st_mtime_ns
     except (OSError, ValueError):

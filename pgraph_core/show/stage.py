@@ -1,4 +1,4 @@
-"""What bodies stand on and in, drawn by viser: ground, grid and steps; light, sky and floor."""
+"""Surroundings of the bodies in viser: ground, grid, steps, light, sky and floor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ABOVE = {"x": (-0.3, 1.0, 0.5), "y": (0.5, -0.3, 1.0), "z": (1.0, 0.5, -0.3)}  #
 
 
 class Tones(NamedTuple):
-    """Colours of one theme; intensities as three.js has them."""
+    """Colours of one theme, with intensities in units of three.js."""
 
     zenith: Color
     horizon: Color
@@ -50,7 +50,7 @@ DARK = Tones(
 
 
 def light(scene: viser.SceneApi, dark: bool, up: str) -> None:
-    """Light from all around, over viser's own sun with its shadows; and the sky."""
+    """Add ambient light to viser's sun with its shadows, and the sky."""
     tones = DARK if dark else LIGHT
     _, overhead = GRID[up]
     scene.add_light_hemisphere(
@@ -73,7 +73,7 @@ def sky(tones: Tones) -> np.ndarray:
 def floor(
     scene: viser.SceneApi, model: Any, size: float, dark: bool, low: float = 0.0
 ) -> viser.GridHandle:
-    """The plane of the ground with its lines, to where it meets the sky; `low` [m] under it."""
+    """Add the plane of the ground with its lines up to the horizon, `low` [m] under the plane."""
     plane, up = GRID[model.up]
     tones, cell = DARK if dark else LIGHT, shapes.spaced(size)
     return scene.add_grid(
@@ -102,10 +102,10 @@ def floor(
 def depth(
     model: Any, bodies: Sequence[Any], parent: Sequence[int], positions: np.ndarray, size: float
 ) -> float:
-    """How far under the ground's plane it is drawn, so that nothing that cannot touch it is in it.
+    """Return the depth [m] under the ground's plane at which the ground is drawn.
 
-    At the plane where something may touch it; else as deep as the bodies hang down from their
-    roots [m], but for a few sizes of the model.
+    It is 0 if something may touch the ground. Otherwise bodies that hang from their roots must not
+    reach the drawn ground, up to a few sizes of the model.
     """
     used = model.contacts or model.ground.steps or any(b.joint == "free" for b in bodies)
     up = np.array(GRID[model.up][1])
@@ -122,7 +122,7 @@ def depth(
 
 
 def grid(scene: viser.SceneApi, model: Any, size: float, low: float = 0.0) -> viser.GridHandle:
-    """The plane of the ground, endless, where shadows fall; its colour is the stage's.
+    """Add the infinite plane of the ground that receives shadows, in the colour of the stage.
 
     It is drawn `low` [m] under the plane.
     """
@@ -142,7 +142,7 @@ def grid(scene: viser.SceneApi, model: Any, size: float, low: float = 0.0) -> vi
 
 
 def steps(scene: viser.SceneApi, model: Any) -> Any:
-    """The steps as solids on the plane; None where there are none."""
+    """Add the steps as solids on the plane, or return None without steps."""
     if not model.ground.steps:
         return None
     corners = np.concatenate([solid(model, step) for step in model.ground.steps])
@@ -188,25 +188,25 @@ TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
 
 
 class Framing(NamedTuple):
-    """How a camera frames what it sees."""
+    """Margins of the camera's picture."""
 
-    field_of_view: float = 0.7  # of the height [rad]
-    margin: float = 0.92  # of half the width, and of half the height above the middle
-    lower: float = 0.66  # of half the height below the middle: the playback covers the rest
-    gap: float = 0.02  # of the height, above what covers its bottom
-    most_covered: float = 0.7  # of the height
+    field_of_view: float = 0.7  # vertical angle [rad]
+    margin: float = 0.92  # used share of half the width, and of half the height above the middle
+    lower: float = 0.66  # used share of half the height below the middle, above the playback
+    gap: float = 0.02  # share of the height between the bodies and the playback
+    most_covered: float = 0.7  # largest share of the height that is covered
     distance: float = 0.02  # least distance [m], of a model that is a point
-    lean: float = 1e-3  # of the direction "top": straight down there is no upright picture
+    lean: float = 1e-3  # tilt of the view "top", because a vertical view has no upright picture
 
 
 FRAMING = Framing()
 
 
 class Viewpoint(NamedTuple):
-    """Of a camera."""
+    """Position and target of a camera."""
 
     position: np.ndarray  # (3,) [m]
-    target: np.ndarray  # (3,) what it looks at [m]
+    target: np.ndarray  # (3,) point at the picture's centre [m]
 
 
 def towards(up: str, which: Which) -> np.ndarray:
@@ -220,12 +220,13 @@ def towards(up: str, which: Which) -> np.ndarray:
 def fitted(
     points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, covered: float = 0.0
 ) -> Viewpoint:
-    """The nearest camera in the direction `way` (a unit vector towards it) that sees all points.
+    """Return the nearest camera in the direction `way` (a unit vector) that sees all points.
 
-    A share `covered` of the picture's height at its bottom is kept free. A point at (x, y, z) in
-    the camera's axes, z towards the camera at (a, b, d), is in the picture if |x - a| <= h (d - z)
-    and -w (d - z) <= y - b <= v (d - z), with the tangents h of the picture's half width and v, w
-    of its parts above and below the middle; w is negative where more than half is covered.
+    A share `covered` of the picture's height at its bottom is kept free. Let a point be at
+    (x, y, z) in the camera's axes and the camera at (a, b, d), with z towards the camera. The point
+    is in the picture if |x - a| <= h (d - z) and -w (d - z) <= y - b <= v (d - z). The tangents are
+    h of the picture's half width and v, w of its parts above and below the middle. w is negative if
+    more than half is covered.
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
@@ -252,7 +253,7 @@ def frame(up: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def in_picture(
     points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float, covered: float = 0.0
 ) -> np.ndarray:
-    """(n,) which points a camera sees; of its picture a share at the bottom may be covered."""
+    """Return a mask (n,) of the points in a camera's picture above its `covered` share."""
     way = at.position - at.target
     way = way / np.linalg.norm(way)
     right, above = frame(up, way)

@@ -11,8 +11,8 @@ from . import shapes
 from .drawing import CODES, FINER
 from .notebook import hull, outline
 
-LINES = 14  # of the ground, each way from its middle
-TOP, BOTTOM = 1.18, 0.72  # of a piece's colour, at its upper and lower end
+LINES = 14  # lines of the ground on each side of its middle
+TOP, BOTTOM = 1.18, 0.72  # factors of a piece's colour at its upper and lower end
 
 
 def view_svg(drawing: Any, pose: np.ndarray) -> str:
@@ -92,7 +92,7 @@ def _lines(drawing: Any, pose: np.ndarray) -> str:
 
 
 def _horizon(drawing: Any, pose: np.ndarray) -> float:
-    """How far down the picture the ground meets the sky, between 0 and its height."""
+    """Return the row of the horizon in the picture, from 0 at the top to its height."""
     camera, height = drawing.camera(pose), drawing.size[1]
     normal = np.array(drawing.ground.normal)
     start = np.array(camera.corner) + np.array(camera.right) * drawing.size[0] * FINER / 2
