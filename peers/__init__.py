@@ -22,7 +22,7 @@ from .rows import Array
 class Peer(NamedTuple):
     """An engine that may be installed."""
 
-    module: str  # of this package
+    module: str  # module of this package
     label: str
     package: str  # for pip
     imports: str  # the engine's top-level module
@@ -30,7 +30,7 @@ class Peer(NamedTuple):
 
     @property
     def installed(self) -> bool:
-        """Whether the engine can be imported."""
+        """True if the engine can be imported."""
         return find_spec(self.imports) is not None
 
     def run(

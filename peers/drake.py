@@ -39,7 +39,7 @@ def build(scene: Scene) -> tuple[Any, dict[str, Any]]:
 
 
 def forward_dynamics(scene: Scene) -> tuple[Callable[[], object], Array]:
-    """(the call, v' in Pgraph's coordinates); each call invalidates its cache."""
+    """Return a call that invalidates its cache, and v' in Pgraph's coordinates."""
     plant, joints = build(scene)
     context = plant.CreateDefaultContext()
     state, first = scene.state, sizes(scene.rows)

@@ -41,7 +41,7 @@ class Tree(NamedTuple):
 
     links: list[Link]
     last: dict[int, tuple[int, Array]]
-    orders: dict[int, str]  # of rows that are balls or free
+    orders: dict[int, str]  # orders of coordinates of ball and free rows
 
 
 def along_z(axis: Array) -> Array:
@@ -276,7 +276,7 @@ class Run:
         self.methods = {name: partial(self, name) for name in solvers}
 
     def _grow(self, items: Any) -> int:
-        """A kinematic tree with its actuators and pinned points; the number of its node."""
+        """Add a kinematic tree with its actuators and pinned points and return its node number."""
         motion = self.motion
         self.tree = tree_of(motion.rows, motion.q, motion.v)
         q, v = coordinates(motion.rows, self.tree, motion.q, motion.v)
@@ -335,7 +335,7 @@ class Run:
         )
 
     def __call__(self, solver: str, step: float, going: Callable[[], bool]) -> Trajectory | None:
-        """One of its methods at a step that divides the output's spacing; it cannot be stopped."""
+        """Run a method at a step that divides the output's spacing. It cannot be stopped."""
         motion, spacing = self.motion, float(self.motion.t[1])
         each = max(1, int(np.ceil(spacing / step - 1e-9)))
         settings = self._settings(each * (len(motion.t) - 1), motion.t[-1], spacing)

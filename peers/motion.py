@@ -77,7 +77,7 @@ class Trajectory(NamedTuple):
     """The motion that an engine computed, in Pgraph's coordinates."""
 
     q: Array  # (n, nq)
-    seconds: tuple[float, float]  # of its steps alone: wall clock, processor
+    seconds: tuple[float, float]  # time of the steps alone: wall clock, processor
     counters: dict[str, int]
 
 

@@ -69,7 +69,7 @@ def _bodies(rows: Sequence[Row]) -> list[tuple[int, int, dict[str, Any], list[di
     """(row, parent row, arguments of add_body, of add_joint) of each MuJoCo body."""
     found = []
     joints: list[dict[str, Any]] = []
-    first: Row | None = None  # of the rows that share a body
+    first: Row | None = None  # first of the rows that share a body
     for i, row in enumerate(rows):
         first = first or row
         joints += _joints(row)
@@ -98,7 +98,7 @@ def _body(row: Row, first: Row) -> dict[str, Any]:
 
 
 def _joints(row: Row) -> list[dict[str, Any]]:
-    """Arguments of add_joint; a free motion that is not a root is three slides and a ball."""
+    """Return arguments of add_joint, three slides and a ball for a free body that is no root."""
     kinds = import_module("mujoco").mjtJoint
     if row.kind == PLACEHOLDER:
         return []
@@ -218,7 +218,7 @@ def rollout(
 def stance(
     state: State, anchor: dict[str, Any] = SOFT, step: float = 1e-3, *, rk4: bool = False
 ) -> tuple[Any, Any]:
-    """(model, data) with the model's point constraints as `connect`; `rk4`: to be run by it."""
+    """Return (model, data) with point constraints as `connect`, for RK4 if `rk4`."""
     mujoco = import_module("mujoco")
     rows = rows_of(state.model, state.topology)
     method = "rk4" if rk4 else "semi_implicit_euler"
@@ -338,14 +338,14 @@ class Run:
             )
 
     def __call__(self, step: float, going: Callable[[], bool]) -> Trajectory | None:
-        """RK4 at this step [s]; None if `going` returned False."""
+        """Run RK4 at this step [s], or return None if `going` returned False."""
         motion, model, data = self.motion, self.model, self.data
         self.mujoco.mj_resetData(model, data)
         qpos, T = coordinates(motion.rows, motion.q, motion.v)
         data.qpos[:], data.qvel[:] = qpos, T @ motion.v
         data.act[:] = [np.interp(0.0, a.t, a.u) for a in motion.actuators]
         if model.neq:
-            model.eq_solref[:, 0] = 2.0 * step  # as stiff as the step allows
+            model.eq_solref[:, 0] = 2.0 * step  # the stiffest that the step permits
         stops = motion.knots
         counts = np.maximum(np.ceil(np.diff(stops) / step - 1e-9), 1).astype(int)
         rates = [np.diff(np.interp(stops, a.t, a.u)) / np.diff(stops) for a in motion.actuators]

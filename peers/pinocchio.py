@@ -269,7 +269,7 @@ class Run:
         return Trajectory(found, seconds, {"evaluations": int(evaluations)})
 
     def _rate(self, going: Callable[[], bool]) -> Callable[..., Array]:
-        """y'; u(t) of the actuators is linear between all their knots."""
+        """Return the function y', with u(t) of the actuators linear between all their knots."""
         pin, model, data, nq = self.pin, self.model, self.data, self.model.nq
         actuators, driven = self.motion.actuators, bool(self.motion.actuators)
         knots = np.unique(np.concatenate([[0.0, np.inf], *(a.t for a in actuators)]))[:-1]
@@ -310,7 +310,7 @@ class Run:
 
 
 def _qdot(q: Array, v: Array, turning: list[tuple[int, int, str]]) -> Array:
-    """q' of Pinocchio's coordinates; angular and linear velocities are in body axes."""
+    """Return q' of Pinocchio's coordinates, with velocities in body axes."""
     parts, j = [], 0
     for at_q, at_v, kind in turning:
         parts.append(v[j:at_v])

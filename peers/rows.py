@@ -20,7 +20,7 @@ PLACEHOLDER = "none"  # kind of the row of a welded body
 
 
 class Row(NamedTuple):
-    """One motion; the last row of a body carries its mass and is named after it."""
+    """One motion. The last row of a body carries its mass and its name."""
 
     name: str
     parent: int  # index of the parent row, -1 for the world

@@ -91,7 +91,7 @@ class Run:
     def __call__(
         self, way: Callable[..., Any], rtol: float, going: Callable[[], bool]
     ) -> Trajectory | None:
-        """One run; None if `going` returned False."""
+        """Run a method, or return None if `going` returned False."""
         equations = self.equations
         equations.count = 0
 
@@ -113,7 +113,7 @@ class Run:
 
 
 class Sundials(Run):
-    """CVODE by backward differences and by Adams' formulas; IDA on y' - f(t, y) = 0."""
+    """CVODE by backward differences and Adams' formulas, and IDA on y' - f(t, y) = 0."""
 
     def ways(self) -> dict[str, Callable[..., Any]]:
         return {
