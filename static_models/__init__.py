@@ -63,7 +63,7 @@ def _case_files() -> dict[str, Path]:
 
 
 def case_names(family: str | None = None) -> tuple[str, ...]:
-    """Names of the cases; of one file, such as "chain_n_links", where a `family` is given."""
+    """Return the names of the cases, of one file if `family` names it, such as "chain_n_links"."""
     return tuple(
         name for name, file in _case_files().items() if family is None or file.stem == family
     )

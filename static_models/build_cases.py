@@ -32,7 +32,7 @@ def entry(
     run: dict[str, Any] | None = None,
     **more: Any,
 ) -> dict[str, Any]:
-    """A case of a file; observables by `seen`."""
+    """Return a case of a file, with observables made by `seen`."""
     found: dict[str, Any] = {**more}
     if "states" not in more:
         found["run"] = FINE if run is None else run
@@ -166,7 +166,7 @@ def mass_ratios(ratio: float) -> Callable[[dict[str, Any]], Entries]:
 
 
 def stiff_spring_pendulum(data: dict[str, Any]) -> Entries:
-    """At steps that resolve nothing of the spring; from 1e8 N/m on against the limit."""
+    """Return cases with steps too wide for the spring, from 1e8 N/m on against the limit."""
     reference = data["reference"]
     limit, slope = reference["rigid_limit_theta"], reference["slope_a_estimated_from_k1e6"]
     for k in (1e3, 1e4, 1e6, 1e8, 1e10, 1e12):
@@ -310,7 +310,7 @@ def sliding_block_coulomb(data: dict[str, Any]) -> Entries:
 
 
 def painleve_rod(data: dict[str, Any]) -> Entries:
-    """What the friction cone's border does to a tip that slides: where p < 0 no force is right."""
+    """Return cases of a sliding tip on the friction cone's border, where p < 0 has no solution."""
     table = data["reference"]["table"]
     for mu in sorted({row["mu"] for row in table}):
         rows = [row for row in table if row["mu"] == mu]

@@ -28,7 +28,7 @@ def pendulum(length: float = 1.0, m: float = 1.0, q: float = -math.pi / 2) -> pg
 
 
 def double_pendulum(ratio: float, first: float, second: float) -> pg.Model:
-    """Angles from the vertical; the tip weighs `ratio` kg."""
+    """Return a pendulum with angles from the vertical and a tip of `ratio` kg."""
     tip = mass("b", "a", m=ratio, above=1.0, q=second - first)
     return pg.Model(bodies=(mass("a", q=first), tip), **Y_UP)
 

@@ -1,4 +1,4 @@
-"""Classics and closed loops of the field, good to look at; their references are in `cases`."""
+"""Classic mechanisms and closed loops of the field, whose references are in `cases`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLANAR = "y"  # planar mechanisms stand in the xy plane
 
 
 def four_bar() -> pg.Model:
-    """A parallelogram of equal rods; twice a turn it is flat, where it could go two ways."""
+    """A parallelogram of equal rods. Twice per turn it is flat and could fold."""
     bodies = (
         rod("left crank", (0, 1, 0)),
         rod("coupler", (1, 0, 0), parent="left crank", link=(0, 1, 0)),
@@ -335,7 +335,7 @@ def tennis_racket() -> pg.Model:
 
 
 def spherical_pendulum(height: float = 1.2) -> pg.Model:
-    """A pendulum on a ball joint; its inertia makes it swing as a point mass at 1 m does."""
+    """A pendulum on a ball joint. Its inertia makes it swing like a point mass at 1 m."""
     inertia, tilt = 0.05, 1.0
     body = pg.Body(
         name="pendulum",

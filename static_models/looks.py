@@ -1,6 +1,6 @@
-"""How the built-in models are drawn: an animal of tapered limbs, machines with hubs and pins.
+"""Looks of the built-in models: an animal of tapered limbs, machines with hubs and pins.
 
-Those parts are of role "visual". Plain shapes from mass properties have the inertia of their body.
+Those parts have the role "visual". Plain shapes from mass properties have their body's inertia.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def hub(axis: Point, radius: float, length: float, colour: str = GRAPHITE,
 
 
 def spots(axis: Sequence[float], radius: float, length: float) -> tuple[pg.Shape, ...]:
-    """Four bolts through a wheel, by which its turning is seen; and its nave."""
+    """Return the hub of a wheel and four bolts that make its rotation visible."""
     way = np.asarray(axis, float)
     across = np.cross(way, (0.0, 0.0, 1.0) if way[2] == 0 else (1.0, 0.0, 0.0))
     arms = (across, np.cross(way, across))

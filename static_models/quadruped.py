@@ -1,4 +1,4 @@
-"""The quadrupeds: bodies from quadruped.csv, four feet on the ground; hips that also spread."""
+"""The quadrupeds with bodies from quadruped.csv: planar legs, or hips that also spread."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .looks import COAT, Vector, animal, block, limb, rounded, segment
 TRUNK = {  # its segments, and how far each turns in the push [rad]
     "pelvis": 0.06, "lumbar": -0.1, "thorax": -0.08, "shoulder_neck_head": 0.1,
 }  # fmt: skip
-DURATION = 0.25  # of the push [s]
-KNOTS = 126  # of its tables, at ends of steps: every 2 ms
+DURATION = 0.25  # [s] duration of the push
+KNOTS = 126  # knots of its tables, every 2 ms at ends of steps
 HIPS = ("left_humerus", "right_humerus", "left_femur", "right_femur")
 LEGS = (*HIPS, "left_radius", "right_radius", "left_tibia", "right_tibia")
-HULL = (*TRUNK, *LEGS)  # what lies on the ground after a fall
-NECK_AND_HEAD = (  # within what is drawn of them
+HULL = (*TRUNK, *LEGS)  # bodies that may touch the ground after a fall
+NECK_AND_HEAD = (  # shapes inside the drawn ones
     limb((0.11, 0.02, 0), 0.064, (0.335, 0.215, 0), 0.064, COAT),
     limb((0.335, 0.205, 0), 0.045, (0.45, 0.18, 0), 0.045, COAT),
 )
-FRICTION = 0.7  # of the paws' soles on the ground, and of the rest
+FRICTION = 0.7  # friction of paws and other bodies on the ground
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
 # The fastest mode of the standing body decays at less than 500 1/s, in both scenarios.
@@ -35,7 +35,7 @@ STAND_GAINS = {"trunk": (200.0, 3.0), "leg": (150.0, 2.0), "paw": (150.0, 1.5)}
 
 
 def quadruped() -> pg.Model:
-    """Sixteen bodies, a free root, hinges about z, y up; values plausible, not the paper's."""
+    """A quadruped of 16 bodies with planar legs. The masses and lengths are ours."""
     with (FOLDER / "quadruped.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     names = ["ground", *(row["name"] for row in rows)]
@@ -53,7 +53,7 @@ def quadruped() -> pg.Model:
 
 
 def quadruped_hips() -> pg.Model:
-    """The quadruped whose legs also spread: hips turn about x, then z; nothing else differs."""
+    """The quadruped with hips that also spread. It trots, crawls, gallops and stands."""
     walks = tuple(_walk(name, 10.0) for name in ("trot", "crawl", "gallop", "stand"))
     model = quadruped().replace(name="quadruped_hips", constraints=(), scenarios=walks)
     for hip in HIPS:
@@ -75,7 +75,7 @@ def _walk(name: str, t_end: float) -> pg.Scenario:
 
 
 def _soles(bodies: list[pg.Body]) -> tuple[pg.Contact, ...]:
-    """A point of each paw that may touch the ground; they act in scenarios that name them."""
+    """Return a contact point of each paw, active in the scenarios that name it."""
     tips = {body.name: body.tip_point for body in bodies}
     return tuple(
         pg.Contact(
@@ -195,7 +195,7 @@ GRAVITY = np.array([0.0, -9.81, 0.0])  # [m/s^2]
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 
 # The push, as the end of a smooth motion from q = 0.
-PELVIS = complex(0.04, 0.03)  # how far its origin moves [m]
+PELVIS = complex(0.04, 0.03)  # displacement of its origin [m]
 PAW = {"front": -0.05, "hind": -0.25}  # turn of the paw itself in the world [rad]
 
 
@@ -239,7 +239,7 @@ def holding_torques(bodies: Sequence[pg.Body]) -> dict[str, float]:
 
 
 def _wrench(arm: Array) -> Array:
-    """(6, 3) from a force to its [torque; force] about a point `arm` away from it."""
+    """Return the matrix (6, 3) from a force at `arm` to its wrench at the origin."""
     return np.vstack((skew(arm), np.eye(3)))
 
 

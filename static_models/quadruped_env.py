@@ -18,24 +18,24 @@ from gymnasium.vector.utils import batch_space  # pyright: ignore[reportMissingI
 import pgraph_core as pg
 from pgraph_core.errors import explained
 
-STEP, SUBSTEPS = 1e-3, 20  # s; of them an action
+STEP, SUBSTEPS = 1e-3, 20  # [s] step, and steps per action
 LEGS = ("front_left", "front_right", "hind_left", "hind_right")
 MOTORS = tuple(f"{leg}_{part}" for leg in LEGS for part in ("hip", "thigh", "shank"))
-LENGTH = 0.2  # m: of thigh and shank
-BEND = 0.7  # rad: of a thigh at rest; its knee bends back twice as far
+LENGTH = 0.2  # [m] length of thigh and shank
+BEND = 0.7  # [rad] angle of a thigh at rest, half of that of its knee
 REST = np.tile([0.0, BEND, -2 * BEND], 4)  # rad
 HEIGHT = 2 * LENGTH * np.cos(BEND)  # m: of the trunk over the ground at rest
 REACH = 0.4  # rad: what an action of 1 adds to a target
 WANTED = 0.6  # m/s
 LOW, TILTED = 0.55, 0.5  # a fall: lower than this part of HEIGHT, or its upright axis below it
-BARS, BAR = 16, 0.25  # across the way of rough ground; m: their depth
-PUSH, PUSHED, OFTEN = 60.0, 5, 100  # N; actions that a push lasts; actions between two of them
+BARS, BAR = 16, 0.25  # bars across rough ground, and their depth [m]
+PUSH, PUSHED, OFTEN = 60.0, 5, 100  # force of a push [N], its duration and distance in actions
 NUMBERS = {"bodies.trunk.mass": (5.0, 7.0), "ground.friction": (0.5, 0.9)}
 Array = np.ndarray
 
 
 def robot(terrain: str = "flat") -> pg.Model:
-    """A trunk on four legs of three motors each; feet are points. On "rough" ground lie bars."""
+    """Return a trunk on four legs with three motors and a point foot each. Bars if "rough"."""
     half = np.array([0.2, 0.1, 0.05])
     bodies = [_body("trunk", "ground", 6.0, half, (0, 0, 0), joint="free", link=(0, 0, HEIGHT))]
     contacts, forces = [], []
@@ -84,18 +84,20 @@ def _body(
 
 @explained
 class Walkers:
-    """`size` robots, what they observe and what they are rewarded for.
+    """`size` robots with their observations and rewards.
 
     An action of 12 numbers within -1 and 1 moves the targets of the motors, for 20 steps of 1 ms.
-    Observed (46,): height over the ground of the plane [m], which way is up (3,), velocity and spin
-    of the trunk (6,) in world axes, angles of the motors less those at rest and their speeds (24,),
-    the last action (12,). The reward of an action a after a' is exp(-4 (x' - 0.6)²) - y'²/2
+    Observations (46,) are the height above the plane of the ground [m], the up direction (3,),
+    velocity and spin of the trunk in world axes (6,), angles of the motors from their rest and
+    speeds (24,), and the last action (12,).
+
+    The reward of an action a after a' is exp(-4 (x' - 0.6)²) - y'²/2
     - 0.02 |a - a'|² - 2e-4 |w|², of the trunk's velocity (x', y') [m/s] and the joints' speeds w
-    [rad/s] at its end. It ends where the trunk is lower than 0.55 of its height at rest, or its
-    upright axis less than 0.5 along the world's.
+    [rad/s] at its end. An episode ends if the trunk is lower than 0.55 of its height at rest, or
+    its upright axis less than 0.5 along the world's.
 
     `numbers` {path: (low, high)} are drawn for each of `variants` robots, the same in all
-    environments of these numbers; each start takes one of them.
+    environments of these numbers. Each episode takes one variant.
     """
 
     def __init__(
@@ -119,7 +121,7 @@ class Walkers:
             robot(terrain), size, step=STEP, set=values or None, threads=threads
         )
         self.action = np.zeros((size, 12))
-        self.count = np.zeros(size, dtype=np.int64)  # of actions since the start
+        self.count = np.zeros(size, dtype=np.int64)  # actions since the start
         self._force = np.zeros((size, self.batch.v.shape[1]))
         self._start = self.batch.q[0].copy()
 
@@ -135,7 +137,7 @@ class Walkers:
     def step(
         self, action: Array, rngs: Sequence[np.random.Generator], over: Array | bool = False
     ) -> tuple[Array, Array]:
-        """(rewards (size,), whether each fell (size,)); none of those `over` draws a push."""
+        """Return rewards and a mask of falls, (size,) each. Robots that are `over` get no push."""
         before, self.action = self.action, np.clip(self._numbers(action), -1.0, 1.0)
         targets = REST + REACH * self.action
         for name, column in zip(MOTORS, targets.T):
@@ -160,7 +162,7 @@ class Walkers:
         except (TypeError, ValueError):
             given = np.array(np.nan)
         if given.shape != self.action.shape or not np.isfinite(given).all():
-            one = self.size == 1 and given.shape[:1] == (1,)  # of the environment of one robot
+            one = self.size == 1 and given.shape[:1] == (1,)  # the environment of a single robot
             shape = given.shape[1:] if one else given.shape
             wanted = "12 finite numbers" + (f" for each of {self.size}" if self.size > 1 else "")
             said = f"shape {shape}" if given.shape != self.action.shape else f"{action!r:.60}"
@@ -217,7 +219,7 @@ ACTION = gym.spaces.Box(-1.0, 1.0, (12,), np.float32)
 
 
 class QuadrupedEnv(gym.Env[Array, Array]):
-    """One robot; see `Walkers`."""
+    """Environment of one robot, see `Walkers`."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own protocol)
     observation_space, action_space = OBSERVATION, ACTION
@@ -246,7 +248,7 @@ class QuadrupedEnv(gym.Env[Array, Array]):
 
 
 class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
-    """Many robots in one batch; one that has ended is started by the next step."""
+    """Environments of many robots in one batch. The step after the end starts an episode."""
 
     metadata = {  # noqa: RUF012 (gymnasium's own protocol)
         "render_modes": [], "autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP
@@ -255,7 +257,7 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
     def __init__(self, num_envs: int = 1, max_episode_steps: int = 1000, **options: Any):
         """`options` are those of `Walkers`. Raises InputError for a way of drawing."""
         _refuse_drawing(options.pop("render_mode", None))
-        self.walkers = Walkers(num_envs, **options)  # which refuses a number that is none
+        self.walkers = Walkers(num_envs, **options)  # refuses an invalid number
         self.num_envs, self._most = num_envs, max_episode_steps
         self.single_observation_space, self.single_action_space = OBSERVATION, ACTION
         self.observation_space = batch_space(OBSERVATION, num_envs)
