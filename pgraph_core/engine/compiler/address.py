@@ -16,8 +16,8 @@ import numpy as np
 from .jit import JIT, late
 from .kinds import Group, Signature
 
-WORDS = 1024  # of 8 bytes: more than any scene takes
-_KEPT: dict[int, Any] = {}  # what addresses stand for without a compiler
+WORDS = 1024  # words of 8 bytes, more than any scene takes
+_KEPT: dict[int, Any] = {}  # objects by their "addresses" when nothing is compiled
 
 
 def unnamed(value: Any) -> Any:
@@ -48,12 +48,12 @@ def caller(signature: Signature) -> Any:
 
 
 def address_of(kernel: Any) -> int:
-    """Where a kernel's code is, for `caller`; loads or compiles it first."""
+    """Return the address of a kernel's code for `caller`. Loads or compiles it first."""
     return kernel.code().address if JIT else address_of_function(kernel)
 
 
 def address_of_function(function: Any) -> int:
-    """Where a function of ctypes is."""
+    """Return the address of a ctypes function."""
     if JIT:
         return ctypes.cast(function, ctypes.c_void_p).value or 0
     _KEPT[id(function)] = function
@@ -61,12 +61,12 @@ def address_of_function(function: Any) -> int:
 
 
 def address_of_array(array: Any) -> int:
-    """Where a buffer of `stored` is."""
+    """Return the address of a buffer of `stored`."""
     return array.ctypes.data if JIT else id(array)
 
 
 def buffer() -> Any:
-    """What a scene is saved in."""
+    """Return an empty buffer for a scene."""
     return np.zeros(WORDS, dtype=np.int64)
 
 

@@ -21,7 +21,7 @@ from . import sources
 from .jit import ENGINE
 
 DIGEST, LENGTH = 32, 8  # [bytes]
-FORM = 1  # of the file
+FORM = 1  # version of the file format
 FILE = ENGINE / "kernels.archive"
 COMMAND = "python -m pgraph_core.engine --archive"
 
@@ -79,7 +79,7 @@ class File:
 
 
 class Archive:
-    """The kernels of the package; without pieces where the file cannot be used."""
+    """The kernels of the package. An unusable file counts as an archive without pieces."""
 
     def __init__(self, path: Path = FILE):
         self._path, self.problem = path, ""
@@ -105,14 +105,14 @@ class Archive:
         self._groups = [set(group) for group in self._index.get("groups", [])]
 
     def pieces(self, name: str) -> list[str] | None:
-        """The pieces of a kernel; None where it is not there, or older than its sources."""
+        """Return the pieces of a kernel, or None if it is missing or older than its sources."""
         known = self._index["kernels"].get(name)
         if known is None or self._stale & self._groups[known["files"]]:
             return None
         return known["pieces"]
 
     def symbol(self, name: str) -> str:
-        """How a kernel's functions are called in its pieces."""
+        """Return the name of a kernel's functions in its pieces."""
         return self._index["kernels"][name]["symbol"]
 
     def why(self, name: str) -> str:

@@ -26,9 +26,9 @@ from . import archive, loading, sources
 from .jit import Kernel
 
 TRIPLE = "x86_64-unknown-linux-gnu"  # any of 64 bits: it is replaced where code is generated
-WIDTHS = (4, 8)  # of lanes
+WIDTHS = (4, 8)  # supported lane widths
 LEVELS = {4: "x86-64-v3", 8: "x86-64-v4"}  # whose vectors code with such lanes suits best
-ALLOWED = {"memcpy", "memmove", "memset", "sqrt", "hypot"}  # what kernels may need from C
+ALLOWED = {"memcpy", "memmove", "memset", "sqrt", "hypot"}  # C functions that kernels may call
 
 
 def module_of(kernel: Kernel, variant: int, symbol: str, target: Any) -> Any:
@@ -73,7 +73,7 @@ def optimise(whole: Any, exports: Iterable[str], target: Any) -> None:
 
 
 def build(path: Path = archive.FILE) -> Iterator[str]:
-    """Make the archive; yields a line for each kernel. Takes some minutes on two processors."""
+    """Make the archive, yielding a line per kernel. Takes some minutes on two processors."""
     parts: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         running = []
@@ -127,11 +127,11 @@ def _joined(parts: list[dict[str, Any]]) -> bytes:
 
 
 def make_pieces(out: Path, lanes_alone: bool) -> Iterator[str]:
-    """Compile kernels and write their pieces; those for lanes in a module of their own."""
+    """Compile kernels and write their pieces, those for lanes in a separate module."""
     found: dict[str, Any] = {"kernels": {}, "pieces": {}}
     all_ = every_kernel()
     files = set().union(*(sources.sources(loading.file_of(one)) for one in all_))
-    found["files"] = {  # as they are now, not when all is compiled
+    found["files"] = {  # hashed before the compilation
         sources.name_of(path): (sources.digest_of(path), sources.code_hash(path)) for path in files
     }
     for lanes in (True,) if lanes_alone else (False, True):
@@ -155,7 +155,7 @@ class Lowered(NamedTuple):
 
 
 def lowered_kernels(chosen: list[Kernel], section: str) -> Iterator[Lowered]:
-    """Kernels by numba, not optimised; of one process, or their helpers share names."""
+    """Compile kernels by numba, not optimised, in one process so that helper names differ."""
     from .lowering.dispatch import lowered
 
     i = 0

@@ -25,7 +25,7 @@ OF_SCALAR = {"i8": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
 # words of the table, then a word for each result, then for each argument its message and its kind
 FUNCTION, ARGUMENTS, SIZE, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT, FAILED, FIRST = range(11)
 MOST = 8  # results
-ORDERED, WRITEABLE = 0x101, 0x400  # NumPy's flags: C-contiguous and aligned; writeable
+ORDERED, WRITEABLE = 0x101, 0x400  # NumPy's flags: C-contiguous and aligned, and writeable
 EQUAL = 2  # Py_EQ
 
 BYTE, HALF, WORD, DOUBLE = ir.IntType(8), ir.IntType(32), ir.IntType(64), ir.DoubleType()
@@ -90,7 +90,7 @@ class _Code:
         return self.builder.gep(words, [WORD(at) if isinstance(at, int) else at])
 
     def field(self, address: Any, kind: Any) -> Any:
-        """What stands at an address."""
+        """Load the value at an address."""
         return self.builder.load(self.builder.inttoptr(address, kind.as_pointer()))
 
     def pointer(self, word: Any) -> Any:
@@ -327,11 +327,11 @@ class _Method(ctypes.Structure):
 
 
 FASTCALL = 0x80
-ALIVE: list[Any] = []  # what machine code has the address of
+ALIVE: list[Any] = []  # objects whose addresses machine code holds
 
 
 def function(name: str, signature: Signature, nogil: bool, enter: int, address: int) -> Any:
-    """The function that Python calls; `address` is where the kernel takes its words."""
+    """Return the function that Python calls. The kernel reads its words at `address`."""
     results = signature.result
     members = results.members if isinstance(results, Group) else (results,)
     out = [OF_SCALAR[one.code] for one in members if getattr(one, "code", "") != "void"]
@@ -385,7 +385,7 @@ def _described(kind: Kind) -> tuple[list[int], int]:
 
 
 def in_words(kind: Kind) -> str:
-    """What an argument must be."""
+    """Describe the required argument."""
     if isinstance(kind, Array):
         entries = "records" if kind.dtype.names else kind.dtype.name
         how = "C-contiguous" if kind.read else "C-contiguous, writeable"
@@ -404,7 +404,7 @@ FITTING: dict[str, Any] = {
 
 
 def fits(signature: Signature, args: tuple[Any, ...]) -> bool:
-    """Whether a signature takes arguments."""
+    """True if a signature accepts the arguments."""
     kinds = signature.arguments
     return len(kinds) == len(args) and all(map(_fits, kinds, args))
 

@@ -36,7 +36,7 @@ COS = (
 )
 
 
-PI_4_REST = 4.23921383018445e-32  # of π/4, which the three leave out
+PI_4_REST = 4.23921383018445e-32  # remainder of π/4 beyond the three parts
 FAR = 1e5  # rad: from here on the reduction by three parts loses digits
 
 # -- numbers as bits ------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ def reduced(x):
     a, b, c = m & MASK, (m >> 24) & MASK, m >> 48
     carry = 0
     low = 0.0  # digits of x 2/π, the last ones first
-    middle = 0.0  # of two digits, exact
+    middle = 0.0  # sum of two digits, exact
     for j in range(9, 1, -1):
         k = first + j
         total = carry + a * DIGITS[k] + b * DIGITS[k + 1] + c * DIGITS[k + 2]
@@ -138,7 +138,7 @@ def reduced(x):
     k = first
     top = (total >> 24) + a * DIGITS[k] + b * DIGITS[k + 1] + c * DIGITS[k + 2]
     unit = power_of_two(shift)
-    top &= 67108863  # multiples of four are left out
+    top &= 67108863  # drops multiples of four
     high = unit * (top + second / DIGIT)
     n = math.floor(high + 0.5)
     y, rest = two_sum(high - n, unit * (middle / DIGIT))
@@ -175,7 +175,7 @@ def _cosine_near_zero(r, low):
 
 @sweep
 def _far(x):
-    """(sin x, cos x) of a number from FAR on; nan of what is not finite."""
+    """Return (sin x, cos x) for |x| >= FAR, nan if x is not finite."""
     if not abs(x) < math.inf:
         return math.nan, math.nan
     n, r, low = reduced(x)
@@ -225,7 +225,7 @@ TAN = (
 
 @part
 def parted(x):
-    """As `reduced`, up to FAR."""
+    """Return `reduced` for |x| < FAR."""
     n = math.floor(x * (2.0 / math.pi) + 0.5)
     r, low = x, 0.0
     for third in (*PI_4, PI_4_REST):
@@ -245,7 +245,7 @@ def tan(x):
     if negative:
         r, low = -r, -low
     near_one = r >= 0.6744
-    if near_one:  # of π/4 - r
+    if near_one:  # expand at π/4 - r
         r, low = (0.5 * HALF_PI[0] - r) + (0.5 * HALF_PI[1] - low), 0.0
     z = r * r
     p = TAN[0]

@@ -1,9 +1,9 @@
-"""How kernels are written: `kernel`, what Python calls; `part`, `sweep`, `inlined`, its helpers.
+"""Decorators of kernels: `kernel` for calls from Python, `part`, `sweep`, `inlined` for helpers.
 
-The decorators import no compiler. A kernel takes its machine code from `loading` when it is first
-called. Only where there is none for these sources, `lowering` compiles it with numba, which then
-sees helpers as functions of its own. All settings sit on these objects: code of the user that uses
-numba never feels them.
+The decorators import no compiler. A kernel gets its machine code from `loading` at its first call.
+If there is none for these sources, `lowering` compiles it with numba, to which helpers are
+functions of its own. All settings are attributes of these objects, so a user's own numba code is
+not affected.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ LOCK = threading.RLock()  # one thread at a time compiles or loads
 
 
 class Late:
-    """What kernels call and numba's half makes, when a kernel is compiled: `lowering.MODULE.NAME`.
+    """Stand-in for `lowering.MODULE.NAME`, resolved when a kernel is compiled.
 
-    With arguments it is what that function returns for them. Python calls `plain`.
+    With arguments it stands for the value that the function returns for them. Python calls `plain`.
     """
 
     def __init__(self, module: str, name: str, plain: Any = None, *given: Any):
@@ -57,7 +57,7 @@ def late(module: str, name: str, plain: Any = None, *given: Any) -> Any:
 
 
 class Helper:
-    """A function that kernels call; numba's form of it is made when a kernel is compiled."""
+    """A function that kernels call, turned into numba's form when a kernel is compiled."""
 
     def __init__(self, function: Callable[..., Any], how: str):
         self.py_func, self._how = function, how
@@ -76,7 +76,7 @@ class Helper:
 
     @property
     def targetoptions(self) -> Any:
-        """Where numba finds out that a stage is inlined."""
+        """Options of numba's form, from which numba learns that a stage is inlined."""
         return self.made.targetoptions
 
     @property
@@ -143,7 +143,7 @@ class Kernel(Helper):
 
     @property
     def is_ready(self) -> bool:
-        """Whether its machine code is there."""
+        """True if its machine code is loaded."""
         return bool(self._codes)
 
     def close(self) -> None:
@@ -214,7 +214,7 @@ def closed(one: Any) -> Any:
 
 
 def made_by_numba(function: Any) -> bool:
-    """Whether a user's function was compiled by `numba.njit`."""
+    """True if a user's function was compiled by `numba.njit`."""
     module = sys.modules.get("numba.core.dispatcher")  # without it there is no such function
     return JIT and module is not None and isinstance(function, module.Dispatcher)
 

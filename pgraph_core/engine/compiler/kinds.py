@@ -15,7 +15,7 @@ import numpy as np
 class Kind:
     """The type of a value."""
 
-    code: str  # of a number
+    code: str  # code of a number
 
     def __call__(self, *arguments: Kind) -> Signature:
         """Return the signature of a function that returns this kind."""
@@ -24,7 +24,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Scalar(Kind):
-    """A number by its NumPy code; "none" for a missing one and "void" for no result."""
+    """A number by its NumPy code, "none" for a missing one, "void" for no result."""
 
     code: str
 
@@ -44,7 +44,7 @@ class Array(Kind):
 
 @dataclass(frozen=True)
 class Group(Kind):
-    """A tuple; a named one has its class."""
+    """A tuple, or a named tuple with its class."""
 
     members: tuple[Kind, ...]
     names: Any = None
@@ -57,7 +57,7 @@ class Group(Kind):
 
 @dataclass(frozen=True)
 class Signature:
-    """What a function returns and takes."""
+    """Types of the result and the arguments of a function."""
 
     result: Kind
     arguments: tuple[Kind, ...]

@@ -1,8 +1,8 @@
-"""Lanes and triples as kernels name them; what they are is in `lowering.lane`.
+"""Names of lanes and triples for kernels. `lowering.lane` defines them.
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. A triple is three
-numbers in one register, or three lanes: a wrench whose components are triples is three wrenches,
-and goes through the same lines as one. Uncompiled, it is an array of three.
+numbers in one register, or three lanes. A wrench whose components are triples is three wrenches,
+and the same code handles it. Uncompiled, it is an array of three.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .jit import late
 
 def _width() -> int:
     """Doubles in a lane: as a vector register of this processor has, and 4 where that has fewer."""
-    chosen = os.environ.get("PGRAPH_LANE_WIDTH")  # of an archive under construction
+    chosen = os.environ.get("PGRAPH_LANE_WIDTH")  # set while an archive is built
     if chosen:
         return int(chosen)
     from llvmlite import binding

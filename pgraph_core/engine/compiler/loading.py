@@ -1,7 +1,7 @@
-"""Where a kernel's machine code comes from, and how it is loaded: with llvmlite alone.
+"""Sources of a kernel's machine code, and its loading with llvmlite alone.
 
 A kernel comes from the user's cache, else from the archive's bitcode, else from numba. The archive
-holds kernels in pieces: a piece has the functions that the same kernels reach.
+holds kernels in pieces. A piece has the functions that the same kernels reach.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from . import archive, calls, sources
 from .jit import Kernel
 from .lane import LANE_WIDTH
 
-DIGEST = 32  # [bytes] of a SHA-256
+DIGEST = 32  # [bytes] length of a SHA-256
 
 
 class Code(NamedTuple):
@@ -39,7 +39,7 @@ class Code(NamedTuple):
 
 @cache
 def cache_folder() -> Path | None:
-    """$PGRAPH_CACHE if set, else the user's cache folder; None where neither can be written."""
+    """Return $PGRAPH_CACHE, else the user's cache folder, or None if neither is writable."""
     chosen = os.environ.get("PGRAPH_CACHE")
     bases = [Path(chosen)] if chosen else []
     user = os.environ.get("XDG_CACHE_HOME") or _platform_cache()
@@ -69,7 +69,7 @@ def _file(key: str) -> Path | None:
 
 
 def kept(key: str) -> bytes | None:
-    """Machine code for this processor that was kept; None without it, or where it is damaged."""
+    """Return cached machine code for this processor, or None if it is missing or damaged."""
     path = _file(key)
     with contextlib.suppress(OSError):
         content = path.read_bytes() if path is not None else b""
@@ -119,7 +119,7 @@ def machine() -> Any:
 
 
 def machine_for(triple: str, cpu: str, features: str) -> Any:
-    """A code generator; at its highest level, without contraction of a b + c."""
+    """Return a code generator at its highest level, without contraction of a b + c."""
     static = "static" if triple.startswith("x86") else "default"
     return llvm.Target.from_triple(triple).create_target_machine(
         cpu=cpu, features=features, opt=3, reloc=static, codemodel="jitdefault", jit=True
@@ -153,7 +153,7 @@ class _Engine:
         return found
 
     def has(self, key: str) -> bool:
-        """Whether machine code is loaded."""
+        """True if the machine code is loaded."""
         return key in self._loaded
 
     def add(self, key: str, code: bytes) -> None:
@@ -162,7 +162,7 @@ class _Engine:
         self._loaded.add(key)
 
     def address(self, name: str) -> int:
-        """Where a function is."""
+        """Return the address of a function."""
         self._engine.finalize_object()
         return self._engine.get_function_address(name)
 

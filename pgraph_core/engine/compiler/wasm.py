@@ -36,7 +36,7 @@ def object_of(kernels: Sequence[Kernel]) -> tuple[bytes, list[str]]:
 
 
 def compiled(kernels: Sequence[Kernel]) -> tuple[Any, list[str]]:
-    """(one module of all kernels, not optimised; the names that it exports)."""
+    """Return one module of all kernels, not optimised, and the names that it exports."""
     libraries: tuple[Any, ...] = (CPUCodeLibrary, Library)
     for library in libraries:
         library._optimize_functions = library._optimize_final_module = _as_it_is

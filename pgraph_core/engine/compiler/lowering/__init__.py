@@ -1,1 +1,1 @@
-"""What numba has to know of kernels: imported where one is compiled, and nowhere else."""
+"""Types and functions of kernels for numba, imported only where a kernel is compiled."""

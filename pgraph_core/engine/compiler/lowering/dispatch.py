@@ -39,7 +39,7 @@ class Library(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        return 0  # as numba has it for what is not there
+        return 0  # numba's answer for a missing function
 
     @property
     def codegen(self) -> Any:

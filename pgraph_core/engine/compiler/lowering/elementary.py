@@ -1,4 +1,4 @@
-"""What `elementary` names and numba has to be told: bits, sines of lanes, functions by type."""
+"""Code of `elementary` for numba: bits, sines of lanes, functions by type."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def float_of(typing: Any, x: Any) -> Any:
 
 
 def _sine_and_cosine(builder: Any, x: Any) -> tuple[Any, Any]:
-    """x = n π/2 + r with |r| <= π/4; n's parity picks which is sin r; of a vector or a double."""
+    """Return (sin x, cos x) of a vector or double by x = n π/2 + r, |r| <= π/4, n's parity."""
     whole = ir.IntType(64)
     width = getattr(x.type, "count", 0)
     if width:

@@ -60,7 +60,7 @@ def splat(builder: Any, value: Any, width: int) -> Any:
 
 
 def as_vector(context: Any, builder: Any, value: Any, given: Any, lane: Lane) -> Any:
-    """A lane as it is; a number in all places."""
+    """Return a lane unchanged, or a number in all places of a lane."""
     if isinstance(given, Lane):
         return value
     return splat(builder, context.cast(builder, value, given, types.float64), lane.width)
@@ -193,7 +193,7 @@ def constants(typingctx: Any, array: Any, block: Any) -> Any:
 
 
 def _view_type(array: Any, ndim: int) -> types.Array:
-    """The type of a view as lanes; unaligned, as NumPy's memory need not suit vectors."""
+    """Return the type of a view as lanes, unaligned because NumPy's memory may be."""
     if not (isinstance(array, types.Array) and array.layout == "C"):
         raise TypeError("lanes view C-contiguous arrays")
     return types.Array(Lane(LANE_WIDTH), ndim, "C", aligned=False)
@@ -222,7 +222,7 @@ def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: 
 
 
 class Triple(Lane):
-    """Three numbers; the fourth place is idle."""
+    """Three numbers in a register whose fourth place is unused."""
 
     def __init__(self) -> None:
         super().__init__(4)
@@ -320,7 +320,7 @@ def _mask(*places: int) -> Any:
 
 
 def _pointer(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-    """Where entry (i, j) of a C-contiguous array is."""
+    """Return the pointer to entry (i, j) of a C-contiguous array."""
     array = context.make_array(kind)(context, builder, values[0])
     strides = cgutils.unpack_tuple(builder, array.strides)
     place = builder.mul(values[1], strides[0])
@@ -430,7 +430,7 @@ def store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
 
 @intrinsic
 def beyond(typingctx: Any, x: Any, least: Any) -> Any:
-    """A triple with zero in place of numbers that are at most `least` in size; nan stays nan."""
+    """Replace numbers of a triple with |x| <= `least` by zero, keeping nan."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         three = isinstance(signature.return_type, Three)

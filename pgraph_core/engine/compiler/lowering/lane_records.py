@@ -59,7 +59,7 @@ class LaneRecords(LaneRecord):
 @register_model(LaneRecord)
 @register_model(LaneRecords)
 class LaneRecordModel(models.PrimitiveModel):
-    """Where its first number is."""
+    """Data model: the pointer to the first number."""
 
     def __init__(self, dmm: Any, fe_type: LaneRecord):
         super().__init__(dmm, fe_type, BYTES)

@@ -1,4 +1,4 @@
-"""What `masks` names, for numba: of lanes, of a lane and a number, or of numbers."""
+"""Code of `masks` for numba, for lanes, a lane and a number, or numbers."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def any_of(typingctx: Any, mask: Any) -> Any:
-    """Whether the mask is set anywhere; of a number, whether it is not zero."""
+    """True if the mask is set anywhere, or if a number is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         found = _set(builder, args[0])
