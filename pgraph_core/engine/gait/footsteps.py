@@ -1,7 +1,7 @@
-"""Where swinging feet go: the ground as the others feel it, and steps along it, heading axes.
+"""Paths of swinging feet over the ground that standing feet measure, in heading axes.
 
-Where the ground has steps, the controller knows them: feet land beside their edges and swing over
-what lies between.
+The controller knows the steps of the ground. Feet land away from their edges and swing over the
+steps in between.
 """
 
 from ..compiler.jit import part, sweep
@@ -9,11 +9,11 @@ from ..compiler.masks import larger, smaller
 from ..vec import add_scaled, scale, sub, xyz
 from .tables import FEET, into, out_of, smooth
 
-FREED, FREE = 0.04, 0.2  # a swing's part in which the foot only lifts; in which it is let go
-SURE = 0.5  # of a full load: with more on the ground its slope is known
+FREED, FREE = 0.04, 0.2  # parts of a swing in which the foot only lifts, and is released
+SURE = 0.5  # load on the ground relative to a full one above which the slope is known
 SPREAD = 1e-3  # m²: feet closer together along x say nothing of a slope
-EDGE = 0.06  # of the height of the centre of mass: no foot lands closer to an edge
-LEVEL = 5e-3  # of it: a smaller difference of heights is no edge
+EDGE = 0.06  # least distance of a foot from an edge, relative to the height of the centre of mass
+LEVEL = 5e-3  # least height of an edge, relative to the height of the centre of mass
 BETWEEN = 6  # places on a foot's way at which it looks for what to swing over
 
 
@@ -49,7 +49,7 @@ def level_at(felt, x):
 
 @part
 def cell(edges, x):
-    """Number of the interval between edges that x is in; -1: none."""
+    """Return the number of the interval between edges that contains x, -1 for none."""
     low, high = 0, edges.shape[0] - 1
     if high < 1 or not edges[0] <= x < edges[high]:
         return -1
@@ -120,7 +120,7 @@ def ground_between(terrain, s, heading, leave, land):
 
 @sweep
 def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
-    """(where a foot leaves, where it is to land), level, from what the hip does; heading axes."""
+    """Return where a foot lifts off and lands, from its hip's motion, level, heading axes."""
     half = 0.5 * legs[f].duty * s.stride
     whole = (1.0 - legs[f].duty) * s.stride
     x = hip[0] + legs[f].ahead
@@ -148,7 +148,7 @@ def lift(s, z, whole, clearance):
 
 @part
 def eased(z):
-    """(part done, rate, acceleration) after the part z of its time; at rest at both ends."""
+    """Return (progress, rate, acceleration) at the part z of a motion from rest to rest."""
     z = smaller(1.0, larger(0.0, z))
     m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
     return m, 30.0 * z * z * (1.0 - z) * (1.0 - z), 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z)
@@ -165,7 +165,7 @@ def over_felt(s, z, whole, felt, m, m1, leave, land):
 
 @part
 def over_steps(s, z, whole, between, low, free):
-    """The same over known ground, from the height `low` of the foot; see `ground_between`."""
+    """Return the lift over known ground (`ground_between`) from the height `low` of the foot."""
     first, last, top = between
     y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
     up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
@@ -178,7 +178,10 @@ def over_steps(s, z, whole, between, low, free):
 
 @sweep
 def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
-    """(place, velocity, acceleration) of a swinging foot, heading axes; no terrain in lanes."""
+    """Return (place, velocity, acceleration) of a swinging foot in heading axes.
+
+    Lanes have no terrain.
+    """
     z = feet[f].swing
     whole = (1.0 - legs[f].duty) * s.stride
     foot = xyz(feet[f].place)

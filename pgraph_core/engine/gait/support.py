@@ -1,11 +1,11 @@
-"""Forces of feet that carry a trunk: those that come closest to a wanted wrench, in their cones.
+"""Forces of standing feet inside their friction cones, closest to a required wrench.
 
 With A the wrench of unit forces about the centre of mass, and W how far each foot is loaded,
 
     f ← cone(f + W Aᵀ (A W Aᵀ + T)⁻¹ (goal - A f))
 
-a few times over: one factor, whatever the number of feet. T is what keeps it regular where feet
-cannot give a torque, as two of them about the line between them.
+is repeated a few times with one factor, whatever the number of feet. T keeps it regular if feet
+cannot provide a torque, such as two feet about the line between them.
 """
 
 import math
@@ -131,7 +131,7 @@ def weigh(feet, s, com, mat):
 
 @sweep
 def factor(mat):
-    """Cholesky's factor of the first six columns, in their place; of its diagonal the inverse."""
+    """Factor the first six columns in place by Cholesky, storing the inverse of the diagonal."""
     for j in range(6):
         x = mat[j, j]
         for k in range(j):

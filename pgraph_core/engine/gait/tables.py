@@ -14,7 +14,7 @@ from ..compiler.kinds import F1, F2, I2, array_of, named
 from ..compiler.masks import any_of, either, larger, smaller
 from ..records import INTEGER, REAL, record
 
-GAIT_SETTINGS = record(  # what a person may change between steps is here
+GAIT_SETTINGS = record(  # settings that may change between steps
     clock_time=REAL,  # [s]
     clock_phase=REAL,  # part of a stride done at `clock_time`
     stride=REAL,  # [s]
@@ -26,22 +26,22 @@ GAIT_SETTINGS = record(  # what a person may change between steps is here
     heading=REAL,  # at `turn_time` [rad]
     turn_rate=REAL,  # [rad/s]
     turn_time=REAL,  # [s]
-    height=REAL,  # of the centre of mass over the ground under it [m]
-    clearance=REAL,  # of a swinging foot [m]
+    height=REAL,  # height of the centre of mass over the ground under it [m]
+    clearance=REAL,  # clearance of a swinging foot [m]
     landing=REAL,  # its speed down at the end [m/s]
     ramp=REAL,  # part of a stance over which its load comes, and goes
-    width=REAL,  # how far feet stand outside of their hips [m]
+    width=REAL,  # distance of feet outside of their hips [m]
     grip=REAL,  # friction that forces may ask for
-    least_load=REAL,  # of a foot on the ground [N]
-    mass=REAL,  # of all bodies [kg]
+    least_load=REAL,  # least load of a foot on the ground [N]
+    mass=REAL,  # mass of all bodies [kg]
     inertia=(REAL, 3),  # about their centre of mass [kg m²]
     gravity=REAL,  # down [m/s²]
-    pitch=REAL,  # of the trunk at home [rad]
+    pitch=REAL,  # pitch of the trunk at home [rad]
     gain_speed=REAL,  # [1/s]
     gain_drift=REAL,  # [1/s]
     gain_sway=REAL,  # towards the middle of the feet, across [1/s²]
     gain_surge=REAL,  # the same, ahead [1/s²]
-    gain_height=(REAL, 2),  # of a place and a rate, as all below [1/s², 1/s]
+    gain_height=(REAL, 2),  # gains of position and rate, like all below [1/s², 1/s]
     gain_roll=(REAL, 2),
     gain_pitch=(REAL, 2),
     gain_yaw=(REAL, 2),
@@ -51,9 +51,9 @@ GAIT_SETTINGS = record(  # what a person may change between steps is here
     place_speed=REAL,  # touchdown ahead of an error in speed [s]
     place_drift=REAL,  # the same, across [s]
     place_roll=REAL,  # touchdown across, by roll [m]
-    tight_torque=REAL,  # how closely the trunk's torque is met
+    tight_torque=REAL,  # weight of the trunk's torque
     tight_force=REAL,
-    lever=REAL,  # 1: hips spread, so that feet push sideways; 0: all hinges are parallel
+    lever=REAL,  # 1 if hips spread, so that feet push sideways, 0 if all hinges are parallel
     limp=REAL,  # rate at which all joints are slowed down after a fall [1/s]
     low=REAL,  # a fall: lower than this part of `height`
     upright=REAL,  # or more tilted than this cosine
@@ -77,8 +77,8 @@ LEG = record(  # home axes; the paw moves parallel to the thigh in swing
     shank=(REAL, 2),  # [m]
     thigh=(REAL, 2),  # [m]
     paw=(REAL, 2),  # [m]
-    tip=(REAL, 3),  # of the foot's row [m]
-    share=REAL,  # of the weight, at full load
+    tip=(REAL, 3),  # tip of the foot's row [m]
+    share=REAL,  # share of the weight at full load
 )
 
 FOOT = record(  # heading axes
@@ -93,7 +93,7 @@ FOOT = record(  # heading axes
 class Terrain(NamedTuple):
     """Heights of the steps of the ground over its plane: [i, j] from x[i] to x[i + 1], z[j] on."""
 
-    x: Any  # (n + 1,) edges [m]; empty where the ground is a plane
+    x: Any  # (n + 1,) edges [m], empty if the ground is a plane
     z: Any  # (m + 1,)
     heights: Any  # (n, m)
 
@@ -105,10 +105,10 @@ class Walk(NamedTuple):
     const: Any
     work: Any
     linear: Any
-    legs: Any  # of LEG, the front ones first
+    legs: Any  # records of LEG, front legs first
     settings: Any  # one GAIT_SETTINGS
     waves: Any
-    feet: Any  # of FOOT
+    feet: Any  # records of FOOT
     matrix: Any  # (6, 7)
     q: Any
     v: Any
@@ -116,9 +116,9 @@ class Walk(NamedTuple):
     vdot: Any
     limit: Any  # (nv,)
     spine: Any
-    fallen: Any  # (1,) time of the first fall [s], -1: none
-    terrain: Any  # a Terrain; None: in lanes, which know none
-    theirs: Any  # work of the run that asks, after `outboard`; empty where none does
+    fallen: Any  # (1,) time of the first fall [s], -1 for none
+    terrain: Any  # a Terrain, None in lanes
+    theirs: Any  # workspace of the calling run after `outboard`, empty without a run
 
 
 WALK = named(
@@ -128,14 +128,20 @@ WALK = named(
 
 
 # waves (5, 8), each a1, b1, a2, b2, ...: Σ a cos(2π k phase) + b sin(2π k phase)
-RISE, NOD, SWAY, SURGE, FLEXION = 0, 1, 2, 3, 4  # of height, pitch, place, place, spine hinges
+RISE, NOD, SWAY, SURGE, FLEXION = (
+    0,
+    1,
+    2,
+    3,
+    4,
+)  # waves of height, pitch, place, place, spine hinges
 HARMONICS = 4
 FEET = 4
 
 
 @part
 def into(heading, x):
-    """World axes to heading axes; `heading` (cosine, sine) of the angle about y."""
+    """Turn world axes to heading axes, `heading` = (cosine, sine) of the angle about y."""
     c, s = heading
     return (c * x[0] - s * x[2], x[1], s * x[0] + c * x[2])
 

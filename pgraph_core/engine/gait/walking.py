@@ -89,7 +89,7 @@ def trunk(work, linear, legs, s):
 
 @part
 def feel(work, linear, legs, s, phase, heading, feet):
-    """Where the feet are, which ones carry by their clocks, and how much they are to carry."""
+    """Compute the feet's places, and by their clocks which of them carry which load."""
     for f in range(FEET):
         p = phase - legs[f].offset
         p -= math.floor(p)
@@ -136,7 +136,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
-    """(angular, linear) of the root that the feet's forces give, also into `vdot`; world axes."""
+    """Return the root's acceleration due to the feet's forces, also in `vdot`, in world axes."""
     none = 0.0 * s.mass
     force = (none, none, none)
     moment = (none, none, none)
@@ -158,7 +158,7 @@ def base_acceleration(work, feet, s, heading, com, vdot):
 
 @part
 def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
-    """v' of a swinging leg: its foot's aim, seen from its girdle; as of `swing`."""
+    """Return v' of a swinging leg from its foot's target relative to its girdle."""
     linear, legs, s, feet = walk.linear, walk.legs, walk.settings[0], walk.feet
     g = legs[f].girdle
     hip = load(work, legs[f].hip, at.X)
@@ -225,7 +225,7 @@ def take_off_forces(rows, work, legs, feet, heading, tau, walks):
 
 @part
 def has_fallen(work, s, com, level):
-    """Whether the trunk is too low or too tilted to walk on."""
+    """True if the trunk is too low or too tilted to continue."""
     upright = work[1, at.R + 4]
     return either(more(s.low * s.height, com[1] - level), more(s.upright, upright))
 
@@ -248,17 +248,17 @@ def slow_down(v, vdot, s, lies):
 
 @part
 def torques(rows, const, work, mine, v, vdot, tau):
-    """τ of inverse dynamics; `work` is afterwards as before."""
+    """Compute τ by inverse dynamics, restoring `work` afterwards."""
     copied_bias(work, mine)
     newton_euler(rows, const, v, vdot, work, tau)
     copied_bias(mine, work)
     none = (0.0, 0.0, 0.0)
-    set_force(work, 0, none, none)  # where forces of the root have ended
+    set_force(work, 0, none, none)  # clears the accumulated forces of the root
 
 
 @part
 def falls(walk, work, t, com, level):
-    """Whether it lies; the time of the first fall is kept."""
+    """True if it has fallen. Stores the time of the first fall."""
     lies = has_fallen(work, walk.settings[0], com, level)
     first = both(lies, more(0.0, walk.fallen[0]))
     walk.fallen[0] = chosen(first, t, walk.fallen[0])
@@ -267,7 +267,7 @@ def falls(walk, work, t, com, level):
 
 @part
 def control(walk, work, t):
-    """τ at (t, q, v) of one walk or of lanes, of the frames in `work`; joints slow after a fall."""
+    """Compute τ of one walk or of lanes from the frames in `work`. Joints slow after a fall."""
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     v, tau, vdot, limit = walk.v, walk.tau, walk.vdot, walk.limit
@@ -297,7 +297,7 @@ def control(walk, work, t):
 
 @kernel(i8(f8, u8, u8, u8), later=True)
 def walking(t, q_place, v_place, tau_place):
-    """τ at (t, q, v), which stand where the tuple behind `tau_place` says; 0."""
+    """Compute τ at (t, q, v) with the tuple at `tau_place`. Returns 0."""
     walk = opened_walk(tau_place + (tau_place - v_place))
     theirs = walk.theirs
     work = theirs if theirs.shape[0] > 0 else walk.work
