@@ -57,7 +57,7 @@ from .kinematics import base_axes, carried, outboard
 
 @part
 def shifted(link, j, b, m):
-    """φᵀ I φ of I = [j b; bᵀ m], eq. (12): [j + l× bᵀ - n l×, n; nᵀ, m] with n = b + l× m."""
+    """Return φᵀ I φ (12) of I = [j b, bᵀ m]: [j + l× bᵀ - n l×, n, nᵀ, m] with n = b + l× m."""
     n = add9(b, cross_sym(link, m))
     b0, b1, b2 = rows_of(b)
     n0, n1, n2 = rows_of(n)
@@ -115,7 +115,7 @@ def reduce_hinge(rows, const, work, k, tau):
 
 @part
 def reduce_ball(rows, const, work, k, tau):
-    """As `reduce_hinge` for three rotations at once: only m - bᵀ j⁻¹ b is left of the inertia."""
+    """Apply `reduce_hinge` to three rotations at once, which leaves the inertia m - bᵀ j⁻¹ b."""
     j, b, m = inertia_of(work, k)
     i = v_of(rows, k)
     p = parent_of(rows, k)
@@ -148,7 +148,7 @@ def reduce_ball(rows, const, work, k, tau):
 
 @part
 def reduce_free(rows, const, work, k, tau):
-    """Factor the 6x6 inertia in place; the parent feels only the joint's own force."""
+    """Factor the 6x6 inertia in place. Only the joint's own force acts on the parent."""
     i = v_of(rows, k)
     p = parent_of(rows, k)
     axes = base_axes(const, work, p, k)
@@ -203,7 +203,7 @@ def joint_acceleration(rows, const, work, vdot):
 
 @part
 def accelerate_ball(rows, const, work, k, alpha, linear, vdot):
-    """v' of a ball; returns its angular acceleration j⁻¹ (u - b V'_linear)."""
+    """Compute v' of a ball and return its angular acceleration j⁻¹ (u - b V'_linear)."""
     _, b, _ = inertia_of(work, k)
     f, left = ball_of(work, k)
     total = solve3(f, sub(left, mul(b, linear)))
@@ -214,7 +214,7 @@ def accelerate_ball(rows, const, work, k, alpha, linear, vdot):
 
 @part
 def accelerate_free(rows, const, work, k, alpha, linear, vdot):
-    """v' of a free row; leaves its V' where it is solved."""
+    """Compute v' of a free row, leaving V' in the place of the solution."""
     forward6(work, k)
     diagonal6(work, k)
     backward6(work, k)
@@ -235,13 +235,13 @@ def articulated(rows, const, q, v, tau, work, vdot):
 
 @part
 def vanishes(size, inverse):
-    """Whether a pivot, given by its inverse, is rounding of an inertia of this size."""
+    """True if a pivot, given by its inverse, is rounding of an inertia of this size."""
     return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep
 def singular_row(rows, work):
-    """First row, from the tips, whose motion sees no inertia, to rounding; 0 if there is none."""
+    """Return the first row, from the tips, without inertia up to rounding, 0 for none."""
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)

@@ -1,4 +1,4 @@
-"""What users ask about bodies, welded ones too: poses, velocities, accelerations, joint forces."""
+"""Poses, velocities, accelerations and joint forces of all bodies, welded ones too."""
 
 from .. import layout as at
 from ..compiler.jit import kernel, part, sweep
@@ -39,7 +39,7 @@ TREE = I2, F2, I2, F2
 
 @kernel(void(*TREE, read(F1), read(F1), F2, F2, F2))
 def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
-    """Origins (nb, 3) and rotations (nb, 9) of all bodies in the world; `v` must be zero."""
+    """Compute origins (nb, 3) and rotations (nb, 9) of all bodies for `v` = 0."""
     outboard(rows, const, work, q, v)
     positions(rows, work)
     for b in range(1, bodies_i.shape[0]):

@@ -58,7 +58,7 @@ def apply_external(bodies_i, bodies_f, external, work):
 
 @kernel(i8(I2, F2, F1, F1, F1, F2, F1))
 def forward_dynamics(rows, const, q, v, tau, work, vdot):
-    """Tree dynamics into `vdot`; 0, or -1 where it is not finite, or the singular row."""
+    """Compute `vdot` of a tree. Returns 0, -1 if it is not finite, or the singular row."""
     articulated(rows, const, q, v, tau, work, vdot)
     singular = singular_row(rows, work)
     if singular > 0:
@@ -68,7 +68,7 @@ def forward_dynamics(rows, const, q, v, tau, work, vdot):
 
 @kernel(i8(I2, F2, I2, F2, F1, F1, F1, F2, F2, F1))
 def forward_dynamics_external(rows, const, bodies_i, bodies_f, q, v, tau, external, work, vdot):
-    """As `forward_dynamics` with wrenches on the bodies."""
+    """Compute `forward_dynamics` with wrenches on the bodies."""
     outboard(rows, const, work, q, v)
     apply_external(bodies_i, bodies_f, external, work)
     inboard(rows, const, work, tau)
@@ -212,7 +212,7 @@ def solve(outer, m, x):
 
 @sweep
 def singular_pivot(rows, work, m):
-    """First row, from the tips, with a pivot of D that is rounding of its inertia; 0 if none."""
+    """Return the first row, from the tips, whose pivot of D is rounding, 0 for none."""
     for k in range(rows.shape[0] - 1, 0, -1):
         angular, linear = traces_of(work, k)
         kind = kind_of(rows, k)
@@ -229,7 +229,7 @@ def singular_pivot(rows, work, m):
 
 @kernel(void(I2, F2, F1, F1, F2, F2))
 def mass_matrix(rows, const, q, v, work, m):
-    """M of eq. (25); `v` must be zero: only frames matter. O(n depth)."""
+    """Compute M of eq. (25) for `v` = 0, since only frames matter. O(n depth)."""
     outboard(rows, const, work, q, v)
     joint_inertia(rows, const, work, m)
 
@@ -238,9 +238,9 @@ def mass_matrix(rows, const, q, v, work, m):
 def forward_dynamics_composite(
     rows, const, bodies_i, bodies_f, q, v, tau, external, zero, work, outer, m, vdot
 ):
-    """As `forward_dynamics_external` by M v' = τ - C and the factor of M: O(n depth²).
+    """Compute `forward_dynamics_external` by M v' = τ - C and the factor of M, O(n depth²).
 
-    `zero` (nv,) is v' = 0; `outer` (nv,) and `m` (nv, nv) are workspace.
+    `zero` (nv,) is v' = 0. `outer` (nv,) and `m` (nv, nv) are workspace.
     """
     outboard(rows, const, work, q, v)
     apply_external(bodies_i, bodies_f, external, work)

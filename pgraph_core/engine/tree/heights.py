@@ -1,4 +1,4 @@
-"""How high bodies are over the plane of the ground."""
+"""Heights of bodies over the plane of the ground."""
 
 import math
 

@@ -82,7 +82,7 @@ def turned(q, i, r, base):
 
 @part
 def move(rows, const, work, q, v, k):
-    """Frame, velocity and a_k of row k from its parent's; eqs. (5), (9) with R4."""
+    """Compute frame, velocity and a_k of row k from its parent's, eqs. (5), (9) with R4."""
     p = parent_of(rows, k)
     i = q_of(rows, k)
     j = v_of(rows, k)
@@ -155,13 +155,13 @@ def turn_all(rows, work, q):
 
 @part
 def near(rows, q, k):
-    """Whether row k is a rotation by an angle that a lane takes."""
+    """True if row k is a rotation by an angle that a lane accepts."""
     return kind_of(rows, k) == ROTATE and abs(q[q_of(rows, k)]) < FAR
 
 
 @part
 def turn_by_fours(rows, work, q):
-    """As `turn_all`, the same bits, four rows at a time where all of them are rotations."""
+    """Apply `turn_all` with the same bits, four rotations at a time where possible."""
     n = rows.shape[0]
     for k in range(1, n - 3, 4):
         if (
@@ -222,7 +222,7 @@ def carried(work, p, k):
 
 @sweep
 def accelerate(rows, const, work, v, vdot):
-    """V'_k = φ V'_p + H v' + a_k of all rows, eq. (8), in the place of the bias; V'_0 = [0; -g]."""
+    """Compute V'_k = φ V'_p + H v' + a_k (8) in the place of the bias, with V'_0 = [0, -g]."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         j = v_of(rows, k)
@@ -282,9 +282,9 @@ def joint_force(rows, const, work, k, force, moment, out):
 
 @sweep
 def kinetic_and_potential(rows, const, work, v):
-    """(T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c; origins go into X.
+    """Return (T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c. Writes origins to X.
 
-    T of a row is taken at its centre of mass: no large terms cancel far from the origin.
+    T of a row is taken at its centre of mass, so no large terms cancel far from the origin.
     """
     gravity = gravity_of(const)
     kinetic = 0.0

@@ -1,4 +1,4 @@
-"""How q moves along v: rates, finite moves, unit quaternions."""
+"""Motion of q along v: rates, finite moves, unit quaternions."""
 
 import math
 
@@ -11,7 +11,7 @@ from ..vec import add_cross, add_scaled, cross, dot, scale, store3
 
 @sweep
 def advance(rows, q, v, h):
-    """q moved along v for the time h; quaternions by the exponential of the rotation h ω."""
+    """Move q along v for the time h, quaternions by the exponential of the rotation h ω."""
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
@@ -84,9 +84,9 @@ def normalise_all(rows, q):
 
 @sweep
 def local_rate(rows, xi, v, out):
-    """ξ' where q has moved along ξ from its start; of turns dexp⁻¹(ξ) ω ([Hairer et al. 2006]).
+    """Compute ξ' after q has moved along ξ, for rotations dexp⁻¹(ξ) ω ([Hairer et al. 2006]).
 
-    ω - ½ ξ × ω + c ξ × (ξ × ω), c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
+    It is ω - ½ ξ × ω + c ξ × (ξ × ω) with c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
     """
     for k in range(1, rows.shape[0]):
         j = v_of(rows, k)

@@ -1,4 +1,4 @@
-"""What outputs read off a motion, and rotation matrices as quaternions."""
+"""Readings of outputs from a motion, and rotation matrices as quaternions."""
 
 import math
 
@@ -27,11 +27,11 @@ Q, V, POSITION, ROTATION, VELOCITY, SPIN, VELOCIMETER, GYRO, ACCELEROMETER, FORC
 
 SENSOR = record(
     kind=INTEGER,  # one of the above
-    entry=INTEGER,  # of q or v
+    entry=INTEGER,  # index in q or v
     body=INTEGER,  # 0: the ground
     first=INTEGER,  # column of what it reads
     point=(REAL, 3),  # origin of its frame in the body's axes [m]
-    turn=(REAL, 4),  # of the frame against the body, unit
+    turn=(REAL, 4),  # unit quaternion of the frame relative to the body
 )
 STILL = (0.0, 0.0, 0.0)
 
@@ -68,10 +68,10 @@ def as_quaternions(position, rotation, pose):
     nogil=True,
 )
 def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
-    """What sensors read in every frame, (n, columns).
+    """Compute the readings of sensors in every frame (n, columns).
 
     `pose` (n, nb, 7), `velocity`, `acceleration` and `force` (n, nb, 6) are those of the bodies, at
-    their origins in world axes; `gravity` (3,).
+    their origins in world axes. `gravity` is (3,).
     """
     for i in range(out.shape[0]):
         for sensor in sensors:

@@ -3,10 +3,10 @@
 Moving freedom j turns all that it carries about its axis S. Seen from there, row k gains the
 velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v_j × ψ, and its force
 changes by I_k s + B_k ψ with B_k = v_k ×* I_k - I_k v_k × + (I_k v_k) ×̄*. These add up along the
-tree, as forces do, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018]; sums over what a row carries
-as in [Singh, Russell & Wensing 2022]). Vectors are [angular; linear] in world axes at the first
-row's origin; gravity is an acceleration -g of the ground. S is fixed in the parent, so that
-S' = v_λ × S; of a free motion the turn is carried by the slide.
+tree like forces, and τ_i = S_i · Σ f ([Carpentier & Mansard 2018], with sums over carried rows as
+in [Singh, Russell & Wensing 2022]). Vectors are [angular, linear] in world axes at the first row's
+origin. Gravity is an acceleration -g of the ground. S is fixed in the parent, so S' = v_λ × S. In
+a free motion the slide carries the rotation.
 """
 
 from typing import Any, NamedTuple
@@ -72,8 +72,8 @@ class Slopes(NamedTuple):
     passive: Any  # (nv, 2 nv) slopes of what is in τ of q and v, or empty
     bodies: Any  # (rows, BODY)
     freedoms: Any  # (nv, FREEDOM)
-    outer: Any  # (2, nv) the freedom towards the root; the one after the last that is carried
-    factor: Any  # (nv + 1, nv) M = Lᵀ D L; the last row is v'
+    outer: Any  # (2, nv) the freedom towards the root, and the end of the carried ones
+    factor: Any  # (nv + 1, nv) M = Lᵀ D L, with v' as the last row
 
 
 SLOPES = named(Slopes, I2, F2, F2, F2, F2, F2, I2, F2)
@@ -127,7 +127,7 @@ def power(x, f):
 
 @part
 def inertial(bodies, k, x):
-    """I x of the sum of a row and what it carries: [J α + c × a; m a - c × α], c = m centre."""
+    """Return I x of a row and its subtree, [J α + c × a, m a - c × α] with c = m centre."""
     c = load(bodies, k, CENTRE)
     angular = add(sym_mul(load6(bodies, k, INERTIA), x[0]), cross(c, x[1]))
     return angular, sub(scale(bodies[k, MASS], x[1]), cross(c, x[0]))
@@ -135,14 +135,14 @@ def inertial(bodies, k, x):
 
 @part
 def swept(bodies, k, x):
-    """B x of the sum: [K ω; -2 p × ω], p the linear momentum."""
+    """Return B x of a row and its subtree, [K ω, -2 p × ω] with the linear momentum p."""
     linear = scale(-2.0, cross(load(bodies, k, MOMENTUM), x[0]))
     return mul(load9(bodies, k, SPINNING), x[0]), linear
 
 
 @part
 def swept_back(bodies, k, x):
-    """The angular part of Bᵀ x; the linear one is zero."""
+    """Return the angular part of Bᵀ x, whose linear part is zero."""
     return add_scaled(
         mul_t(load9(bodies, k, SPINNING), x[0]), 2.0, cross(load(bodies, k, MOMENTUM), x[1])
     )
@@ -309,7 +309,7 @@ def set_factor(rows, const, work, freedoms, m):
                 pivot += armature_of(const, k)
             m[first + c, first + c] = pivot
             u = times(1.0 / pivot, u)
-            for d in range(c):  # what this one leaves of the inertia of the others of its row
+            for d in range(c):  # reduces the inertia of the other freedoms of the row
                 a = power(motion(rows, const, work, k, d), u)
                 m[first + c, first + d] = a
                 left = plus(load66(freedoms, first + d, AXIS), times(-a * pivot, u))
@@ -420,7 +420,7 @@ def set_inverse(outer, m, x, first):
 
 @kernel(i8(i8, F1, F1, F1, F2), later=True)
 def forward_derivatives(space, q, v, tau, slopes):
-    """∂v'/∂q, ∂v'/∂v and M⁻¹ into `slopes` (nv, 3 nv); 0, or what `forward_dynamics` answers."""
+    """Compute ∂v'/∂q, ∂v'/∂v and M⁻¹ (nv, 3 nv). Returns 0 or the code of `forward_dynamics`."""
     rows, const, work, passive, bodies, freedoms, lists, m = opened_slopes(space)
     n = v.shape[0]
     outer, last, vdot = lists[0], lists[1], m[n]

@@ -1,10 +1,10 @@
-"""The rate of turn of a free body, or of a ball on the ground, over a whole step.
+"""Angular velocity of a free body, or of a ball on the ground, over a whole step.
 
-Euler's equations I Ω' + Ω × I Ω = τ by the implicit midpoint rule, in the body's axes: without a
-torque both Ωᵀ I Ω and |I Ω| stay as they are, however fast the body spins ([Hairer et al. 2006,
-ch. IV.2]: the rule keeps quadratic invariants). A body turns about its own rate of turn, first by
-the rate before the step and then by that after it, so these rates have the same components in the
-body's axes at either end as in its axes at the step's middle, where all is solved.
+Euler's equations I Ω' + Ω × I Ω = τ are solved by the implicit midpoint rule in the body's axes.
+Without a torque, Ωᵀ I Ω and |I Ω| stay constant at any speed, because the rule keeps quadratic
+invariants ([Hairer et al. 2006, ch. IV.2]). A body rotates about its own angular velocity, first by
+that before the step and then by that after it. So both have the same components in the body's axes
+at either end as in its axes at the middle of the step, where all is solved.
 """
 
 import math
@@ -32,8 +32,8 @@ from ..vec import (
 )
 from .kinematics import base_axes
 
-TURN = LONGEST_STEP / 2  # [rad] of a substep: there Newton's method converges for any inertia
-MOST_SUBSTEPS = 400  # what turns more often in a step keeps its rate
+TURN = LONGEST_STEP / 2  # [rad] rotation in a substep that converges for any inertia
+MOST_SUBSTEPS = 400  # limit on substeps, beyond which a body keeps its angular velocity
 NEWTON = 30
 ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rounding
 
