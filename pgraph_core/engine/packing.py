@@ -78,10 +78,10 @@ COUNT, FIRST, STRIDE = 0, 1, 4
 
 @part
 def depth_first(parent, bodies_i):
-    """Number the table in pre-order, upper row first; how many rows the ground reaches.
+    """Number the table in pre-order, upper row first. Returns the number of reachable rows.
 
     `parent[i - 1]` is the row of row i's parent, from 1, 0 = ground. Fills BODY_PARENT and TABLE
-    by number, NUMBER, CHILD and NEXT by row of `bodies_i` (zero at first).
+    by number, NUMBER, CHILD and NEXT by row of `bodies_i`, which is zero before.
     """
     child, following = bodies_i[:, at.CHILD], bodies_i[:, at.NEXT]
     number, table, before = (
@@ -111,10 +111,10 @@ def depth_first(parent, bodies_i):
 
 @kernel(i8(I2, I1, I1))
 def pgraph(bodies_i, path, jdof):
-    """Pgraph and jdof of Fig. 4 for depth-first numbers; their length.
+    """Compute Pgraph and jdof of Fig. 4 for depth-first numbers. Returns their length.
 
-    Where a body's parent is not the body before it, the walk has come back to the parent. Both
-    arrays are (2 nb + 1,).
+    If a body's parent is not the body before it, the walk has returned to the parent. Both arrays
+    are (2 nb + 1,).
     """
     parent, freedoms = bodies_i[:, at.BODY_PARENT], bodies_i[:, at.DOF]
     n = 0
@@ -213,7 +213,7 @@ def clear(a):
 
 @part
 def _ground(body, rows, const, bodies_i, bodies_f):
-    """Row 0 of every array; the ground has no mass that counts."""
+    """Fill row 0 of every array. The ground's mass has no effect."""
     for n in range(rows.shape[1]):
         rows[0, n] = 0
     none = (0.0, 0.0, 0.0)
@@ -225,7 +225,7 @@ def _ground(body, rows, const, bodies_i, bodies_f):
 
 @part
 def _turned(base, body, i):
-    """Home orientation of row i's body; most rows have no rotation of their own."""
+    """Return the home orientation of row i's body, quickly if it has no rotation."""
     w = body[i, ROTATION]
     x, y, z = load(body, i, ROTATION + 1)
     if w == 1.0 and x == 0.0 and y == 0.0 and z == 0.0:
@@ -241,7 +241,7 @@ def places(bodies_i):
 
 @part
 def _places(body, motion, bodies_i):
-    """Where each row's motions and coordinates begin in the table's order; nq."""
+    """Compute the first motion and coordinate of each row in the table's order. Returns nq."""
     first_motion, first_q, first_v = places(bodies_i)
     m = 0
     qi = 0
@@ -340,10 +340,10 @@ def gather(
     com, inertia, physics, q, v, gravity, kinds,
     nq, parent_out, body_out, motion_out, start,
 ):  # fmt: skip
-    """Fill the table; (what is wrong or FINE, its row from 1, whether parents stand above).
+    """Fill the table. Returns (fault or FINE, its row from 1, True if parents stand above).
 
-    `start` is q (nq,), then v.
-    The row is -1 where the column has a wrong shape. Axis, q and v may be empty.
+    `start` is q (nq,), then v. The row is -1 if the column has a wrong shape. Axis, q and v may be
+    empty.
     """
     wrong = _shape(
         parent.shape[0], joint, motion_of, motion, axis, link, rotation, mass, com, inertia,
@@ -430,7 +430,7 @@ def _shape(
 
 @part
 def fits(a, n):
-    """Whether a column has an entry a row, or one for all."""
+    """True if a column has one entry per row, or one for all."""
     return a.shape[0] == n or a.shape[0] == 1
 
 
@@ -567,6 +567,6 @@ def _physics(m, kind, physics, motion):
 
 @part
 def _is_unit(q, i):
-    """Whether a quaternion has length 1, to 1e-3."""
+    """True if a quaternion has length 1 to 1e-3."""
     square = q[i] * q[i] + q[i + 1] * q[i + 1] + q[i + 2] * q[i + 2] + q[i + 3] * q[i + 3]
     return abs(math.sqrt(square) - 1.0) <= 1e-3
