@@ -34,13 +34,13 @@ H = 9  # 3, motion axis
 L = 12  # 3, link vector from the parent row's origin, displacement included [m]
 W = 15  # 3, angular velocity [rad/s]
 A = 18  # 6, velocity-dependent acceleration a of eq. (8)
-BIAS = ACCELERATION = 24  # 6, bias force b of eq. (12), then the articulated one; then V'
-IA = 30  # 21, lower triangle of the 6x6 inertia, row by row; then its factor for a free motion
+BIAS = ACCELERATION = 24  # 6, bias force b of eq. (12), then the articulated one, then V'
+IA = 30  # 21, lower triangle of the 6x6 inertia by rows, then its factor for a free motion
 # 6: U = I h, articulated inertia times axis; of a ball the factor of its 3x3 block; of a free
 # motion what its factor is solved for. Where nothing is solved: velocity of the origin, or force
 PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
-LEFT = 58  # 3, what is left of the joint force: u = τ - Hᵀb; for a ball in world axes
+LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
 X = 61  # 3, position of the origin [m] (only where something needs it)
 WORK = 64
@@ -50,11 +50,11 @@ ROW = 0  # the row that carries the body
 BODY_PARENT = 1  # number of the parent body
 TABLE = 2  # the table's row of the body
 DOF = 3  # degrees of freedom of its joint
-OWN_ROWS = 4  # how many rows its joint has; the ground has one
+OWN_ROWS = 4  # number of rows of its joint, one for the ground
 # and by the table's row
-NUMBER = 5  # of the body
+NUMBER = 5  # number of the body
 CHILD, NEXT = 6, 7  # rows of the first child and of the next sibling, 0 = none
-FIRST_MOTION, FIRST_Q, FIRST_V = 8, 9, 10  # of the joint, in the table's order
+FIRST_MOTION, FIRST_Q, FIRST_V = 8, 9, 10  # first entries of the joint in the table's order
 BODIES_I = 11
 
 # bodies_f: float64 (nb + 1, 22), home axes
@@ -73,38 +73,36 @@ BODY = 22
 
 # blocks_i: int64 (nb, 8)
 B_TYPE = 0  # one of the types below
-B_A, B_B = 1, 2  # rows of `body` and `other`; 0 is the ground
+B_A, B_B = 1, 2  # rows of `body` and `other`, 0 for the ground
 B_SIZE = 3  # number of rows, 1 to 3
 B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
-B_CURVE, B_KNOTS = 6, 7  # first knot and number of knots in curves; 0 knots: VALUE, SINE: a sine
-B_BODY_A, B_BODY_B = 6, 7  # of a span, which follows no curve: numbers of `body` and `other`
+B_CURVE, B_KNOTS = 6, 7  # first knot, number of knots: 0 for VALUE, SINE for a sine
+B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
 BLOCK_I = 8
 
 # blocks_f: float64 (nb, 28); points and directions in the home axes of their rows
 PA = 0  # 3, point of A, from its row's origin [m]
-PB = 3  # 3, point of B; of the ground in the world
+PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
-FRICTION, BOUNCE = 25, 26  # of a contact or limit: Coulomb's coefficient, restitution
-SIZE = 27  # of a limit: what its gaps are small against [rad, m]
+FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient and restitution of a contact or limit
+SIZE = 27  # scale of the gaps of a limit [rad, m]
 BLOCK_F = 28
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0
-T_ALIGN = 1  # AIM_r · DIR_r = 0; one of the two is as long as the model is large: residuals in m
+T_ALIGN = 1  # AIM_r · DIR_r = 0, one of them as long as the model, so residuals are in m
 T_DISTANCE = 2  # |x_A - x_B| = VALUE
 T_BLADE = 3  # AIM_0 · velocity of A's point against B = 0
-T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_B normal to DIR_0;
+T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_B normal to DIR_0,
 # three rows: its gap, then the slip along DIR_1 and DIR_2
 T_DISC = 5  # the same for a thin disc with the axis AIM_0
 T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
 T_VELOCITY = 7  # Σ coefficient v = VALUE
 T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral
-T_CONTACT = (
-    9  # a contact point: PA in the world, DIR in the world: normal, two tangents; unilateral
-)
+T_CONTACT = 9  # a unilateral contact point: PA and DIR in the world, DIR = normal and two tangents
 
-T_SPAN = 11  # sign(VALUE) |x_A - x_B| - VALUE ≥ 0, unilateral; in AIM the speed at which it may
+T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the speed at which it may
 # close in this step [m/s]
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds: about the
 # normal within FRICTION [N m s], across it within VALUE [N m s]
@@ -135,8 +133,8 @@ TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT, NEAR = 4, 5, 6, 7, 8
 
 # -- runs -----------------------------------------------------------------------------------------
 # y = q, v, work done, dissipation [rad, m, 1; rad/s, m/s; J]: a row of `Run.stages`
-Y, Y_OLD, END = 0, 1, 2  # the state; before the last step; Y while that step is taken again
-SLOPE, CANDIDATE = 3, 4  # v' and power at Y; the state that a step proposes
-FROM, ERROR, WEIGHT = 5, 6, 7  # what stages are added to; of CANDIDATE; one over the tolerance
-TRIAL, TORQUE = 8, 9  # a state that is looked at; joint forces
+Y, Y_OLD, END = 0, 1, 2  # the state, that before the last step, Y while that step is repeated
+SLOPE, CANDIDATE = 3, 4  # v' and power at Y, the state that a step proposes
+FROM, ERROR, WEIGHT = 5, 6, 7  # base of the stages, error of CANDIDATE, 1 / tolerance
+TRIAL, TORQUE = 8, 9  # a trial state, joint forces
 STAGE = 10  # the stages of the method from here on
