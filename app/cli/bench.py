@@ -1,4 +1,4 @@
-"""`pgraph bench`: lists and runs the benchmarks of a clone; the installed package has none."""
+"""`pgraph bench` lists and runs the benchmarks of a clone. The installed package has none."""
 
 from __future__ import annotations
 

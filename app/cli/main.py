@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _command(words[0], words[1:])
         if words and (text := _no_command(words[0], words[1:])):
             print(text, file=sys.stderr)
-            raise SystemExit(2)  # as for other wrong usage
+            raise SystemExit(2)  # the code of wrong usage
         return _start(words)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
@@ -63,7 +63,7 @@ MEANT = {
 
 
 def _no_command(word: str, rest: Sequence[str]) -> str:
-    """What a first word that names nothing may have meant; "" for a model or an option."""
+    """Return a suggestion for an unknown first word, "" for a model or an option."""
     if word.startswith("-") or Path(word).suffix or os.sep in word or Path(word).exists():
         return ""
     if word in pgraph_models.names() and not (rest and not rest[0].startswith("-")):
@@ -169,12 +169,12 @@ def start(args: Namespace) -> None:
     if model.scenarios and not server.store.state.undo:
         server.send(Simulate(0))  # ready to play when the page is seen
     gc.collect()
-    gc.freeze()  # what is there by now stays: later collections of garbage pass over it
+    gc.freeze()  # later garbage collections skip the objects that exist by now
     server.wait(stopped)
 
 
 def _log_to(path: str) -> None:
-    """What the page does, with times, in a file. Raises InputError if it cannot be written."""
+    """Log the page's events with times to a file. Raises InputError if it cannot be written."""
     try:
         handler = logging.FileHandler(path, encoding="utf-8")
     except OSError as error:
@@ -187,7 +187,7 @@ def _log_to(path: str) -> None:
 
 
 def _bind(host: str) -> None:
-    """Raises InputError if this machine has no such address; viser would try it forever."""
+    """Raise InputError if this machine has no such address. viser would retry forever."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as free:

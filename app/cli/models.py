@@ -107,7 +107,7 @@ def facts(model: pg.Model) -> dict[str, Any]:
 
 
 def _mobility(model: pg.Model) -> dict[str, Any] | None:
-    """The report of mobility, or why it cannot be assembled; None without constraints."""
+    """Return the mobility, or why the model cannot be assembled. None without constraints."""
     if not any(c.active for c in model.constraints):
         return None
     try:
@@ -169,7 +169,7 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 
     A file that is not there is a doubt where it would only be drawn.
     """
-    from pgraph_core.mesh_files import load_mesh  # it needs the compiler; models without do not
+    from pgraph_core.mesh_files import load_mesh  # imported late, because it needs the compiler
 
     found = []
     for body in model.bodies:

@@ -35,7 +35,7 @@ SHOWN = 12  # rows of a sweep's table that are printed
 
 
 def _run_options(parser: ArgumentParser) -> None:
-    """What both commands pass on to `simulate`."""
+    """Add the options that both commands pass to `simulate`."""
     parser.add_argument("--scenario", help="default: the model's first one")
     parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
     parser.add_argument("--method", help="integration method; default: the scenario's, else auto")
@@ -46,7 +46,7 @@ def _run_options(parser: ArgumentParser) -> None:
 
 
 def _options(args: Namespace) -> dict[str, Any]:
-    """Those of them that were given, but for the scenario."""
+    """Return the given options of a run except the scenario."""
     asked = {name: getattr(args, name, None) for name in ("t_end", "method", "step", "rtol")}
     return {name: value for name, value in asked.items() if value is not None}
 
@@ -93,7 +93,7 @@ def _writable(output: str | None) -> None:
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
-    """The answer under the names of `Result`; energies and drifts as extremes."""
+    """Return the answer under the names of `Result`, with extremes of energies and drifts."""
     return {
         "status": result.status.name,
         "message": result.message,
@@ -280,7 +280,7 @@ USUAL = {
     "what": "view", "columns": (), "at": None, "size": None, "view": "start", "dark": False,
     "fps": 30.0, "speed": 1.0,
 }  # fmt: skip
-TAKES = {  # which of these act on each kind of file
+TAKES = {  # the options that each kind of file accepts
     "page": (),
     "film": ("size", "view", "dark", "fps", "speed"),
     "picture of the view": ("what", "at", "size", "view", "dark"),

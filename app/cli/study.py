@@ -90,7 +90,7 @@ def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
 
 
 def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
-    """The motion of a case and its reference; the method is what is compared here."""
+    """Return the mechanism of a case and the options of its motion, without the method."""
     found = list(pgraph_models.cases(name))
     if len(found) > 1:
         text = f"names several cases; choose one of {choices([case.name for case in found], 40)}"
@@ -122,7 +122,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
 
 
 def _problem(study: pg.Study) -> str:
-    """Why the study has nothing to recommend; "" if it has."""
+    """Return the reason why the study recommends nothing, or ""."""
     if not any(row.ok for row in study.rows):
         return next((row.reason for row in study.rows if row.reason), "no run reached the end")
     if study.target is None:
@@ -181,7 +181,7 @@ def _maps(
     bar, found, lacking = progress_bar(), [], []
     for axis in AXES if args.all else (args.axis,):
         if args.all and axis == "step":
-            continue  # it is in the columns of the others
+            continue  # the other maps have the steps as columns
         try:
             found.append(
                 pg.stability_map(

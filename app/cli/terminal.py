@@ -1,4 +1,4 @@
-"""What commands share: arguments as values, answers for people and programs, a progress bar."""
+"""Shared parts of commands: arguments as values, answers in text and JSON, a progress bar."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pgraph_core.model.files import mesh_folder
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
-LONGEST = 1e9  # [s] of a run, thirty years: more does not end
+LONGEST = 1e9  # [s] limit on a run's duration (thirty years), beyond which it does not end
 WIDTH = 30  # characters of the bar
 
 Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
@@ -100,7 +100,7 @@ def roots(args: Namespace) -> list[str]:
 
 
 def model_path(name: str) -> Path:
-    """The path of a model. A built-in name wins; write ./name for a file of that name."""
+    """Return the path of a model. A built-in name wins over a file, which is then ./name."""
     if name in pgraph_models.names():
         return pgraph_models.path(name)
     path = Path(name)
@@ -128,7 +128,7 @@ def count(text: str) -> int:
 
 
 def port(text: str) -> int:
-    """A port; 0 means any free one."""
+    """Parse a port, 0 for any free one."""
     if not (text.isascii() and text.isdigit() and int(text) <= 65535):
         text = f"must be a whole number from 0 (any free port) to 65535; given {text!r}"
         raise ArgumentTypeError(text)
@@ -191,7 +191,7 @@ class Answer:
 
     data: Mapping[str, Any]  # with --json, under the names of the Python API
     text: str
-    problem: str = ""  # of a run that failed: printed on stderr, exit code 1
+    problem: str = ""  # failure of a run, printed on stderr with exit code 1
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def print_answer(answer: Answer, as_json: bool) -> None:
 
 
 def print_problems(problems: Iterable[Problem], as_json: bool) -> None:
-    """Each problem on stderr; with --json also one object on stdout."""
+    """Print each problem on stderr, and with --json also one object on stdout."""
     problems = tuple(problems)
     for problem in problems:
         print(problem, file=sys.stderr)
@@ -254,7 +254,7 @@ def progress_bar() -> Bar:
 
 
 def _draw(what: str, fraction: float) -> bool:
-    """A bar on stderr, erased when `what` is empty; True, so that the work goes on."""
+    """Draw a bar on stderr, erased if `what` is empty. Returns True, so the work continues."""
     done = round(WIDTH * fraction)
     bar = f"{what:10}[{'#' * done}{'.' * (WIDTH - done)}] {fraction:4.0%}" if what else ""
     print(f"\r{bar or ' ' * (WIDTH + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)

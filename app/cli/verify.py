@@ -19,7 +19,7 @@ HEADER = (
 
 
 def tell(text: str) -> None:
-    """Progress on a terminal, over the last line; nothing in a pipe."""
+    """Print progress over the last line of a terminal, but not into a pipe."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
