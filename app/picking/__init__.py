@@ -16,20 +16,20 @@ class Spot:
     """A point of a body, or of the ground."""
 
     body: str
-    point: Vector  # in the body's axes [m]
+    point: Vector  # position in the body's axes [m]
     direction: Vector | None  # unit vector: the normal of a face, or the axis of what is round
     what: str  # "corner", "centre of a face", "flat face", ...
 
 
 @dataclass(frozen=True)
 class Aim:
-    """What a page picks: one spot for the cells of a field, or two to be measured."""
+    """A pick in progress: one spot for the cells of a field, or two for a measurement."""
 
     wants: Literal["point", "axis", "measure"]
-    field: str = ""  # which the spot is for
-    index: tuple[int, ...] = ()  # of its row in the field
+    field: str = ""  # field that receives the spot
+    index: tuple[int, ...] = ()  # index of its row in the field
     bodies: tuple[str, ...] = ()  # whose field it is
-    part: Part | None = None  # of a constraint, contact or force: its list,
+    part: Part | None = None  # list of the constraint, contact or force,
     name: str = ""  # and its name
-    spots: tuple[Spot, ...] = ()  # that were measured
+    spots: tuple[Spot, ...] = ()  # measured spots
     under: Spot | None = None  # the pointer now

@@ -17,12 +17,12 @@ from ..core.state import State, poses
 from ..scene.marks import looks
 from . import GROUND, Spot
 
-EVEN = 1e-9  # so that weights tell what is pointed at alike
-BEHIND = 0.02  # of a piece's size: a corner as far behind the face under the pointer still counts
+EVEN = 1e-9  # distance added before weighting, so that weights decide between equal distances
+BEHIND = 0.02  # depth behind the picked face, relative to the piece, at which corners count
 DIGITS = 12  # decimals that are kept of a metre: what a turn of the body adds is cut off
 FINE = 4  # digits of a point that snaps to nothing, in a body of 1 m
 Candidate = tuple[np.ndarray, str, float]  # a point in body axes, what it is, its weight
-MEANT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances: what is meant most is nearest
+MEANT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances, small for preferred spots
 
 
 class Ray(NamedTuple):
@@ -34,7 +34,7 @@ class Ray(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """Where a ray meets a surface, in the axes of the piece or body that the ray is in."""
+    """Intersection of a ray with a surface, in the axes of the piece or body of the ray."""
 
     far: float  # along the ray [m]
     direction: np.ndarray  # (3,) unit: the normal of a flat face, the axis of a round one
@@ -42,9 +42,9 @@ class Hit(NamedTuple):
 
 
 def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
-    """The nearest surface along a ray; near a corner, an end or a centre of that body, that.
+    """Return the nearest surface along a ray, or a corner, end or centre of its body nearby.
 
-    With `joints` a joint or a tip is meant before what is drawn in front of it.
+    With `joints`, joints and tips are preferred to what is drawn in front of them.
     """
     positions, wxyz = poses(state)
     R = shapes.to_matrix(wxyz)
@@ -84,7 +84,7 @@ def _seen_from(ray: Ray, position: np.ndarray, R: np.ndarray) -> Ray:
 
 
 def _in_reach(look: Look, ray: Ray) -> bool:
-    """Whether a ray, as wide as its slack, may meet any piece of a body."""
+    """True if a ray as wide as its slack may meet a piece of a body."""
     for piece in look.pieces:
         low, high = shapes.bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2
@@ -103,7 +103,7 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 def _snapped(
     state: State, look: Look, k: int, ray: Ray, far: float, joints: bool
 ) -> tuple[np.ndarray, str, float] | None:
-    """The candidate of a body that is meant, within the ray's slack, and its weighted distance."""
+    """Return the best candidate of a body within the ray's slack, and its weighted distance."""
     best: tuple[np.ndarray, str, float] | None = None
     size = state.derived.grain
     for point, what, weight in candidates(state, look, k, joints):
@@ -134,7 +134,7 @@ def _snapped_beside(
 
 
 def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candidate]:
-    """Corners, middles of edges and faces, ends, centres; joints, tip and centre of mass."""
+    """Yield corners, middles, ends and centres of pieces, then joints, tip and centre of mass."""
     body, joint = look.body, MEANT if joints else INSIDE
     for piece in look.pieces:
         for point, what, inside in _of_piece(piece):
@@ -243,7 +243,7 @@ def _ellipsoid(half: np.ndarray, middle: np.ndarray, ray: Ray) -> Iterator[Hit]:
 def _frustum(
     low: tuple[float, float], high: tuple[float, float], ray: Ray
 ) -> Iterator[Hit]:  # fmt: skip
-    """The side of a cone between two (height, radius); its direction is its axis."""
+    """Yield hits on the side of a cone between two (height, radius), directed along its axis."""
     (z0, r0), (z1, r1) = low, high
     if z1 - z0 < 1e-12:
         return
@@ -296,7 +296,7 @@ def _triangles(piece: Piece, ray: Ray) -> Iterator[Hit]:
 
 
 def _on_ground(state: State, ray: Ray) -> Spot | None:
-    """Where a ray meets the plane of the ground, where something may touch it."""
+    """Return the hit of a ray on the plane of the ground, if something may touch it."""
     normal = np.asarray(state.model.ground_normal)
     down = float(ray.direction @ normal)
     if down >= 0 or state.derived.low > 0:

@@ -1,4 +1,4 @@
-"""Picking in the 3D view: what is asked for, where the pointer is, what a click takes (pure)."""
+"""Picking in the 3D view: the requested spot, the pointer, the effect of a click (pure)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def started(state: State, event: StartAim) -> State:
 
 @dataclass(frozen=True)
 class EndAim(FromPage):
-    """Pick nothing; what was measured goes."""
+    """End picking and discard measurements."""
 
 
 @on(EndAim)
@@ -54,7 +54,7 @@ def ended(state: State, event: EndAim) -> State:
 
 @dataclass(frozen=True)
 class Pointed(FromPage):
-    """Where the pointer is in the 3D view, as a ray in the world's axes [m]."""
+    """The pointer in the 3D view, as a ray in world axes [m]."""
 
     origin: Vector
     direction: Vector
@@ -98,9 +98,9 @@ def clicked(state: State, event: ClickSpot) -> State:
 
 @dataclass(frozen=True)
 class AskBody(Pointed):
-    """Which body the pointer is on: its menu is asked for."""
+    """Request the menu of the body under the pointer."""
 
-    at: tuple[Finite, Finite]  # on the page [px]
+    at: tuple[Finite, Finite]  # position on the page [px]
 
 
 @on(AskBody)
@@ -112,7 +112,7 @@ def asked(state: State, event: AskBody) -> State:
 
 
 def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:
-    """What a ray meets; nothing where it has no direction. For a field's point, joints first."""
+    """Return the spot that a ray meets, preferring joints for points. None without direction."""
     direction = np.asarray(event.direction)
     length = float(np.linalg.norm(direction))
     if not 1e-9 < length < 1e9:
@@ -122,7 +122,7 @@ def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
-    """The cells of the field that was asked for filled from a spot: one undo step."""
+    """Fill the cells of the picked field from a spot, as one undo step."""
     vector = in_axes_of(state, aim, found)
     of = aim.name if aim.part else aim.bodies[0] if aim.bodies else ""
     after = with_client(state, client, aim=None)
@@ -160,7 +160,7 @@ def in_axes_of(state: State, aim: Aim, found: Spot) -> tuple[float, ...] | None:
 
 
 def _owner(state: State, aim: Aim) -> str | None:
-    """In whose axes a field is; None where that is gone."""
+    """Return the body whose axes a field uses, or None if it no longer exists."""
     if aim.part is not None:
         try:
             item = parts.item_of(state.model, aim.part, aim.name)

@@ -1,4 +1,4 @@
-"""What each page picks, as marks over its 3D view and a sentence; menus of bodies in 3D."""
+"""Marks and hints of picking over each page's 3D view, and menus of bodies."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _mark(state: State, one: Spot) -> Payload:
 
 
 def asks(aim: Aim) -> str:
-    """What to click next."""
+    """Return the hint for the next click."""
     if aim.wants == "measure":
         first = ("a first point", "a second point", "a point to measure again")[len(aim.spots)]
         return f"Measure: click {first}"
