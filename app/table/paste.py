@@ -31,7 +31,7 @@ LENGTHS = ("link", "com", "tip")
 NONE = "none"
 COPIED = 1000  # rows at most with all that they carry
 DOF = re.compile(r"([0-6])?\s*([a-z]+(?: \+ [a-z]+)*)?")
-ALREADY = ("ball + z", "ball + x + y")  # what the DoF column writes for 4 and 5
+ALREADY = ("ball + z", "ball + x + y")  # texts of the DoF column for 4 and 5
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Rod = Callable[[pg.Model, str, str], pg.Body]
 
@@ -65,7 +65,7 @@ def rows_of(
             parent = change.get("parent", above)
             change["parent"] = renamed.get(parent, parent)
             if not change.keys().isdisjoint(("shape", "shapes", "com")):
-                change.setdefault("tip", None)  # that of the rod is not of this body
+                change.setdefault("tip", None)  # drops the tip of the default rod
         above = change.get("name", body.name)
         changes[body.name] = change
     try:
@@ -91,7 +91,7 @@ def copied(model: pg.Model, names: Sequence[str]) -> str:
 
 
 def _carried(body: pg.Body) -> dict[str, Any]:
-    """The fields of a body that do not follow from others; also the usual ones of a new row."""
+    """Return the fields of a body that do not follow from others, defaults included."""
     follows = {*body.derived, "axes" if body.joint == "compound" else "motions"}
     data = body.model_dump(mode="json")
     follows.add("shapes" if len(data["shapes"]) < 2 else "shape")
@@ -106,12 +106,12 @@ def _carried(body: pg.Body) -> dict[str, Any]:
 
 
 def _says(value: Any) -> bool:
-    """Whether a list has an entry that is not zero, or anything else stands there."""
+    """True for a list with a nonzero entry, or any other nonempty value."""
     return any(map(_says, value)) if isinstance(value, list) else value not in (0, None, "")
 
 
 def _written(value: Any) -> str:
-    """What stands in the cell of a value: words and numbers as they are, lists as JSON."""
+    """Return the text of a value's cell: words and numbers unchanged, lists as JSON."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
@@ -142,9 +142,9 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], li
 
 
 def _separator(text: str) -> str:
-    """What stands between cells: a tab, as spreadsheets copy them, or the mark of a .csv file.
+    """Return the separator of cells: a tab from a spreadsheet, or the mark of a .csv file.
 
-    That is known by headings: a name may have a comma.
+    The headings decide, because a name may contain a comma.
     """
     first = text.partition("\n")[0]
     for mark in ";,":
@@ -165,7 +165,7 @@ def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:
 
 
 def _field(heading: str) -> str | None:
-    """The field that a heading names; None where it names none."""
+    """Return the field that a heading names, or None."""
     text = heading.strip().lower()
     return text if VECTOR.fullmatch(text) or text in FIELDS else HEADINGS.get(text)
 
@@ -175,7 +175,7 @@ def _listed(columns: Sequence[str]) -> str:
 
 
 def _cell(line: Sequence[str], columns: Sequence[str], field: str) -> str:
-    """The text of a line in the column of `field`; "" where there is none."""
+    """Return the text of a line in the column of `field`, or ""."""
     return dict(zip(columns, line)).get(field, "")
 
 
@@ -213,7 +213,7 @@ def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[
 def _change(
     model: pg.Model, body: pg.Body, line: dict[str, tuple[str, str]], number: int
 ) -> dict[str, Any]:
-    """The fields of a body that a line changes; empty cells leave theirs as they are.
+    """Return the fields of a body that a line changes, without those of empty cells.
 
     The line is (text, unit) by field.
     """
@@ -299,7 +299,7 @@ def _unit_vector(axis: str) -> tuple[float, ...]:
 
 
 def _joint(body: pg.Body, text: str) -> dict[str, Any]:
-    """`1`, `prismatic` or `1 prismatic`; nothing where that is the joint already."""
+    """Parse `1`, `prismatic` or `1 prismatic`. Returns {} if the joint does not change."""
     match = DOF.fullmatch(text.lower())
     dof, kind = match.groups() if match else (None, text)
     kind = "compound" if kind in ALREADY else kind
@@ -317,7 +317,7 @@ def _joint(body: pg.Body, text: str) -> dict[str, Any]:
 
 
 def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
-    """Nothing: the column follows from the lists; a name that is in none of them is refused."""
+    """Return {}, because the column follows from the lists. Refuses unknown names."""
     named = {c.name for c in (*model.constraints, *model.contacts)}
     known = {"holonomic", "limits", CONTACT, *named}
     for name in (part.strip() for part in text.split(",")):

@@ -22,7 +22,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class AddBody(FromPage):
-    """A new body as child of `parent`; None: of the ground."""
+    """Add a body as child of `parent`, None for the ground."""
 
     parent: Text | None
 
@@ -41,7 +41,7 @@ def add(state: State, event: AddBody) -> State:
 
 @dataclass(frozen=True)
 class Duplicate(FromPage):
-    """Copies of the bodies; as branches with all that they carry."""
+    """Copy the bodies, as branches with all that they carry."""
 
     bodies: Bodies
     subtree: bool
@@ -63,7 +63,7 @@ class MirrorBranch(FromPage):
 
     body: Text
     plane: Literal["x", "y", "z"]
-    bodies: Bodies | None = None  # all that are selected; left out: `body` alone
+    bodies: Bodies | None = None  # all selected bodies, None for `body` alone
 
 
 @on(MirrorBranch)
@@ -104,7 +104,7 @@ def delete(state: State, event: DeleteBodies) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class MoveRows(FromPage):
-    """The rows to the place before a body; None: last."""
+    """Move the rows before a body, None for the end."""
 
     bodies: Bodies
     before: Text | None
@@ -134,7 +134,7 @@ def set_parent(state: State, event: SetParent) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class CountBodies(FromPage):
-    """That many bodies: more follow the last one in a row, fewer end the table earlier."""
+    """Set the number of bodies by appending a chain or by removing the last rows."""
 
     serial: int
     text: Text
@@ -152,7 +152,7 @@ def count(state: State, event: CountBodies) -> State:
 
 @dataclass(frozen=True)
 class Paste(FromPage):
-    """Lines of a spreadsheet over the cells of `rows` from `column` on; more become new rows.
+    """Paste lines of a spreadsheet into `rows` from `column` on, and further lines as new rows.
 
     Without `rows` all become new rows, children of `under` unless they name another parent.
     """
@@ -210,7 +210,7 @@ def new_from_lines(state: State, event: NewFromLines) -> State:
 
 
 def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """`attempted`, with the new bodies selected; too many of them are refused."""
+    """Attempt an edit and select its new bodies. Refuses too many bodies."""
 
     def limited() -> pg.Model:
         model = make()
@@ -225,7 +225,7 @@ def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -
 
 
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
-    """A slender rod at the tip of `parent`; the first on the ground is free to move."""
+    """Return a slender rod at the tip of `parent`. The first on the ground has a free joint."""
     root, new = pg.Model.serial(2).bodies
     if not model.bodies:
         free = pg.Model(bodies=(root,)).edit(root.name, joint="free").bodies[0]
@@ -241,7 +241,7 @@ def free_number(taken: Iterable[str]) -> str:
 
 
 def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of the bodies that are not carried by another of them."""
+    """Return the bodies that no other of them carries."""
     chosen = set(names)
 
     def carried(name: str) -> bool:
