@@ -28,7 +28,7 @@ class Found:
     text: str = ""
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # body -> fields
     opened: pg.Model | None = None
-    report: pg.Report | None = None  # of a file of another format
+    report: pg.Report | None = None  # report on a file of another format
     members: tuple[str, ...] = ()  # models of an archive, one of which is to be chosen
 
 
@@ -42,9 +42,9 @@ class Members:
 
 @dataclass(frozen=True)
 class Errand:
-    """Something that takes a moment; its answer may change bodies of `model`.
+    """Background work whose answer may change bodies of `model`.
 
-    It is done in a thread, or `apart`: in a child process, to which `work` is sent without a model.
+    It runs in a thread, or `apart` in a child process, to which `work` is sent without a model.
     """
 
     id: int
@@ -53,6 +53,6 @@ class Errand:
     label: str
     work: Callable[[pg.Model], Found]  # raises PgraphError, Refusal, OSError
     compiled: bool = False  # waits until the kernels are compiled
-    file: str = ""  # of a whole model that is read
+    file: str = ""  # name of the model file that is read
     apart: bool = False
     leaves: Path | None = None  # a folder that `work` makes

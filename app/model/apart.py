@@ -25,9 +25,9 @@ import pgraph_core as pg
 from ..core.cells import Refusal
 from . import Found
 
-LONGEST = 60  # [s] of processor time: the largest files of the import tests take 5 s
-PATIENCE = 5  # times LONGEST: wall time, on a machine that does other things too
-MOST_MEMORY = 4 * 2**30  # [bytes] of address space: those files take 1.5 GB
+LONGEST = 60  # [s] limit on processor time (the largest files of the tests take 5 s)
+PATIENCE = 5  # limit on wall time relative to LONGEST, for a busy machine
+MOST_MEMORY = 4 * 2**30  # [bytes] limit on address space (the same files take 1.5 GB)
 NICE = 10  # edits of pages go first
 TOO_LONG = f"reading it takes more than {LONGEST} s; make it smaller"
 AT_ONCE = threading.BoundedSemaphore(max(os.cpu_count() or 1, 2))  # children

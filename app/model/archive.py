@@ -22,9 +22,9 @@ from pgraph_core.model.files import mesh_folder as mesh_folder
 
 from ..core.cells import Refusal
 
-LARGEST = 12_000_000  # [bytes] as it is sent
+LARGEST = 12_000_000  # [bytes] limit on the sent file
 LARGEST_WITHIN = 100_000_000  # [bytes] unpacked
-LARGEST_KEPT = 1_000_000_000  # [bytes] of all meshes that came through a page
+LARGEST_KEPT = 1_000_000_000  # [bytes] limit on all meshes received from pages
 # what zipfile raises: damaged, cut, encrypted or by an unknown method, names that are no text
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
 
@@ -103,10 +103,10 @@ def refuse_program(name: str | PurePosixPath) -> None:
 
 
 def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg.Report]:
-    """The model in a zip; the meshes that it names stay in a folder of `keep`.
+    """Return the model in a zip, and store the meshes that it names in a folder of `keep`.
 
-    A model of Pgraph stands at the top with its meshes in `meshes`; one of another format, with
-    the files that it names, in any folder. `member` names one of several models.
+    A Pgraph model is at the top with its meshes in `meshes`. A model of another format may be in
+    any folder with the files that it names. `member` names one of several models.
     Raises Refusal, PgraphError, OSError.
     """
     try:
@@ -151,7 +151,7 @@ def _size(folder: Path) -> int:
 
 
 def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes], set[PurePosixPath]]:
-    """(bytes unpacked, models and meshes by name, other names); what is too large stays packed."""
+    """Return (unpacked bytes, models and meshes by name, other names). Large files stay packed."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {PurePosixPath(item.filename): item for item in archive.infolist()}
         size = sum(item.file_size for item in files.values())
@@ -186,7 +186,7 @@ def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
 
 
 def _goes_along(name: PurePosixPath) -> bool:
-    """Whether it is a file that a model of another format may name, and lies below the top."""
+    """True for a file inside the archive that a model of another format may name."""
     inside = not name.is_absolute() and ".." not in name.parts
     return inside and name.suffix.lower().lstrip(".") in (
         *FORMATS,
@@ -203,5 +203,5 @@ def _is_model(name: PurePosixPath) -> bool:
 
 
 def _is_mesh(name: PurePosixPath) -> bool:
-    """Whether it is a mesh where `packed` puts them, and so nowhere else when it is unpacked."""
+    """True for a mesh in the folder that `packed` uses, and hence only there when unpacked."""
     return name.parts[:-1] == (FOLDER,) and name.suffix.lower().lstrip(".") in FORMATS

@@ -35,8 +35,8 @@ EditField = Literal[
 ]  # fmt: skip
 
 LONG = 500_000  # characters of a model that are read at once
-MOST_HEIGHTS = 100_000  # of all heightfields, each of which is drawn
-MOST_PARTS = 2000  # of any other kind, each of which is listed
+MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
+MOST_PARTS = 2000  # limit on the parts of any other kind, which are listed
 MOST_NAMED = 5  # models of earlier sessions that the greeting names
 
 
@@ -68,7 +68,7 @@ class Undo(FromPage):
 
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
-    """The model without the last step of a page; its run is shown again if it has one."""
+    """Undo the last step of a page, and show the run of that model again if it has one."""
     client = event.client
     k = _last(state, state.undo, client)
     if k is None:
@@ -116,21 +116,21 @@ def _last(state: State, steps: Sequence[Step], client: int) -> int | None:
 
 
 def undoable(state: State, client: int) -> Step | None:
-    """What Undo of a page would take back."""
+    """Return the step that Undo of a page would revert."""
     k = _last(state, state.undo, client)
     return None if k is None else state.undo[k]
 
 
 def redoable(state: State, client: int) -> Step | None:
-    """What Redo of a page would do again: only where nobody took back something later."""
+    """Return the step that Redo of a page would repeat, if nobody undid a later one."""
     k = _last(state, state.redo, client)
     return state.redo[-1] if state.redo and k == len(state.redo) - 1 else None
 
 
 def reverted(now: pg.Model, before: pg.Model, after: pg.Model) -> pg.Model:
-    """`now` with what changed from `before` to `after` taken back; what others changed stays.
+    """Return `now` without the changes from `before` to `after`, keeping those of others.
 
-    Raises Refusal where the same was changed since, PgraphError where the rest needs it.
+    Raises Refusal if the same fields were changed since, PgraphError if the rest needs them.
     """
     names = [said for said in renamed(after, now) if said[0] in PARTS]
     before, after = _renamed(before, names), _renamed(after, names)
@@ -158,7 +158,7 @@ def _renamed(model: pg.Model, names: Sequence[tuple[str, str, str]]) -> pg.Model
 
 
 def _parts(was: Sequence[Any], then: Sequence[Any], is_now: Sequence[Any]) -> tuple[Any, ...]:
-    """Parts by name, each as it is now or as it was; the order follows what is there now."""
+    """Return parts by name, each as it is now or as it was, in the present order."""
     a, b, c = ({part.name: part for part in parts} for parts in (was, then, is_now))
     found: dict[str, Any] = {}
     for name, part in c.items():
@@ -253,7 +253,7 @@ class OpenKept(FromPage):
 
 @on(OpenKept)
 def kept_opened(state: State, event: OpenKept) -> State:
-    """The model in place of the current one; where it cannot be read, it stays on offer."""
+    """Open a kept model in place of the current one. An unreadable one stays on offer."""
     if event.name not in state.kept:
         return state
     name, client = event.name, event.client
@@ -274,7 +274,7 @@ class DiscardKept(FromPage):
 
 @on(DiscardKept)
 def kept_discarded(state: State, event: DiscardKept) -> State:
-    """Without that offer; Autosave removes the file."""
+    """Remove an offered model. Autosave removes the file."""
     left = {key: kept for key, kept in state.kept.items() if key != event.name}
     return replace(state, kept=left)
 
@@ -289,7 +289,7 @@ class OpenText(FromPage):
 
 @on(OpenText)
 def text_opened(state: State, event: OpenText) -> State:
-    """The model in it; a long text is read as an errand, so that no other page waits for it."""
+    """Open the model in a text, as an errand if it is long, so that no other page waits."""
     name, content = event.name, event.content
     foreign = Path(name).suffix.lower() in READERS
     if len(content) <= LONG and not foreign:
@@ -300,7 +300,7 @@ def text_opened(state: State, event: OpenText) -> State:
 
 
 def _found_in_text(name: str, content: str, _: Any) -> Found:
-    """What a text holds. Raises PgraphError, Refusal."""
+    """Read the model in a text. Raises PgraphError, Refusal."""
     if Path(name).suffix.lower() in READERS:
         return _small_enough(*read_text(name, content))
     return Found(opened=_read(name, content))
@@ -353,7 +353,7 @@ class CancelReading(FromPage):
 
 @on(CancelReading)
 def reading_cancelled(state: State, event: CancelReading) -> State:
-    """The state without the file that is being read for a page; its process is stopped."""
+    """Cancel the reading of a page's file and stop its process."""
     errand = reading(state, event.client)
     if errand is None:
         return state
@@ -385,9 +385,9 @@ def _read(name: str, content: str) -> pg.Model:
 
 
 def too_many(data: Mapping[str, Any]) -> str:
-    """Why the fields of a model hold more than pages draw and list in time; "" where they do not.
+    """Return the reason why a model is too large for pages, or "".
 
-    They may be those of a file, of which nothing is known yet.
+    The fields may be unchecked data of a file.
     """
     counts = {key: len(_of(data, key)) for key in PARTS}
     counts["steps"] = len(_of(data.get("ground"), "steps"))
@@ -416,7 +416,7 @@ def _listed(value: Any) -> bool:
 def shown_model(
     state: State, client: int, name: str, model: pg.Model | None, problem: str = ""
 ) -> State:
-    """A model that was read, in place of the current one; or why it was not opened."""
+    """Open a model that was read in place of the current one, or report the problem."""
     if model is not None:
         problem = problem or too_many(vars(model))
     if model is None or problem:
@@ -436,7 +436,7 @@ def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
         try:
             state = edit.replaced(state, own(old.text), "recover the last session")
         except pg.PgraphError:
-            continue  # it is offered, and opening it says why it cannot be read
+            continue  # it stays on offer, and opening it gives the reason
         again, title = old, "Recovered"
         text = f"{old.name} as it was at {_at(old)}, when Pgraph was stopped. "
         text += f"Undo brings back {given}. "
@@ -480,7 +480,7 @@ def downloaded(state: State, event: Download) -> State:
 
 @dataclass(frozen=True)
 class ErrandDone(Event):
-    """What an errand found, or why it failed."""
+    """Result of an errand, or the reason of its failure."""
 
     id: int
     found: Found = field(default_factory=Found)
@@ -489,7 +489,7 @@ class ErrandDone(Event):
 
 @on(ErrandDone)
 def errand_done(state: State, event: ErrandDone) -> State:
-    """Its changes as one undo step; only a notice if the model was changed meanwhile."""
+    """Apply an errand's changes as one undo step, or notify if the model changed meanwhile."""
     errand = next((e for e in state.errands if e.id == event.id), None)
     if errand is None:
         return state
@@ -526,9 +526,9 @@ def sent(
     apart: bool = False,
     leaves: Path | None = None,
 ) -> State:
-    """One more errand under way, for the current model; `compiled`: it needs the kernels.
+    """Start an errand for the current model, which waits for the kernels if `compiled`.
 
-    One that is done `apart` is refused while another one reads a file for the same page.
+    An errand `apart` is refused while another one reads a file for the same page.
     """
     if apart and (other := reading(state, client)) is not None:
         text = f"{other.file or other.label} is still being read; cancel that first."

@@ -14,7 +14,7 @@ from .update import ErrandDone
 
 
 class Errands:
-    """Does what pages ask for; what needs the kernels waits until they are compiled."""
+    """Runs the errands of pages. Those that need the kernels wait for their compilation."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -36,7 +36,7 @@ class Errands:
             if errand.apart or errand.id <= self._begun:
                 continue
             if errand.compiled and not new.kernels.ready:
-                return  # those behind it wait too: they were asked for later
+                return  # later errands wait too
             self._begun = errand.id
             self._queue.put(errand)
 
@@ -60,7 +60,7 @@ class Errands:
 
 
 def answer(errand: Errand) -> ErrandDone:
-    """What an errand found, or the sentence why it failed."""
+    """Return the result of an errand, or the reason of its failure."""
     try:
         return ErrandDone(errand.id, errand.work(errand.model))
     except Exception as error:  # shown on the page: the session goes on
