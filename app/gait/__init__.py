@@ -16,27 +16,27 @@ from pgraph_core.model import Step
 from pgraph_core.result.records import PHASES, SWING
 from pgraph_core.show.shapes import to_matrix
 
-LAWS = {  # of the feet: what they are called, and how each is stepped over
+LAWS = {  # contact laws of the feet: label, method, step [s]
     "complementarity": ("rigid", "auto", 1e-3),
     "penalty": ("penalty", "rk4", 2.5e-4),
     "soft": ("soft (Hunt and Crossley)", "rk4", 1e-4),
 }
 FIRST, LONG, APART, WIDE, MANY = 1.0, 0.8, 1.6, 5.0, 12  # platforms to walk over [m]
-FEET = 4  # that a gait takes
-PUSH, LASTS = 0.25, 0.15  # of the weight [1], for so long [s]
+FEET = 4  # number of feet of a gait
+PUSH, LASTS = 0.25, 0.15  # force of a push relative to the weight, duration [s]
 SIDES = {"left": (0, -1), "right": (0, 1), "back": (-1, 0), "ahead": (1, 0)}  # trunk's x and z
 
 
 @dataclass(frozen=True)
 class Walking:
-    """What people have set of the walk; the rest is the model's."""
+    """Settings of the walk made on the page. The others are those of the model."""
 
-    gait: str = ""  # a name; "": the model's first
+    gait: str = ""  # name, "" for the model's first gait
     changes: Mapping[str, float] = field(default_factory=dict)  # fields of the gait
-    pushes: int = 0  # how many there were
-    push: str = ""  # where the last one went: one of SIDES
-    strength: float = 0.25  # of a push, over the weight
-    pushed: str = ""  # the body that is pushed; "": the trunk
+    pushes: int = 0  # number of pushes so far
+    push: str = ""  # direction of the last one, a key of SIDES
+    strength: float = 0.25  # force of a push relative to the weight
+    pushed: str = ""  # pushed body, "" for the trunk
 
 
 class Offer(NamedTuple):
@@ -44,11 +44,11 @@ class Offer(NamedTuple):
 
     gait: pg.Gait
     scenario: str
-    tried: bool  # the model has it; else it is a preset on the model's feet
+    tried: bool  # True for a gait of the model, False for a preset on its feet
 
 
 def offers(model: pg.Model) -> dict[str, Offer]:
-    """Gaits by name: those of the model's scenarios, then presets; none where there is no gait."""
+    """Return gaits by name: those of scenarios, then presets, {} for a model without a gait."""
     own = {s.gait.name: Offer(s.gait, s.name, True) for s in model.scenarios if s.gait is not None}
     if not own:
         return {}
@@ -68,7 +68,7 @@ def _presets(feet: tuple[str, ...]) -> Mapping[str, pg.Gait]:
 
 
 def offered(model: pg.Model, walking: Walking) -> Offer | None:
-    """The gait to walk, with what was changed of it; None where the model has none."""
+    """Return the gait of the walk with its changes, or None if the model has none."""
     found = offers(model)
     if not found:
         return None
@@ -79,20 +79,20 @@ def offered(model: pg.Model, walking: Walking) -> Offer | None:
 
 
 def has_feet(model: pg.Model) -> bool:
-    """Whether it has a gait, or the four feet for one: contacts of one point with the ground."""
+    """True for a model with a gait, or with four contacts of one point with the ground."""
     feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
     return len(feet) >= FEET or bool(offers(model))
 
 
 def why_not(model: pg.Model) -> str:
-    """Why a model with feet has nothing to walk with; "" where it has."""
+    """Return the reason why a model with feet has no gait, or ""."""
     if offers(model):
         return ""
     return f"No scenario of '{model.name}' has a gait: give one a 'gait' (docs/gaits.md)."
 
 
 def turns(model: pg.Model, gait: pg.Gait) -> bool:
-    """Whether its hips spread, so that feet push sideways."""
+    """True if the hips spread, so that feet push sideways."""
     contacts = {contact.name: contact for contact in model.contacts}
     for fall in gait.feet:
         if fall.foot not in contacts:
@@ -111,18 +111,18 @@ def feet_of(model: pg.Model) -> list[pg.Contact]:
 
 
 def friction(model: pg.Model) -> float:
-    """That of the feet."""
+    """Return the friction of the feet."""
     given = [c.friction for c in feet_of(model) if c.friction is not None]
     return given[0] if given else model.ground.friction
 
 
 def law(model: pg.Model) -> str:
-    """That of the feet."""
+    """Return the contact law of the feet."""
     return next((contact.law for contact in feet_of(model)), "complementarity")
 
 
 def platforms(height: float) -> tuple[Step, ...]:
-    """Platforms to walk over, from 1 m ahead on; none of no height."""
+    """Return platforms to walk over, from 1 m ahead on, or () for height 0."""
     if height == 0.0:
         return ()
     starts = [FIRST + k * APART for k in range(MANY)]
@@ -130,7 +130,7 @@ def platforms(height: float) -> tuple[Step, ...]:
 
 
 def step_height(model: pg.Model) -> float:
-    """Of the highest step of the ground [m]."""
+    """Return the height of the highest step of the ground [m]."""
     return max((step.height for step in model.ground.steps), key=abs, default=0.0)
 
 
@@ -164,16 +164,16 @@ Place = tuple[float, float, float]
 
 
 class Change(NamedTuple):
-    """From `t` on a foot is in a phase; `at` is where it came down."""
+    """Start of a phase of a foot at `t`, with the place `at` of its touchdown."""
 
     foot: str  # name of a contact
     t: float  # [s]
-    phase: int  # of PHASES
+    phase: int  # index in PHASES
     at: Place | None = None  # [m]
 
 
 def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
-    """Those of a run; of a part that goes on from `known`, those that it adds."""
+    """Return the changes of a run, or those that a part adds to `known`."""
     if not len(run.t):
         return ()
     points = {c.name for c in run.mechanism.model.contacts if len(c.points) == 1}
@@ -200,7 +200,7 @@ def _change(run: pg.Result, foot: str, t: float, after: str, before: str) -> Cha
 
 
 def place(run: pg.Result, foot: str, t: float) -> Place | None:
-    """Where the point of a foot is in the frame at t or after; None of contacts of more points."""
+    """Return the place of a foot in the frame at or after t, None unless it is one point."""
     model = run.mechanism.model
     contact = next((c for c in model.contacts if c.name == foot), None)
     if contact is None or len(contact.points) != 1:

@@ -13,7 +13,7 @@ from pgraph_core.show.shapes import to_matrix
 from ..core.state import Live
 from . import LASTS, PUSH, SIDES, Offer, Walking, offered
 
-LYING = 0.8  # [s] that a fall is shown
+LYING = 0.8  # [s] duration for which a fall is shown
 
 
 class Walker:
@@ -23,8 +23,8 @@ class Walker:
         self.fell: float | None = None  # when [s]
         self._walk: Any = None
         self._made_for: tuple[Any, ...] = ()
-        self._pushes = pushes  # that were there before, and those done
-        self._pull: tuple[Any, str] | None = None  # in the next part
+        self._pushes = pushes  # number of pushes done, earlier ones included
+        self._pull: tuple[Any, str] | None = None  # pull of the next part
 
     def advanced(
         self, mech: pg.Mechanism, offer: Offer, live: Live, walking: Walking, now: Any, span: float
@@ -77,7 +77,7 @@ class Walker:
 
 
 def gait_of(model: pg.Model, live: Live, walking: Walking) -> Offer | None:
-    """What a live run walks by; None where its scenario has no gait."""
+    """Return the gait of a live run, or None if its scenario has none."""
     scenario = next((s for s in model.scenarios if s.name == live.request.scenario), None)
     if scenario is None or scenario.gait is None:
         return None
