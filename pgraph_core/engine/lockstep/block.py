@@ -18,7 +18,7 @@ from ..vec import xyz
 
 
 class Block(NamedTuple):
-    """What the kernels of a block of lanes work on; the last axis of all is the lane."""
+    """Arrays of the kernels of a block of lanes, whose last axis is the lane."""
 
     const: Any  # (n + 1, CONST) of the bodies
     work: Any  # (n + 1, WORK)
@@ -60,7 +60,7 @@ SHAPE = 29
 # columns of `points`
 FOUND, ACTIVE, GAP, SLACK, MIDDLE, ON_A, ON_B = 0, 1, 2, 3, 4, 7, 10
 BEFORE, RATE, TARGET, LAM, HELD, MISSED, SLIP = 13, 16, 19, 22, 25, 28, 30
-KEPT, VALUE, SLIDES = 31, 32, 35  # of the last step
+KEPT, VALUE, SLIDES = 31, 32, 35  # values of the last step
 POINT = 36
 
 # columns of `pairs`
@@ -85,19 +85,19 @@ W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT =
 
 @part
 def closed_gap(b, i, p):
-    """As `closing.closed_gap`, over the ground."""
+    """Return `closing.closed_gap` over the ground."""
     return larger(NEAR * b.shapes[i, S_SIZE], ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2])))
 
 
 @part
 def tolerated(b, i, h):
-    """As `moreau.tolerated`."""
+    """Return `moreau.tolerated`."""
     return larger(DEPTH * b.shapes[i, S_SIZE], WEIGHT * b.lane[0, PULL] * h * h)
 
 
 @part
 def fits(contacts, data, control):
-    """Whether the numbers of the instance in the run are such that lanes can take its steps."""
+    """True if the numbers of the instance in the run permit steps in lanes."""
     good = control.done == 0.0 and control.fired == 0 and control.bound == math.inf
     for k in range(contacts.laws.shape[0]):
         law = contacts.laws[k]
@@ -107,7 +107,7 @@ def fits(contacts, data, control):
 
 @sweep
 def take_in(run, ways, drives, b, w, all_):
-    """The instance in the run into lane w, with its numbers where `all_`; whether it fits."""
+    """Copy the instance in the run into lane w, with its numbers if `all_`. True if it fits."""
     this = opened_run(run)
     data, control = opened(this.scene), this.control[0]
     contacts = contacts_at(data.links.contacts)
@@ -161,7 +161,7 @@ def take_in(run, ways, drives, b, w, all_):
 
 @sweep
 def take_numbers(data, contacts, ways, drives, b, w):
-    """What the description gives of the instance in the run, into lane w."""
+    """Copy the numbers of the description of the instance in the run into lane w."""
     take_drives(data, drives, b, w)
     shapes, vertices = contacts.geometry.shapes, contacts.geometry.vertices
     tally, plane = contacts.tally[0], contacts.ground.plane[0]

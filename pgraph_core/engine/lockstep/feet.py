@@ -172,7 +172,7 @@ def find(ways, near, b, h):
 
 @part
 def activate(ways, b, n, h):
-    """Whether point n, found with its place in ON_A, is active, and whether it hits."""
+    """Decide whether point n, whose place is in ON_A, is active and whether it hits."""
     lane, shapes, points = b.lane[0], b.shapes, b.points
     i, k, gap = ways[n, W_SHAPE], ways[n, W_ROW], points[n, GAP]
     normal = load(b.lane, 0, NORMAL)
@@ -217,7 +217,7 @@ def past_hinge(work, k, share, moment, force):
 
 @sweep
 def carry(rows, ways, b, n):
-    """Y of point n, as `paths.carry`; the joints are those of its path."""
+    """Compute Y of point n like `paths.carry`, over the joints of its path."""
     work, y = b.work, b.y[n]
     p = load(b.points, n, MIDDLE)
     for r in range(3):
@@ -253,7 +253,7 @@ def joint(ways, n, s):
 
 @sweep
 def own_block(ways, b, n):
-    """As `sweeps.own_block`."""
+    """Compute `sweeps.own_block`."""
     y, own, dinv = b.y[n], b.own[n], b.vectors[DINV]
     for c in range(9):
         own[c] = 0.0
@@ -301,7 +301,7 @@ def scatter(ways, b, n, change):
 
 @sweep
 def aim(ways, near, b):
-    """As `impulse.aim`; the largest velocity into SIZE."""
+    """Compute `impulse.aim`, and the largest velocity into SIZE."""
     x, points, lane = b.vectors, b.points, b.lane[0]
     size, carried = lane[COUNT] * 0.0, lane[COUNT] * 0.0
     for m in range(near[0]):
@@ -330,7 +330,7 @@ def aim(ways, near, b):
 
 @sweep
 def gauss_seidel(ways, near, b):
-    """As `sweeps.gauss_seidel`; lanes that are done wait for the others."""
+    """Run `sweeps.gauss_seidel`. Finished lanes wait for the others."""
     x, points, lane = b.vectors, b.points, b.lane[0]
     for j in range(x.shape[1]):
         x[STEP, j] = x[FREED, j]
@@ -379,7 +379,7 @@ def gauss_seidel(ways, near, b):
 
 @sweep
 def gain_and_miss(ways, near, b):
-    """As `impulse.gained` and `note_missed`; lanes whose bounce gains energy go on alone."""
+    """Run `impulse.gained` and `note_missed`. Lanes whose bounce gains energy continue alone."""
     points, lane, own = b.points, b.lane[0], b.own
     gain, size, bouncing = 0.0 * lane[SIZE], 0.0 * lane[SIZE], 0.0 * lane[SIZE]
     for m in range(near[0]):
@@ -437,7 +437,7 @@ def effects(ways, near, b, touches):
 
 @sweep
 def push_out(rows, ways, near, b, h):
-    """As `moreau.push_out`: the state at the step's end out of deeper penetration."""
+    """Run `moreau.push_out`, which moves the new state out of deeper penetration."""
     x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[DINV]
     zero = 0.0 * b.lane[0, COUNT]
     deepest, deep = zero, zero

@@ -1,9 +1,9 @@
 """Explicit steps, in lanes, of trees and loops that constraints hold.
 
-The same steps as `explicit` and `constraints`, with the same operations in the same order, so that
-every lane has the bits of its own run. What is rare is not written twice: where a lane needs more
-than the factors of its last stage to come back onto its constraints, or meets null directions late,
-its step is thrown away and taken by the kernels of one instance.
+The steps are those of `explicit` and `constraints`, with the same operations in the same order, so
+every lane has the bits of its own run. Rare cases are not written twice. If the factors of its last
+stage do not return a lane to its constraints, or null directions appear late, its step is
+discarded and taken by the kernels of one instance.
 """
 
 import math
@@ -80,17 +80,17 @@ from .step import BY_ITSELF, IN_LANES, LEAST, OUT, act, exchange, is_running, lo
 
 
 class Held(NamedTuple):
-    """What the kernels of a block work on; the last axis of all is the lane."""
+    """Arrays of the kernels of a block, whose last axis is the lane."""
 
     const: Any  # (n + 1, CONST) of the bodies
     work: Any  # (n + 1, WORK)
     vectors: Any  # (VECTORS of a block, nv)
     drives: Any  # (nd, DRIVE)
-    knots: Any  # (nk, 4) of the drives' tables; all lanes have the same times
-    stages: Any  # as of a run
+    knots: Any  # (nk, 4) knots of the drives' tables, at the same times in all lanes
+    stages: Any  # like `Run.stages`
     lane: Any  # (1, LANE) numbers of the lane
-    blocks_f: Any  # as of Blocks
-    y: Any  # these as of Workspace
+    blocks_f: Any  # like `Blocks.blocks_f`
+    y: Any  # this and the following like Workspace
     omega: Any
     factor: Any
     place: Any
@@ -113,7 +113,7 @@ SOLVED, ALL_SOLVED, ROUNDS, ALL_ROUNDS = range(4)  # iterations and rounds: of a
 
 @sweep
 def factor_proximal(h, m):
-    """As `proximal.factor_proximal`; (μ, slots of null directions, zero where a lane has none)."""
+    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, zero if none."""
     omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, LIVES]
     trace = 0.0
     for r in range(m):
@@ -161,7 +161,7 @@ def keep(x, mask, end):
 
 @sweep
 def solve_proximal(h, mu, count, m, enough, asked):
-    """As `proximal.solve_proximal` where `asked`; lanes that find more null directions go alone."""
+    """Run `proximal.solve_proximal` in lanes `asked`. Late null directions make a lane go alone."""
     omega, factor, nulls, lane = h.omega, h.factor, h.nulls, h.lane[0]
     rhs, lam, change = h.rows[RHS], h.rows[LAMBDA], h.rows[CHANGE]
     end = whole_blocks(m)
@@ -200,7 +200,7 @@ def solve_proximal(h, mu, count, m, enough, asked):
 
 @part
 def along_nulls(h, count, x, m):
-    """As `proximal.along_nulls`."""
+    """Compute `proximal.along_nulls`."""
     size = 0.0 * x[0]
     for n in range(count):
         size = larger(size, abs(inner(h.nulls[n], x, whole_blocks(m))))
@@ -232,7 +232,7 @@ def set_inputs(table, times, h, t):
 
 @part
 def between(times, knots, first, count, t):
-    """As `forces.lookup`, of values of lanes at times that they share."""
+    """Compute `forces.lookup` of values of lanes at shared times."""
     last = first + count - 1
     if t <= times[first, 0]:
         return knots[first, 1]
@@ -244,7 +244,7 @@ def between(times, knots, first, count, t):
 
 @sweep
 def slope(data, drives, blocks, space, h, size, t, row, out):
-    """v' and the powers at the state in `row` into row `out`; as `solve_proximal`, μ and slots."""
+    """Compute v' and powers at the state in `row` into row `out`. Returns μ and null slots."""
     nq, nv = size
     rows, const, work, lane = data.rows, h.const, h.work, h.lane[0]
     rhs, stages = h.rows[RHS], h.stages
@@ -275,7 +275,7 @@ def slope(data, drives, blocks, space, h, size, t, row, out):
 
 @part
 def located(rows, blocks, space, h, v, moving):
-    """As `constraints.located`."""
+    """Run `constraints.located`."""
     positions(rows, h.work)
     if moving:
         velocities(rows, h.const, h.work, v, h.linear)
@@ -316,7 +316,7 @@ def step(data, drives, blocks, space, h, tableau, size, t, end, width):
 
 @sweep
 def settle(rows, blocks, space, h, size, t, mu, count):
-    """CANDIDATE as `constraints.settle` leaves it; where that does not do, unchanged."""
+    """Run `constraints.settle` on CANDIDATE, leaving it unchanged where that fails."""
     nq, nv = size
     const, work, lives, step = h.const, h.work, h.lane[0, LIVES], h.rows[RESPONSE]
     q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
@@ -367,7 +367,7 @@ def move(rows, h, q, new, where):
 
 @sweep
 def project(rows, blocks, space, h, size, t, asked):
-    """CANDIDATE onto the constraints as `constraints.project`; lanes that cannot go on alone."""
+    """Run `constraints.project` on CANDIDATE. Lanes that fail continue alone."""
     nq, nv = size
     const, work, lane, step, tau = h.const, h.work, h.lane[0], h.rows[RESPONSE], h.vectors[TAU]
     q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
@@ -401,7 +401,7 @@ def project(rows, blocks, space, h, size, t, asked):
 
 @part
 def correct(rows, blocks, space, h, mu, count, m, enough, asked):
-    """As `constraints.correct`."""
+    """Run `constraints.correct`."""
     for r in range(m):
         h.rows[RHS, r] = -h.rows[RHS, r]
     solve_proximal(h, mu, count, m, enough, asked)
@@ -410,7 +410,7 @@ def correct(rows, blocks, space, h, mu, count, m, enough, asked):
 
 @part
 def extent(rows, h):
-    """As `constraints.extent`."""
+    """Compute `constraints.extent`."""
     size = 0.0 * h.lane[0, LIVES]
     for k in range(1, rows.shape[0]):
         p = origin_of(h.work, k)
@@ -426,7 +426,7 @@ def extent(rows, h):
 
 @sweep
 def take_in(run, drives, h, w):
-    """The instance in the run into lane w; whether lanes can take its steps."""
+    """Copy the instance in the run into lane w. True if lanes can take its steps."""
     this = opened_run(run)
     data, control, y = opened(this.scene), this.control[0], this.stages[at.Y]
     knots, blocks_f, lane = data.drives.knots, data.blocks.blocks_f, h.lane[0]
@@ -508,9 +508,9 @@ def step_loops(
     run, advance, copy, own, numbers, drives, held, tableau, state, tables, kind, codes, trace, n,
     first, end,
 ):  # fmt: skip
-    """As `batch.step_instances`, side by side in lanes as far as that goes.
+    """Run `batch.step_instances` in lanes as far as possible.
 
-    `trace` (n, instances, nq + nv) takes the states after each step; (0, 0, 0): nobody asks.
+    `trace` (n, instances, nq + nv) takes the states after each step, (0, 0, 0) for none.
     """
     while first < end:
         step_block(

@@ -138,7 +138,7 @@ def begin(rows, drives, b, h):
 
 @sweep
 def stiffen(rows, drives, b, h, q, v):
-    """As `moreau.stiffen`."""
+    """Run `moreau.stiffen`."""
     x, const = b.vectors, b.const
     for j in range(x.shape[1]):
         x[DAMPING, j] = 0.0
@@ -167,7 +167,7 @@ def stiffen(rows, drives, b, h, q, v):
 
 @sweep
 def act(drives, b, q, v):
-    """As `forces.drive`, of drives of one coordinate without tables."""
+    """Run `forces.drive` for drives of one coordinate without tables."""
     x, lane = b.vectors, b.lane[0]
     tau, given = x[TAU], x[PUSHED]
     lane[PUT_IN] = 0.0
@@ -214,7 +214,7 @@ def set_velocities(rows, ways, near, b, h):
 
 @sweep
 def finish(rows, drives, ways, near, b, h, passive):
-    """The rest of a step, into NEW_Q and NEW_V; ALONE is set where a lane has to go on alone."""
+    """Finish a step into NEW_Q and NEW_V. Sets ALONE for lanes that must continue alone."""
     x, lane, work, const, linear = b.vectors, b.lane[0], b.work, b.const, b.linear
     v = x[V]
     vdot = x[VDOT]
@@ -317,7 +317,7 @@ def commit(rows, ways, near, b, h):
 
 @part
 def note_point(ways, b, n, here, h):
-    """What point n misses, how deep it is, and what the next step starts from."""
+    """Record the residual and depth of point n, and the start of the next step."""
     lane, points = b.lane[0], b.points
     zero, t = 0.0 * lane[COUNT], lane[TIME] + h
     lam, gap = load(points, n, LAM), points[n, GAP]
@@ -367,7 +367,7 @@ def push_body(ways, b, n, here, h):
 
 @part
 def change_phase(b, k, good):
-    """The phase of contact pair k after the step; a change is counted."""
+    """Update the phase of contact pair k after the step and count a change."""
     lane, pairs = b.lane[0], b.pairs
     zero = 0.0 * lane[COUNT]
     force, before = load(pairs, k, FORCE), pairs[k, PHASE]
@@ -431,7 +431,7 @@ def lay_out(work, frames):
 
 
 BLOCK = group(*[F3] * 15)
-OUT, IN_LANES, BY_ITSELF = 0, 1, 2  # how an instance of the block goes on
+OUT, IN_LANES, BY_ITSELF = 0, 1, 2  # continuation of an instance of the block
 LEAST = 3  # instances in a block, or each goes by itself
 
 
@@ -445,11 +445,11 @@ def step_lanes(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
     kind, codes, n, first, end, walk, place, fallen,
 ):  # fmt: skip
-    """As `batch.step_instances`, side by side in lanes as far as that goes.
+    """Run `batch.step_instances` in lanes as far as possible.
 
     The last `memory` spans of `own` are those of a user's function. `walk` is the address of
-    `walk_in_lanes` where all walk, else 0, `place` that of its tuple, and `fallen` when the one in
-    the run fell. The rest are names and scratch.
+    `walk_in_lanes` if all instances walk, else 0. `place` is the address of its tuple, and `fallen`
+    the time of the fall of the instance in the run. The rest are names and scratch.
     """
     while first < end:
         step_block(

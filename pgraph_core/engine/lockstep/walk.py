@@ -15,7 +15,7 @@ from .block import ARMATURE, FALLEN, FELL, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT,
 
 
 class WalkOfLanes(NamedTuple):
-    """What the controller of a run is, and of a block; the last axis of the latter is the lane."""
+    """Controller of a run and of a block, whose arrays have the lane as last axis."""
 
     rows: Any
     spine: Any
