@@ -1,8 +1,8 @@
-"""Where within the last step a phase of a contact point ends, or a user's event happens.
+"""Location of ends of contact phases and of user events within the last step.
 
-A step is taken as if nothing happened in it. Then monitors, which fall below zero at an event, are
-looked at along the step: on dense output, or where a method has none, by taking the step again,
-narrower. The first event is closed in on by secants and bisection, and the step ends there.
+A step is taken without regard to events. Then monitors, which fall below zero at an event, are
+evaluated along the step, on dense output or by repeating a narrower step. The first event is
+located by secants and bisection, and the step ends there.
 """
 
 import math
@@ -49,25 +49,25 @@ call_event = caller(EVENT)
 # of a user's functions: time, and the addresses of q, v and their values
 _call_user = caller(void(f8, u8, u8, u8))
 
-BELOW = sys.float_info.min  # what a value of zero counts as
-PARTS = 4  # of a step with dense output that are looked at for themselves
-DIPS = 60  # looks for the least value of an event that comes near zero and turns back
-DEEP = 0.25  # of the fall towards it: what a parabola through three values may be off
-HALVINGS = 40  # of a part that starts at an event
-GOLDEN = (3 - math.sqrt(5)) / 2  # of the longer side: where parabolas converge slowly
-WIDER = 8  # a look after an instant at which a value is zero, if it is zero there too
+BELOW = sys.float_info.min  # stand-in for a value of zero
+PARTS = 4  # parts of a step with dense output that are examined separately
+DIPS = 60  # evaluations for the minimum of an event near zero
+DEEP = 0.25  # plausible error of a parabola through three values, relative to their fall
+HALVINGS = 40  # halvings of a part that starts at an event
+GOLDEN = (3 - math.sqrt(5)) / 2  # part of the longer side if parabolas converge slowly
+WIDER = 8  # growth of the interval after an instant at which a value is and stays zero
 
 
 @kernel(PROJECTION, nogil=True, later=True)
 def event_projection(scene, t, q, v, rounds):
-    """As `projection`, onto held constraints; rounds taken, -1 where it fails."""
+    """Run `projection` onto held constraints. Returns the rounds, -1 if it fails."""
     links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 
 
 @kernel(EVENT, nogil=True, later=True)
 def user_events(scene, t, q, v, values):
-    """Values of a user's functions; the last entry of `values` is the address that gives them."""
+    """Evaluate a user's functions, whose address is the last entry of `values`."""
     address = int(values[values.shape[0] - 1])
     if address != 0:
         _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
@@ -92,7 +92,7 @@ def state_within(run, w):
 
 @sweep
 def step_again(run, w):
-    """The last step again, of width w, from Y_OLD into TRIAL; SLOPE is still that at Y_OLD."""
+    """Repeat the last step with width w from Y_OLD into TRIAL, with SLOPE still at Y_OLD."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     nq, nv = size_of_state(run)
@@ -115,7 +115,7 @@ def step_again(run, w):
 
 @part
 def phases_watched(run):
-    """Whether contact points are watched."""
+    """True if contact points are watched."""
     data = opened_run(run)
     return data.watched.shape[1] > data.signs.shape[0]
 
@@ -172,7 +172,7 @@ def watch_events(run):
 
 @sweep
 def begin_part(run):
-    """What was last looked at is what the next part of the step starts from."""
+    """Start the next part of the step from the last evaluation."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     if phases_watched(run):
@@ -201,7 +201,7 @@ def begin_events(run):
 
 @part
 def undecided(signs):
-    """Whether the side of zero on which an event is has not been seen."""
+    """True if the sign of an event is unknown."""
     found = False
     for i in range(signs.shape[0]):
         found = found or signs[i] == 0
@@ -229,7 +229,7 @@ def take_sides(run, low, width):
 
 @sweep
 def happened(run, low, width):
-    """Width at which an event has happened in the part of the step from `low`; 0 where none has."""
+    """Return the width at which an event has happened in the part from `low`, else 0."""
     data = opened_run(run)
     look(run, low, width)
     if over(data.watched, NOW):
@@ -249,10 +249,10 @@ def happened(run, low, width):
 
 @sweep
 def least_gap(run, low, s, w, widths):
-    """Width near w at which something ends as the gap of point s is least; else the second width.
+    """Return the width near w of the least gap of point s if a phase ends there, else widths[1].
 
-    The first width is that of the part; the rates of the gap at its ends have other signs, so
-    that it is least where its rate is zero.
+    widths[0] is that of the part. The rates of the gap at its ends have different signs, so the gap
+    is least where its rate is zero.
     """
     data = opened_run(run)
     points = opened_events(data.scene).contact.points
@@ -278,7 +278,7 @@ def least_gap(run, low, s, w, widths):
 
 @sweep
 def locate(run, low, end):
-    """The first width from `low` at which an event happens, its state in TRIAL; NOW tells which."""
+    """Return the first width from `low` with an event. TRIAL has its state, NOW the event."""
     data = opened_run(run)
     watched, h = data.watched, data.control[0].old_width
     bracket = bracket_of(watched, end)
@@ -308,7 +308,7 @@ def keep_values(run, row):
 
 @part
 def vertex(x, y):
-    """(x, y) of the least point of the parabola through three points; (-1, inf): it has none."""
+    """Return the minimum (x, y) of a parabola through three points, (-1, inf) if it has none."""
     slope = (y[1] - y[0]) / (x[1] - x[0])
     curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
     if not curve > 0.0:
@@ -380,13 +380,13 @@ def dipped(run, low, end):
         first, last = dip(run, low, end - low, i)
         if last > 0.0 and watched[NOW, watched.shape[1] - count + i] < 0.0:
             return low + first, last - first
-        look(run, middle, end - middle)  # as `looked_at` does, so that the instant has equal bits
+        look(run, middle, end - middle)  # the same call as in `looked_at` gives equal bits
     return low, -1.0
 
 
 @part
 def zero_exactly(run):
-    """Whether an event has happened whose value is zero: which side comes next is not seen."""
+    """True if an event has happened whose value is zero, so its next sign is unknown."""
     data = opened_run(run)
     watched, values = data.watched, data.values
     first = watched.shape[1] - data.signs.shape[0]
@@ -453,7 +453,7 @@ def reached(run, low, end):
 
 @part
 def next_look(run, low, n, parts):
-    """Where the part of the step from `low` ends: at a frame, or at `n` of `parts`."""
+    """Return the end of the part of the step from `low`: a frame, or `n` of `parts`."""
     data = opened_run(run)
     control, times = data.control[0], data.times
     h = control.old_width
@@ -470,10 +470,10 @@ def next_look(run, low, n, parts):
 
 @sweep
 def looked_at(run, low, end):
-    """(whether an event that counts has happened by `end`, when; the time that was looked to).
+    """Return (True if a counted event has happened by `end`, its time, the examined time).
 
-    A user's events are looked at in the middle too, and where a parabola through three values
-    says that they turn back near zero.
+    A user's events are evaluated in the middle too, and near zero where a parabola through three
+    values has its minimum.
     """
     data = opened_run(run)
     halves = 1

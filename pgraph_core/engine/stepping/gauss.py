@@ -1,4 +1,4 @@
-"""Gauss collocation in positions and momenta: symplectic, for long runs; compiled when asked for.
+"""Gauss collocation in positions and momenta: symplectic, for long runs, compiled on demand.
 
 With p = ∂L/∂v the equations of a tree are q' = v, p' = ∂L/∂q + τ, and Gauss' methods of s stages,
 order 2 s, keep the symplectic form of (q, p): the energy of conservative motion stays within a
@@ -42,12 +42,12 @@ from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, sc
 from .state import NOT_SOLVED, STEP, copied, size_of_state
 
 # rows of the real matrix from nv on, before which it holds the mass matrix: 2 nv wide
-Z, RATE, KEPT = 0, 3, 6  # of up to three stages each: (ξ, v); (ξ', p'); p
+Z, RATE, KEPT = 0, 3, 6  # (ξ, v), (ξ', p') and p of up to three stages
 PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
 ROUNDS = 60
 LOST = 1e3  # corrections over the motion: they grow
-STILL = 64  # of rounding: corrections that move no position by more, where nothing moves
-TERMS = 12  # of the series of dexp: exact for turns of up to 3 rad
+STILL = 64  # largest correction of a motionless position in units of rounding
+TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
 
 # -- momenta --------------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ def momenta(rows, const, work, q, v, p, pdot):
     for k in range(1, n):
         parent = parent_of(rows, k)
         velocity = linear_velocity(rows, const, work, v, k, origin_of(work, parent))
-        set_origin(work, k, velocity)  # in the place of the origin, which is not needed
+        set_origin(work, k, velocity)  # reuses the place of the unused origin
         j, b, m = inertia_of(work, k)
         spin = spin_of(work, k)
         moment = add(sym_mul(j, spin), mul(b, velocity))
@@ -150,7 +150,7 @@ def into_chart(rows, xi, xi_rate, p, pdot):
 
 @sweep
 def out_of_chart(rows, xi, p, negative, out):
-    """p from that of ξ: dexp(ξ)⁻ᵀ p, which is dexp(-ξ)⁻¹ p; `negative` is scratch."""
+    """Compute dexp(ξ)⁻ᵀ p = dexp(-ξ)⁻¹ p from the momentum of ξ, with scratch `negative`."""
     for j in range(p.shape[0]):
         negative[j] = -xi[j]
     local_rate(rows, negative, p, out)
@@ -161,7 +161,7 @@ def out_of_chart(rows, xi, p, negative, out):
 
 @sweep
 def reach(rows, real, q):
-    """qᵀ M q for the mass matrix in `real`: what positions are rounded to; attitudes as 1 rad."""
+    """Return qᵀ M q of the mass matrix in `real`, attitudes as 1 rad: the scale of rounding."""
     total = 0.0
     for k in range(1, rows.shape[0]):
         i = v_of(rows, k)
@@ -178,7 +178,7 @@ def reach(rows, real, q):
 
 @sweep
 def factor_mass(run, q):
-    """(whether the mass matrix at q, in the first rows of `real`, can be factored; its reach)."""
+    """Factor the mass matrix at q in `real`. Returns (True if it succeeds, its reach)."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
@@ -195,7 +195,7 @@ def factor_mass(run, q):
 
 @sweep
 def evaluate(run, t, i):
-    """Rates of stage i, and its momentum, from its ξ and v; its power in `flow`."""
+    """Compute rates and momentum of stage i from its ξ and v, and its power in `flow`."""
     data = opened_run(run)
     stages, real, flow, counters = data.stages, data.real, data.flow, data.counters[0]
     nq, nv = size_of_state(run)
@@ -241,9 +241,9 @@ def collocated(run, weights, h, out):
 
 @sweep
 def corrected(run, h):
-    """All stages closer to their momenta; (size of the correction, that of the motion) squared.
+    """Correct all stages. Returns the squared sizes of the correction and of the motion.
 
-    Sizes are those of momentum times velocity, which have one unit for all joints.
+    Sizes are momentum times velocity, which have the same unit for all joints.
     """
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv

@@ -156,7 +156,7 @@ def assemble(shift, real, nv, out):
 
 @sweep
 def solve(rows, shift, real, nv, factors, pivots, right, x):
-    """(λ - J)⁻¹ right into the place of `right` (2 nv); x is scratch."""
+    """Solve (λ - J) x = right (2 nv) in place of `right`, with scratch x."""
     speeds = real[3 * nv + SPEEDS]
     for i in range(nv):
         x[i] = right[nv + i] + shift * right[i] - row_times(real, nv + i, 0, nv, right)
@@ -204,7 +204,7 @@ def finish_local(run, z, power, loss):
 
 @sweep
 def factor_radau(run, h):
-    """Both matrices of a step of width h, factored; whether they can be."""
+    """Factor both matrices of a step of width h. Returns False if that fails."""
     data = opened_run(run)
     real, pair = data.real, data.pair
     nv = data.control[0].nv
@@ -219,7 +219,7 @@ def factor_radau(run, h):
 
 @sweep
 def correct_stages(run, h):
-    """One iteration of Newton's method: W and Z; the size of the correction over its tolerance."""
+    """Iterate W and Z once by Newton's method. Returns the correction over its tolerance."""
     data = opened_run(run)
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv = data.control[0].nv
@@ -258,9 +258,10 @@ def correct_stages(run, h):
 
 @sweep
 def newton(run, h):
-    """The stages Z of a step; whether they were found. Its rate goes into `control`.
+    """Solve for the stages Z of a step, and store the convergence rate in `control`.
 
-    A correction by rounding alone counts as none; rounding grows with the stiffness.
+    Returns False if that fails. A correction of the size of rounding, which grows with the
+    stiffness, counts as zero.
     """
     data = opened_run(run)
     control, counters, flow, real = data.control[0], data.counters[0], data.flow, data.real
@@ -340,7 +341,7 @@ def weighted_stages(error, h, real, base, nv):
 
 @kernel(STEP, nogil=True, later=True)
 def radau(run, h):
-    """One step of Radau IIA; its error over the tolerance."""
+    """Take one step of Radau IIA and return its error over the tolerance."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
     base = 3 * control.nv

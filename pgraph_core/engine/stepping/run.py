@@ -44,11 +44,11 @@ def save_run(buffer, run):
 
 @kernel(i8(i8, i8), nogil=True)
 def advance_run(run, budget):
-    """At most `budget` attempts at steps and frames; a status code, RUNNING if not over.
+    """Attempt at most `budget` steps and frames. Returns a status code, RUNNING if not over.
 
-    Frame 0 is the state as given. EVENT is returned once for each event, with Y there: the caller
-    may change Y, `fresh` and the scene, and continue; a frame of that time follows. NEAR is
-    returned where something may touch within the next step. Where a run fails, its last good state
+    Frame 0 is the given state. EVENT is returned once for each event, with Y at the event. The
+    caller may change Y, `fresh` and the scene, and continue. A frame at that time follows. NEAR is
+    returned if something may touch within the next step. If a run fails, its last good state
     becomes the last frame.
     """
     data = opened_run(run)
@@ -80,7 +80,7 @@ def advance_run(run, budget):
 
 @sweep
 def step_once(run):
-    """One attempt at a step, accepted or not; a status code."""
+    """Attempt a step, which may be rejected. Returns a status code."""
     data = opened_run(run)
     control, method, links = data.control[0], data.method[0], data.links
     if control.widths == GIVEN:
@@ -121,7 +121,7 @@ def step_once(run):
 
 @sweep
 def is_due(run):
-    """Whether the guard is to be asked about the last step: it is late, or something is fast."""
+    """True if the guard must check the last step: its time is over, or something is fast."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     due = not control.time <= control.clock
@@ -150,7 +150,7 @@ def blurred(run, h):
 
 @sweep
 def accept(run, h, end, corner):
-    """CANDIDATE becomes Y, on the constraints; the slope there where it is known; a status code."""
+    """Make CANDIDATE, on the constraints, the state Y. Returns a status code."""
     data = opened_run(run)
     control, stages, scene = data.control[0], data.stages, data.scene
     ends = data.method[0].ends == 1
@@ -185,9 +185,9 @@ def accept(run, h, end, corner):
 
 @sweep
 def frame(run, i):
-    """Frame i, at the end of the last step or within it; whether all of it is finite.
+    """Record frame i at the end of the last step or within it. Returns False if not finite.
 
-    What it finds of v' serves the next step, if that starts there.
+    The next step reuses its v' if it starts there.
     """
     data = opened_run(run)
     control, stages, flow = data.control[0], data.stages, data.flow

@@ -19,7 +19,7 @@ STEP = f8(i8, f8)
 call_step = caller(STEP)
 
 NOT_SOLVED = -1.0
-STEP_ROUNDS = 10  # of projection a step: one is the rule
+STEP_ROUNDS = 10  # limit on projections per step, of which one usually suffices
 
 
 @sweep
@@ -62,7 +62,7 @@ def rate_of(rows, size, stages, row, out):
 
 @sweep
 def onto_constraints(run, t, row):
-    """The state in `row` projected onto the active constraints; a status code."""
+    """Project the state in `row` onto the active constraints. Returns a status code."""
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
     if control.project == 0 or opened(data.scene).blocks.active[0] == 0:

@@ -7,7 +7,7 @@ from ..compiler.kinds import F1, F2, f8, group, i8
 from ..motion import call_acceleration, opened
 from ..tree.moving import advance
 
-MOVE = 1e-6  # rad, m: small against curvature, large against rounding; what differences err by
+MOVE = 1e-6  # [rad, m] finite difference: small against curvature, large against rounding
 ROUNDS = 20
 SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 
@@ -67,9 +67,9 @@ def fastest_rate(scene, accelerate, size, stages, flow):
         length = math.sqrt(length)
         if not (length > 0.0 and length < math.inf):
             return rate
-        found = math.sqrt(length) if n > 0 else 0.0  # of a vector of length one
+        found = math.sqrt(length) if n > 0 else 0.0  # growth of a vector of length one
         most = max(most, found)
-        if found < MOVE * most:  # of the largest growth so far: the error of differences
+        if found < MOVE * most:  # within the error of differences
             return found
         for j in range(2 * nv):
             stages[ALONG, j] /= length

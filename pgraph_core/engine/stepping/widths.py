@@ -42,7 +42,7 @@ def extremes(rows, size, stages, row, spin, speed, length):
 
 @sweep
 def weigh(rows, size, stages, control):
-    """One over the tolerance of every number of y into WEIGHT; the ledger has none.
+    """Write 1 / tolerance of every number of y, except the ledger, into WEIGHT.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
     least one scale per run.
@@ -89,7 +89,7 @@ def inverse(x):
 
 @sweep
 def size_of(rows, size, stages, row):
-    """Largest |error in `row`| over its tolerance; of a quaternion: of the angle it turns by."""
+    """Return the largest |error in `row`| over its tolerance, of quaternions as angles."""
     nq, nv = size
     error, state, weights = stages[row], stages[at.CANDIDATE], stages[at.WEIGHT]
     worst = 0.0
@@ -121,7 +121,7 @@ def size_of(rows, size, stages, row):
 
 @part
 def larger(x, y):
-    """The larger magnitude; nan where one of the two is."""
+    """Return the larger magnitude, nan if one of the two is nan."""
     return x if abs(y) <= x or not x >= 0.0 else abs(y)
 
 
@@ -157,16 +157,16 @@ def first_width(run):
 
 @part
 def nearby(t):
-    """How far two times may be apart that are one but for rounding [s].
+    """Return the largest difference [s] of two times that are equal up to rounding.
 
-    A step's end is origin + count x width, of which each is rounded, and so is a corner's time.
+    A step's end is origin + count x width. Each of these is rounded, as is a corner's time.
     """
     return 4.0 * EPS * abs(t)
 
 
 @sweep
 def pass_corners(run):
-    """Find the next corner; a step that starts within rounding before a corner starts there."""
+    """Find the next corner. A step that starts within rounding before a corner starts there."""
     data = opened_run(run)
     control, corners = data.control[0], data.corners
     t, frame = control.time, data.times[control.frame]
@@ -255,13 +255,13 @@ def part_width(run):
 
 @part
 def given_start(control):
-    """Where the next given step starts, or goes on after an event [s]."""
+    """Return the start of the next given step, or of its rest after an event [s]."""
     return control.origin + control.taken * control.widest + control.done
 
 
 @sweep
 def next_interval(run, i):
-    """Begin with the given steps after frame i; they are counted from where they last changed."""
+    """Begin the given steps after frame i, counted from the last change of their width."""
     data = opened_run(run)
     control, substeps, width = data.control[0], data.substeps, data.width
     if i + 1 < control.last:
@@ -302,7 +302,7 @@ def widen(control, method, error, h):
         return
     factor = method.safety * power(error, -method.by_error)
     factor *= power(control.last_error, method.by_last)
-    most = max(method.most, control.width / h)  # where the step was cut short
+    most = max(method.most, control.width / h)  # permits the old width after a shortened step
     factor = max(method.least, min(factor, most))
     if control.rejected == 1:
         factor = min(factor, 1.0)
@@ -312,7 +312,7 @@ def widen(control, method, error, h):
 
 @sweep
 def refuse(run, error, h):
-    """A step that is too wide: a narrower one, or why there is none; a status code."""
+    """Reject a step and choose a narrower one. Returns a status code."""
     data = opened_run(run)
     control, counters = data.control[0], data.counters[0]
     counters.rejected_steps += 1
