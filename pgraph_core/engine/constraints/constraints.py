@@ -57,12 +57,12 @@ from .proximal import (
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
-NEAR = 1e-4  # how far from where they were made factors may serve a correction
+NEAR = 1e-4  # largest distance of a state from that of reused factors
 
 
 @part
 def number_rows(blocks, slots):
-    """First row of every active block; the number of rows in all."""
+    """Number the first row of every active block. Returns the number of rows."""
     blocks_i, active = blocks.blocks_i, blocks.active
     m = 0
     for j in range(1, active[0] + 1):
@@ -103,7 +103,7 @@ def couplings(blocks, space):
 
 @part
 def delassus(rows, const, blocks, work, space, m):
-    """Y and Ω of the active blocks, Ω's factor; μ, null directions."""
+    """Compute Y, Ω and its factor for the active blocks. Returns μ and the null directions."""
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
     return factor_proximal(space.omega, space.factor, space.nulls, m)
@@ -167,9 +167,9 @@ def respond(rows, const, blocks, work, space):
 
 @sweep
 def located(scene, v, moving):
-    """Origins and the active blocks' places, after the frames; rows in all.
+    """Compute origins and the active blocks' places from the frames. Returns the rows.
 
-    And velocities of origins, where something is `moving` that they are wanted of.
+    Computes velocities of origins too if `moving`.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -198,7 +198,7 @@ def speeds(scene, t, v, row):
 
 @part
 def impose(scene, t, q, v, vdot):
-    """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29); λ is left in `vectors`.
+    """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29), leaving λ in `vectors`.
 
     The scene's gains (2,) are Baumgarte's 2α and α², zero without it.
     """
@@ -231,7 +231,7 @@ def impose(scene, t, q, v, vdot):
 
 @part
 def driven_power(blocks, space, v):
-    """λ Σ c v of the coordinate rows [W]: what motions over time put in; others do no work."""
+    """Return λ Σ c v of the coordinate rows [W], the power of prescribed motions."""
     blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
     terms_f, active = blocks.terms_f, blocks.active
     power = 0.0
@@ -246,7 +246,7 @@ def driven_power(blocks, space, v):
 
 @part
 def remember(vectors, q, mu, count):
-    """Where the factors at hand were made, for `settle`."""
+    """Store the state of the present factors for `settle`."""
     for i in range(q.shape[0]):
         vectors[PLACED, i] = q[i]
     vectors[FACTORED, 0] = mu
@@ -270,9 +270,9 @@ def drift(rows, const, blocks, work, space, t, q, v, out):
 
 @part
 def wrenches(rows, blocks, work, space, out):
-    """[torque, force] on `body` of every active block, world axes, at its point PA; others 0.
+    """Compute wrenches on `body` of the active blocks in world axes at PA, 0 for the others.
 
-    A coordinate row gives its torque or force on the first body of its terms, about its origin.
+    The wrench of a coordinate row acts on the first body of its terms, at its origin.
     """
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
     terms_f, active = blocks.terms_f, blocks.active
@@ -316,10 +316,10 @@ def extent(rows, blocks, work):
 
 @sweep
 def settle(scene, t, q, v):
-    """`project` by the factors of the last acceleration; False, and nothing moved, if too far off.
+    """Project with the factors of the last acceleration. Returns False, unmoved, if too far off.
 
-    A correction by factors from `moved` away misses by `moved` times itself: next to nothing at
-    the end of a step, whose last stage was close by and whose gap is small.
+    The relative error of a correction is the distance `moved` from the state of the factors. At the
+    end of a step it is negligible, because the last stage was close and the gap is small.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -362,10 +362,10 @@ def settle(scene, t, q, v):
 
 @part
 def project(scene, t, q, v, rounds):
-    """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
+    """Project q and v onto the constraints in the mass metric. Returns the rounds, -1 on failure.
 
-    Both corrections use one factorisation; it is made again while positions move notably. Next to
-    a singular position rounding alone moves them: a gap that is rounding is none.
+    Both corrections use one factorisation, which is repeated while positions move notably. Next to
+    a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
     """
     if settle(scene, t, q, v):
         return 1
@@ -422,12 +422,12 @@ def correct(scene, mu, count, m, enough):
 # largest so far marks a position at or beside which the row says nothing new; a row that never says
 # anything has no dip. What dips only because rows take each other's place is sorted out afterwards.
 
-STAGES = 4  # times the way between evaluations: stages of one step see one dip
+STAGES = 4  # dips within this multiple of the distance of evaluations are one
 
 
 @sweep
 def watch(scene, t, q, v):
-    """Count dips after a factorisation; keep the deepest place of the first ones."""
+    """Count dips after a factorisation and keep the deepest place of the first ones."""
     space = opened(scene).space
     factor, dips, least, now = space.factor, space.dips, space.vectors[LEAST], space.watch[0]
     deepest = DIP

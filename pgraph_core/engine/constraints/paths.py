@@ -1,15 +1,15 @@
-"""What unit multipliers do in the joints: wrenches carried along their paths to the ground.
+"""Effects of unit multipliers in the joints: wrenches propagated along paths to the ground.
 
-Carried by the articulated factors, they give Y with Ω = J M⁻¹ Jᵀ = Y diag(1/d) Yᵀ, without a mass
-matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the paths that feel a
-wrench are stored.
+Propagation by the articulated factors gives Y with Ω = J M⁻¹ Jᵀ = Y diag(1/d) Yᵀ, without a mass
+matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the paths with a nonzero
+share of a wrench are stored.
 
-A wrench that a joint does not feel, such as a force on the axis of a hinge, leaves rounding there
-unless the axis is one of the world's. Points of a mechanism are known to about 1e-16 of their
-distances from the origin, loops are closed to 1e-14 of them: so the moment of a unit force about an
-axis is zero where it is below 1e-13 of the coordinates that its arm is a difference of, and so is
-what is below 1e-13 of a torque, or of a unit force along a slider. Rounding kept as an entry would
-be a constraint wherever a row has no other.
+A wrench without effect on a joint, such as a force on the axis of a hinge, leaves rounding there
+unless the axis is a world axis. Points of a mechanism are known to about 1e-16 of their distances
+from the origin, and loops are closed to 1e-14 of them. So the moment of a unit force about an axis
+counts as zero below 1e-13 of the coordinates whose difference is its arm. The same holds below
+1e-13 of a torque, or of a unit force along a slider. Rounding kept as an entry would be a
+constraint of its own in a row without other entries.
 """
 
 from ...tolerances import ROUNDING
@@ -93,7 +93,7 @@ def unit_wrenches(blocks_i, i, work, place, k, sign):
 
 @part
 def torque_block(blocks_i, i):
-    """Whether a block's multipliers are torques, not forces."""
+    """True if a block's multipliers are torques, not forces."""
     return type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN
 
 
@@ -156,9 +156,9 @@ def carry(rows, blocks_i, i, work, space):
 
 @part
 def past(rows, work, k, moment, force, reach, y, slots, i, slot):
-    """(three wrenches past joint k, the next free slot); the joint keeps its share of each.
+    """Propagate three wrenches past joint k, storing the joint's share. Returns the next slot too.
 
-    `reach` is what moments are differences of; a joint that feels none of them takes no slot.
+    `reach` is the scale of coordinates in the moments. A joint without a share takes no slot.
     """
     kind = kind_of(rows, k)
     link = link_of(work, k)
@@ -175,7 +175,7 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
         u0, u1 = projected_of(work, k)
         force = add_scaled(force, passed, u1)
         moment = add_cross(add_scaled(moment, passed, u0), link, force)
-    elif kind == BALL:  # it passes a force on, and no moment
+    elif kind == BALL:  # transmits a force, but no moment
         least = ROUNDING * reach
         moment = (beyond(moment[0], least), beyond(moment[1], least), beyond(moment[2], least))
         felt = any_number(moment[0]) or any_number(moment[1]) or any_number(moment[2])
@@ -192,7 +192,7 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
 
 @part
 def any_number(x):
-    """Whether a number of a triple is not zero, in any lane."""
+    """True if a number of a triple is not zero in any lane."""
     a, b, c = numbers(x)
     return any_of(a) or any_of(b) or any_of(c)
 
@@ -256,7 +256,7 @@ def first_of(x):
 
 @part
 def reaches(whole, k):
-    """Whether a wrench reaches row k, in any lane."""
+    """True if a wrench reaches row k in any lane."""
     found = False
     for n in range(6):
         found = found or any_of(whole[k, n])

@@ -53,7 +53,7 @@ def less_block(y, a, i, j, x):
 
 @sweep
 def factor_proximal(omega, factor, nulls, m):
-    """L diag(B) Lᵀ = Ω + μI: factors of the 3x3 B, L below, Lᵀ above; (μ, null directions)."""
+    """Factor Ω + μI = L diag(B) Lᵀ with 3x3 blocks B. Returns (μ, null directions)."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
@@ -87,7 +87,7 @@ def factor_proximal(omega, factor, nulls, m):
 
 @part
 def eliminate(factor, f, i, j, end):
-    """Block row j less its part along block row i; L's block, and above the diagonal Lᵀ's."""
+    """Eliminate block row i from block row j, storing L's block and Lᵀ's above the diagonal."""
     block = (
         load_triple(factor, i, j), load_triple(factor, i + 1, j), load_triple(factor, i + 2, j),
     )  # fmt: skip
@@ -131,7 +131,7 @@ def begin_null(factor, f, i, n, x, end):
 
 @sweep
 def refine_null(factor, mu, nulls, n, iterations, m):
-    """Inverse iteration of null direction n, at right angles to those before; 1 if it is null."""
+    """Iterate null direction n inversely, orthogonal to earlier ones. Returns 1 if it is null."""
     growth = 0.0
     end = whole_blocks(m)
     for _ in range(iterations):
@@ -155,7 +155,7 @@ def inner(x, y, end):
 
 @part
 def normalise(x, end):
-    """x at length one; its length before."""
+    """Normalise x and return its former length."""
     size = math.sqrt(inner(x, x, end))
     share = chosen(more(size, 0.0), 1.0 / size, 0.0)
     for r in range(end):
@@ -182,7 +182,7 @@ def along_nulls(nulls, count, x, m):
 
 @sweep
 def solve_factor(factor, x, m):
-    """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
+    """Compute (Ω + μI)⁻¹ x in place. Returns the largest magnitude of the result."""
     end = whole_blocks(m)
     for i in range(3, end, 3):
         y = triple(x[i], x[i + 1], x[i + 2])
@@ -213,10 +213,10 @@ def remainder(omega, rhs, lam, out, end):
 
 @sweep
 def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
-    """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken.
+    """Solve Ω λ = RHS for λ of least norm by proximal refinement. Returns the iterations.
 
-    Corrections shrink by a constant ratio: the one that would be rounding is not computed. The
-    first solve leaves μ λ of RHS: where that is `enough`, it is the last.
+    Corrections shrink by a constant ratio, so the one of the size of rounding is not computed. The
+    first solve leaves the residual μ λ and is the last one if that is at most `enough`.
     """
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
