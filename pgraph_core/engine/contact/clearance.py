@@ -1,11 +1,11 @@
-"""How much is free between what may touch, and whether a step can have used it up.
+"""Clearance between shapes that may touch, and a check whether a step can have used it up.
 
-Runs leave contacts and limits out until something comes near, and look for conditions on
-coordinates only near their bounds. While nothing is faster than twice its last speed, nothing can
-touch before a known time: until then steps are not looked at. From then on `watch_clearance` looks
-back. A step that moves everything by less than what is free cannot have touched anything. Else what
-is free is found again: at the end of the step, then along it, by conservative advancement on dense
-output ([Mirtich 1996]).
+Runs ignore contacts and limits until something comes near, and conditions on coordinates except
+near their bounds. While nothing is faster than twice its last speed, nothing can touch before a
+known time, and steps until then are not checked. After it, `watch_clearance` checks each step. A
+step that moves everything by less than the clearance cannot have touched anything. Otherwise the
+clearance is computed again, at the end of the step, then along it by conservative advancement on
+dense output ([Mirtich 1996]).
 """
 
 import math
@@ -26,14 +26,14 @@ from .search import find_contacts, find_gaps
 from .shapes import place
 
 AHEAD = 32.0  # steps' motion: how far a search looks
-FARTHER = 4.0  # times as far each time that it finds nothing
+FARTHER = 4.0  # growth of the search distance after a search without result
 FARTHEST = 1e6  # steps' motion
 PATH = 1.25  # length of a path over what its ends say
-CLOSE = 0.02  # of a step's motion: what is nearer is near
+CLOSE = 0.02  # distance that counts as near, relative to a step's motion
 LOOKS = 24  # along one step
-LASTING = 0.9  # of what is free, for the rest of a run
-FASTER = 2.0  # times the speeds of now: what is not faster need not be looked at
-CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
+LASTING = 0.9  # share of the clearance that the rest of a run may use
+FASTER = 2.0  # growth of speeds that a skipped check permits
+CLOSED = 4e-9  # search distance from bodies at rest, relative to the reach of shapes
 
 
 @kernel(void(I1, plain(GUARD)), later=True)
@@ -83,9 +83,9 @@ def path_lengths(rows, stages, nq, h, reach):
 
 @sweep
 def limits_near(run, guard):
-    """Whether a coordinate may have reached a limit within the last step; what is free, if not.
+    """Return True if a coordinate may have reached a limit in the last step, and the clearance.
 
-    Events are due where one may have reached the bound of a condition.
+    Events become due if one may have reached the bound of a condition.
     """
     data = opened_run(run)
     control, stages, limits = data.control[0], data.stages, guard.limits
@@ -121,7 +121,7 @@ def pose(run, guard, row):
 
 @sweep
 def clearance(guard, ahead):
-    """How far everything may move before a gap is the margin, `ahead` at most [m]; after `pose`."""
+    """Return the motion until a gap equals the margin, at most `ahead` [m], after `pose`."""
     may, found, margin = guard.candidates, guard.found, guard.state[0].margin
     n = find_contacts(
         guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
@@ -136,9 +136,10 @@ def clearance(guard, ahead):
 
 @sweep
 def find_reach(run, guard, free):
-    """How far from each row's origin shapes that it carries reach, after `pose` [m].
+    """Compute the reach of carried shapes from each row's origin, after `pose` [m].
 
-    Along the chain of origins: rotations change none of its lengths, slides by at most `free`.
+    The reach runs along the chain of origins, whose lengths rotations do not change and slides
+    change by at most `free`.
     """
     scene = opened(opened_run(run).scene)
     rows, work, reach = scene.rows, scene.work, guard.reach
@@ -161,9 +162,9 @@ def find_reach(run, guard, free):
 
 @sweep
 def may_touch(run, guard, moved):
-    """Whether something may have touched over the last step; what is free now, if not.
+    """Return True if something may have touched in the last step, and the clearance now.
 
-    After `pose` at its end.
+    Called after `pose` at its end.
     """
     data = opened_run(run)
     state = guard.state[0]
@@ -263,7 +264,7 @@ def set_clock(control, state, rows, stages, reach, left):
 
 @sweep
 def look_again(run):
-    """What is free after a step that may have used it up; go back if something may touch in it."""
+    """Recompute the clearance after a step. Go back if something may touch in it."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)

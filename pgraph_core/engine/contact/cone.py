@@ -1,10 +1,10 @@
-"""The impulse of one contact by Signorini's and Coulomb's laws, while all others stay.
+"""The impulse of one contact by Signorini's and Coulomb's laws, with all others fixed.
 
-With u = W λ + f of the contact's three velocities (normal first), a contact that slides has
-u_t = -s λ_t with s ≥ 0 and |λ_t| = μ λ_n: for a given s the impulse is that of three linear
-equations, and the s wanted is the root of ψ(s) = μ λ_n(s) / |λ_t(s)| - 1, which is nearly straight,
-so that Newton's method takes one to three steps. (As with the multiplier of a trust region
-[Conn, Gould & Toint 2000].) Written once for numbers and for lanes.
+Let u = W λ + f be the contact's three velocities, normal first. A sliding contact has
+u_t = -s λ_t with s ≥ 0 and |λ_t| = μ λ_n. For a given s, three linear equations give the impulse.
+s is the root of ψ(s) = μ λ_n(s) / |λ_t(s)| - 1, which is nearly linear, so Newton's method takes
+one to three steps, as for the multiplier of a trust region [Conn, Gould & Toint 2000]. The same
+code serves numbers and lanes.
 """
 
 import math
@@ -13,21 +13,21 @@ from ..compiler.jit import sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, without
 
 THIN = 1e-14  # relative: a mobility across the normal that is rounding
-RIGID = 1e-12  # of the mobility: what such a direction is given, to which friction then answers
+RIGID = 1e-12  # mobility of such a direction, relative to the contact's, so friction can act
 NOISE = 1e-13  # relative: a velocity across the normal that is rounding
 LEAST = 1e-30  # less friction is none
-NEWTON = 30  # steps; more than five are rare
+NEWTON = 30  # limit on steps, of which more than five are rare
 CLOSE = 1e-9  # relative: Newton's next step would be rounding
-ROUGH = 1e-6  # relative: what is missed there at most, or it is no root
-BELOW = 1e-6  # of the upper bound of s: where a root is looked for between it and none
+ROUGH = 1e-6  # largest relative residual of an accepted root
+BELOW = 1e-6  # lower bracket of s relative to its upper bound
 
 
 @sweep
 def contact(own, u, old, mu, here):
-    """λ of a contact, where the mask `here` is set; u is the velocity with the `old` one.
+    """Return λ of a contact in lanes `here`, where u is the velocity with the `old` λ.
 
-    `own` (9,) is its part of Ω. Where the contact might rest or slide on, as a body may that leans
-    into its slip with large friction, the smaller impulse is the regular one.
+    `own` (9,) is its part of Ω. If the contact may either stick or continue to slide, such as a
+    body that leans into its slip with large friction, the smaller impulse is the regular one.
     """
     moves = both(here, more(own[0], 0.0))
     free_n = u[0] - own[0] * old[0] - own[1] * old[1] - own[2] * old[2]

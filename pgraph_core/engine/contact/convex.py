@@ -22,10 +22,10 @@ from .manifold import CROSSING, clip_polygon, swap, thin
 from .segments import segment_segment
 from .shapes import put
 
-CERTAIN = 1e-12  # of the sizes: rounding of a distance
-PREFER = 1e-9  # of the smaller size: a face is taken where two edges overlap only this much less
-NO_WAY = 1e-9  # of the sizes: nearer corners have no direction between them worth having
-KEPT = 1e-10  # of the sizes: a plane keeps two solids apart that much less than they are
+CERTAIN = 1e-12  # rounding of a distance relative to the sizes
+PREFER = 1e-9  # preference of faces over edges, relative to the smaller size
+NO_WAY = 1e-9  # distance of corners without a direction between them, relative to the sizes
+KEPT = 1e-10  # loss of distance by a kept plane, relative to the sizes
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
 
@@ -47,9 +47,9 @@ PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the
 
 @sweep
 def lay_out(geometry, poses, i, only, origin, room, row):
-    """Vertices and normals of shape i into `room`; the side, and the next free row.
+    """Write vertices and normals of shape i into `room`. Returns the side and the next row.
 
-    Of a list of points only point `only` counts, of a heightfield the prism under a triangle.
+    Of a list of points only point `only` counts, of a heightfield the prism under triangle `only`.
     """
     if geometry.shapes[i].kind == HEIGHTFIELD:
         return lay_out_prism(geometry, poses, i, only, origin, room, row)
@@ -101,7 +101,7 @@ def triangle_nodes(geometry, i, triangle):
 
 @sweep
 def lay_out_prism(geometry, poses, i, triangle, origin, room, row):
-    """As `lay_out`: faces are the top, three sides, the bottom; only the outer sides count."""
+    """Write a prism like `lay_out`: top, three sides, bottom. Only outer sides count."""
     shape = geometry.shapes[i]
     r = matrix(poses[i].rotation)
     shift = sub(xyz(poses[i].position), origin)
@@ -186,7 +186,7 @@ def edge_normals(geometry, room, a, e):
 
 @part
 def arcs_cross(da, f, g, db, h, k):
-    """Whether two edges span a face of A - B: the arc f, g crosses the arc -h, -k."""
+    """True if two edges span a face of A - B: the arc f, g crosses the arc -h, -k."""
     hd = -dot(h, da)
     kd = -dot(k, da)
     fd = dot(f, db)
@@ -243,16 +243,16 @@ def edge_separation(geometry, room, a, b, least):
 
 @part
 def feature_of(kind, x, y):
-    """One number for what touches: kind of touch, two of vertex, edge or face; 3 bits are free."""
+    """Return a number for a pair of features: kind of touch, two indices, three free bits."""
     return (kind << 48) | (x << 26) | (y << 3)
 
 
 @sweep
 def facing(geometry, room, b, deepest, n):
-    """The face of b that lies flattest along n at its deepest vertex; -1 if b has none.
+    """Return the face of b most perpendicular to n at its deepest vertex, -1 without faces.
 
-    It is one of the two beside the flattest edge there, so that an edge which lies across a face
-    as a whole belongs to it.
+    It is one of the two faces of the flattest edge there, so that an edge that lies across a face
+    belongs to it.
     """
     if b.faces == 0:
         return -1
@@ -306,7 +306,7 @@ def clipped(geometry, room, row, a, face, b, deepest):
 
 @sweep
 def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n):
-    """Write the clipped points over a's face, thinned; `radii` are those of a's and b's shape."""
+    """Write the thinned clipped points over a's face, with the `radii` of a's and b's shape."""
     radius, other_radius = radii
     _, normal = face_corner(geometry, room, a, face)
     kept = 0
@@ -329,7 +329,7 @@ def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, 
 
 @sweep
 def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin, out, n):
-    """Contact points where a face of a separates; -1 where the nearest features are elsewhere."""
+    """Write contact points at a separating face of a. Returns -1 if others are nearest."""
     separation, face, deepest = found
     row, m, low = clipped(geometry, room, row, a, face, b, deepest)
     if low > separation + CERTAIN * size:
@@ -361,7 +361,7 @@ def by_faces(geometry, room, row, a, b, found, least, below, radii, origin, size
 
 @sweep
 def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
-    """The contact point of two edges; -1 where they are not nearest within their lengths."""
+    """Write the contact point of two edges. Returns -1 if they are not nearest inside."""
     separation, i, j, way = found
     p, da = edge_line(geometry, room, a, i)
     q, db = edge_line(geometry, room, b, j)
@@ -393,7 +393,7 @@ def ends_of_capsule(p, da, radii, q, db, origin, margin, feature, out, n):
 
 @sweep
 def measure(room, a, n):
-    """Heights of all vertices along n; the lowest and the highest."""
+    """Compute the heights of all vertices along n. Returns the lowest and the highest."""
     low = math.inf
     high = -math.inf
     for k in range(a.first, a.first + a.vertices):
@@ -478,7 +478,7 @@ def edge_at_right_angle(geometry, room, b, v, n):
 
 @part
 def is_over(geometry, room, b, f, n, x):
-    """Whether a point is in the prism over a face, whose normal is n."""
+    """True if a point is in the prism over a face with normal n."""
     rings, face = geometry.rings, geometry.faces[b.face + f]
     inside = True
     for k in range(face.corners):
@@ -491,7 +491,7 @@ def is_over(geometry, room, b, f, n, x):
 
 @sweep
 def vertex_to_face(geometry, room, a, b, way, base, best):
-    """(distance, vertex of a, face of b below it) below `best`, face -1 if none; as before."""
+    """Return (distance, vertex of a, face of b below it) below `best`, -1 for no face."""
     found_v, found_f = -1, -1
     for k in range(a.vertices):
         if way * (base - room[a.first + k].height) >= best:
@@ -508,7 +508,7 @@ def vertex_to_face(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_to_edge(geometry, room, a, b, best):
-    """(distance, edge of a, edge of b, from a to b, on b) below `best` within both; -1 if none."""
+    """Return (distance, edge of a, edge of b, from a to b, on b) below `best`, -1 if none."""
     edges = geometry.edges
     found_a, found_b, between, on_b = -1, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(a.ridges):
@@ -562,7 +562,7 @@ def by_any(geometry, room, a, b, low_b, high_a, known):
 
 @sweep
 def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
-    """Contact points where a vertex is nearest to an edge or a vertex; `way` from a to b."""
+    """Write contact points of a vertex nearest to an edge or vertex, with `way` from a to b."""
     low_b, _ = measure(room, b, way)
     _, high_a = measure(room, a, way)
     best, v, e, t = vertex_to_edge(geometry, room, a, b, 1.0, low_b, math.inf)
@@ -606,7 +606,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
 
 @sweep
 def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append where two shapes are within `margin`; at least one of them has faces."""
+    """Append contact points of two shapes within `margin`, one of which has faces."""
     shapes = geometry.shapes
     origin = xyz(poses[i].position)
     a, row = lay_out(geometry, poses, i, only_a, origin, room, 0)

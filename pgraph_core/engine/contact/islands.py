@@ -18,9 +18,9 @@ NOWHERE = -1
 
 @sweep
 def find_islands(scene):
-    """How many islands the active blocks make; their blocks stand in `blocks`, from `first` on.
+    """Find the islands of the active blocks. Returns their number.
 
-    Blocks that move nothing are in none.
+    The blocks of an island are in `blocks` from `first` on. Blocks that move nothing are in none.
     """
     data = opened(scene)
     blocks, slots = data.blocks, data.space.slots
@@ -115,9 +115,9 @@ def connect(islands, edges, a, b):
 
 @sweep
 def order_island(scene, n):
-    """Order of elimination of island n, and its envelope; (work of a factor, whether it has room).
+    """Order the elimination of island n and its envelope. Returns (work of a factor, has room).
 
-    `place` is where a freedom stands; row p of the envelope goes on to column `last[p]`.
+    `place` is the position of a freedom. Row p of the envelope extends to column `last[p]`.
     """
     data = opened(scene)
     slots = data.space.slots
@@ -169,7 +169,7 @@ def far_end_first(islands, begin):
 
 @part
 def breadth_first(islands, begin, mark):
-    """Trees that `begin` is connected with, into `queue`; `number` keeps the mark of this turn."""
+    """Write the trees connected with `begin` into `queue`, marked by `mark`."""
     queue, seen, edges = islands.queue, islands.seen, islands.edges
     queue[0] = begin
     seen[begin] = mark
@@ -198,9 +198,9 @@ def forget_order(islands):
 
 @part
 def several_points(scene, n):
-    """Whether two blocks of island n act between the same bodies, or one of them ties any.
+    """True if two blocks of island n act between the same bodies, or one ties any bodies.
 
-    Only then are there many impulses with one effect.
+    Only then do several impulses have the same effect.
     """
     data = opened(scene)
     blocks_i = data.blocks.blocks_i

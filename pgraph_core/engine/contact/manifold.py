@@ -31,7 +31,7 @@ def swap(room, i, j):
 
 @part
 def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
-    """Where the edge from one candidate to another leaves the plane that parts them."""
+    """Write the intersection of the edge between two candidates with the plane between them."""
     t = d_inner / (d_inner - d_outer)
     p = xyz(room[inner].place)
     set_xyz(room[target].place, add_scaled(p, t, sub(xyz(room[outer].place), p)))
@@ -40,9 +40,9 @@ def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
 
 @sweep
 def clip_polygon(room, source, m, target, plane, offset, tag):
-    """Keep what has plane · x <= offset of a polygon (of a segment or point too); how many.
+    """Keep the part plane · x <= offset of a polygon, segment or point. Returns its corners.
 
-    At most m + 1, all that a plane can leave of a convex polygon: rounding may not exceed the room.
+    There are at most m + 1, the most that a plane leaves of a convex polygon, also with rounding.
     """
     kept = 0
     for k in range(m):
@@ -65,7 +65,7 @@ def clip_polygon(room, source, m, target, plane, offset, tag):
 
 @sweep
 def thin(room, first, m, normal):
-    """Move the deepest candidate and those that lie farthest out to the front; how many."""
+    """Move the deepest and the outermost candidates to the front. Returns their number."""
     if m <= MOST:
         return m
     t1, t2 = tangents(normal)

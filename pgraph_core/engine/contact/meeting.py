@@ -38,37 +38,37 @@ from .pairs import pair_contacts
 from .search import are_apart
 from .shapes import place
 
-CLOSED = 1e-10  # of the size of a limit's range: a limit this near is reached
+CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
-ROUNDS = 200  # of the search for one instant
-SAME = 1e-9  # of a part: two instants this near are one
-LEAD = 0.5  # of the thinner shape's half: how far a pair that touches goes between two looks
-SUNK = 0.25  # of the thinner shape's half: what has sunk in this far has landed, however softly
-SAG = 0.2  # of the thinner shape's half: how far the path may bend within a part
-ARRIVED = 1e-12  # of a part: a time this near to its end is its end
+ROUNDS = 200  # limit on iterations of the search for one instant
+SAME = 1e-9  # difference of equal instants relative to the sub-step
+LEAD = 0.5  # largest motion of a touching pair between two distance queries, in half thicknesses
+SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of the thinner shape
+SAG = 0.2  # largest bend of the path in a sub-step, in half thicknesses of the thinner shape
+ARRIVED = 1e-12  # distance of a time from the end that counts as the end, relative to the sub-step
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
-CARRIED = -2  # in place of the ground, -1: what has arrived softly, and is not followed any more
+CARRIED = -2  # in place of -1 (ground): arrived softly and no longer followed
 
 
 @part
 def closed_limit(blocks, i):
-    """A gap of limit i that counts as closed [rad, m]; `at.SIZE` of its block is its range's."""
+    """Return the gap of limit i that counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, ROUNDING * abs(value))
 
 
 @part
 def is_crowd(contacts):
-    """Whether there is so much that may touch that slow impacts are not located one by one."""
+    """True if there are too many candidates to locate slow impacts one by one."""
     may = contacts.candidates
     return may.on_ground.shape[0] + may.pairs.shape[0] + may.members.shape[0] > CROWD
 
 
 @sweep
 def look_ahead(scene, h):
-    """What is closed, how far to look for what may touch [m], whether something is fast.
+    """Return the closed gap, the search distance [m], and True if something is fast.
 
-    After `velocities` of the middle of the step and `place`.
+    Called after `velocities` at the middle of the step and `place`.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -98,7 +98,7 @@ def look_ahead(scene, h):
 
 @part
 def approach(scene, i, j, left):
-    """Bound of how far two shapes come together within `left` [m]; j is -1 for the ground."""
+    """Bound the approach of two shapes within `left` [m], with j = -1 for the ground."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
@@ -110,7 +110,7 @@ def approach(scene, i, j, left):
 
 @part
 def outruns(scene, i, j, left):
-    """Whether two shapes may move by their own thickness within `left`; j is -1 for the ground."""
+    """True if two shapes may move by their thickness within `left`, j = -1 for the ground."""
     shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
     thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
     return approach(scene, i, j, left) > thick
@@ -118,9 +118,9 @@ def outruns(scene, i, j, left):
 
 @sweep
 def point_meets(scene, n, h, left):
-    """Whether contact point n, in the middle of a part of a step, hits within that part.
+    """True if contact point n, at the middle of a sub-step, hits within it.
 
-    The step is h wide, its part `left`. After `velocities`.
+    The step is h wide, the sub-step `left`. Called after `velocities`.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -140,7 +140,7 @@ def point_meets(scene, n, h, left):
 
 @sweep
 def limit_meets(blocks, i, h, left, q, v, vdot):
-    """Whether limit i, in the middle of a part of a step, is hit within that part."""
+    """True if limit i, at the middle of a sub-step, is hit within it."""
     closing = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
     pull = abs(total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot))
     if not hits(closing, h, blocks.blocks_f[i, at.SIZE], pull):
@@ -180,17 +180,17 @@ def place_shapes(scene, q, v):
 
 @sweep
 def hits_at_once(scene, h, q, v, vdot):
-    """Whether something hits at (q, v), as where a part of a step has ended by it."""
+    """True if something hits at (q, v), such as at the end of a sub-step."""
     place_shapes(scene, q, v)
     return list_meetings(scene, h, 0.0, q, v, vdot) < 0
 
 
 @sweep
 def first_meeting(scene, h, left, q, v, start, vdot, speed):
-    """Time until something lands that is apart [s]; 0 where something hits now; else `left`.
+    """Return the time until something lands [s], 0 if something hits now, else `left`.
 
-    Less than `left`, too, where so much turns that the path is not known farther. From the state
-    `start`, where the scene's shapes are, and where q is again after it.
+    It is less than `left`, too, if rotations make the path unknown farther on. The scene's shapes
+    are in the state `start`, to which q is restored afterwards.
     """
     data = opened(scene)
     meetings = contacts_at(data.links.contacts).meetings
@@ -251,7 +251,7 @@ def time_to_close(way, closing, curving):
 
 @part
 def next_limit(data, meeting, q, v, vdot, left):
-    """As `next_landing`, of a limit."""
+    """Return `next_landing` of a limit."""
     gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot, left)
     closed = closed_limit(data.blocks, meeting.vertex)
     return time_to_close(max(gap - 0.5 * closed, 0.0), rate, 0.0), gap <= closed, gap < -closed
@@ -259,12 +259,12 @@ def next_limit(data, meeting, q, v, vdot, left):
 
 @part
 def next_ground(scene, meeting, h, left):
-    """As `next_landing`, of one part of a shape over the ground.
+    """Return `next_landing` of one feature of a shape over the ground.
 
-    What arrives softly is left to the middle of the step: a foot that stands, and has drifted off.
-    The step carries it there, so what it would do without impulses later on means nothing. What
-    leaves goes on: the parts of a cylinder's rim change places as it tips over. Any other point
-    that cannot become fast in the time left is followed no more.
+    Soft arrivals are left to the middle of the step, such as a standing foot that has drifted off:
+    its later motion without impulses has no meaning. Leaving features are still followed, because
+    the features of a cylinder's rim change places as it tips over. Any other point that cannot
+    become fast in the remaining time is no longer followed.
     """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -366,14 +366,14 @@ def next_landing(scene, meeting, h, tau, left):
         elif gap < -SUNK * thin and hits(closing, h, size, pull):
             landed = True
             inside = inside or gap < -2.0 * SUNK * thin
-    if rate > 0.0 and thin > 0.0:  # what is no point of the touch yet
+    if rate > 0.0 and thin > 0.0:  # not yet a point of the contact
         ahead = min(ahead, (max(least, 0.0) + LEAD * thin) / rate)
     return ahead, landed, inside
 
 
 @part
 def put_meeting(meetings, n, a, b, vertex, pair):
-    """Write meeting n; n + 1. What does not fit is counted."""
+    """Write meeting n and return n + 1. Meetings beyond the room are only counted."""
     if n < meetings.shape[0]:
         meetings[n].shape_a = a
         meetings[n].shape_b = b
@@ -384,7 +384,7 @@ def put_meeting(meetings, n, a, b, vertex, pair):
 
 @sweep
 def list_meetings(scene, h, left, q, v, vdot):
-    """List what is apart and may touch within `left`; how many, or -1 where something hits now."""
+    """List pairs that may touch within `left`. Returns their number, -1 if something hits now."""
     data = opened(scene)
     blocks = data.blocks
     contacts = contacts_at(data.links.contacts)
@@ -450,7 +450,7 @@ def list_meetings(scene, h, left, q, v, vdot):
 
 @sweep
 def list_pair(scene, i, j, pair, h, left, crowd, n):
-    """List two shapes if they are apart and may touch within `left`; -1 where they hit now."""
+    """List two separate shapes if they may touch within `left`. Returns -1 if they hit now."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses, meetings = contacts.geometry.shapes, contacts.poses, contacts.meetings
@@ -481,7 +481,7 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
 
 @sweep
 def may_land(scene, i, j, pair, left):
-    """Whether points of two shapes that touch elsewhere may land within `left`."""
+    """True if other points of two touching shapes may land within `left`."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     found = contacts.found
@@ -498,7 +498,7 @@ def may_land(scene, i, j, pair, left):
 
 @part
 def hits_now(scene, i, j, p, normal, h):
-    """Whether two shapes that touch at p hit each other there."""
+    """True if two shapes that touch at p hit each other there."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, linear = contacts.geometry.shapes, data.space.linear

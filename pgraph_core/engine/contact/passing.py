@@ -1,7 +1,7 @@
-"""Whether one shape has passed through another within a step: a check after it, so that it is told.
+"""Detects tunnelling after a step and reports it.
 
-The way of a shape's centre, as the other shape sees it, is taken as straight from the start of the
-step to its end. What comes in and goes out again has passed.
+The path of a shape's centre relative to the other shape is taken as straight over the step. A
+centre that enters and leaves the other shape has passed through it.
 """
 
 import math
@@ -14,8 +14,8 @@ from .closing import thickness
 from .contacts import contacts_at
 from .search import are_apart
 
-CORE = 0.9  # of a shape's extents: nearer to its rim it may be grazed
-HULL_CORE = 0.4  # of a hull, whose corners its extents do not know
+CORE = 0.9  # examined core of a shape relative to its extents, since its rim may be grazed
+HULL_CORE = 0.4  # examined core of a hull, whose shape its extents do not describe
 TURNED = 2.0  # trace of a rotation of a radian: beyond it, the way is not straight
 
 
@@ -30,7 +30,7 @@ def keep_poses(scene):
 
 @sweep
 def note_passages(scene, t):
-    """Note which pairs passed through each other since `keep_poses`; the step ends at t."""
+    """Record the pairs that passed through each other since `keep_poses`, in a step ending at t."""
     contacts = contacts_at(opened(scene).links.contacts)
     may, shapes = contacts.candidates, contacts.geometry.shapes
     for k in range(may.pairs.shape[0]):
@@ -58,7 +58,7 @@ def note_passage(contacts, i, j, pair, t):
 
 @part
 def passes(contacts, i, j):
-    """Whether the centre of shape i went through shape j, in and out."""
+    """True if the centre of shape i entered and left shape j."""
     shapes = contacts.geometry.shapes
     kind = shapes[j].kind
     if shapes[i].kind == POINTS or kind == POINTS or kind == HEIGHTFIELD:
@@ -87,7 +87,7 @@ def seen_from(pose, shape, other_pose, other):
 
 @part
 def cuts_box(p, way, half):
-    """Whether the segment from p along `way` enters and leaves a box."""
+    """True if the segment from p along `way` enters and leaves a box."""
     first, last = -math.inf, math.inf
     for n in range(3):
         wide = CORE * half[n]
@@ -102,7 +102,7 @@ def cuts_box(p, way, half):
 
 @part
 def cuts_ball(p, way, half, is_hull):
-    """Whether the segment from p along `way` enters and leaves an ellipsoid."""
+    """True if the segment from p along `way` enters and leaves an ellipsoid."""
     core = HULL_CORE if is_hull else CORE
     x = (p[0] / (core * half[0]), p[1] / (core * half[1]), p[2] / (core * half[2]))
     d = (way[0] / (core * half[0]), way[1] / (core * half[1]), way[2] / (core * half[2]))

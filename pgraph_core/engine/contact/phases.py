@@ -1,12 +1,12 @@
 """The equations of motion with contact points in phases: swing, sliding, stance.
 
 A stance is three bilateral rows, a limit one. A sliding point has its normal row, and a force
-s (n - μ w) on the body: w is where it slides to. With B the bilateral rows and the stances,
-Ω of all rows and c_j = Ω_·n - μ Ω_·w of sliding point j,
+s (n - μ w) on the body with the slip direction w. With B the bilateral rows and the stances, Ω of
+all rows and c_j = Ω_·n - μ Ω_·w of sliding point j,
 
     (C_S - Ω_SB Ω_BB⁺ C_B) s = r_S - Ω_SB Ω_BB⁺ r_B
 
-is all that is not symmetric. Its diagonal at or below zero is Painlevé's case.
+is the only asymmetric part. A diagonal at or below zero is Painlevé's case.
 """
 
 import math
@@ -36,20 +36,20 @@ RANK = 1e-11  # singular values of sliding points below this part of the largest
 JACOBI_SWEEPS = 30
 ORTHOGONAL = 1e-15  # cosine of two columns that are at right angles to rounding
 SHARES = 200  # projections on cones and back
-SHARED = 1e-12  # of the largest multiplier: forces this near their cones are in them
+SHARED = 1e-12  # tolerance of forces on their cones relative to the largest multiplier
 INSIDE = 1e-9  # part of the cone that is left free, so that projections end inside
 OVER = 1.5  # over-relaxation
 
 
 @kernel(void(I1, plain(EVENT_SCENE)), later=True)
 def save_events(buffer, scene):
-    """Keep a scene with points where `opened_events` finds it; `opened` finds the scene alone."""
+    """Save a scene with points for `opened_events`. `opened` returns the scene alone."""
     _save(buffer, scene)
 
 
 @part
 def slides(phase):
-    """Whether a point in this phase slides."""
+    """True if a point in this phase slides."""
     return phase in (SLIP, ACCEPTANCE)
 
 
@@ -82,7 +82,7 @@ def slip_direction(points, s, u):
 
 @kernel(ACCELERATION, nogil=True, later=True)
 def event_acceleration(scene, t, q, v, tau, vdot, flow):
-    """As `acceleration`, with the points of the scene in their phases."""
+    """Compute `acceleration` with the points of the scene in their phases."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -111,7 +111,7 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
 
 @sweep
 def solve_points(blocks, work, space, contact, m, flow):
-    """λ of all active rows, sliding blocks last; power that friction takes [W]."""
+    """Compute λ of all active rows, sliding blocks last. Returns the friction power [W]."""
     points, columns, small = contact.points, contact.columns, contact.small
     slots, omega, factor = space.slots, space.omega, space.factor
     vectors, nulls = space.vectors, space.nulls
@@ -190,7 +190,7 @@ def share_out(blocks, space, contact, count, held):
 
 @part
 def into_cone(points, s, place, i, lam, r):
-    """What λ of a stance lacks to the nearest force in its cone, a little inside the rim."""
+    """Return the difference from λ of a stance to the nearest force just inside its cone."""
     mu = points[s].friction * (1.0 - INSIDE)
     normal = xyz(points[s].normal)
     n = (
@@ -297,7 +297,7 @@ def column_dot(small, p, q, k):
 
 @sweep
 def rotate_columns(small, base, p, q, k):
-    """Columns p and q of S V made orthogonal; 0 if they were."""
+    """Make columns p and q of S V orthogonal. Returns 0 if they were."""
     a = column_dot(small, p, p, k)
     b = column_dot(small, q, q, k)
     c = column_dot(small, p, q, k)
@@ -321,7 +321,7 @@ def rotate_columns(small, base, p, q, k):
 
 @sweep
 def share_slides(blocks, space, contact, held, k, work):
-    """λ of all rows from the sizes s of the sliding forces; power that friction takes."""
+    """Compute λ of all rows from the sliding forces s. Returns the friction power."""
     points, columns, small = contact.points, contact.columns, contact.small
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     power = 0.0

@@ -1,13 +1,13 @@
-"""What contacts that give lose: the same share of the speed of an impact, however fast it is.
+"""Energy loss of compliant contacts: the same share of the impact speed at any speed.
 
 The points between two shapes push with p, the sum of k d^1.5 (soft) or k d (penalty), and store
-E, the sum of 2/5 k d^2.5 or 1/2 k d². With w, the inverse of the mass that their resultant moves,
+E, the sum of 2/5 k d^2.5 or 1/2 k d². Let w be the inverse of the mass that their resultant moves:
 
     soft:    k d^1.5 (1 + χ d' / V),  V² = d'² + 2 E w
     penalty: k d + c d',  c = 2 ζ sqrt(k / (N w)),  N = p² / (2 k E)
 
-V is the speed of an impact with the energy that is left, and N the number of points that would
-push as hard together at one depth. So the restitution depends on χ or ζ alone.
+V is the speed of an impact with the remaining energy, and N the number of points that would push as
+hard together at one depth. So the restitution depends on χ or ζ alone.
 """
 
 import math
@@ -40,7 +40,7 @@ SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
 
 @part
 def lost_share(law, speed, stored):
-    """χ d' / V of a contact point that closes at `speed` [m/s]; `stored` is 2 E w [m²/s²]."""
+    """Return χ d' / V of a contact point closing at `speed` [m/s], `stored` = 2 E w [m²/s²]."""
     return law.loss * speed / max(math.sqrt(speed * speed + stored), SLOWEST)
 
 
@@ -92,7 +92,7 @@ def loss_of_touch(contacts, rows, n, count):
 
 @part
 def same_shapes(point, other):
-    """Whether two contact points are between the same shapes, of the same contact pair."""
+    """True if two contact points belong to the same shapes and contact pair."""
     same = point.shape_a == other.shape_a and point.shape_b == other.shape_b
     return same and point.pair == other.pair
 

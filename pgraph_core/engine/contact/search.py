@@ -21,8 +21,8 @@ from .segments import ball_ball
 from .shapes import bound, far_apart, label, place
 
 NOTHING = 1e-300  # m: a width above zero whose logarithm is finite
-LARGE = 2.0  # times the geometric mean of the widths
-FARTHEST = 1048575.0  # cells along an axis; beyond it, all are one
+LARGE = 2.0  # width of a large shape relative to the geometric mean of the widths
+FARTHEST = 1048575.0  # limit on the cells along an axis, beyond which all are one
 
 
 @part
@@ -34,7 +34,7 @@ def width(bounds, i):
 
 @part
 def cell_number(x, origin, inverse):
-    """Of a coordinate; anything that is no number is in cell 0."""
+    """Return the cell of a coordinate, 0 for nan."""
     c = (x - origin) * inverse
     if not c > 0.0:
         return 0
@@ -88,7 +88,7 @@ def overlap(bounds, i, j):
 
 @sweep
 def are_apart(apart, a, b):
-    """Whether two bodies are in the table of those that may not candidates."""
+    """True if two bodies are in the table of pairs that may not touch."""
     low, high = min(a, b), max(a, b)
     first, last = 0, apart.shape[0]
     while first < last:
@@ -142,7 +142,7 @@ def member_pair(geometry, candidates, poses, search, m, k, margin, out, n):
 
 @inlined
 def member_contacts(geometry, candidates, poses, search, margin, out, n):
-    """Append the contact points of all members that are within `margin`; the new number."""
+    """Append the contact points of all members within `margin`. Returns the new number."""
     members = candidates.members
     bounds, cells, buckets = search.bounds, search.cells, search.buckets
     count = members.shape[0]
@@ -176,10 +176,10 @@ def member_contacts(geometry, candidates, poses, search, margin, out, n):
 
 @part
 def find_contacts(geometry, ground, candidates, poses, search, margin, out):
-    """All contact points within `margin` [m] of what may candidates; how many there are.
+    """Find all contact points of the candidates within `margin` [m]. Returns their number.
 
-    More than `out` holds are counted but not written: make it larger and call again. Order:
-    ground, pairs, members; `poses` come from `place`.
+    Points beyond the room of `out` are counted but not written: enlarge it and call again. The
+    order is ground, pairs, members. `poses` come from `place`.
     """
     on_ground, pairs = candidates.on_ground, candidates.pairs
     shapes = geometry.shapes
@@ -202,9 +202,9 @@ def find_contacts(geometry, ground, candidates, poses, search, margin, out):
 
 @sweep
 def find_gaps(geometry, ground, candidates, poses, room, probe, gaps):
-    """Signed distance of every shape from the ground, then of every pair [m]; not of members.
+    """Compute the signed distances [m] of shapes from the ground, then of pairs, not of members.
 
-    `probe` is `out` for the points of one candidates: scratch.
+    `probe` is scratch for the contact points of one candidate.
     """
     on_ground, pairs = candidates.on_ground, candidates.pairs
     count = on_ground.shape[0]

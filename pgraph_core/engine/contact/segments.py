@@ -1,6 +1,6 @@
-"""Balls and segments with a radius against each other: spheres, capsules, points; ball and box.
+"""Contacts of balls and segments with a radius (spheres, capsules, points), and of ball and box.
 
-A capsule is the set within a radius of a segment, so gaps are distances of segments less radii.
+A capsule is the set within a radius of a segment, so gaps are distances of segments minus radii.
 """
 
 import math
@@ -9,15 +9,15 @@ from ..compiler.jit import part, sweep
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, sub, xyz
 from .shapes import put
 
-TOUCH = 1e-12  # of the sizes: segments closer than this cross, and have no direction between them
+TOUCH = 1e-12  # distance of crossing segments without a direction, relative to the sizes
 PARALLEL = 1e-28  # squared sine: lines closer to parallel cross nowhere
 ALIKE = 1e-24  # squared sine: directions that span no plane
-SAME = 1e-9  # of the lengths: ends nearer than this face each other
+SAME = 1e-9  # distance of ends that face each other, relative to the lengths
 
 
 @sweep
 def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
-    """Two balls; with centres that coincide the normal is z."""
+    """Write the contact of two balls, with normal z if their centres coincide."""
     between = sub(centre_a, centre_b)
     distance = math.sqrt(dot(between, between))
     gap = distance - radius_a - radius_b
@@ -29,7 +29,7 @@ def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
 
 @part
 def along(p, start, way):
-    """Where on the line start + t way a point is nearest; 0 on a segment without length."""
+    """Return t of the nearest place to a point on start + t way, 0 without length."""
     size = dot(way, way)
     return dot(sub(p, start), way) / size if size > 0.0 else 0.0
 
@@ -47,7 +47,7 @@ def ball_segment(centre, start, way):
 
 @part
 def is_over(t, way, slack):
-    """Whether place t is on a segment, up to a length."""
+    """True if place t is on a segment, up to the length `slack`."""
     return abs(t - 0.5) * math.sqrt(dot(way, way)) <= 0.5 * math.sqrt(dot(way, way)) + slack
 
 
@@ -85,7 +85,7 @@ def crossing(p, d, q, e):
 
 @part
 def apart(d, e, middle):
-    """A unit direction from the second of two segments that cross; `middle` decides its sign."""
+    """Return a unit direction from the second of two crossing segments, signed by `middle`."""
     n = cross(d, e)
     size = dot(n, n)
     if size <= ALIKE * dot(d, d) * dot(e, e) or size == 0.0:

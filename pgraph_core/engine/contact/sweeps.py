@@ -1,9 +1,9 @@
-"""Sweeps over the blocks of an island: every block in turn, exactly, while the others stay.
+"""Sweeps over the blocks of an island, each solved exactly with the others fixed.
 
-A sweep (Gauss-Seidel) is a map λ → G(λ) with the impulses wanted as its fixed point. A heap can
-take hundreds of sweeps. Between two sweeps of a large island λ therefore moves on to the
-combination of the last few G(λ) whose changes G(λ) - λ, combined alike, are the smallest
-([Anderson 1965], [Walker & Ni 2011]), which takes fewer sweeps.
+A sweep (Gauss-Seidel) is a map λ → G(λ) whose fixed point is the solution. A heap can take hundreds
+of sweeps. Between two sweeps of a large island, λ therefore becomes the combination of the last few
+G(λ) for which the same combination of changes G(λ) - λ is smallest ([Anderson 1965],
+[Walker & Ni 2011]). This reduces the number of sweeps.
 """
 
 import math
@@ -20,7 +20,7 @@ from .islands import NOWHERE
 from .newton import bounds_of, respond, rows_of, velocity
 
 SETTLED = 1e-15  # relative: a change that is rounding
-RIGID = 1e-12  # of the mobility: keeps a direction in which nothing can move apart from none
+RIGID = 1e-12  # mobility of an immovable direction, relative to the block's
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks of one tree, as of feet: sweeps of no more converge by themselves
 FEWEST = 3  # blocks between several trees of which the same holds
@@ -28,8 +28,8 @@ FEWEST = 3  # blocks between several trees of which the same holds
 LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
 WIDTH = 15 + 6 * DEPTH
 NORMAL = 2 * DEPTH + 1  # rows behind those of blocks: products of changes, shares, a factor
-WORSE = 4.0  # squared: changes that have grown by more belong to other contacts; begin again
-SAME = 1e-12  # of the largest: what keeps equal changes apart
+WORSE = 4.0  # squared growth of changes after which the acceleration starts again
+SAME = 1e-12  # regularisation of equal changes relative to the largest product
 
 
 @part
@@ -49,7 +49,7 @@ def own_block(y, slots, dinv, i, own):
 
 @sweep
 def gauss_seidel(scene, n, size, sweeps, tolerance):
-    """Sweeps over an island until no velocity changes; the last change over `size`."""
+    """Sweep over an island until no velocity changes. Returns the last change over `size`."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     one = islands.tree[joint_of(data.space.slots, islands.blocks[islands.first[n]], 0)]
@@ -77,11 +77,11 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 
 @sweep
 def sweep_once(scene, n, slot, count):
-    """One sweep; (largest change of a velocity, energy of all changes).
+    """Sweep once. Returns (largest change of a velocity, energy of all changes).
 
-    By how much the change of λ, and λ after it, differ from those of the last sweep goes into a
-    slot of the past; products of the changes in the first `count` slots with that in this one,
-    and with the last one as it is, go into the rows behind. Without `count` nothing is kept.
+    A slot of the past receives the differences of the change of λ, and of λ after it, from those of
+    the last sweep. The rows behind receive products of the changes in the first `count` slots with
+    those of this slot and of the last sweep. Nothing is kept if `count` is 0.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -130,9 +130,9 @@ def sweep_once(scene, n, slot, count):
 
 @sweep
 def move_on(scene, n, slot, count):
-    """λ after a sweep becomes the combination with the last `count` others; w goes along.
+    """Replace λ after a sweep by its combination with the last `count` ones, and w accordingly.
 
-    The slot is the one that this sweep wrote.
+    `slot` is the one that this sweep wrote.
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -163,7 +163,7 @@ def move_on(scene, n, slot, count):
 def combine(normal, count):
     """The shares of the last `count` sweeps into row DEPTH, where the right side stands."""
     share = normal[DEPTH]
-    begin = DEPTH + 1  # of the factor
+    begin = DEPTH + 1  # first row of the factor
     largest = 0.0
     for p in range(count):
         largest = max(largest, normal[p, p])
@@ -195,7 +195,7 @@ def times(x, y):
 
 @part
 def answer(kind, rows, bounds, i, own, u, old):
-    """λ of one block that fits its law while the others stay; u is the velocity with `old`."""
+    """Return λ of one block by its law with the others fixed, where u is the velocity at `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
     if not one_sided(kind):
@@ -234,7 +234,7 @@ def held(own, i, u, old):
 
 @part
 def in_disc(a, b, c, x, y, radius):
-    """Least ½ tᵀ[a b; b c]t + (x, y)·t in a disc: no slip inside, against the slip on its rim."""
+    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, against slip on its rim."""
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)
@@ -258,7 +258,7 @@ def in_disc(a, b, c, x, y, radius):
 
 @part
 def rim_step(a, b, c, s, x, y, radius):
-    """t = -[a+s b; b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius."""
+    """Return t = -[a+s b, b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius."""
     p = a + s
     q = c + s
     det = p * q - b * b
