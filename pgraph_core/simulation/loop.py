@@ -39,20 +39,20 @@ if TYPE_CHECKING:
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
-NO_LIMIT = (1 << 63) - 1  # of steps
+NO_LIMIT = (1 << 63) - 1  # limit on steps if none is given
 MANY = 1 << 62  # steps to the next frame where none is recorded
-PART = 0.25  # of a step that could not be solved: the first width that is tried
+PART = 0.25  # first part of a step that could not be solved
 TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
-TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps can follow
+TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
 
 class Steps:
-    """The state of a run under way; `advance` takes it on."""
+    """State of a run in progress, which `advance` continues."""
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
     ):
-        """At (q, v); states are recorded in `frames`."""
+        """Start at (q, v) and record states in `frames`."""
         nq, nv = mech.nq, mech.nv
         self.plan, self.tolerance = plan, plan.tolerance
         self.times = plan.times.copy()  # if a run fails, its last frame gets another time
@@ -66,8 +66,8 @@ class Steps:
         self._begin()
         self.frames = frames
         self.divided = 0  # steps of fixed width that were taken in parts
-        self.clearance: Clearance | None = None  # what watches things that may touch
-        self._signs = NO_EVENTS  # of events, which know them from one way to the next
+        self.clearance: Clearance | None = None  # guard of shapes that may touch
+        self._signs = NO_EVENTS  # signs of events, kept between scenes
         self._buffer = buffer()
         self.address = address_of_array(self._buffer)
 
@@ -108,7 +108,7 @@ class Steps:
         self.links = links
         if len(self._signs) != len(wanted):
             self._signs = np.zeros(len(wanted), dtype=np.int64)
-        values = np.full(len(wanted) + 1, -1.0)  # what nothing gives is not reached
+        values = np.full(len(wanted) + 1, -1.0)  # -1: not reached
         values[-1] = user
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
@@ -142,7 +142,7 @@ class Steps:
         return self._words[0].item(TAKEN)
 
     def anew(self) -> None:
-        """What acts has changed: v' of the state is to be evaluated again."""
+        """Re-evaluate the acceleration, because forces changed."""
         self._words[0][FRESH] = 0
 
     @property
@@ -177,7 +177,7 @@ class Steps:
 
     @property
     def memory(self) -> list[Array]:
-        """What implicit methods keep from step to step: accelerations, Jacobian and its factors."""
+        """Return the memory of implicit methods: accelerations, Jacobian and its factors."""
         return [self.stages[at.STAGE :], self._kept.real] if self.plan.method.implicit else []
 
     @property
@@ -186,7 +186,7 @@ class Steps:
         return self._kept.times, self._kept.substeps, self._kept.width
 
     def advance(self, budget: int) -> int:
-        """Make at most `budget` attempts at steps and frames; the kernel's status code."""
+        """Attempt at most `budget` steps and frames. Returns the kernel's status code."""
         code = run.advance_run(self.address, budget)
         if code == at.NOT_SOLVED and self.control["widths"] == WIDEST:
             return self._in_parts()
@@ -229,7 +229,7 @@ class Steps:
         self.control["last_error"] = 1e-4
 
     def restart(self) -> None:
-        """Continue with a changed state or changed equations; the last frame is recorded again."""
+        """Continue with a changed state or changed equations, recording the last frame again."""
         self.control["frame"] -= 1
         self.control["fresh"] = self.control["filled"] = 0
         self.control["jacobian_rate"] = 2.0
@@ -287,14 +287,14 @@ class Workplace(NamedTuple):
 
 
 def free(mech: Mechanism, what: Any) -> list[Any]:
-    """What runs left to the next ones like them, which a mechanism keeps."""
+    """Return the pool of idle workspaces for `what`, stored on the mechanism."""
     kept: dict[Any, list[Any]] = mech.__dict__.setdefault("_left_by_runs", {})
     found = kept.get(what)
     return keep(kept, what, []) if found is None else found
 
 
 def taken(left: list[Any]) -> Any:
-    """The last of what is left, or None; threads take from one list."""
+    """Take the last workspace of a pool, or return None. Threads share the pool."""
     try:
         return left.pop()
     except IndexError:
@@ -302,7 +302,7 @@ def taken(left: list[Any]) -> Any:
 
 
 class Outcome:
-    """How a run ended, its notices, and its events so far."""
+    """Status of a run, its warnings, and its events so far."""
 
     def __init__(self) -> None:
         """The run has reached its end, until something stops it."""
@@ -312,7 +312,7 @@ class Outcome:
 
     @property
     def over(self) -> bool:
-        """Whether something has ended the run before its end."""
+        """True if something has ended the run early."""
         return self.status is not Status.DONE
 
     def stop(self, status: Status, message: str) -> None:
@@ -346,14 +346,14 @@ def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = 
 
 
 def _stages(way: Way) -> int:
-    """How many stages of its method there must be room for."""
+    """Return the number of stages that the method needs."""
     tableau = way.method.tableau
     return max(len(tableau.c), len(tableau.dense), 1)
 
 
 @cache
 def _method(name: str) -> Any:
-    """What the stepping loop is told of a method."""
+    """Return the record of a method for the stepping loop."""
     method = METHODS[name]
     ends = method.tableau.dense.size > 0
     return rows_of(METHOD, [(method.order, method.starts, ends, *method.controller)])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MOST_COUNTED = 2**53  # a count above it is not exact as a number
 COUNT = (0, MOST_COUNTED)
 ENDLESS = ("clip", "jacobian_rate", "jacobian_time", "clock")  # may be infinite or unknown
-ADDRESSES = ("guard", "approach")  # of the process that saved; those of this process are kept
+ADDRESSES = ("guard", "approach")  # addresses, of which this process keeps its own
 COUNTS = ("crowded", "fallbacks", "calmed", "overflows", "cuts", "passed")
 
 
@@ -36,14 +36,14 @@ COUNTS = ("crowded", "fallbacks", "calmed", "overflows", "cuts", "passed")
 class Law:
     """The values that the words of one array may have."""
 
-    array: Any  # of the run; integers without a range are as they are here
-    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # of integers, by field
+    array: Any  # array of the run, equal in all integers without a range
+    ranges: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # ranges of integer fields
     free: tuple[str, ...] = ()  # fields that are not checked
     finite: bool = True  # whether numbers are finite
     also: Callable[[Any], Any] | None = None  # whether further conditions hold
 
     def holds(self, found: Any, *, failed: bool = False) -> bool:
-        """Whether an array, or a stack of such, obeys the law; `failed`: after a failed step."""
+        """True if an array, or a stack of them, obeys the law, after a failed step if `failed`."""
         for name in found.dtype.names or ("",):
             x, own = (found[name], self.array[name]) if name else (found, self.array)
             if name in self.free:
@@ -142,7 +142,7 @@ def _of_matrices(real: Any, nv: int) -> Law:
 
 
 def _of_space(space: Any, nv: int) -> list[Law]:
-    """What is kept of the constraints' factors."""
+    """Return the laws of the constraints' factors."""
     rows = len(space.omega) or space.vectors.shape[1]  # Ω is not stored where contacts act
     joints = space.slots.shape[1] - at.SLOT
 
@@ -166,12 +166,12 @@ def _of_space(space: Any, nv: int) -> list[Law]:
 
 
 def _whole(x: Any, most: int) -> Any:
-    """Where numbers are whole, from 0 to `most`."""
+    """Return a mask of whole numbers from 0 to `most`."""
     return (x >= 0) & (x <= most) & (x == np.floor(x))
 
 
 def _of_contacts(touching: Any) -> list[Law]:
-    """What contacts remember from step to step."""
+    """Return the laws of the memory of contacts."""
     kept, shapes, pairs = touching.contacts, len(touching.shapes), len(touching.pairs)
     near = {
         "shape_a": (0, max(shapes - 1, 0)),

@@ -1,4 +1,4 @@
-"""What a run watches, and what it switches: a user's events, conditions, constraints on and off.
+"""Monitors and switches of a run: a user's events, conditions, constraints on and off.
 
 Events and conditions are functions of the state whose zeros are located within steps.
 """
@@ -37,14 +37,14 @@ FARTHEST = 1e9  # m: gaps beyond it count as this
 
 
 class Monitor(Protocol):
-    """What a run watches: a function of the state, which is an event where it crosses zero."""
+    """Function of the state that a run monitors. Its zero crossings are events."""
 
     @property
     def name(self) -> str:
-        """What events are called."""
+        """Name of its events."""
         ...
 
-    direction: int  # in which it counts: 1 rising, -1 falling, 0 both
+    direction: int  # counted direction: 1 rising, -1 falling, 0 both
     terminal: bool
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
@@ -137,7 +137,7 @@ class Watch:
             self.address = address_of_function(self._function)
 
     def wake(self, conditions: Sequence[ConditionOf]) -> list[int]:
-        """Call those that watch contacts too, which are in force from now on; their numbers."""
+        """Activate the conditions on contacts and return their numbers."""
         woken = [i for i, c in enumerate(conditions) if c.of_contact and i not in self.called]
         self._call_too(woken)
         return woken
@@ -179,7 +179,7 @@ class Watch:
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
     def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> str:
-        """Log events of the given monitors; the name of one that ends the run, or ""."""
+        """Log events of the given monitors and return the name of a terminal one, or ""."""
         ends = ""
         for i in numbers:
             if i < self.waiting:
@@ -208,17 +208,17 @@ class ConditionOf(NamedTuple):
     constraint: int
     active: bool
     when: When
-    place: Any  # of what it watches
-    contacts: Tables | None  # of the run
+    place: Any  # index of the monitored quantity
+    contacts: Tables | None  # contacts of the run
 
     @property
     def of_contact(self) -> bool:
-        """Whether it watches a contact."""
+        """True if it monitors a contact."""
         return self.when.gap is not None or self.contact_force
 
     @property
     def contact_force(self) -> bool:
-        """Whether it watches the force of a contact."""
+        """True if it monitors the force of a contact."""
         return self.when.force is not None and self.place[0] == "contact"
 
     @property
@@ -228,7 +228,7 @@ class ConditionOf(NamedTuple):
 
     @property
     def compiled(self) -> bool:
-        """Whether compiled steps know its value: that of a coordinate, or one that steps keep."""
+        """True if compiled steps know its value: a coordinate, or a value that steps keep."""
         return self.when.coordinate is not None or self.when.constraint is not None
 
     @property
@@ -270,7 +270,7 @@ def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
 
 
 def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
-    """What conditions may name: entries of q, contact pairs, and constraints, by number."""
+    """Return the names that conditions may use: entries of q, contact pairs, constraints."""
     places = {}
     for name, joint in mech.joints.items():
         if joint.q.stop == joint.q.start + 1:
@@ -294,7 +294,7 @@ def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]
 
 
 class UnderWay(Protocol):
-    """What a condition asks of the run that it is watched in: a `Recording`."""
+    """Interface of the run that evaluates a condition: a `Recording`."""
 
     mech: Mechanism
     plan: Any
@@ -321,7 +321,7 @@ class Condition:
         return str(self.given.when)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
-        """How far it is beyond its bound: positive where it is true."""
+        """Return the distance beyond its bound, positive if the condition is true."""
         when = self.given.when
         if when.constraint is not None:
             return 1.0 if (self.given.place in self.record.held) == when.active else -1.0
@@ -421,7 +421,7 @@ class Change(NamedTuple):
 
     t: float  # [s]
     active: Ints  # constraints from then on
-    on: Ints  # of them those that were off
+    on: Ints  # those of them that were off
     off: Ints  # those that are off now and were on
 
 
@@ -506,7 +506,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
 
 
 def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
-    """(times of frames and changes, the changes); a change near a frame gets the time of it."""
+    """Return times of frames and changes, and changes moved to frames within rounding."""
     moved: list[Change] = []
     near = ROUNDING * max(float(np.abs(times).max()), 1e-300)
     for change in found:
@@ -545,9 +545,10 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
 
 
 def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
-    """Move q and v onto the active constraints, in the mass metric; the change of q [rad, m].
+    """Move q and v onto the active constraints in the mass metric. Returns the change of q.
 
-    Raises InputError if the constraints cannot be met.
+    The change is the largest of a joint [rad, m]. Raises InputError if the constraints cannot be
+    met.
     """
     if scene.active[0] == 0:
         return 0.0

@@ -24,9 +24,9 @@ EDGE = 1e-6  # s in which a push comes and goes
 
 @explained
 class Walk(Portable):
-    """A walking mechanism that is stepped piece by piece; changes act from then on.
+    """A walking mechanism, stepped piece by piece with changes in between.
 
-    How a page plays while it computes, with `walk = Walk(mech, scenario="trot")`:
+    A page plays while it computes, with `walk = Walk(mech, scenario="trot")`:
 
         part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
         show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
@@ -35,9 +35,9 @@ class Walk(Portable):
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk's origin, world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
-    A piece takes up where the last one ended, at absolute times: the same changes at the same
-    times give the same bits. The controller has no memory, so that (t, q, v, gait) is all there
-    is to keep. A fall is reported in the piece's notices, and `fell` stays true.
+    A piece continues where the last one ended, at absolute times, so the same changes at the same
+    times give the same bits. The controller has no memory, so (t, q, v, gait) is the whole state.
+    A fall is reported in the piece's warnings, and `fell` stays true.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Walk(Portable):
         return self.controller.gait
 
     def step(self, dt: float, *, frames: int | None = None) -> Result:
-        """The next `dt` seconds; by default every step is recorded."""
+        """Return a run of the next `dt` seconds, by default with a frame per step."""
         dt = positive("dt", dt, call="Walk.step")
         if any(end <= self.t for end, _ in self._pushes):
             self._pushes = [push for push in self._pushes if push[0] > self.t]
@@ -89,7 +89,7 @@ class Walk(Portable):
         return run
 
     def _follows(self) -> bool:
-        """Whether the stepper is where the walk is, which a caller may have moved."""
+        """True if the stepper has the state of the walk, which a caller may have changed."""
         stepper = self._stepper
         if stepper is None:
             return True
@@ -97,7 +97,7 @@ class Walk(Portable):
         return same and np.array_equal(self.q, stepper.q) and np.array_equal(self.v, stepper.v)
 
     def _new_stepper(self, dt: float) -> Stepper | None:
-        """The stepper of the next pieces; None for a method that needs runs of their own."""
+        """Return the stepper of the next pieces, or None for a method that needs separate runs."""
         options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
         plan = plan_of(self.mech, options, self.controller, self.q, self.v)
         given = self.mech.model.scenario(self.scenario)
@@ -161,7 +161,7 @@ class Walk(Portable):
         self._built = False
 
     def follow(self, model: Model) -> None:
-        """Continue with another model with the same joints; the controller is not told."""
+        """Continue with another model with the same joints, unknown to the controller."""
         mech = Mechanism(model)
         self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
         self.mech, self._built = mech, False
