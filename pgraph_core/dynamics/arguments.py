@@ -15,7 +15,7 @@ from ..packing.packed import Packed
 
 
 def names_in(value: Any) -> Mapping[str, Any] | None:
-    """What maps names to values, as a dictionary or a row of pandas does; None for others."""
+    """Return a mapping of names to values, such as a dict or a pandas row, else None."""
     if isinstance(value, Mapping):
         return value
     if not callable(getattr(value, "keys", None)):
@@ -45,7 +45,7 @@ def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
 
 
 def numbers(name: str, value: Any, *shape: int) -> Array:
-    """An array of this shape; entries may be nan or inf. Raises InputError."""
+    """Return an array of this shape, whose entries may be nan or inf. Raises InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
         flags = value.flags
         if flags.c_contiguous and flags.writeable:
@@ -73,7 +73,7 @@ def finite(name: str, value: Any, *shape: int) -> Array:
 
 
 def position(packed: Packed, q: Any) -> Array:
-    """q (nq,), finite and with quaternions that have a direction; their length does not count.
+    """Return q (nq,), finite and with nonzero quaternions of any length.
 
     Raises InputError.
     """
@@ -106,7 +106,7 @@ def positions(packed: Packed, q: Array) -> None:
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
-    """The error of an argument of another type; where a model is wanted, a text may be a path."""
+    """Return the error of an argument of a wrong type, with a hint for paths of models."""
     text = f"must be {wanted}; given {shown(value)}"
     text += to_read(value) if "pg.Model" in wanted else ""
     return InputError(Problem(where, field, text))

@@ -59,12 +59,12 @@ class UserTorque(Unportable):
         """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
 
     def notices(self) -> list[str]:
-        """What a person should know of the run, from the side of the torques."""
+        """Return warnings about the torques of the run."""
         return []
 
     @property
     def trouble(self) -> str:
-        """Why the last call gave no torques; "" where it did."""
+        """Return the reason why the last call gave no torques, or ""."""
         nv, answer = len(self._tau), int(self.answer[0])
         if self.interpreted or (answer == 0 and np.isfinite(self._tau).all()):
             return ""
@@ -99,9 +99,9 @@ class UserTorque(Unportable):
 
 
 def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
-    """What compiled runs call for `tau`; None where it is no function.
+    """Return the function that compiled runs call for `tau`, or None for an array.
 
-    A controller brings a compiled function of its own, with a workspace for each run.
+    A controller provides its own compiled function, with a workspace for each run.
     """
     if hasattr(tau, "acting"):
         return tau.acting()
