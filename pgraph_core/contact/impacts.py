@@ -15,9 +15,9 @@ import numpy as np
 from ..packing import Array
 from ..tolerances import ROUNDING, SOLVED
 
-STEPS, HALVINGS = 40, 12  # of Newton's method, and of one step
+STEPS, HALVINGS = 40, 12  # limits on steps of Newton's method, and on halvings of a step
 ROUNDS, SWEEPS = 30, 20  # rounds of contacts in turn before it, sweeps in each
-DIRECTIONS = 48  # of slip among which a root is looked for
+DIRECTIONS = 48  # slip directions between which a root is bracketed
 
 
 class ContactRow(NamedTuple):
@@ -35,12 +35,12 @@ class Solution(NamedTuple):
 
     impulse: Array
     velocity: Array
-    gain: float  # of kinetic energy [J]
-    missed: float  # by how much laws are missed, over the largest velocity
+    gain: float  # gain of kinetic energy [J]
+    missed: float  # residual of the laws relative to the largest velocity
 
 
 def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
-    """λ of all rows; the first `bilateral` ones are held at zero velocity."""
+    """Return λ of all rows, the first `bilateral` of which are held at zero velocity."""
     b = slice(0, bilateral)
     inverse = np.linalg.pinv(omega[b, b], rcond=ROUNDING, hermitian=True)
     reduced = omega - omega[:, b] @ inverse @ omega[b]
@@ -54,11 +54,11 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow])
 
 
 def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
-    """λ of all contacts; by how much laws are missed, over the largest velocity.
+    """Solve λ of all contacts. Returns the residual of the laws over the largest velocity.
 
-    By Newton's method, first from all at once: what is alike on both sides of a mirror then stays
-    alike, where contacts in turn would choose a side. Where it does not arrive, contacts in turn
-    find out what sticks, slides and is open, and it goes on from there.
+    Newton's method starts from all contacts at once, so that symmetric scenes stay symmetric. If it
+    fails, contacts in turn determine which of them stick, slide and are open, and Newton's method
+    continues from there.
     """
     parts = [slice(row.first, row.first + row.size) for row in rows]
     if len(rows) == 1:
@@ -85,9 +85,9 @@ def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) ->
 
 
 def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
-    """λ with which all contacts that close stick; on the rim where that is outside of the cone.
+    """Return λ with which all closing contacts stick, moved to the rim if outside of the cone.
 
-    A contact at rest counts as closing: else rounding of its velocity chooses between solutions.
+    A contact at rest counts as closing. Otherwise rounding would choose between solutions.
     """
     lam = np.zeros(len(free))
     slow = SOLVED * float(np.abs(free).max(initial=0.0))
@@ -154,7 +154,7 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
     `free` are the velocities without impulses, those that bounces ask for taken off.
     """
     after, eye = free + omega @ lam, np.eye(len(lam))
-    missed, slope = after.copy(), omega.copy()  # of rows that are held
+    missed, slope = after.copy(), omega.copy()  # start with the residuals of held rows
     for row in rows:
         n, t = row.first, slice(row.first + 1, row.first + 3)
         own = omega[n, n]
@@ -167,7 +167,7 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
         most = _most_mobile(omega[t, t])
         pull = most * lam[t] - after[t]
         size, rim = math.hypot(*pull), most * row.friction * max(lam[n], 0.0)
-        if size > rim:  # it slides
+        if size > rim:  # sliding
             way = pull / size
             missed[t] = most * lam[t] - rim * way
             turned = (np.eye(2) - np.outer(way, way)) * (rim / size)
@@ -236,7 +236,7 @@ def _sliding(omega: Array, u: Array, mu: float) -> Array:
 def _root(
     function: Callable[[float], float], a: float, b: float, at_a: float, at_b: float
 ) -> float | None:
-    """Where a function is zero between a and b; None where its signs are alike, or it overflows."""
+    """Return the zero of a function between a and b, None for equal signs or overflow."""
     if at_a == 0.0:
         return a
     if at_b == 0.0:
