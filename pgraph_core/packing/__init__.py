@@ -16,7 +16,7 @@ Ints: TypeAlias = NDArray[np.int64]
 
 
 class System(NamedTuple):
-    """Constants of a mechanism; columns in `engine/layout.py`."""
+    """Constants of a mechanism, with the columns of `engine/layout.py`."""
 
     rows: Ints  # (n + 1, 4)
     const: Array  # (n + 1, 28)

@@ -24,17 +24,17 @@ NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
 
 class Joint(NamedTuple):
-    """What moves in a joint, and where its coordinates are in q and v."""
+    """Motions of a joint, and the places of its coordinates in q and v."""
 
-    kinds: tuple[int, ...]  # of its motions, as in `engine/layout.py`
+    kinds: tuple[int, ...]  # kinds of its motions, see `engine/layout.py`
     q: slice
     v: slice
 
 
 class Packed:
-    """The arrays of a model: tree, forces, constraints; each made when first asked for.
+    """Arrays of a model: tree, forces, constraints. Each is made when first used.
 
-    Nothing here belongs to a state or a run, and nothing changes but caches.
+    Nothing here belongs to a state or a run, and nothing changes except caches.
     """
 
     columns: Columns
@@ -43,7 +43,7 @@ class Packed:
     nb: int
     nq: int
     nv: int
-    springs: int  # how many act in joints or between bodies
+    springs: int  # number of springs in joints or between bodies
     # forces last asked for, packed, and when their tables bend
     _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
@@ -77,7 +77,7 @@ class Packed:
 
     @cached_property
     def model(self) -> Model:
-        """The description; of a table in columns it is made when first asked for."""
+        """The description, which is made from columns when first used."""
         return self.columns.model()
 
     # -- names and numbers -----------------------------------------------------------------------
