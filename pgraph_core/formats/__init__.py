@@ -1,4 +1,4 @@
-"""Model files of other programs, in and out: URDF and MJCF; with JSON of our own, by suffix."""
+"""Reading and writing of model files by suffix: URDF, MJCF and our JSON."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ HEAD = 65536  # bytes of a file in which its first element stands
 
 
 def first_element(head: bytes) -> bytes:
-    """The name of the first element in the head of an XML file; b"" if there is none."""
+    """Return the name of the first element in the head of an XML file, or b""."""
     found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head[:HEAD], flags=re.DOTALL))
     return found[1] if found else b""
 
@@ -80,4 +80,4 @@ def _by_root(path: str | Path, otherwise: Any) -> Any:
         with ordinary(path) as file:
             return ROOTS.get(first_element(file.read(HEAD)), otherwise)
     except (OSError, ValueError):
-        return otherwise  # which says why it cannot be read
+        return otherwise  # whose reader reports why the file cannot be read

@@ -72,14 +72,14 @@ ACTUATORS = (
 
 
 def _rows() -> dict[str, frozenset[str]]:
-    """Attributes by element; a line that is indented goes on with the line before it."""
+    """Return attributes by element. An indented line continues the previous one."""
     rows = (row.split(":") for row in ATTRIBUTES.replace("\n    ", " ").strip().splitlines())
     known = {tag: frozenset[str](names.split()) for tag, names in rows}
     actuator = known.pop("actuator")
     return known | dict.fromkeys(ACTUATORS, actuator)
 
 
-KNOWN = _rows()  # element -> its attributes; elements that move nothing have no row
+KNOWN = _rows()  # attributes by element, without elements that have no effect on motion
 
 
 def newer(tag: str, attributes: Iterable[str]) -> list[str]:

@@ -18,11 +18,11 @@ Rgba = tuple[float, float, float, float]
 
 
 class Seen(NamedTuple):
-    """What a mesh file holds besides its form."""
+    """Size and colours of a mesh file."""
 
     size: float  # largest extent, in the units of the file
-    colour: Rgba | None  # of most of its faces, from 0 to 1
-    lost: str  # what of its colours is not drawn; "" for nothing
+    colour: Rgba | None  # colour of most of its faces, from 0 to 1
+    lost: str  # description of colours that are not drawn, or ""
 
 
 def seen_in(file: Path) -> Seen:
@@ -102,7 +102,7 @@ def _materials(folder: Path, name: str) -> dict[str, Any]:
                     found[at] = (*found[at][:3], share if word == "d" else 1.0 - share)
                 case "map_Kd":
                     found[at] = "texture"
-        except ValueError:  # what is no number is no colour
+        except ValueError:  # not a number, so no colour
             continue
     return found
 
