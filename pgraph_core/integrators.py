@@ -1,6 +1,6 @@
-"""The integration methods as data, their tableaus with them; their steps are kernels.
+"""The integration methods as data, with their tableaus. Their steps are kernels.
 
-Numbers of DOPRI5 and DOP853 from [Hairer, Norsett, Wanner 1993, II.5, II.6 and their code].
+Coefficients of DOPRI5 and DOP853: [Hairer, Norsett, Wanner 1993, II.5, II.6 and their code].
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Tableau(NamedTuple):
     a: Array  # (S, S)
     b: Array  # (s,)
     c: Array  # (S,)
-    error: Array  # (1 or 2, s or s + 1) weights of error estimates; empty without one
-    dense: Array  # (S, degree) coefficients of p_i: θ, θ², ...; empty without dense output
+    error: Array  # (1 or 2, s or s + 1) weights of error estimates, empty without one
+    dense: Array  # (S, degree) coefficients of p_i: θ, θ², ..., empty without dense output
 
 
 class Method(NamedTuple):
@@ -39,13 +39,13 @@ class Method(NamedTuple):
     name: str
     order: int
     tableau: Tableau
-    use: str  # in a few words
+    use: str  # purpose in a few words
     step: str  # module and name of its kernel, loaded when it is first asked for
     adaptive: bool = False  # whether it can choose its steps by their error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
-    limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
-    implicit: bool = False  # whether it solves equations
+    limit: float = 0.0  # largest stable rate x step of an oscillation, 0 for any
+    implicit: bool = False  # True if it solves equations
     jacobian: bool = False  # whether it does so with the Jacobian of v'
 
     @property
@@ -56,12 +56,12 @@ class Method(NamedTuple):
 
     @property
     def starts(self) -> bool:
-        """Whether a step starts from v' at its start."""
+        """True if a step starts from v' at its start."""
         return self.name != "moreau_jean"
 
     @property
     def eventful(self) -> bool:
-        """Whether it can go from event to event: events are located in a step of it."""
+        """True if events can be located in its steps."""
         return self.starts and not self.implicit
 
     @property
@@ -149,10 +149,10 @@ def dop853() -> Tableau:
 
 
 def _interpolant(b: Array, end: int, d: Array) -> Array:
-    """p_i in powers of θ, of Hermite's cubic between both ends and the terms of `d`.
+    """Return p_i in powers of θ, from Hermite's cubic between both ends and the terms of `d`.
 
-    y + θ (Δ + (1 - θ) (h k_0 - Δ + θ (2 Δ - h (k_0 + k_end) + (1 - θ) (h d_0 k + θ ...)))),
-    Δ = h Σ b_i k_i.
+    The polynomial is y + θ (Δ + (1 - θ) (h k_0 - Δ + θ (2 Δ - h (k_0 + k_end)
+    + (1 - θ) (h d_0 k + θ ...)))) with Δ = h Σ b_i k_i.
     """
     unit = np.eye(len(b))
     parts = [b, unit[0] - b, 2 * b - unit[end] - unit[0], *d]
@@ -433,7 +433,7 @@ RK4, DOPRI5, DOP853, RADAU5 = (METHODS[name] for name in ("rk4", "dopri5", "dop8
 
 
 def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Method:
-    """The method called `name`; `impulses` says that the scene has some, `touching` contacts.
+    """Return the method `name` for a scene with `impulses` or `touching` contacts.
 
     Raises InputError with the choices.
     """

@@ -27,10 +27,10 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Motion(NamedTuple):
-    """One elementary motion of a joint; a joint is a sequence of them, from parent to body."""
+    """One elementary motion. A joint is a sequence of motions from parent to body."""
 
     kind: MotionKind
-    axis: Vector  # in the body's axes at q = 0; of no meaning for ball and free
+    axis: Vector  # axis in the body's axes at q = 0, unused for ball and free
 
 
 BALL = Motion("ball", Z)
@@ -77,7 +77,7 @@ def nv(motions: tuple[Motion, ...]) -> int:
 
 
 def places(motions: tuple[Motion, ...]) -> list[int | None]:
-    """The entry of q that each degree of freedom changes; None for turns of balls and free ones."""
+    """Return the entry of q of each degree of freedom, None for rotations of balls and free."""
     found: list[int | None] = []
     start = 0
     for m in motions:
@@ -108,7 +108,7 @@ Limits = tuple[tuple[float | None, float | None] | None, ...]
 def joint_problems(
     joint: JointKind, motions: Motions, q: Numbers, v: Numbers, limits: Limits
 ) -> list[Finding]:
-    """What is wrong with a joint's motions, axes, initial state and limits."""
+    """Return the problems of a joint's motions, axes, initial state and limits."""
     found: list[Finding] = []
     if joint != "compound" and _kinds(motions) != _kinds(DEFAULT[joint]):
         found.append(("motions", f"are not those of a {joint} joint; use joint 'compound'"))

@@ -1,7 +1,7 @@
-"""Files of others, within bounds; XML with its line numbers, no entities, nothing from outside.
+"""Files of others within limits: XML with line numbers, without entities or external files.
 
-Expat of the standard library parses; a document type, which is where entity bombs and files of the
-machine come in, is refused before it is read.
+The standard library's Expat parses. A document type, through which entity bombs and local files
+enter, is refused before it is read.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Element:
         self.tag, self.attributes, self.line = tag, attributes, line
         self.children: list[Element] = []
         self.text = ""
-        self.encoding = ""  # of the root: the encoding of its file
+        self.encoding = ""  # encoding of the file, set at the root
 
     def all(self, *tags: str) -> Iterator[Element]:
         """The children with one of these tags."""
@@ -136,7 +136,7 @@ def content_of(path: str | Path, most: int) -> bytes:
 
 
 def ordinary(path: str | Path) -> BinaryIO:
-    """A file, open; none that may never end, as a pipe or a device. Raises OSError, ValueError."""
+    """Open a regular file. Raises ValueError for pipes and devices, OSError."""
 
     def opener(path: str, flags: int) -> int:
         return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe waits for its writer
@@ -205,14 +205,14 @@ def parse_markup(content: bytes, name: str) -> Element:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
-    except (ValueError, LookupError):  # of the codec that the file names
+    except (ValueError, LookupError):  # raised by the codec that the file names
         told = "not XML: its encoding is unknown; save it in UTF-8"
         raise source.wrong(1, "", told) from None
     roots[0].encoding = encoding or "utf-8"
     return roots[0]
 
 
-ASCII = bytes(range(128))  # what markup is written in
+ASCII = bytes(range(128))  # characters of markup
 DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 
 

@@ -15,7 +15,7 @@ from .errors import FileError, ModelError, PgraphError, Problem, choices, needed
 from .markup import Element, Source, content_of, parse_markup, reason_of
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
-LARGEST = 200_000_000  # [bytes] of a mesh file
+LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
 FARTHEST = 1e12  # a coordinate beyond this has no volume in float64
 Scale: TypeAlias = "float | tuple[float, float, float]"
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
@@ -78,7 +78,7 @@ def parsed_mesh(file: str | Path) -> Any:
 
 
 def _looks_like(suffix: str, content: bytes) -> bool:
-    """Whether a file begins as its format does, so that no other file is parsed as a mesh."""
+    """True if a file begins like its format, so that no other file is parsed as a mesh."""
     match suffix:
         case "dae":
             return b"<COLLADA" in content[:10_000]
@@ -98,7 +98,7 @@ def _looks_like(suffix: str, content: bytes) -> bool:
 
 
 def _sizes_of_msh(content: bytes) -> tuple[int, int, int, int] | None:
-    """Numbers of vertices, normals, texture places, faces of a mesh of MuJoCo; None: no such."""
+    """Return numbers of vertices, normals, texture places, faces of a MuJoCo mesh, or None."""
     if len(content) < 16:
         return None
     points, normals, places, faces = np.frombuffer(content, "<i4", 4).tolist()
@@ -121,7 +121,7 @@ def _unreadable(file: str | Path, reason: str) -> Problem:
 
 
 def _damage(error: Exception) -> str:
-    """Why a file is damaged: what our reader says; a message of another's is for programmers."""
+    """Return the damage of a file in the words of our reader, or a general sentence."""
     if isinstance(error, MemoryError):
         return "it needs more memory than there is"
     return str(error) if isinstance(error, PgraphError) else "its content is damaged or cut short"
@@ -307,7 +307,7 @@ def _fans(corners: Array, sizes: Array) -> Array:
 
 
 def _strip(x: Array) -> Array:
-    """Triangles of a strip; every second is wound the other way."""
+    """Return the triangles of a strip, of which every second one is reversed."""
     if len(x) < 3:
         return np.zeros((0, 3), np.int64)
     faces = np.stack((x[:-2], x[1:-1], x[2:]), axis=1)

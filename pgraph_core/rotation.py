@@ -74,7 +74,7 @@ def normals_of(axis: Array) -> tuple[Array, Array]:
 
 
 def quaternion_of(R: Array) -> Quaternion:
-    """The quaternion of a rotation matrix (3, 3); its largest number is positive."""
+    """Return the quaternion of a rotation matrix (3, 3), with its largest number positive."""
     a, b, c = R[0, 0], R[1, 1], R[2, 2]
     squares = np.array([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c])  # 4 x its own
     products = np.array([

@@ -85,7 +85,7 @@ def lines_of(state: State, found: Any) -> list[Payload]:
 
 
 def needless(name: str, kind: str, rows: list[Any]) -> str:
-    """'unnecessarily removes rotation about x ...; choose line instead'."""
+    """Return a remark on redundant rows, with a kind of constraint that has fewer."""
     always = [row for row in rows if not row.only_here]
     here = [row for row in rows if row.only_here]
     parts = []
@@ -127,7 +127,7 @@ class Reports:
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
-        self._asked: pg.Model | None = None  # whose report was asked for last
+        self._asked: pg.Model | None = None  # model of the last request
         self._newest: SimpleQueue[pg.Model] = SimpleQueue()
         threading.Thread(target=self._work, name="pgraph-reports", daemon=True).start()
 
@@ -145,7 +145,7 @@ class Reports:
 
 
 def wanted(state: State) -> bool:
-    """Whether somebody looks at constraints whose report is not there yet."""
+    """True if a page shows constraints whose report is missing."""
     if not state.model.constraints or not any(
         "constraints" in c.sees for c in state.clients.values()
     ):

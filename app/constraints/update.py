@@ -158,7 +158,7 @@ def picking_of(state: State, client: int) -> Picking | None:
 
 
 def picked(state: State, client: int, body: str | None) -> State:
-    """A body clicked while picking, or the ground; None (Escape) ends it."""
+    """Take a body clicked while picking, or the ground. None (Escape) ends picking."""
     picking = picking_of(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
@@ -172,7 +172,7 @@ def picked(state: State, client: int, body: str | None) -> State:
 
 
 def allowed(picking: Picking) -> tuple[str, ...]:
-    """What else may be picked."""
+    """Return the other targets that may be picked."""
     if picking.part == "contacts":
         named = (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
         return named if picking.name is not None else (*named, parts.ALL_ON_GROUND)
@@ -210,7 +210,7 @@ def _with_body(state: State, part: Part, name: str, slot: str, body: str):
 
 
 def _made(state: State, client: int, picking: Picking, body: str, other: str) -> State:
-    """The new part between the bodies picked, shown whole in the tab; one each for `more`."""
+    """Make the new part between the picked bodies and open it, one part for each of `more`."""
     made = ""
 
     def make():
@@ -243,7 +243,7 @@ def _called(state: State, client: int) -> State:
 
 @dataclass(frozen=True)
 class OpenPart(FromPage):
-    """Show all of one part in the tab; None: of none."""
+    """Open one part in the tab, None for none."""
 
     part: Part
     name: Text | None
@@ -257,7 +257,7 @@ def open_part(state: State, event: OpenPart) -> State:
 
 @dataclass(frozen=True)
 class OpenConstraints(FromPage):
-    """The tab to the front, with what touches one body; None: with everything."""
+    """Show the tab with the parts of one body, None for all parts."""
 
     body: Text | None
 

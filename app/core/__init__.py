@@ -1,1 +1,1 @@
-"""What all features share: the state, the store, the bridge to the page, cells and forms."""
+"""Shared parts of all features: the state, the store, the bridge to the page, cells, forms."""

@@ -1,4 +1,4 @@
-"""What can happen, and which function handles it.
+"""Events and their handlers.
 
 Each feature declares its events in its `update.py`, with the handler below the event:
 
@@ -9,8 +9,8 @@ Each feature declares its events in its `update.py`, with the handler below the 
     @on(Pause)
     def paused(state: State, event: Pause) -> State: ...
 
-`on_edit` is the same for what makes a new model, `on_typed` for what is typed into a cell and
-changes no model. The fields of a page's events are validated by their annotations (`from_page`).
+`on_edit` is for events that make a new model, `on_typed` for text typed into a cell that changes no
+model. The fields of a page's events are validated by their annotations (`from_page`).
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ class FromPage(Event):
 
 
 class OfBodies(FromPage):
-    """About its `bodies`; without any, about those that its page has selected."""
+    """Event about its `bodies`, by default those that its page has selected."""
 
 
 @dataclass(frozen=True)
 class OfScenario(FromPage):
-    """About a scenario, which it names by its number; None: the one that is chosen."""
+    """Event about a scenario by number, None for the chosen one."""
 
     scenario: int | None = field(default=None, kw_only=True)
 
@@ -84,9 +84,9 @@ def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
 
 
 def on_news(of: str, *kinds: type[Event]) -> Callable[[News], News]:
-    """As `on`, for what work in the background tells: (state, event, work) -> state.
+    """Like `on`, for messages of background work: (state, event, work) -> state.
 
-    The work is the field `of` of the state; news of other work than that, by `event.id`, is left.
+    The work is the field `of` of the state. Messages of other work, by `event.id`, are ignored.
     """
 
     def keep(handler: News) -> News:
@@ -114,9 +114,9 @@ def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
 
 
 def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
-    """As `on`, for what was typed into a cell, whose page is answered.
+    """Like `on`, for text typed into a cell, with an answer to its page.
 
-    What the handler refuses, by a Refusal or an error of the core, stands next to the cell.
+    A Refusal of the handler, or an error of the core, is shown next to the cell.
     """
 
     def keep(handler: Handler) -> Handler:
@@ -136,10 +136,10 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
 def on_edit(
     *kinds: type[FromPage], offer: Callable[[State, Any], str] = lambda state, event: ""
 ) -> Callable[[Edit], Edit]:
-    """As `on`, for edits: a function (state, event) -> (new model, what was done), an undo step.
+    """Like `on`, for edits: a function (state, event) -> (new model, label) makes an undo step.
 
-    What it refuses stands next to the cell where the event has a `serial`, with a button for the
-    repair that `offer` names; else it is a notice.
+    A refusal is shown next to the cell if the event has a `serial`, with a button for the repair
+    that `offer` names, otherwise as a notice.
     """
 
     def keep(handler: Edit) -> Edit:
@@ -207,7 +207,7 @@ def page_events() -> dict[str, TypeAdapter[FromPage]]:
 
 
 def from_page(client: int, text: str) -> FromPage:
-    """The event in a page's message `{"event": name, ...fields}`; Misread if there is none."""
+    """Return the event in a page's message `{"event": name, ...fields}`, Misread if invalid."""
     try:
         fields = json.loads(text)
         adapter = page_events()[fields.pop("event")]

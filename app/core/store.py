@@ -40,14 +40,14 @@ class Queue:
     """
 
     def __init__(self) -> None:
-        self._waiting: dict[int | None, deque[Event]] = {}  # in the order of their turns
+        self._waiting: dict[int | None, deque[Event]] = {}  # queues in the order of their turns
         self._changed = threading.Condition()
         self._closed = False
         self._ahead = 0  # events of pages since the server's last one
         self._woken = False
 
     def put(self, event: Event) -> None:
-        """Append an event; a page of which too many are waiting is not heard."""
+        """Append an event, unless too many events of its page are waiting."""
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
             waiting = self._waiting.setdefault(sender, deque())
@@ -73,7 +73,7 @@ class Queue:
             self._changed.notify()
 
     def get(self, seconds: float) -> Event | None:
-        """The next event; None if none comes within that time, or after `wake`. Raises Closed."""
+        """Return the next event, or None after that time or `wake`. Raises Closed."""
         with self._changed:
             timeout = None if seconds == math.inf else seconds
             self._changed.wait_for(lambda: self._waiting or self._closed or self._woken, timeout)
@@ -93,7 +93,7 @@ class Queue:
             return event
 
     def more(self, event: Event) -> list[Event]:
-        """The events of the same kind and sender that wait next, if such collapse; taken."""
+        """Take the next waiting events of the same kind and sender if that kind collapses."""
         found: list[Event] = []
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
@@ -106,7 +106,7 @@ class Queue:
 
 
 class Store:
-    """`send(event)` from any thread; everything else happens in the store's own."""
+    """Event loop: `send(event)` from any thread, all else in the store's own thread."""
 
     def __init__(self, state: State, update: Callable[[State, Event], State] = update):
         self.state = state
@@ -115,8 +115,8 @@ class Store:
         self._thread = threading.Thread(target=self._loop, name="pgraph-store", daemon=True)
         self._views: Sequence[View] = ()
         self._workers: Sequence[View] = ()
-        self._drawn = state  # what the views have
-        self._missed: dict[int, State] = {}  # what those have that failed, by their ids
+        self._drawn = state  # state that the views show
+        self._missed: dict[int, State] = {}  # state of views that failed, by their ids
         # what views send meanwhile goes out as one; with `True` what is for single pages, too
         self.together: Callable[[bool], contextlib.AbstractContextManager[None]] = lambda _: (
             contextlib.nullcontext()
@@ -138,12 +138,12 @@ class Store:
         self._events.wake()
 
     def send(self, event: Event) -> None:
-        """Queue an event; never waits."""
+        """Queue an event without waiting."""
         self._events.put(event)
 
     @property
     def waiting(self) -> int:
-        """How many events wait."""
+        """Number of waiting events."""
         return len(self._events)
 
     def stop(self) -> None:
@@ -172,8 +172,7 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """One event, or several that are drawn as one; a fault in it or in a view is logged and
-        the page goes on."""
+        """Apply an event, or several drawn as one. Faults are logged and the page continues."""
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state

@@ -436,7 +436,7 @@ def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
         try:
             state = edit.replaced(state, own(old.text), "recover the last session")
         except pg.PgraphError:
-            continue  # it stays on offer, and opening it gives the reason
+            continue  # stays on offer, and opening it gives the reason
         again, title = old, "Recovered"
         text = f"{old.name} as it was at {_at(old)}, when Pgraph was stopped. "
         text += f"Undo brings back {given}. "

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Inspected:
-    """The part of an operator that a page looks at; None: all rows, all columns."""
+    """Part of an operator that a page shows, None for all rows or columns."""
 
-    what: str  # as in TITLES of `view.py`
+    what: str  # key of TITLES in `view.py`
     rows: tuple[int, int] | None = None  # from, to
     columns: tuple[int, int] | None = None

@@ -17,7 +17,7 @@ What = Literal["", "M", "J", "eps_phi", "Phi", "S"]
 
 @dataclass(frozen=True)
 class Inspect(FromPage):
-    """Show an operator, or these rows and columns of it; "": none is in view."""
+    """Show an operator, or rows and columns of it, "" for none."""
 
     what: What
     rows: tuple[Index, Index] | None = None

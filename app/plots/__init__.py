@@ -35,7 +35,7 @@ class Signal(NamedTuple):
 
     @property
     def component(self) -> str:
-        """Which one of several bodies' is plotted; "" where all are."""
+        """Plotted component of several bodies, "" for all."""
         return self.kind.partition(".")[2]
 
     @property
@@ -53,7 +53,7 @@ class Curve(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """How a quantity is read off a result."""
+    """Reader of a quantity of a result."""
 
     label: str
     unit: str
@@ -94,7 +94,7 @@ def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.nda
 
 
 def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
-    """What an output reads."""
+    """Return the readings of an output."""
     found = run.mechanism.model.part(name, kind="output")
     return found.reading.parts, run.outputs[name].reshape(len(run.t), -1)
 
@@ -106,7 +106,7 @@ def energies(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
 
 
 def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
-    """How far the constraints are missed."""
+    """Return the residuals of the constraints."""
     return ("position", "velocity"), run.constraint_drift
 
 
@@ -141,13 +141,13 @@ OF_JOINTS = ("q", "v", "vdot")
 
 
 def of_body(model: pg.Model, name: str) -> list[Signal]:
-    """What can be plotted of a body."""
+    """Return the signals of a body."""
     moves = model.body(name).dof > 0
     return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
 
 
 def of_several(model: pg.Model, names: Sequence[str]) -> list[Signal]:
-    """What can be plotted of several bodies together: one component of each."""
+    """Return the signals of several bodies together: one component of each."""
     moving = [name for name in names if model.body(name).dof]
     found = []
     for kind in OF_BODIES:
@@ -185,14 +185,14 @@ def strip(run: pg.Result) -> list[tuple[float, str]]:
 
 
 def of_scene(run: pg.Result) -> list[Signal]:
-    """What can be plotted of a run besides its bodies."""
+    """Return the signals of a run that belong to no body."""
     found = [Signal(POSES, SCENE), Signal("energy", SCENE)]
     if run.constraint_force:
         found.append(Signal("drift", SCENE))
     kinds = {c.name: c.kind for c in run.mechanism.model.constraints}
     for name in run.constraint_force:
         found.append(Signal("constraint_force", name))
-        if kinds.get(name) != "point":  # which passes on no torque
+        if kinds.get(name) != "point":  # a point transmits no torque
             found.append(Signal("constraint_torque", name))
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
@@ -215,7 +215,7 @@ def title(signal: Signal) -> str:
 
 
 def unit(model: pg.Model, signal: Signal) -> str:
-    """Of its numbers; a joint that both turns and slides has two."""
+    """Return the unit of a signal. A joint that both turns and slides has two."""
     both = KINDS[signal.quantity].unit
     if signal.kind == "output":
         return next((x.reading.unit for x in model.outputs if x.name == signal.of), both)
@@ -229,7 +229,7 @@ def unit(model: pg.Model, signal: Signal) -> str:
 
 
 def curves(run: pg.Result, signal: Signal) -> list[Curve]:
-    """The lines of a signal; none where the run lacks it."""
+    """Return the lines of a signal, [] if the run lacks it."""
     found: list[Curve] = []
     for name in signal.bodies:
         try:

@@ -13,7 +13,7 @@ from ..run import Run
 
 @dataclass(frozen=True)
 class Grip:
-    """Where a page's gizmo has dragged a vector of a body to, or how it has turned it."""
+    """Vector of a body that a page's gizmo has dragged or turned."""
 
     body: str
     what: str  # "link", "com" or "rotation"
@@ -26,7 +26,7 @@ class Pose:
 
     model: pg.Model
     run: Run | None
-    time: float  # of the playback when it was set [s]
+    time: float  # playback time at which it was set [s]
     q: np.ndarray  # (nq,)
     positions: np.ndarray  # (nb, 3) [m]
     wxyz: np.ndarray  # (nb, 4)

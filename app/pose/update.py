@@ -1,4 +1,4 @@
-"""Moving bodies by hand: sliders and the gizmo; a pose is shown, then an edit (pure)."""
+"""Moving bodies by sliders and the gizmo. A pose is shown, then an edit is made (pure)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from ..core.state import State, replied, with_client
 from . import Grip, solving
 
 Vector = tuple[Finite, Finite, Finite]
-NOTCH = math.radians(15)  # a turn by hand goes to multiples of it,
-NEAR = 0.15  # where it is as near to one, as a part of it
+NOTCH = math.radians(15)  # dragged rotations snap to multiples of it
+NEAR = 0.15  # snapping distance relative to NOTCH
 FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 
 
@@ -42,7 +42,7 @@ class MoveJoint(FromPage):
 
 @on(MoveJoint)
 def joint_moved(state: State, event: MoveJoint) -> State:
-    """The pose with one coordinate moved; as it was where a loop does not let it."""
+    """Move one coordinate of the pose, unless a loop prevents it."""
     client, serial, problem = event.client, event.serial, ""
     try:
         state.model.body(event.body)
@@ -61,7 +61,7 @@ def joint_moved(state: State, event: MoveJoint) -> State:
 
 
 def measured(state: State, event: MoveJoint) -> cells.Quantity:
-    """Whether a coordinate is an angle or a length: 90 deg and 5 mm may be typed."""
+    """Return the quantity of a coordinate, so that 90 deg and 5 mm may be typed."""
     units = [found.unit for found in solving.coordinates(state, (event.body,))]
     return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
@@ -97,8 +97,10 @@ class SetGizmo(FromPage):
 
 @dataclass(frozen=True)
 class Gripped(FromPage):
-    """The gizmo was dragged to `vector` [m], in the axes of the field, or turned to a quaternion;
-    the end is one undo step."""
+    """The gizmo was dragged to `vector` [m] in the axes of the field, or turned to a quaternion.
+
+    Its release is one undo step.
+    """
 
     body: Text
     what: Literal["link", "com", "rotation"]
@@ -108,7 +110,7 @@ class Gripped(FromPage):
 
 @on(Gripped)
 def gripped(state: State, event: Gripped) -> State:
-    """The body drawn where the gizmo is; let go, that is the model's new link vector or com."""
+    """Draw the body at the gizmo. A release sets the model's link vector or centre of mass."""
     if event.body not in state.model.row:
         return state
     body, client = state.model.body(event.body), event.client
@@ -139,7 +141,7 @@ def _drafted(state: State, name: str, what: str, vector: tuple[float, ...]) -> S
 
 
 def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[float, ...]:
-    """`new` to what a hand can mean in a model of this size; what did not move stays as it was."""
+    """Round `new` to the resolution of a drag in a model of this size, keeping unmoved numbers."""
     decimals = FINE - math.ceil(math.log10(size))
     least = 0.5 * 10.0**-decimals
     return tuple(a if abs(b - a) < least else round(b, decimals) for a, b in zip(old, new))

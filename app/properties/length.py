@@ -12,9 +12,9 @@ from pgraph_core.rotation import matrix
 
 from ..core.cells import Refusal
 
-SAME = 1e-6  # of the length: points as near to the tip go with it
+SAME = 1e-6  # distance from the tip of points that move with it, relative to the length
 ALONG = 0.999  # cosine within which a shape lies along its body
-WHOLE = 0.6  # of the length: a shape as long is stretched, a shorter one is moved
+WHOLE = 0.6  # relative length from which a shape is stretched instead of moved
 PARTS = ("constraints", "contacts", "forces")
 
 
@@ -50,7 +50,7 @@ def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Mode
 
 
 def _own(body: pg.Body, u: np.ndarray, old: float, new: float) -> dict[str, Any]:
-    """What changes of the body itself."""
+    """Return the changed fields of the body itself."""
     scale = np.eye(3) + (new / old - 1) * np.outer(u, u)
     change: dict[str, Any] = {}
     if body.shapes:

@@ -72,12 +72,12 @@ def bodies_edited(state: State, event: EditBodies) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class Check(Typed):
-    """While it is typed: what is wrong with it; nothing is changed."""
+    """Check text while it is typed, without changing anything."""
 
 
 @on(Check)
 def checked(state: State, event: Check) -> State:
-    """What the model refuses about half-typed cells, and a repair; unfinished numbers are fine."""
+    """Report the problem of half-typed cells and a repair. Unfinished numbers are accepted."""
     problem = offer = ""
     try:
         _edited(state, event)
@@ -151,7 +151,7 @@ def _stretched(state: State, event: Typed) -> pg.Model:
 
 
 def _offer(state: State, event: Typed) -> str:
-    """What a repair would do with the refused entries; "" where there is none."""
+    """Return the label of a repair of the refused entries, or ""."""
     if event.field == LENGTH:
         return ""
     try:
@@ -233,7 +233,7 @@ LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
 
 
 def _place_of(file: str, content: bytes) -> Path:
-    """Where a mesh file that came through a page is kept."""
+    """Return the path of an uploaded mesh file."""
     stem = re.sub(r"[^\w-]+", "_", Path(file).stem)[:60] or "mesh"
     suffix = Path(file).suffix.lower()
     return mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}{suffix}"
@@ -272,9 +272,9 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes, _: Any = None) ->
 
 
 def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
-    """What makes mass, centre of mass and inertia of bodies follow from shapes that they fill.
+    """Return fields that derive mass, centre of mass and inertia of bodies from their shapes.
 
-    A body without a shape fills the rod as which it is drawn, its shape from now on.
+    A body without a shape gets the rod as which it is drawn.
     Raises PgraphError, Refusal.
     """
     found = {}

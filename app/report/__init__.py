@@ -12,11 +12,11 @@ from ..run import Request
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """What a report is asked for."""
+    """Settings of a report."""
 
-    target: float = 1e-6  # the error that is wanted
-    t_end: float | None = None  # [s]; None: as the run
-    axis: str = ""  # of the stability map; "": the first that the model has
+    target: float = 1e-6  # target error
+    t_end: float | None = None  # [s] duration, None for that of the run
+    axis: str = ""  # axis of the stability map, "" for the model's first one
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def latest(report: Report | None, kind: str) -> Report | None:
 
 
 def advised(report: Report | None) -> Request | None:
-    """The method, and its step or tolerance, that a report recommends; None where it has none."""
+    """Return the method, step or tolerance that a report recommends, or None."""
     row = None if report is None else report.result.advised()
     if row is None:
         return None

@@ -13,7 +13,7 @@ from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State, with_client
 from . import Analysis, Report, ReportRequest, advised, latest
 
-LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
+LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred times
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def analyse(state: State, event: Analyse) -> State:
 
 @dataclass(frozen=True)
 class CancelAnalysis(FromPage):
-    """Stop measuring; what was measured so far is kept."""
+    """Stop measuring and keep the results so far."""
 
 
 @on(CancelAnalysis)

@@ -15,9 +15,9 @@ from ..report.update import Measured, Measuring, NotMeasured
 from ..run import FREE_RUN
 
 REPORT = 0.1  # [s] between progress events
-ROUNDS = 3  # of timing: a page waits for them
-LONGEST = 0.5  # [s] of computing: longer runs are left out
-HORIZON = 1.0  # [s] of the motion at most for a map, which makes hundreds of runs
+ROUNDS = 3  # rounds of timing, few because a page waits
+LONGEST = 0.5  # [s] limit on the computing time of a run
+HORIZON = 1.0  # [s] limit on the motion of a map, which makes hundreds of runs
 
 
 class Analyst:

@@ -30,7 +30,7 @@ Send = Callable[[Event], None]
 
 
 class Simulator:
-    """Runs the state's job in a thread once the kernels are there; a job gone is cancelled."""
+    """Runs the state's job in a thread once the kernels are ready, and cancels dropped jobs."""
 
     def __init__(self, send: Send):
         self._send = send
@@ -87,7 +87,7 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
 
 
 def why_compiled() -> str:
-    """Return why numba has to compile kernels of usual runs; "" where the package brings them."""
+    """Return the reason why numba must compile kernels of usual runs, or ""."""
     found = current()
     return found.problem or next(map(found.why, found.stale()), "")
 
@@ -139,11 +139,11 @@ class Compiler:
 
 
 class Files:
-    """Writes the model where a page asked for it; asks before it replaces what is not ours."""
+    """Writes the model for a page, which must confirm that a foreign file is replaced."""
 
     def __init__(self, send: Send):
         self._send = send
-        self._written: dict[Path, bytes] = {}  # what this session wrote last
+        self._written: dict[Path, bytes] = {}  # last content that this session wrote
 
     def render(self, old: State, new: State) -> None:
         saving = new.saving
@@ -168,7 +168,7 @@ class Files:
         self._send(Saved(saving.client, saving.serial, shown, problem, offer))
 
     def _refused(self, path: Path, replace: bool) -> tuple[str, str]:
-        """Why a model is not written to a path, and what would do; "" where it is."""
+        """Return the reason why a model is not written to a path, and a remedy, or ""."""
         if path.exists() and not path.is_file():
             return f"{path} is not an ordinary file; give the name of a new one.", ""
         if path.suffix != ".json":

@@ -1,4 +1,4 @@
-"""The scenario that is chosen for the run: its initial state, forces, switches; edits (pure)."""
+"""The scenario chosen for the run: initial state, forces, switches and edits (pure)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ..core import cells
 from ..core.cells import Display, Quantity, Refusal
 from ..run import Request
 
-TIME = "t"  # what a switch waits for that has no condition
-WAITS = {  # for what a switch waits: what it is called
+TIME = "t"  # trigger of a switch without a condition
+WAITS = {  # labels of triggers of switches
     TIME: "at a time",
     "coordinate": "a coordinate is",
     "gap": "a gap is",
@@ -53,7 +53,7 @@ def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
 
 
 def quantities(body: pg.Body, field: str) -> list[Quantity]:
-    """What each number of a joint's q measures; rates are in SI units."""
+    """Return the quantity of each number of a joint's q. Rates are in SI units."""
     kinds: dict[str, Quantity] = {"rotate": "angle", "translate": "length"}
     counts = {"ball": (4, 3), "free": (7, 6)}
     found: list[Quantity] = []
@@ -129,7 +129,7 @@ def acting(model: pg.Model, s: pg.Scenario, field: str) -> list[tuple[str, bool]
 def _acting(
     model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], on: bool
 ) -> tuple[str, ...] | None:
-    """The active ones with one of them on or off; None where they are the model's own choice."""
+    """Return the active parts with one of them on or off, None for the model's own choice."""
     parts = [name for name, _ in acting(model, s, field)]
     if not index or index[0] >= len(parts):
         raise Refusal("has no such row any more")
@@ -159,7 +159,7 @@ def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
 
 
 def names_of(model: pg.Model, what: str) -> list[str]:
-    """What a condition of that kind may name."""
+    """Return the names that a condition of that kind may use."""
     if what == TIME:
         return []
     known = known_names(
@@ -178,7 +178,7 @@ def waits_of(switch: pg.Switch) -> tuple[str, str]:
 
 
 def unit_of(model: pg.Model, switch: pg.Switch) -> str:
-    """Of the value of a condition: "angle" and "length" follow the page's units."""
+    """Return the unit of a condition's value. "angle" and "length" follow the page's units."""
     what, name = waits_of(switch)
     if what != "coordinate":
         return UNITS.get(what, "")
@@ -188,14 +188,14 @@ def unit_of(model: pg.Model, switch: pg.Switch) -> str:
 
 
 def value_of(switch: pg.Switch) -> float | None:
-    """The number that it waits for; None where it waits for a constraint."""
+    """Return the number that a switch waits for, None if it waits for a constraint."""
     if switch.when is None:
         return switch.t
     return switch.when.above if switch.when.above is not None else switch.when.below
 
 
 def side_of(switch: pg.Switch) -> str:
-    """'above' or 'below' a value, 'on' or 'off'; "" at a time."""
+    """Return "above" or "below" a value, "on" or "off", or "" for a time."""
     if switch.when is None:
         return ""
     if switch.when.active is not None:

@@ -14,10 +14,10 @@ class Kept:
 
     path: Path
     given: str  # the model that the session was started with
-    time: float  # of the last edit [s since 1970]
+    time: float  # time of the last edit [s since 1970]
     text: str  # JSON
     ended: bool  # the server was stopped, not killed
-    name: str  # of the model
+    name: str  # name of the model
 
 
 @dataclass(frozen=True)

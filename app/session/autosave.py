@@ -72,7 +72,7 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
 
 
 def _over(lock: Path, rest: Iterable[Path]) -> bool:
-    """Whether no process holds the lock of a session; the rest of its files is then removed."""
+    """True if no process holds the lock of a session. Then the rest of its files is removed."""
     with contextlib.suppress(OSError), lock.open("rb") as file:
         if not _locked(file, shared=True):
             return False
@@ -82,7 +82,7 @@ def _over(lock: Path, rest: Iterable[Path]) -> bool:
 
 
 def _locked(file: IO[bytes], *, shared: bool) -> bool:
-    """Whether this process now holds the lock of a file; False if another process holds it."""
+    """Lock a file for this process. Returns False if another process holds the lock."""
     if fcntl is None:
         return True
     try:

@@ -39,7 +39,7 @@ VECTORS = 7  # rows of the workspace
 
 @part
 def add_path(data, i, k, p, sign, turned):
-    """What the freedoms from row k to the ground do to the rows of block i at p, into Jᵀ."""
+    """Add to Jᵀ the effect of the freedoms from row k to the ground on block i at p."""
     rows, const, work, place = data.rows, data.const, data.work, data.space.place
     first, kind = first_of(data.space.slots, i), type_of(data.blocks.blocks_i, i)
     turns = kind == T_ALIGN or kind == T_TURN
@@ -78,7 +78,7 @@ def set_jacobian(scene, m, turned):
 
 @sweep
 def set_factor(turned, weight, m, gram):
-    """Cholesky's factor of J W Jᵀ + ρ in the lower triangle of `gram`; False where it has none."""
+    """Factor J W Jᵀ + ρ in the lower triangle of `gram`. Returns False if it is singular."""
     trace = 0.0
     for r in range(m):
         for s in range(m):
@@ -127,10 +127,10 @@ def solve_factor(gram, m, x):
     later=True,
 )  # fmt: skip
 def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, gram, vectors, tau):
-    """τ (nv,) into `tau`; 0, or 1 where a closer look must say what is wrong or undecided.
+    """Compute τ (nv,). Returns 0, or 1 if input is bad or rows may be redundant.
 
-    `length` [m] is that of rows of angles, `passive` (nv,) what acts besides τ, `cost` (nv,) the
-    weights, 0 where a joint has no motor. `turned`, `gram` and `vectors` are workspace.
+    `length` [m] multiplies rows of angles, `passive` (nv,) are the passive forces, `cost` (nv,) the
+    weights, 0 for joints without a motor. `turned`, `gram` and `vectors` are workspace.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space

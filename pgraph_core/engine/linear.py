@@ -1,6 +1,6 @@
-"""Linear algebra: L diag(d) Lᵀ of a ball's 3x3 and a free motion's 6x6 block; dense systems.
+"""Linear algebra: factors of 3x3 blocks of balls and 6x6 blocks of free motions, dense systems.
 
-The 6x6 block is the inertia of a row in `work`, factored in its place.
+The 6x6 block is the inertia of a row in `work`, factored in place as L diag(d) Lᵀ.
 """
 
 from .compiler.jit import part, sweep
@@ -44,7 +44,7 @@ def solve3(f, x):
 
 @part
 def factor6(work, k):
-    """L diag(d) Lᵀ of the 6x6 inertia in its own place; the diagonal holds 1/d."""
+    """Factor the 6x6 inertia in place as L diag(d) Lᵀ, with 1/d on the diagonal."""
     for r in range(6):
         ir = IA + r * (r + 1) // 2
         for c in range(r):
@@ -131,9 +131,9 @@ def pivots6(work, k):
 
 @sweep
 def factor(a, n, pivots):
-    """L U of the first n rows of `a` in its place, rows exchanged as `pivots` says; whether it is.
+    """Factor the first n rows of `a` in place as L U with `pivots`. Returns False if singular.
 
-    Rows are weighed by their largest entry: units do not choose the pivot.
+    Rows are scaled by their largest entry, so that units do not choose the pivot.
     """
     for r in range(n):
         size = 0.0

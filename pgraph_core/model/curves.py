@@ -29,9 +29,9 @@ class Table(Frozen):
 
     @cached_property
     def lines(self) -> NDArray[np.float64]:
-        """(n, 4) of each knot: time, value, slope after it, value again; read-only.
+        """(n, 4) time, value, slope and value again of each knot, read-only.
 
-        The last slope is how many knots there are a second, from which kernels guess a place.
+        The last slope is the number of knots per second, from which kernels guess a place.
         """
         t, x = np.array(self.t), np.array(self.value)
         slopes = np.zeros(len(t))
