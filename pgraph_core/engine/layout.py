@@ -100,7 +100,9 @@ T_DISC = 5  # the same for a thin disc with the axis AIM_0
 T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
 T_VELOCITY = 7  # Σ coefficient v = VALUE
 T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral
-T_CONTACT = 9  # a unilateral contact point: PA and DIR in the world, DIR = normal and two tangents
+T_CONTACT = (
+    9  # a unilateral contact point with PA and DIR in the world, DIR the normal and both tangents
+)
 
 T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the speed at which it may
 # close in this step [m/s]

@@ -128,13 +128,7 @@ WALK = named(
 
 
 # waves (5, 8), each a1, b1, a2, b2, ...: Σ a cos(2π k phase) + b sin(2π k phase)
-RISE, NOD, SWAY, SURGE, FLEXION = (
-    0,
-    1,
-    2,
-    3,
-    4,
-)  # waves of height, pitch, place, place, spine hinges
+RISE, NOD, SWAY, SURGE, FLEXION = 0, 1, 2, 3, 4  # waves of height, pitch, place, place, spine
 HARMONICS = 4
 FEET = 4
 
