@@ -50,11 +50,11 @@ if TYPE_CHECKING:
     from .event_scene import ContactPoint
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
-LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is reported
-DEEP = 1e-2  # of the thickness of what touches: a deeper penetration is reported
-BEYOND = 1e-2  # of a limit's range: a coordinate that has passed it
-SUNK = 0.5  # of the size of what touches: deeper than a soft contact means
-PRESSED = 30.0  # times the depth that weight makes: a start that is thrown apart
+LOOSE = 1e-6  # reported violation of a contact law, relative to the largest force
+DEEP = 1e-2  # reported penetration, relative to the thickness of the shapes
+BEYOND = 1e-2  # reported overshoot of a limit, relative to its range
+SUNK = 0.5  # depth of a soft contact beyond its meaning, relative to the shapes' size
+PRESSED = 30.0  # initial depth that throws bodies apart, relative to that due to weight
 LISTED = 3
 LEAST_ROOM = 8  # contact points for which a search has room
 
@@ -106,7 +106,7 @@ def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
 
 
 def contact_counters(scene: Scene) -> dict[str, int]:
-    """How often contacts were solved in another way than usual."""
+    """Return counts of fallbacks of the contact solver."""
     if scene.touching is None:
         return {}
     tally = scene.touching.tally
@@ -186,7 +186,10 @@ def stepped_record(
     changes: Any,
     graze: float,
 ) -> ContactRecord:
-    """Contacts and limits from frames and the log of changes; `up` is the ground's normal."""
+    """Return the record of contacts and limits from frames and the log of changes.
+
+    `up` is the ground's normal.
+    """
     names = [pair.name for pair in tables.touches]
     forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
     phases, events = phases_over(changes, tables.touches, t, graze)
@@ -404,7 +407,7 @@ def _named(names: list[str]) -> str:
 def driven_into(
     mech: Mechanism, active: Ints, pair: ContactPair, t: Array, q: Array, when: float
 ) -> str:
-    """Why the two of a contact are inside each other; "" where no constraint drives them there."""
+    """Return the constraint that drives the bodies of a contact into each other, or ""."""
     if EVERY in pair[1:3]:
         return ""
     i = min(int(np.searchsorted(t, when)), len(t) - 1)
@@ -457,7 +460,7 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
 
 
 class Clearance(Unportable):
-    """What may touch, and conditions that may become true, behind one address."""
+    """Candidates of contacts, and conditions that may become true, behind one address."""
 
     def __init__(
         self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
@@ -494,7 +497,7 @@ class Clearance(Unportable):
         return address_of(kernels.watch_clearance)
 
     def gaps(self, scene: Scene, q: Array, pairs: int) -> Array:
-        """(n, pairs) smallest gaps of contact pairs at states q (n, nq) [m]; inf: unknown."""
+        """Return gaps of contact pairs (n, pairs) [m] at states q (n, nq), inf if unknown."""
         found = np.full((len(q), pairs), np.inf)
         kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
         return found
@@ -520,7 +523,7 @@ class Gaps(Mapping[str, Array]):
     """Gaps of contact pairs by name, found when they are first asked for."""
 
     def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
-        """At the states q (n, nq); of members of one contact those `known`."""
+        """Prepare gaps at the states q (n, nq), with `known` ones of members of one contact."""
         self._given = mech, tables, q, known
 
     @cached_property
@@ -544,11 +547,11 @@ class Gaps(Mapping[str, Array]):
         return (touch.name for touch in self._given[1].touches)
 
     def __len__(self) -> int:
-        """How many pairs."""
+        """Return the number of pairs."""
         return len(self._given[1].touches)
 
     def __repr__(self) -> str:
-        """As of a dictionary."""
+        """Return the repr of a dictionary."""
         return repr(self._found)
 
     def __reduce__(self) -> Any:

@@ -46,11 +46,11 @@ class ContactPoint(NamedTuple):
     """A material point or a sphere of a body over the ground, or one end of a joint's range."""
 
     name: str
-    pair: str  # of which it is one; a limit's own name
+    pair: str  # its contact pair, or a limit's own name
     body: str
     friction: float
     restitution: float
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the body, a sphere's centre [m]
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # point of the body, centre of a sphere [m]
     radius: float = 0.0
     limit: Limit | None = None
 
@@ -177,7 +177,7 @@ def _values(
 
 
 class EventScene(Scene):
-    """A scene with contact points; `arrange` makes a change of `points["phase"]` effective."""
+    """A scene with contact points. `arrange` applies a change of `points["phase"]`."""
 
     once = False  # a step that ends at an event is taken again, shorter
 

@@ -19,12 +19,12 @@ ORDER_1 = 2.0  # times the difference to a run at half the step: the error of a 
 
 
 class Approach(NamedTuple):
-    """How near something came to happening without it."""
+    """An event that almost happened."""
 
     name: str
     value: float  # inf: nowhere near
     t: float  # [s]
-    watched: Callable[[float, Array, Array], float]  # of (t, q, v), zero where it happens
+    watched: Callable[[float, Array, Array], float]  # function of (t, q, v), zero at the event
 
 
 def undecided(record: Recording, other: Recording) -> tuple[str, ...]:

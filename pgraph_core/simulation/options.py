@@ -24,8 +24,8 @@ MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000
 FRAMES = 1000  # recorded by default
-SAME = 1e-9  # of a step: times this near are the same
-RTOL = 1e-8  # of adaptive runs
+SAME = 1e-9  # difference of equal times relative to the step
+RTOL = 1e-8  # default tolerance of adaptive runs
 FINER = 32.0  # ratio of the tolerances of a run and of the one that tells its error
 FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
 STABILISE = ("project", "baumgarte", None)
@@ -33,10 +33,10 @@ ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
 
 class Tolerance(NamedTuple):
-    """How a method with an error estimate chooses its steps."""
+    """Tolerances by which an adaptive method chooses its steps."""
 
     rtol: float  # relative to the mechanism's own scales
-    atol: float  # of every coordinate, in its unit
+    atol: float  # absolute tolerance of every coordinate, in its unit
     widest: float  # largest step [s]
     most: int  # steps
     fixed: bool = False  # every step is the widest
@@ -46,7 +46,7 @@ Inputs = tuple[tuple[str, float | Table], ...]
 
 
 class Options(NamedTuple):
-    """The arguments of `simulate` that do not depend on the state; None where left open."""
+    """The arguments of `simulate` that do not depend on the state, None for defaults."""
 
     scenario: str | None = None
     t_start: Any = 0.0
@@ -61,8 +61,8 @@ class Options(NamedTuple):
     stabilise: Any = "project"
     forces: Sequence[Force] = ()
     switches: Any = None
-    estimate: Any = None  # of the error, from a finer run; False: none
-    inputs: Inputs = ()  # of motors and servos, by name
+    estimate: Any = None  # False for a run without an error estimate
+    inputs: Inputs = ()  # inputs of motors and servos, by name
 
     def check(self) -> None:
         """Raise InputError where options exclude each other or are not among their choices."""
@@ -100,7 +100,7 @@ class Options(NamedTuple):
         return "auto" if self.rtol is not None and name not in ADAPTIVE else name
 
     def tolerance(self, method: Method, length: float) -> Tolerance | None:
-        """How `method` chooses its steps; None for fixed steps. Raises InputError."""
+        """Return the tolerances of `method`, None for fixed steps. Raises InputError."""
         rtol, step = self.rtol, self.step
         if rtol is not None and not method.adaptive:
             text = f"{method.name} takes a step, not a tolerance; for one choose "
@@ -190,7 +190,7 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
 
 
 def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
-    """With this input; where it has a lag, its own one still acts at first."""
+    """Return a drive with this input. If it has a lag, its own input still acts at first."""
     update: dict[str, Any] = {f.INPUT: value}
     if f.lag and f.start is None:
         update["start"] = _at(getattr(f, f.INPUT), t_start)
@@ -221,7 +221,7 @@ def _at(u: float | Table, t: float) -> float:
 
 
 def first_of(u: float | Table) -> float:
-    """What an input that is not a table of times is: a lag makes a table of one line of it."""
+    """Return the value of a constant input, which a lag turns into a table of one line."""
     return u.value[0] if isinstance(u, Table) else u
 
 
@@ -272,7 +272,7 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
 
 
 def _steps_apart(steps: int) -> int:
-    """How many steps lie between recorded states: a divisor of all, if one is near."""
+    """Return the number of steps between recorded states, a divisor of all if possible."""
     least = -(-steps // FRAMES)
     return next((n for n in range(least, 4 * least) if steps % n == 0), least)
 

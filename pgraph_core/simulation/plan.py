@@ -68,12 +68,12 @@ LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
-PARTS = Options._fields.index("forces")  # among the options; switches follow
+PARTS = Options._fields.index("forces")  # index in the options, followed by switches
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
-MANY_STEPS = 1_000_000  # of the default width: a notice gives their number
+MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
-STIFF = "stiff:"  # how the notice of too wide steps begins where what is fastest dies out
+STIFF = "stiff:"  # beginning of the warning of too wide steps if the fastest mode is damped
 FAST = "too wide:"  # and where it swings
 FINE = 0.3  # rad: of an oscillation, in a step of a method of order 4 that shows it well
 MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
@@ -87,46 +87,46 @@ class Idle(NamedTuple):
     """Contacts with the ground that do not act."""
 
     contact_of: Mapping[str, str]  # by the bodies that they would keep above it
-    numbers: Ints  # of these bodies
-    normal: Array  # of the ground
-    bodies: tuple[Ints, Array]  # as kernels take them
+    numbers: Ints  # numbers of the bodies
+    normal: Array  # normal of the ground
+    bodies: tuple[Ints, Array]  # tables of the bodies for kernels
 
     def below(self, scene: Scene, q: Array) -> bool:
-        """Whether one of the bodies is below the ground at q."""
+        """True if one of the bodies is below the ground at q."""
         return lowest(scene.address, self.numbers, *self.bodies, self.normal, q) < 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """How a run is stepped, and what may touch meanwhile."""
+    """Method, steps and contacts of a run."""
 
     method: Method = RK4
     times: Array = field(default_factory=lambda: NO_TIMES)  # (n,) recorded times [s]
     substeps: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # (n - 1,) fixed steps a frame
     width: Array = field(default_factory=lambda: NO_TIMES)  # (n - 1,) of them [s]
     tolerance: Tolerance | None = None  # None: fixed steps
-    contacts: Tables | None = None  # in force
+    contacts: Tables | None = None  # active contacts
     contact_points: tuple[ContactPoint, ...] = ()  # and limits, of an event-driven run
     project: bool = False
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
-    changes: tuple[Change, ...] = ()  # of constraints that go on and off
+    changes: tuple[Change, ...] = ()  # constraints that are switched on and off
     corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
-    parts: int = 1  # of what is shorter than a fixed step: a finer run takes more
-    shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
+    parts: int = 1  # divisions of intervals shorter than a fixed step, more in a finer run
+    shown: NDArray[np.bool_] | None = None  # mask of the requested frames, None for all
     why: str = ""  # this method
     told: tuple[str, ...] = ()  # notices
     refused: InputError | None = None  # why the method asked for takes no contacts: another does
 
     @cached_property
     def step(self) -> float | None:
-        """Width of the steps [s]; None where the method chooses them."""
+        """Width of the steps [s], None if the method chooses them."""
         if self.tolerance is None:
             return float(self.width.max(initial=0.0))
         return self.tolerance.widest if self.tolerance.fixed else None
 
     @property
     def impulses(self) -> bool:
-        """Whether rigid contacts or joint limits act."""
+        """True if rigid contacts or joint limits act."""
         return self.contacts is not None and self.contacts.rigid
 
     @property
@@ -136,7 +136,7 @@ class Way:
 
     @property
     def headed(self) -> dict[str, Any]:
-        """What the header of a result tells of it."""
+        """Entries of the result's header."""
         chosen = self.tolerance is not None and not self.tolerance.fixed
         rtol = self.tolerance.rtol if chosen and self.tolerance else None
         return {"method": self.method.name, "why": self.why, "step": self.step, "rtol": rtol}
@@ -144,10 +144,10 @@ class Way:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunPlan(Way):
-    """A run, checked and complete but for its initial state.
+    """A run, checked and complete except for its initial state.
 
-    Contacts and limits are left out as long as nothing comes near: then the run goes on the other
-    `way`, from the state that it has reached.
+    Contacts and limits are ignored as long as nothing comes near. Then the run continues by the
+    other `way`, from the state that it has reached.
     """
 
     drives: Drives
@@ -156,13 +156,13 @@ class RunPlan(Way):
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
-    length: float = 1.0  # of the mechanism, a scale of errors [m]
+    length: float = 1.0  # length of the mechanism, a scale of errors [m]
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
     tau: Any = None  # the controller of the scenario's gait
-    way: Way | None = None  # from where something comes near that may touch; None: as it began
-    declared: Tables | None = None  # contacts and limits that are left out until then
+    way: Way | None = None  # continuation once bodies come close, None for no change
+    declared: Tables | None = None  # contacts and limits that are ignored until then
     notices: tuple[str, ...] = ()
-    header: Mapping[str, Any] = field(default_factory=dict)  # of the result
+    header: Mapping[str, Any] = field(default_factory=dict)  # header of the result
 
     @cached_property
     def touching(self) -> RunPlan:
@@ -201,7 +201,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     if plan is not None and (state is None or state == _bytes(q, v)):
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
-    if key is not None:  # which has identities of parts in `options`
+    if key is not None:  # contains identities of parts in `options`
         keep(kept, key, (plan, _bytes(q, v) if rated else None, options))
     return plan
 
@@ -214,7 +214,7 @@ def _keyed(option: Any) -> Any:
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:
-    """Keep a value for a plan, and no more than KEPT_PLANS; threads share what is kept."""
+    """Cache a value for a plan, at most KEPT_PLANS of them. Threads share the cache."""
     with KEEPING:
         while len(kept) >= KEPT_PLANS:
             kept.pop(next(iter(kept)))
@@ -283,9 +283,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
-    """Whether contacts and limits may be left out until something comes near.
+    """True if contacts and limits may be ignored until something comes near.
 
-    Not where the method `asked` for steps them, nor where something else asks for them.
+    They may not if the requested method or anything else needs them.
     """
     wanted = plan.tau is not None or declared.tendons
     return not (wanted or plan.method.name == asked == "moreau_jean")
@@ -402,7 +402,7 @@ def _check_sizes(mech: Mechanism) -> None:
 
 
 def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
-    """The controller of a scenario's gait; None where it has none."""
+    """Return the controller of a scenario's gait, or None."""
     if given is None or given.gait is None:
         return None
     from ..gait.controller import Controller
@@ -411,7 +411,7 @@ def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
 
 
 def _is_controller(tau: Any) -> bool:
-    """Whether `tau` is the controller of a gait, which has a start and a clock."""
+    """True if `tau` is the controller of a gait, which has a start and a clock."""
     return hasattr(tau, "ticks") and hasattr(tau, "start")
 
 
@@ -491,7 +491,7 @@ def by_names(
 
 
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:
-    """`tau`, as an array where it is {body: value or values}; zero for the others.
+    """Return `tau`, turning {body: value or values} into an array with zeros elsewhere.
 
     Raises InputError.
     """
@@ -541,7 +541,7 @@ def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> t
 
 
 def _left_open(contacts: Tables) -> bool:
-    """Whether a soft or penalty contact leaves out its stiffness or its damping."""
+    """True if a soft or penalty contact has no given stiffness or damping."""
     laws = (t.contact for t in contacts.touches if t.contact.law != "complementarity")
     return any(c.stiffness is None or c.damping is None for c in laws)
 
@@ -596,13 +596,13 @@ class _Rate:
         self.found: float | None = None
 
     def __call__(self) -> float:
-        """[1/s]; 0 where torques come from a function."""
+        """Return the rate [1/s], 0 if torques come from a function."""
         if self.found is None:
             self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
         return self.found
 
     def swings(self) -> bool:
-        """Whether what is fastest swings more than it dies out; False where that is not known."""
+        """True if the fastest mode is oscillatory rather than damped, False if unknown."""
         if not self.known:
             return False
         forces = self.plan.drives, self.plan.loads
@@ -619,9 +619,9 @@ class _Rate:
 def fastest_rate(
     mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
 ) -> float:
-    """Largest rate of the linearised motion, oscillations included, within about 10 % [1/s].
+    """Return the largest rate of the linearised motion [1/s], to about 10 %.
 
-    Contacts are left out.
+    Oscillations are included, contacts are not.
     """
     scene = Scene(mech.packed, *forces, active)
     stages = np.zeros((stiffness.STIFFNESS_ROWS, mech.nq + mech.nv))
@@ -636,9 +636,9 @@ def fastest_rate(
 def fastest_swings(
     mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
 ) -> bool:
-    """Whether the largest eigenvalue of the linearised motion has a larger imaginary part.
+    """True if the imaginary part of the largest eigenvalue exceeds its real part.
 
-    False where there are more than MOST_FREEDOMS.
+    False for more than MOST_FREEDOMS.
     """
     if mech.nv > MOST_FREEDOMS:
         return False
@@ -712,7 +712,7 @@ def _method(
 def _times(
     o: Options, tolerance: Tolerance | None, span: tuple[float, float], usual: float
 ) -> tuple[float, Array]:
-    """(width of fixed steps [s], 0 for adaptive ones; recorded times)."""
+    """Return the width of fixed steps [s], 0 for adaptive ones, and the recorded times."""
     if tolerance is None or tolerance.fixed:
         step = positive("step", usual if o.step is None else o.step)
         return step, fixed_step_times(*span, step, o.frames, o.t_eval)
@@ -721,7 +721,7 @@ def _times(
 
 
 def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
-    """Which frames were asked for, and are not there for a change or the start alone."""
+    """Return a mask of the requested frames, without those of changes or the start alone."""
     first = o.t_eval is None or len(asked) == np.size(o.t_eval)
     if first and len(times) == len(asked):
         return None

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from .switches import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
-PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
-UNFELT = 0.02  # of that: what the motion shows of it
+PULSE = 0.2  # significance of a torque pulse relative to the peak acceleration
+UNFELT = 0.02  # share of such a pulse in the motion below which it was missed
 KEPT = 2**15  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
@@ -61,10 +61,10 @@ class Recording:
     """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
 
     progress: Progress = None
-    user: UserTorque | None = None  # what calls a function that gives torques
-    watch: Watch | None = None  # of conditions of switches, then of a user's events
-    events: ContactEvents | None = None  # what decides at events of contact points
-    met = ""  # how the run went until something came near
+    user: UserTorque | None = None  # caller of a torque function
+    watch: Watch | None = None  # conditions of switches, then a user's events
+    events: ContactEvents | None = None  # decisions at events of contact points
+    met = ""  # description of the run until something came near
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
@@ -76,7 +76,7 @@ class Recording:
         """
         self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
-        self.planned = plan  # as it began, with the frames that are recorded
+        self.planned = plan  # the initial plan, with the recorded frames
         if monitors or plan.conditions:
             self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
@@ -86,9 +86,9 @@ class Recording:
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
         self._prepare(q, v)
-        self._changes = [NO_CHANGES]  # of contact phases, as logged by the kernels
+        self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
         self._unlogged = 0  # changes that there was no room for
-        self._first: Instant | None = None  # the state in which constraints are met
+        self._first: Instant | None = None  # the first state that satisfies the constraints
         self._redundant = False  # whether constraints are redundant there
 
     def _prepare(self, q: Array, v: Array) -> None:
@@ -106,7 +106,7 @@ class Recording:
             again = before is not None and before.user is self.user and not before.scene.remembers
             self.scene = before.scene if before is not None and again else self._scene()
             self.out = self._empty_frames(len(plan.times))
-        self._arrays = tuple(self.out)  # as kernels take them
+        self._arrays = tuple(self.out)  # arguments of kernels
         self._give_torques()
         if left is None:
             self.steps = Steps(mech, plan, q, v, self._arrays)
@@ -122,7 +122,7 @@ class Recording:
             self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, self.mech.nv)
 
     def _short(self) -> bool:
-        """Whether a run by this plan is short, and its scene and loop can begin again."""
+        """True if a run by this plan is short and its scene and loop can be reused."""
         plan, mech = self.plan, self.mech
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
         watched = self.watch is not None and (self.watch.called or self.watch.log)
@@ -148,7 +148,7 @@ class Recording:
         )
 
     def _forces_in(self, n: int) -> dict[str, Any]:
-        """What frames hold of constraints, contacts and limits in force, nothing yet."""
+        """Return empty arrays for the forces of active constraints, contacts and limits."""
         nb = self.mech.nb if self.plan.contacts else 0
         return {
             "wrenches": np.zeros((n, len(self.scene.active) - 1, 6)),
@@ -171,7 +171,7 @@ class Recording:
         own = mech.packed.blocks
         if not (len(plan.ever) or plan.contacts):
             own = NO_BLOCKS
-        elif len(own.blocks_f):  # which may hold places that are known where they are switched on
+        elif len(own.blocks_f):  # may hold places that are known only when they are switched on
             own = own._replace(blocks_f=own.blocks_f.copy())
         acts |= {"gains": plan.gains, "blocks": own}
         return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
@@ -218,7 +218,7 @@ class Recording:
         self.events.noted = None if watch is None else self._user_event
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
-        """What watches conditions of switches, then a user's events."""
+        """Return the watch of conditions of switches, then of a user's events."""
         from .switches import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
@@ -252,7 +252,7 @@ class Recording:
         return other
 
     def _keep_start(self) -> None:
-        """The initial state as the only frame of a run that fails at once; v' is not known."""
+        """Keep the initial state as the only frame of a run that fails at once, without v'."""
         out = self.out
         out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
         out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
@@ -298,7 +298,7 @@ class Recording:
             return
         t, v, vdot = self.steps.times[:n, None], self.out.v[:n], self.out.vdot[:n]
         rate = np.diff(v, axis=0) / np.diff(t, axis=0)
-        around = 0.5 * (rate[:-3] + rate[3:])  # of frames 2 to n - 3
+        around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
         felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
         acts = np.abs(vdot[2:-2] - around)
         missed = (acts > PULSE * np.abs(vdot).max(axis=0)) & (felt < UNFELT * acts)
@@ -347,7 +347,7 @@ class Recording:
             self.ended.stop(*self._failure(code))
 
     def begin(self) -> bool:
-        """Whether the run can start: no joint without inertia, constraints that can be met."""
+        """True if the run can start: no joint without inertia, satisfiable constraints."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
         if first and len(plan.active) and plan.project:
             try:
@@ -399,7 +399,7 @@ class Recording:
         )  # fmt: skip
 
     def _advance(self, budget: int) -> int:
-        """Take at most `budget` steps and frames; the kernel's status code."""
+        """Take at most `budget` steps and frames. Returns the kernel's status code."""
         code = (self.events or self.steps).advance(budget)
         if code == at.EVENT and self.events is None:
             self._user_event(float(self.steps.control["time"]))
@@ -451,7 +451,7 @@ class Recording:
         self.steps.advance(1)
 
     def _trouble(self) -> str:
-        """What a compiled function of the user did not give, for the end of a sentence."""
+        """Return the fault of a user's compiled function as the end of a sentence."""
         trouble = getattr(self.user, "trouble", "")
         return f": {trouble}" if trouble else ""
 
@@ -467,7 +467,7 @@ class Recording:
     # -- where something comes near ---------------------------------------------------------------
 
     def _come_near(self) -> bool:
-        """Go on with what may touch; whether the run continues. Raises InputError."""
+        """Continue with contacts. Returns False if the run ends. Raises InputError."""
         plan, t, done = self.plan, float(self.steps.control["time"]), self.done
         assert plan.way is not None
         refused = plan.way.refused
@@ -484,7 +484,7 @@ class Recording:
         self.met = f"{plan.method.name} until something came near at t = {t:.6g} s"
         self.plan, self._free, before = plan.onward(), None, self.steps.watched
         held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
-        self.scene.blocks.blocks_f[: len(held)] = held  # where constraints were switched on
+        self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints
         self._give_torques()
         self.out = old._replace(**self._forces_in(len(old.q)))
         self.out.wrenches[:done, : old.wrenches.shape[1]] = old.wrenches[:done]
@@ -523,9 +523,9 @@ class Recording:
         self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
 
     def _switch(self, change: Change, *, frame: bool = True) -> bool:
-        """Apply a change, between two steps; whether the run continues.
+        """Apply a change between two steps. Returns False if the run ends.
 
-        `frame`: the last frame is of this time, and recorded again.
+        With `frame`, the last frame has this time and is recorded again.
         """
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         self._note_singular()
@@ -555,7 +555,7 @@ class Recording:
         else:
             self.steps.go_on()
             self.steps.control["jacobian_rate"] = 2.0
-        self.steps.control["clock"] = -np.inf  # what is free has to be found again
+        self.steps.control["clock"] = -np.inf  # forces a new search for the clearance
         self._first = change.t, self.q.copy(), self.v.copy()
         return self.ended.ok
 
@@ -565,7 +565,7 @@ class Recording:
     # -- for a stepper ---------------------------------------------------------------------------
 
     def extend(self, times: Array, substeps: Ints, width: Array) -> None:
-        """Record further frames, from the state on, by these fixed steps; frame 0 is the state."""
+        """Record further frames by these fixed steps, where frame 0 is the present state."""
         header = {**self.plan.header, "t_start": float(times[0]), "t_end": float(times[-1])}
         self.plan = replace(self.plan, times=times, substeps=substeps, width=width, header=header)
         if len(times) > len(self.out.q):
@@ -623,7 +623,7 @@ class Recording:
         return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
     def _contradicted(self) -> str:
-        """The closed contacts and limits that constraints drive bodies against; "" if none."""
+        """Return the closed contacts and limits that constraints drive bodies against, or ""."""
         if self.events is None or self.done == 0:
             return ""
         from .contact_log import contradicted
@@ -635,7 +635,7 @@ class Recording:
         return contradicted(self.mech, self._active, points, t, q)
 
     def _blocking(self) -> str:
-        """The reason why the last recorded state cannot move to second order; "" if it can."""
+        """Return the reason why the last recorded state cannot move to second order, or ""."""
         if self.done == 0:
             return ""
         last = self.done - 1
@@ -678,9 +678,9 @@ class Recording:
     def result(
         self, error: Array | None, told: tuple[str, ...], timing: dict[str, float]
     ) -> Result:
-        """The frames that were asked for, as a Result.
+        """Return the requested frames as a Result.
 
-        `error` (n,) is that of q at the recorded times [rad, m], which the sentences `told` are of.
+        `error` (n,) is that of q at the recorded times [rad, m], and `told` are warnings about it.
         """
         if self._first is not None:
             self._note_singular()
@@ -715,7 +715,7 @@ class Recording:
         if self.met:
             header["began"] = self.met
         if self.user is not None and self.tau is not self.plan.tau:
-            header["given_torques"] = True  # which no file can hold
+            header["given_torques"] = True  # files do not store them
         elif self.tau is not None and self.user is None and np.any(self.tau):
             header["given_torques"] = True
         return Result(
@@ -781,7 +781,7 @@ class Recording:
         return (*self.told, *steps, *contacts, *user)
 
     def _oriented(self) -> int:
-        """How many frames have orientations: what blows up may end in a state without any."""
+        """Return the number of frames with valid orientations, which a diverged state may lack."""
         if self.ended.ok and self.done > 1:  # a stepper has one that nobody may have recorded
             return self.done
         for n in range(self.done, 0, -1):
@@ -791,7 +791,7 @@ class Recording:
         return 0
 
     def _rows(self) -> slice | Ints:
-        """The frames that were asked for of those recorded; of a failed run also its last one."""
+        """Return the indices of the requested frames, and of a failed run also of its last one."""
         if self.plan.shown is None:
             return slice(0, self.done)
         some = self.plan.shown[: self.done].copy()
@@ -800,5 +800,5 @@ class Recording:
 
 
 def _stops(answer: Any) -> bool:
-    """Whether the answer of `progress` ends the run: False or the like, but not None."""
+    """True if the answer of `progress` ends the run: a false value other than None."""
     return answer is not None and not answer

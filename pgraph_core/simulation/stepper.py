@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
 CHUNK = 100_000  # steps between two looks at whether the user wants to stop
-KNOTS = ("first_target", "targets", "first_torque", "torques")  # where inputs stand
-FOLLOWS = ("lag", "integrates", "least", "most")  # how what acts follows an input
+KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
+FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an input
 
 
 @guarded(
@@ -140,17 +140,17 @@ class Stepper(Portable):
 
     @property
     def q(self) -> Array:
-        """(nq,) configuration; a view that follows the steps, not to be written."""
+        """(nq,) configuration, a read-only view that follows the steps."""
         return self._q
 
     @property
     def v(self) -> Array:
-        """(nv,) velocity; a view that follows the steps, not to be written."""
+        """(nv,) velocity, a read-only view that follows the steps."""
         return self._v
 
     @property
     def vdot(self) -> Array:
-        """(nv,) acceleration at the state; rigid contacts and limits push as in the last step."""
+        """(nv,) acceleration at the state, with rigid contacts and limits as in the last step."""
         return self._seen().out.vdot[0].copy()
 
     @property
@@ -180,7 +180,7 @@ class Stepper(Portable):
         return ByTouch(self._gaps(), "contact_gap", self.mech.model, min)
 
     def _gaps(self) -> dict[str, float]:
-        """Of contact pairs, at the state in the run."""
+        """Return the gaps of contact pairs at the state in the run."""
         contacts = self._record.plan.contacts
         if contacts is None:
             return {}
@@ -278,15 +278,13 @@ class Stepper(Portable):
         *,
         inputs: Mapping[str, float] | None = None,
     ) -> Status:
-        """Take n steps; `tau` (nv,) acts in them, in place of the array given at the start.
+        """Take n steps with `tau` (nv,) in place of the array given at the start.
 
-        Time advances by n steps, also where a soft or penalty contact is near and each is taken in
-        narrower parts.
+        Time advances by n steps, also if each is divided near a soft or penalty contact. `inputs`
+        by name act from now on, like those of `input`.
 
-        `inputs` by name act from now on, as `input` gives them.
-
-        A step that fails is not taken: the state stays, `status` and `message` say why, and
-        further steps raise InputError until `reset` or `restore`.
+        A step that fails leaves the state unchanged, with the reason in `status` and `message`.
+        Further steps raise InputError until `reset` or `restore`.
         """
         if type(n) is not int or n < 1:
             n = _whole(n)
@@ -324,7 +322,7 @@ class Stepper(Portable):
         record.plan = replace(record.plan, header={**record.plan.header, "why": why})
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
-        """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
+        """Call `record` over a time `dt` [s], with narrower steps if it is not a multiple."""
         dt = positive("dt", dt, call="Stepper.record_over")
         n = max(1, math.ceil(dt / self._width - SAME))
         whole = abs(n * self._width - dt) <= SAME * self._width
@@ -353,9 +351,9 @@ class Stepper(Portable):
     # -- changes between steps -------------------------------------------------------------------
 
     def switch(self, constraint: str, active: bool) -> None:
-        """Switch a constraint on or off; one that is on is met at once, by an impulse.
+        """Switch a constraint on, satisfied at once by an impulse, or off.
 
-        Raises InputError for a name that is not there, and where the constraint cannot be met.
+        Raises InputError for an unknown name, or if the constraint cannot be met.
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
@@ -508,7 +506,7 @@ class Stepper(Portable):
         self._active = set(plan.active.tolist())
         if not self._record.begin():
             raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
-        vars(self).pop("_clearance", None)  # of the tables before
+        vars(self).pop("_clearance", None)  # belongs to the old tables
         self._own = self._record.scene.given.copy()
         self._q, self._v = self._steps.q.view(), self._steps.v.view()
         self._q.flags.writeable = self._v.flags.writeable = False

@@ -30,7 +30,7 @@ class Walk(Portable):
 
         part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
         show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
-        walk.change(speed=0.9)           # any field of the gait; its clock and heading go on,
+        walk.change(speed=0.9)           # any field of the gait, whose clock and heading continue
         walk.change(**dict(gaits["crawl"]))              # the speed follows its `acceleration`
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk's origin, world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
