@@ -34,7 +34,7 @@ FORWARD = closed(dynamics.forward_dynamics)  # simulations do not need it
 NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
 NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
-UNFIT = (TypeError, ValueError, AttributeError)  # of what the fast calls are given
+UNFIT = (TypeError, ValueError, AttributeError)  # errors of fast calls with unsuitable arguments
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
 AT_ONCE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
@@ -62,14 +62,14 @@ class Dynamics(Portable):
     nq: int
     nv: int
     _springs: int
-    _free: tuple[Any, ...]  # what `at_once` needs; empty where more than the kernel is needed
+    _free: tuple[Any, ...]  # arguments of `at_once`, empty if the kernel does not suffice
     _untold: bool  # constraints are active, and no call has said yet that it leaves them out
-    _bound: tuple[Any, ...] = ()  # what `constrained_at_once` needs, after a first call
-    _slopes: tuple[Any, ...] = ()  # what derivatives need, after a first call
+    _bound: tuple[Any, ...] = ()  # arguments of `constrained_at_once`, after a first call
+    _slopes: tuple[Any, ...] = ()  # arguments of derivatives, after a first call
     _rest: Array  # (nv,) v = 0
-    _work: Array  # of kernels, empty between calls
-    _lock: threading.Lock  # of `_work` and of the scene's workspace
-    _shared: dict[str, Any]  # what depends on sizes alone: an edited mechanism has it too
+    _work: Array  # workspace of kernels, unused between calls
+    _lock: threading.Lock  # guards `_work` and the scene's workspace
+    _shared: dict[str, Any]  # data that depend on sizes alone, shared with edited mechanisms
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns. Raises InputError for others."""
@@ -269,7 +269,7 @@ class Dynamics(Portable):
         return np.concatenate((angular, mass @ velocity))
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """(kinetic, potential) energy [J]; springs of joints and between bodies included."""
+        """Return (kinetic, potential) energy [J] with all springs."""
         address, q, v = self._scene.address, position(self.packed, q), self._speed(v)
         with self._lock:
             return motion.energy(address, q, v)
@@ -291,7 +291,7 @@ class Dynamics(Portable):
         return m
 
     def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
-        """C (nv,) of eq. (25): velocity-dependent terms and gravity; no springs, no dampers."""
+        """Return C (nv,) of eq. (25): velocity terms and gravity, without springs and dampers."""
         if dense(back_end):
             return operators(self.packed, q, v).bias_force
         q, v = self._state(q, v)
@@ -306,13 +306,13 @@ class Dynamics(Portable):
         *,
         back_end: BackEnd = "articulated",
     ) -> Array:
-        """τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
+        """Return τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
 
-        Active constraints are left out, with a warning at the first call;
-        `constrained_inverse_dynamics` has them.
+        Active constraints are ignored, with a warning at the first call. See
+        `constrained_inverse_dynamics`.
 
-        `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
-        makes it from wrenches elsewhere.
+        `external` (nb, 6) is [torque, force] on each body at its origin in world axes.
+        `external_at` computes it from wrenches at other points.
         """
         if self._untold:
             self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
@@ -346,11 +346,11 @@ class Dynamics(Portable):
         *,
         back_end: BackEnd = "articulated",
     ) -> Array:
-        """v' (nv,) of the tree without its constraints, eq. (26); O(n).
+        """Return v' (nv,) of the tree without its constraints, eq. (26), in O(n).
 
-        Active constraints are left out, with a warning at the first call; `constrained_dynamics`
-        imposes them. Springs and dampers of joints and between bodies act; wrenches, motors and
-        servos act in `simulate`.
+        Active constraints are ignored, with a warning at the first call. `constrained_dynamics`
+        imposes them. Springs and dampers of joints and between bodies act. Wrenches, motors and
+        servos act in `simulate` only.
         """
         if self._untold:
             self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 5)
@@ -379,9 +379,9 @@ class Dynamics(Portable):
         return vdot
 
     def _tell(self, call: str, instead: str, level: int) -> None:
-        """Warn, once a mechanism, that constraints are left out.
+        """Warn, once per mechanism, that constraints are ignored.
 
-        Until then `forward_dynamics` does not call its kernel at once: it costs nothing later.
+        Until then `forward_dynamics` does not use its fast path, so later calls cost nothing.
         """
         model, packed, own = self.model, self.packed, vars(self)
         names = choices([f"'{c.name}'" for c in model.constraints if c.active], 3)
@@ -432,7 +432,7 @@ class Dynamics(Portable):
         wrench: Sequence[float] | Array,
         point: Sequence[float] | Array | None = None,
     ) -> Array:
-        """`external` (nb, 6) of one wrench (6,) [torque, force] on a body; several add up.
+        """Return `external` (nb, 6) of one wrench (6,) [torque, force] on a body. Sums are allowed.
 
         The wrench is in world axes, at `point` in the body's axes, its `tip` unless given.
         """
@@ -661,7 +661,7 @@ Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamic
 
 
 def dense(back_end: str) -> bool:
-    """Whether a back end is the operators. Raises InputError where there is none of this name."""
+    """True if a back end is the operators. Raises InputError for an unknown name."""
     if back_end not in get_args(BackEnd):
         text = f"is {shown(back_end)}; choose one of {choices(get_args(BackEnd))}"
         raise InputError(Problem("back_end", "", text))
@@ -682,7 +682,7 @@ def accelerated(
     work: Array,
     vdot: Array,
 ) -> int:
-    """v' of (q, v, tau) into `vdot` by a back end; a kernel's status code. Raises InputError."""
+    """Compute v' by a back end into `vdot`. Returns a kernel's status code. Raises InputError."""
     wrench = NO_EXTERNAL if external is None else external
     if dense(back_end):
         return _by_operators(packed, *state, wrench, work, vdot)
@@ -699,7 +699,7 @@ def accelerated(
 def _by_operators(
     packed: Packed, q: Array, v: Array, tau: Array, external: Array, work: Array, vdot: Array
 ) -> int:
-    """v' into `vdot` by eq. (26); a status code as kernels give it."""
+    """Compute v' by eq. (26) into `vdot`. Returns a kernel's status code."""
     op = operators(packed, q, v)
     tau, wrench = finite("tau", tau, packed.nv), finite("external", external, *external.shape)
     try:

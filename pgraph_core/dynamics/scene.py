@@ -51,12 +51,12 @@ NO_USER = User(0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
 class Scene(Unportable):
-    """What kernels take of a run behind one `address`; it belongs to one thread at a time.
+    """Data of a run for kernels behind one `address`, used by one thread at a time.
 
-    `active` may be changed between calls, and `given` (nv,), torques in addition to all others.
+    `active` and `given` (nv,), additional torques, may change between calls.
     """
 
-    once = True  # each step is taken once: what happened in it is so
+    once = True  # each step is taken once
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Scene(Unportable):
         user: UserTorque | None = None,
         blocks: Blocks | None = None,
     ):
-        """`active` are the indices of constraints; `blocks` are the model's unless given."""
+        """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
         self.packed, self.drives, self.loads = packed, drives, loads
         own = packed.blocks if blocks is None else blocks
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
@@ -96,7 +96,7 @@ class Scene(Unportable):
             user.join(packed, self.work)
         acts = NO_USER if user is None else User(user.address, user.exchange, user.answer)
         rows, const = packed.rows, packed.const
-        if contacts:  # which count stiff drives as inertia
+        if contacts:  # contacts count stiff drives as inertia
             const = const.copy()
         self._kept = arrays.Scene(
             rows, const, drives, loads, tables, self.work, self.space, gains, self.given, acts,
@@ -115,7 +115,7 @@ class Scene(Unportable):
 
     @property
     def numbers(self) -> list[Array]:
-        """What the description gives, as the kernels take it; blocks_f also holds states."""
+        """Return the arrays of the description. blocks_f also holds states."""
         kept, packed = self._kept, self.packed
         found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
         found += [kept.drives.table, kept.drives.knots, kept.drives.terms, *kept.loads]
@@ -143,7 +143,7 @@ class Scene(Unportable):
         self.activate(constraints)
 
     def forget(self, constraints: Ints) -> None:
-        """Be as at first, with these constraints active; for scenes without contacts."""
+        """Reset the memory with these active constraints, for scenes without contacts."""
         for kept in self.space:
             kept[:] = 0
         self.activate(constraints)
@@ -223,7 +223,7 @@ class ContactSpace(Unportable):
             factored,
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
-        self.pairs = pairs  # what each did in the last step
+        self.pairs = pairs  # results of each pair in the last step
         kept = self._kept
         # what steps and records read before they write it
         self.memory = [kept.found, kept.kept, kept.anchors, kept.wrenches]
@@ -240,18 +240,18 @@ class ContactSpace(Unportable):
 
     @property
     def contacts(self) -> Contacts:
-        """What the kernels take."""
+        """Data of contacts for kernels."""
         return self._kept
 
     @property
     def numbers(self) -> list[Array]:
-        """What the description gives, as the kernels take it."""
+        """Return the arrays of the description."""
         kept = self._kept
         found = [*kept.geometry, *kept.ground, *kept.candidates]
         return [*found, kept.laws, kept.bodies_i, kept.bodies_f]
 
     def begin_log(self, t: float) -> Any:
-        """Count and log from here on; the phases now, as changes at t."""
+        """Start counting and logging, and return the present phases as changes at t."""
         names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
         for name in names:
             self.tally[name] = 0
@@ -299,15 +299,13 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
     )
 
 
-MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look
-MOST_MEETINGS = (
-    64  # of things that may meet in a step, in addition to as many as there are contacts
-)
-MOST_CHANGES = 4096  # of phases between two looks at them
+MOST_DIPS = 8  # limit on recorded dips of pivots of constraints
+MOST_MEETINGS = 64  # room for meetings in a step in addition to the number of contacts
+MOST_CHANGES = 4096  # room for changes of phases between two readings
 
 
 def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None:
-    """The tables of these contacts and of the joints' limits; None where a model has neither."""
+    """Return the tables of these contacts and of the joints' limits, None without both."""
     if not active and not packed.model.limited:
         return None
     from ..contact.tables import tables

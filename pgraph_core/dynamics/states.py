@@ -1,6 +1,4 @@
-"""States: the motion of bodies, and what sensors read of it; the distance of two states; a state
-carried to another topology.
-"""
+"""States: motion of bodies, readings of sensors, distances, and states of edited models."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ class Carried(NamedTuple):
 
 
 def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
-    """The state (q, v) of `old` as one of `new`; joints that `old` lacks start at home."""
+    """Return the state (q, v) of `old` as one of `new`, with new joints at home."""
     new_q, new_v = new.system.q.copy(), new.system.v.copy()
     theirs, reset = old.joints, []
     for name, joint in new.joints.items():
@@ -84,7 +82,7 @@ def size_of_motion(rows: Ints, q: Array, length: float) -> float:
 
 
 class BodyMotion(NamedTuple):
-    """Everything about bodies, world axes, at the bodies' origins; one row a body, by number."""
+    """Motion of all bodies in world axes at their origins, one row per body by number."""
 
     pose: Array  # (..., nb, 7) x y z [m], w x y z
     velocity: Array  # (..., nb, 6) angular [rad/s], linear [m/s]
@@ -92,7 +90,7 @@ class BodyMotion(NamedTuple):
     force: Array  # (..., nb, 6) torque [N m], force [N] that each joint passes on to its body
 
     def __eq__(self, other: object) -> bool:
-        """Whether the arrays are equal, nan to nan."""
+        """Compare the arrays, with nan equal to nan."""
         return isinstance(other, tuple) and same(tuple(self), other)
 
     def __ne__(self, other: object) -> bool:
@@ -145,7 +143,7 @@ class Sensors:
     """The outputs of a model as a table for the kernel."""
 
     def __init__(self, packed: Packed, model: Model):
-        """`loads`: whether any reads what a joint passes on; `moves`: what bodies do."""
+        """Set `loads` if any output reads joint forces, and `moves` if any reads bodies."""
         wanted, sites = model.outputs, {s.name: s for s in model.sites}
         self.gravity = np.array(model.gravity)
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0
@@ -176,7 +174,7 @@ class Sensors:
 
 
 def _entry(packed: Packed, model: Model, o: Output) -> int:
-    """Where in q or v a coordinate of a joint stands."""
+    """Return the index in q or v of a coordinate of a joint."""
     joint = packed.joints[o.at]
     if o.kind == "joint_velocity":
         return joint.v.start + o.coordinate
@@ -186,5 +184,5 @@ def _entry(packed: Packed, model: Model, o: Output) -> int:
 
 
 def no_motion(n: int) -> BodyMotion:
-    """Of no bodies in n states, for outputs of joints alone."""
+    """Return the motion of no bodies in n states, for outputs of joints alone."""
     return BodyMotion(np.empty((n, 0, 7)), *(np.empty((n, 0, 6)) for _ in range(3)))
