@@ -7,6 +7,7 @@ enter as forces; nothing is projected.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -72,7 +73,7 @@ class Equations:
         out[nq:] = self.vdot
 
 
-class Run:
+class Run(ABC):
     """A motion by each method of a package, at any tolerance."""
 
     by = "rtol"
@@ -84,9 +85,9 @@ class Run:
         self.t, self.start = t, np.concatenate((q, v))
         self.methods = {name: partial(self, how) for name, how in self.ways().items()}
 
+    @abstractmethod
     def ways(self) -> dict[str, Callable[..., Any]]:
         """Methods by name: functions of (y', tolerance) that return (y at all times, counters)."""
-        raise NotImplementedError
 
     def __call__(
         self, way: Callable[..., Any], rtol: float, going: Callable[[], bool]

@@ -136,14 +136,19 @@ _MODULES = {
     "verification": "Case Verdict load_cases verify",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
-_CALLED = {  # what other programs call it
-    "load": "Model.load", "read": "Model.load", "open": "Model.load", "from_file": "Model.load",
-    "run": "simulate", "solve": "simulate", "Simulation": "simulate", "Simulator": "Stepper",
-    "System": "Model", "World": "Model", "MultibodySystem": "Model", "Link": "Body",
-    "RigidBody": "Body", "Joint": "Body", "Damper": "Spring", "Torque": "Motor",
+_SAME = {  # other programs' names: ours
+    "load": "Model.load", "run": "simulate", "solve": "simulate", "System": "Model",
+    "MultibodySystem": "Model", "Link": "Body", "RigidBody": "Body", "Run": "Result",
+}  # fmt: skip
+_NEAR = {  # what is near, in another form
+    "read": "Model.load", "open": "Model.load", "from_file": "Model.load",
+    "Simulation": "simulate", "Simulator": "Stepper", "World": "Model", "Robot": "Model Mechanism",
+    "Joint": "Body", "FreeJoint": "Body", "Damper": "Spring", "Torque": "Motor",
     "Hinge": "Body Revolute", "Slider": "Body Prismatic", "Ball": "Body", "Limit": "Body Tendon",
     "Friction": "Contact Ground Body", "Gravity": "Model", "plot": "Result.plot",
-    "Loop": "Constraint", "Sensor": "Output", "Environment": "Ground",
+    "Loop": "Constraint", "Sensor": "Output", "Environment": "Ground", "Sphere": "Shape",
+    "Box": "Shape", "Cylinder": "Shape", "Mesh": "Shape", "odeint": "simulate",
+    "step": "Stepper",
 }  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
@@ -153,10 +158,16 @@ def __getattr__(name: str) -> Any:
         value: Any = import_module(".portable", __name__).installed()
     elif name in _HOME:
         value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _SAME:
+        owner, *inside = _SAME[name].split(".")
+        value = __getattr__(owner)
+        value = getattr(value, *inside) if inside else value
+    elif name == "gym":
+        value = import_module(".gym", __name__)
     else:
         from difflib import get_close_matches
 
-        close = _CALLED.get(name, "").split() or get_close_matches(name, _HOME, n=3)
+        close = _NEAR.get(name, "").split() or get_close_matches(name, _HOME, n=3)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
         raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'{hint}")
     globals()[name] = value

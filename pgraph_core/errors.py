@@ -11,71 +11,19 @@ import os
 import struct
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
+from . import words
+
 Called = TypeVar("Called", bound=Callable[..., Any])
 
-# ours: what other programs call it
-_MEANT = """
-step: dt h timestep time_step max_step
-t_end: dt duration tend t_final t_span tspan time
-t_start: t0
-t: time
-q: q0 x0 y0 qpos initial state
-v: v0 qd dq qdot qvel velocity
-vdot: qdd ddq qacc
-tau: torque torques u ctrl control controller
-rtol: tol tolerance
-method: solver integrator
-max_steps: steps n_steps nsteps
-n: steps n_steps nsteps
-t_eval: times
-frames: fps
-progress: callback
-workers: processes n_jobs jobs cores num_workers
-set: values
-metric: metrics
-mass: weight m
-inertia: I
-rest: length rest_length free_length natural_length l0
-length: rest_length
-link: position pos offset
-point: position pos offset anchor
-axes: axis
-kind: type
-joint: type joint_type
-stiffness: k ks spring spring_constant
-damping: c d kd damper
-friction: mu
-restitution: e
-body: child body1 body_a bodyA
-other: target parent body2 body_b bodyB
-colour: color
-shape: geometry geom
-forces: springs dampers motors servos actuators
-constraints: loops
-bodies: links
-"""
-SYNONYMS = {  # choices by the words of other programs
-    "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
-    "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
-    "slider": ("prismatic",), "floating": ("free",), "freejoint": ("free",), "cube": ("box",),
-    "plate": ("box",), "rod": ("capsule", "distance"), "rk45": ("dopri5",), "ode45": ("dopri5",),
-    "euler": ("semi_implicit_euler",), "radau": ("radau5",), "world": ("ground",),
-    "base": ("ground",), "earth": ("ground",), "inertial": ("ground",),
-}  # fmt: skip
 MOST_TOLD = 50  # problems in the text of an error
 MOST_NESTED = 100  # lists within lists
-MEANT: dict[str, list[str]] = {}
-for _line in _MEANT.split("\n")[1:-1]:
-    _ours, _theirs = _line.split(": ")
-    for _word in _theirs.split():
-        MEANT.setdefault(_word, []).append(_ours)
 
 
 @dataclass(frozen=True)
@@ -200,29 +148,19 @@ MOTIONS = dict.fromkeys(  # what other programs call a field of a joint: what to
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """'did you mean mass? Choose from ...' for a mistyped name."""
+    """Return 'did you mean mass? choose from ...' for a mistyped name."""
     names = list(known)
     if name in MOTIONS and "axes" in names:
         return MOTIONS[name]
-    close = [each for each in MEANT.get(name, ()) if each in names]
-    close = close or difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
-    return f"{hint}choose from {choices(names, limit=40)}"
-
-
-def synonym(name: Any, known: Iterable[str]) -> str:
-    """'; did you mean revolute?' for a choice by a word of other programs, or in capitals."""
-    word = name.lower() if isinstance(name, str) else ""
-    listed = list(known)
-    ours = next((x for x in SYNONYMS.get(word, (word,)) if x in listed), "")
-    return f"; did you mean {ours}?" if ours and ours != name else ""
+    close = words.hint(name, names)
+    return f"{f'did you mean {close}? ' if close else ''}choose from {choices(names, limit=40)}"
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
     """The sentence on the name of an integration method that does not exist."""
     names = list(known)
     text = f"no method is called {shown(name)}; choose one of {choices(names)}"
-    return text + synonym(name, names)
+    return text + words.synonym(name, names)
 
 
 def to_read(text: Any) -> str:
@@ -331,12 +269,23 @@ def _explained(function: Any) -> Any:
             text = "has an argument that is nested too deeply, or that holds itself"
             raise InputError(Problem(function.__qualname__, "", text)) from None
         except BARE as error:
+            if ours := words.renamed(named, _names(function)):
+                return call(*args, **ours)
             found = _problems_of_call(function, args, named)
             if not found:
                 raise
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
     return call
+
+
+def _names(function: Any) -> list[str]:
+    """Return the names by which a function takes arguments."""
+    return [
+        p.name
+        for p in inspect.signature(function).parameters.values()
+        if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)
+    ]
 
 
 def is_deep(value: Any) -> bool:
@@ -363,7 +312,10 @@ def _problems_of_call(
     if own and not (args and hasattr(args[0], function.__name__)):
         text = f"is a method: call it on a {where.split('.')[0]}"
         return [Problem(where, "", text)]
+    once: list[str] = []
     if own:
+        if not isinstance(args[0], type) and not function.__name__.startswith("__"):
+            once = _names(type(args[0]).__init__)[1:]
         parameters.pop(next(iter(parameters)))
         kind = args[0] if isinstance(args[0], type) else type(args[0])
         where = f"{kind.__name__}.{function.__name__}"
@@ -372,15 +324,22 @@ def _problems_of_call(
         if where in RETURNED_BY:
             text = f"is not made by hand: {RETURNED_BY[where]} returns it"
             return [Problem(f"pg.{where}", "", text)]
-    return _not_taken(where, parameters, args, named) or _misfits(
+    return _not_taken(where, parameters, args, named, once) or _misfits(
         where, function, parameters, args, named
     )
 
 
 def _not_taken(
-    where: str, parameters: Mapping[str, Any], args: tuple[Any, ...], named: Mapping[str, Any]
+    where: str,
+    parameters: Mapping[str, Any],
+    args: tuple[Any, ...],
+    named: Mapping[str, Any],
+    once: Sequence[str],
 ) -> list[Problem]:
-    """Arguments that a signature does not take, and those it misses."""
+    """Arguments that a signature does not take, and those it misses.
+
+    `once` are the arguments of the class, where it is a method.
+    """
     kinds = inspect.Parameter
     placed = [p.name for p in parameters.values() if p.kind <= kinds.POSITIONAL_OR_KEYWORD]
     only = {p.name for p in parameters.values() if p.kind is kinds.POSITIONAL_ONLY}
@@ -392,6 +351,8 @@ def _not_taken(
             if name not in by_name:
                 text = f"is no argument of it; {nearest(name, by_name)}" if by_name else ""
                 text = "goes first, without its name" if name in only else text
+                if made := name if name in once else words.ours(name, once):
+                    text = f"is given once, as in pg.{where.split('.')[0]}(..., {made}=...)"
                 if name in ("gravity", "ground", "up") and where in ("simulate", "sweep"):
                     text = f"is of the model: model.replace({name}=...)"
                 found.append(Problem(where, name, text or "is no argument of it; it takes none"))

@@ -14,7 +14,7 @@ from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, explained
 from .model import Model
 from .packing import Array
-from .portable import MEANT_BY, Elsewhere
+from .portable import TRIED, Elsewhere
 
 if TYPE_CHECKING:
     from .analysis.linear import Linearisation
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
-HINTED = MEANT_BY["Mechanism"].keys()  # what other programs have as a method
+HINTED = TRIED["Mechanism"]  # what other programs have as a method
 
 
 @cache

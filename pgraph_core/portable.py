@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
-from .errors import MEANT, InputError, Problem, shown
+from . import words
+from .errors import InputError, Problem, shown
 
 
 @cache
@@ -102,7 +102,9 @@ class Hinting(Portable):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Says where to find what others have as an attribute. Raises AttributeError."""
+            """Ours, or where to find what others have as an attribute. Raises AttributeError."""
+            if ours := SAME.get(type(self).__name__, {}).get(name):
+                return getattr(self, ours)
             inherited = getattr(super(), "__getattr__", None)
             if inherited is not None:
                 with suppress(AttributeError):
@@ -127,7 +129,10 @@ class NoAttribute(AttributeError):
 
 
 class Elsewhere:
-    """In the place of a method of a class without hints: a function of the package does it."""
+    """An attribute by another program's name, of a class without `__getattr__`.
+
+    It is ours where that is the same; else it says what to write.
+    """
 
     def __init__(self, name: str):
         self._name = name
@@ -135,9 +140,29 @@ class Elsewhere:
     def __get__(self, value: object, kind: type) -> Any:
         """Raises AttributeError, which says what to write."""
         name = self._name
+        if ours := SAME.get(kind.__name__, {}).get(name):
+            return getattr(kind if value is None else value, ours)
         text = f"a {kind.__name__} has no '{name}'; {_elsewhere(kind.__name__, name)}"
         raise AttributeError(text, name=name, obj=value)
 
+
+SAME: dict[str, dict[str, str]] = {  # class -> other programs' names of attributes: ours
+    "Mechanism": {
+        **dict.fromkeys(("M", "crba"), "mass_matrix"),
+        **dict.fromkeys(("nle", "bias"), "bias_force"),
+        **dict.fromkeys(("rnea", "id"), "inverse_dynamics"),
+        **dict.fromkeys(("aba", "fd"), "forward_dynamics"),
+        **dict.fromkeys(("fk", "forward_kinematics"), "pose"),
+        "ik": "inverse_kinematics", "com": "centre_of_mass", "dof": "nv",
+    },
+    "Result": {
+        **dict.fromkeys(("to_dataframe", "to_df"), "to_pandas"),
+        "time": "t", "qpos": "q", "qvel": "v", "qd": "v", "qdd": "vdot", "qacc": "vdot",
+    },
+    "Stepper": {"time": "t", "qpos": "q", "qvel": "v", "qacc": "vdot"},
+    "BatchStepper": {"time": "t", "qpos": "q", "qvel": "v"},
+    "Sweep": dict.fromkeys(("to_dataframe", "to_df"), "to_pandas"),
+}  # fmt: skip
 
 _MODEL_HAS = {
     "names": "write [body.name for body in model.bodies], or list(model.row)",
@@ -154,17 +179,20 @@ _MODEL_HAS = {
     "show": "write model.to_image('model.png'), or pg.simulate(model).show()",
 }
 _MECH_HAS = {
-    **dict.fromkeys(("M", "crba", "mass"), "write mech.mass_matrix(q)"),
-    **dict.fromkeys(("coriolis", "bias", "nle"), "write mech.bias_force(q, v)"),
-    **dict.fromkeys(("rnea", "id"), "write mech.inverse_dynamics(q, v, vdot)"),
-    **dict.fromkeys(("aba", "fd", "acceleration"), "write mech.forward_dynamics(q, v, tau)"),
-    **dict.fromkeys(("fk", "kinematics", "forward_kinematics"), "write mech.pose(q, 'arm')"),
+    "mass": "write mech.mass_matrix(q), or sum(body.mass for body in mech.model.bodies)",
+    "coriolis": "write mech.bias_force(q, v)",
+    "acceleration": "write mech.forward_dynamics(q, v, tau)",
+    "kinematics": "write mech.pose(q, 'arm')",
+    **dict.fromkeys(
+        ("eigenfrequencies", "natural_frequencies", "frequencies", "modes", "eigenvalues"),
+        "write mech.linearise().frequencies [rad/s], .eigenvalues or .modes",
+    ),
+    **dict.fromkeys(("frame", "transform"), "write mech.pose(q, 'arm')"),
+    "total_mass": "write sum(body.mass for body in mech.model.bodies)",
+    "forward_dynamics_derivatives": "write mech.forward_derivatives(q, v, tau)",
     **dict.fromkeys(("q", "v", "q0", "state"), "it keeps no state: q, v = mech.home()"),
-    "ik": "write mech.inverse_kinematics({'arm': place})",
-    "com": "write mech.centre_of_mass(q)",
     "gravity": "write mech.model.gravity, or mech.bias_force(q, 0 * v) for its torques",
     "bodies": "write mech.model.bodies, or mech.names",
-    "dof": "write mech.nv",
     "step": "write pg.Stepper(mech)",
     "run": "write pg.simulate(mech, ...)",
     "kinetic_energy": "write mech.energy(q, v)[0]",
@@ -189,9 +217,8 @@ _RUN_HAS = {
     "animation": "write run.show(), or run.to_html('run.html')",
     "y": "the states are run.q and run.v",
     "x": "the states are run.q and run.v",
-    "qd": "velocities are run.v, accelerations run.vdot",
     "success": "write run.status.ok",
-    "time": "the times are run.t",
+    "to_mat": "write run.save('run.mat')",
     "to_json": "write run.save('run.npz'), run.to_csv() or run.to_pandas()",
     "names": "the names of bodies are run.mechanism.names; run['knee'] is a joint over time",
     "final_state": "the last state is run.q[-1], run.v[-1]",
@@ -208,7 +235,7 @@ _STEPPER_HAS = {
         ("run", "simulate", "advance"),
         "write st.step(n=1000), or st.record_over(1.0) for a Result of one second",
     ),
-    **dict.fromkeys(("time", "times"), "the time is st.t"),
+    **dict.fromkeys(("ctrl", "control"), "give inputs by name: st.step(inputs={'motor': 0.5})"),
     **dict.fromkeys(("state", "get_state"), "the state is st.q and st.v; st.save() is all of it"),
     **dict.fromkeys(("set_state", "set"), "write st.reset(q, v)"),
     **dict.fromkeys(("pose", "position", "positions"), "write st.mech.pose(st.q, 'arm')"),
@@ -218,7 +245,6 @@ _BATCH_HAS = {
         ("run", "simulate", "advance", "record", "rollout"),
         "write batch.step(n=1000), or batch.trace(n=1000) for q and v after each step",
     ),
-    **dict.fromkeys(("time", "times"), "the times are batch.t"),
     **dict.fromkeys(("state", "states", "get_state"), "the states are batch.q and batch.v"),
     **dict.fromkeys(("set_state", "set"), "write batch.reset(q, v)"),
     **dict.fromkeys(
@@ -230,7 +256,7 @@ _BATCH_HAS = {
         "fields of the gait are given as set={'scenarios.trot.gait.speed': values}",
     ),
 }
-_PANDAS = dict.fromkeys(("to_dataframe", "to_df", "df", "dataframe"), "to_pandas()")
+_PANDAS = dict.fromkeys(("df", "dataframe"), "to_pandas()")
 # class -> names that people try: what to write
 MEANT_BY: dict[str, dict[str, str]] = {
     "Mechanism": _MECH_HAS,
@@ -240,6 +266,9 @@ MEANT_BY: dict[str, dict[str, str]] = {
     "BatchStepper": _BATCH_HAS,
     "Sweep": _TABLE_HAS | {name: f"write table.{to}" for name, to in _PANDAS.items()},
 }
+
+
+TRIED = {kind: {*SAME.get(kind, ()), *MEANT_BY[kind]} for kind in MEANT_BY}  # names, per class
 
 
 def _elsewhere(kind: str, name: str) -> str:
@@ -274,10 +303,8 @@ def _of_this(value: Any, name: str) -> str:
     if "name" in own and "bodies" not in own and (hint := _PART_HAS.get(name)):
         return hint
     known = [x for x in dir(value) if not x.startswith(("_", "model_"))]
-    if meant := [x for x in MEANT.get(name, ()) if x in known]:
-        return f"did you mean {meant[0]}?"
-    close = get_close_matches(name, known, n=1)
-    return f"did you mean {close[0]}?" if close else ""
+    close = words.hint(name, known)
+    return f"did you mean {close}?" if close else ""
 
 
 def _empty(written: str, module: str, name: str) -> Any:

@@ -12,11 +12,10 @@ from typing import Any
 
 import gymnasium as gym  # pyright: ignore[reportMissingImports]
 import numpy as np
-from gymnasium.utils.seeding import np_random  # pyright: ignore[reportMissingImports]
-from gymnasium.vector.utils import batch_space  # pyright: ignore[reportMissingImports]
 
 import pgraph_core as pg
 from pgraph_core.errors import explained
+from pgraph_core.gym import VectorEnv
 
 STEP, SUBSTEPS = 1e-3, 20  # [s] step, and steps per action
 LEGS = ("front_left", "front_right", "hind_left", "hind_right")
@@ -247,53 +246,11 @@ class QuadrupedEnv(gym.Env[Array, Array]):
         return self.walkers.observed()[0], float(reward[0]), bool(fell[0]), False, {}
 
 
-class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
-    """Environments of many robots in one batch. The step after the end starts an episode."""
-
-    metadata = {  # noqa: RUF012 (gymnasium's own protocol)
-        "render_modes": [], "autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP
-    }  # fmt: skip
+class QuadrupedVectorEnv(VectorEnv):
+    """Many robots in one batch; one that has ended is started by the next step."""
 
     def __init__(self, num_envs: int = 1, max_episode_steps: int = 1000, **options: Any):
         """`options` are those of `Walkers`. Raises InputError for a way of drawing."""
         _refuse_drawing(options.pop("render_mode", None))
-        self.walkers = Walkers(num_envs, **options)  # refuses an invalid number
-        self.num_envs, self._most = num_envs, max_episode_steps
-        self.single_observation_space, self.single_action_space = OBSERVATION, ACTION
-        self.observation_space = batch_space(OBSERVATION, num_envs)
-        self.action_space = batch_space(ACTION, num_envs)
-        self._over = np.zeros(num_envs, dtype=bool)
-        self._rngs: list[np.random.Generator] = []
-
-    def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Array, dict[str, Any]]:
-        """All at rest. Robot i is the single one of seed + i, or of the i-th of a list of seeds."""
-        if seed is not None or not self._rngs:
-            if seed is None:
-                seeds: list[int | None] = [None] * self.num_envs
-            elif isinstance(seed, Sequence):
-                seeds = list(seed)
-            else:
-                seeds = [seed + i for i in range(self.num_envs)]
-            if len(seeds) != self.num_envs:
-                text = f"must be one, or one for each of {self.num_envs}; given {len(seeds)}"
-                raise pg.InputError(pg.Problem("reset", "seed", text))
-            self._rngs = [np_random(x)[0] for x in seeds]
-        self.walkers.start(np.arange(self.num_envs), self._rngs)
-        self._over[:] = False
-        return self.walkers.observed(), {}
-
-    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Twenty steps of 1 ms of all robots."""
-        begun = np.flatnonzero(self._over)
-        reward, fell = self.walkers.step(actions, self._rngs, self._over)
-        if len(begun):
-            self.walkers.start(begun, self._rngs)
-            reward[begun], fell[begun] = 0.0, False
-        late = self.walkers.count >= self._most
-        self._over = fell | late
-        return self.walkers.observed(), reward, fell, late, {}
+        self.walkers = Walkers(num_envs, **options)  # which refuses a number that is none
+        super().__init__(self.walkers, num_envs, OBSERVATION, ACTION, max_episode_steps)

@@ -80,7 +80,7 @@ EDITS = [
     (lambda: TWO.add(pg.Site(name="arm", body="fore")), "'arm'"),
     (lambda: pg.Force(name="f", kind="sprng", body="a"), "force 'f', kind", "'sprng'", "spring"),
     (lambda: pg.Spring(name="f", kind="motor", body="a"), "'spring'", "'motor'", "a Motor"),
-    (lambda: pg.Spring(body="rod"), "pg.Spring(body='rod'", "name"),
+    (lambda: pg.Spring(stiffness=1.0), "pg.Spring(", "body"),
     (lambda: pg.Body("a"), "pg.Body(name='a'"),
     (lambda: pg.Model(BASE.bodies), "bodies=["),
     (lambda: pg.Model(constraints=[SPRING]), "Spring", "forces=["),
@@ -95,7 +95,7 @@ EDITS = [
 
 CALLS = [
     (lambda: TOP.mass_matrix(np.zeros(4)), "q", "quaternion"),
-    (lambda: MECH.forward_dynamics(Q, V, torque=V), "torque", "did you mean tau?"),
+    (lambda: MECH.forward_dynamics(Q, V, ctrl=V), "ctrl", "did you mean tau?"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.ones((2, 6))), "external", "(3, 6)", "(2, 6)"),
     (lambda: MECH.forward_dynamics(Q, V, external=np.full((3, 6), INF)), "external", "finite"),
     (lambda: MECH.mass_matrix(Q, back_end="aba"), "aba", "articulated, composite, operators"),
@@ -110,7 +110,7 @@ CALLS = [
     (lambda: MECH.mobility(active="loop"), "['loop']"),
     (lambda: MECH.assemble(hold="1"), "hold", "q, v, active"),
     (lambda: run(tau=lambda t, q, v: np.zeros(4)), "tau", "3", "4"),
-    (lambda: run(method="RK45"), "did you mean dopri5?"),
+    (lambda: run(method="euler"), "did you mean semi_implicit_euler?"),
     (lambda: run(method="rk4", rtol=1e-8), "rtol", "dop853"),
     (lambda: run(method="rk4", max_steps=5), "10 steps", "0.001 s"),
     (lambda: run(rtol=1e-17), "simulate, rtol", "rounding", "1e-17"),
@@ -141,7 +141,7 @@ CALLS = [
         ), repr(names[0]))
         for names in (("drive",), ("new", "new")) for call in (pg.simulate, pg.Stepper)
     ),
-    (lambda: pg.Stepper(MECH, dt=1e-3), "Stepper", "dt", "did you mean step?"),
+    (lambda: pg.Stepper(MECH, h=1e-3), "Stepper", "h", "did you mean step?"),
     (lambda: pg.Stepper(MECH).record_over(-1.0), "dt", "> 0", "-1"),
     (lambda: pg.Stepper(HINGES).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
     (lambda: pg.Stepper(HINGES).step({"1": 1.0}), "tau", "numbers"),
@@ -188,13 +188,13 @@ def recorded() -> pg.Result:
 
 
 MISSING = [  # names of other programs: the error also is an AttributeError, or a TypeError
-    (lambda: pg.load, "Model.load"),
+    (lambda: pg.open, "Model.load"),
     (lambda: pgraph_models.load("pendulum"), "pgraph_models.path("),
     (lambda: BASE.add_spring("1", "2"), "pg.Spring(name="),
     (lambda: BASE.simulate(t_end=1.0), "pg.simulate(model"),
     (lambda: getattr(BASE, "2"), "model['2']"),
     (lambda: BASE["1"].edit(mass=2), "model.edit(name, field=value)"),
-    (lambda: recorded().to_dataframe(), "run.to_pandas()"),
+    (lambda: recorded().df, "run.to_pandas()"),
     (lambda: recorded().energyy, "did you mean energy"),
     (lambda: getattr(recorded(), "2"), "run['2']"),
     (lambda: recorded()[5:10], "run.q"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from tests.refusals import holds, refusal
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -123,3 +124,100 @@ def test_a_refused_action_changes_nothing(action):
         env.unwrapped.step(action)
     np.testing.assert_array_equal(env.unwrapped.walkers.observed(), before)
     assert np.isfinite(env.step(np.zeros((3, 12)))[1]).all()
+
+
+# -- environments of any model ---------------------------------------------------------------------
+
+
+def pole(**motor) -> pg.Model:
+    cart = pg.Body(name="cart", joint="prismatic", axes=(1, 0, 0), mass=1.0)
+    rod = pg.Body(
+        name="rod", parent="cart", axes=(0, 1, 0), com=(0, 0, 0.5), inertia=(0.1, 0.1, 0.01)
+    )
+    return pg.Model(bodies=[cart, rod], forces=[pg.Motor(name="push", body="cart", **motor)])
+
+
+def servo() -> pg.Model:
+    drive = pg.Servo(name="drive", body="rod", kp=20.0, kd=1.0)
+    return pole().remove("push").edit("rod", limits=((-1.0, 2.0),)).add(drive)
+
+
+def seen() -> pg.Model:
+    return pole().add(pg.Output(name="tip", kind="position", at="rod"))
+
+
+MODELS = {
+    "motor": (pole(torque_limit=3.0), (-3.0, 3.0), 4),
+    "geared motor": (pole(gear=2.0, input_low=-1.0, input_high=2.0), (-1.0, 2.0), 4),
+    "servo": (servo(), (-1.0, 2.0), 4),
+    "outputs": (seen(), (-np.inf, np.inf), 3),
+    "no drives": (pole().remove("push"), (-np.inf, np.inf), 4),
+}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", MODELS)
+def test_any_model_is_an_environment_alone_and_among_many(name: str):
+    """Many in one batch see and earn what each would alone, to rounding of float32."""
+    model, (low, high), width = MODELS[name]
+    given = {
+        "dt": 0.03,
+        "reward": lambda seen, action: -abs(seen[..., 0]),
+        "ended": lambda seen: abs(seen[..., 0]) > 0.5,
+        "start": lambda rng: (rng.uniform(-0.1, 0.1, 2), np.zeros(2)),
+    }
+    one, many = (pgraph_core.gym.make(model, n, **given) for n in (None, 3))
+    check_env(one)
+    assert one.action_space.low[0] == low == many.single_action_space.low[0]
+    assert one.action_space.high[0] == high
+    assert one.observation_space.shape == (width,)
+    alone, _ = one.reset(seed=1)
+    rows, _ = many.reset(seed=1)
+    np.testing.assert_allclose(rows[0], alone, rtol=1e-5, atol=1e-6)
+    many.action_space.seed(0)
+    for _ in range(20):
+        action = many.action_space.sample()
+        rows, earned, ended, *_ = many.step(action)
+        alone, reward, over, *_ = one.step(action[0])
+        np.testing.assert_allclose(rows[0], alone, rtol=1e-4, atol=1e-5)
+        assert earned[0] == pytest.approx(reward, abs=1e-5)
+        assert ended[0] == over
+        if over:
+            break
+
+
+def test_an_episode_lasts_as_long_as_its_actions_and_its_limit():
+    env = pgraph_core.gym.make(pole(), dt=0.05, max_episode_steps=4)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(1))[3] for _ in range(4)]
+    assert ends == [False, False, False, True]
+    assert env.unwrapped.stepper.t == pytest.approx(0.2)
+    many = pgraph_core.gym.make(pole(), 2, dt=0.05, max_episode_steps=4)
+    many.reset(seed=0)
+    assert [many.step(np.zeros((2, 1)))[3].tolist() for _ in range(5)][2:] == [
+        [False, False], [True, True], [False, False],
+    ]  # fmt: skip
+
+
+def test_an_action_beyond_the_limits_acts_as_the_limit():
+    one, other = (pgraph_core.gym.make(pole(torque_limit=3.0)) for _ in range(2))
+    for env in (one, other):
+        env.reset(seed=0)
+    assert np.array_equal(one.step(np.array([30.0]))[0], other.step(np.array([3.0]))[0])
+
+
+@pytest.mark.parametrize(
+    ("make", "facts"),
+    [
+        (lambda: pgraph_core.gym.make(pole(), dt=0.0), ("dt", "> 0")),
+        (lambda: pgraph_core.gym.make(pole(), dt="1"), ("dt", "'1'")),
+        (lambda: pgraph_core.gym.make("pole"), ("mechanism", "'pole'")),
+        (lambda: pgraph_core.gym.make(pole(lag=0.1), 2), ("num_envs", "push")),
+        (lambda: pgraph_core.gym.make(pole(), 0), ("size", "0")),
+        (lambda: pgraph_core.gym.make(pole(), 2, workers=2), ("workers",)),
+        (lambda: pgraph_core.gym.make(pole()).step([1.0, 2.0]), ("action",)),
+        (lambda: pgraph_core.gym.make(pole()).step([np.nan]), ("action", "nan")),
+    ],
+)
+def test_what_no_environment_is_made_of_is_refused(make, facts):
+    holds(str(refusal(make)), *facts)

@@ -78,7 +78,7 @@ def test_velocities_are_given_in_the_axes_asked_for():
     np.testing.assert_allclose(world, mech.jacobian(q, "j5", (0.1, 0, 0)) @ v, atol=1e-14)
     np.testing.assert_allclose(turn @ body[:3], world[:3], atol=1e-14)
     np.testing.assert_allclose(turn @ body[3:], world[3:], atol=1e-14)
-    wrong: Any = ("local", None, 1, ["body"])
+    wrong: Any = ("tip", None, 1, ["body"])
     for frame in wrong:
         with pytest.raises(pg.InputError, match=r"frame.*world"):
             mech.jacobian(q, "j5", frame=frame)

@@ -141,7 +141,7 @@ def masses(values) -> dict:
         ({"scheduler": "tcp://127.0.0.1:1", "metric": "t_end"}, r"tcp://127\.0\.0\.1:1"),
         *(({name: value}, fact) for name, value, fact in (
             ("out", "table.txt", "table"), ("out", "none/table.csv", "table"),
-            ("method", "rk45", "dopri5"), ("t_end", -1.0, "t_end"), ("scenario", "none", "none"),
+            ("method", "rk46", "dopri5"), ("t_end", -1.0, "t_end"), ("scenario", "none", "none"),
             ("n", 5, "samples"), ("workers", 0, "workers"), ("workers", 2.5, "workers"),
             ("resume", True, "out="))),
         ({"set": {"heavy": [1.0], ("heavy",): [2.0]}}, "heavy"),

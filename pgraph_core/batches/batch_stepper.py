@@ -22,7 +22,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
 from ..packing import Array, Ints, System
-from ..portable import MEANT_BY, Elsewhere, Portable, put_back, sealed, unsealed
+from ..portable import TRIED, Elsewhere, Portable, put_back, sealed, unsealed
 from ..result.records import Named
 from ..simulation.recording import STATUS
 from ..simulation.snapshots import check
@@ -411,7 +411,7 @@ class BatchStepper(Portable):
         self.restore(snapshot)
 
 
-for _name in MEANT_BY["BatchStepper"]:
+for _name in TRIED["BatchStepper"]:
     setattr(BatchStepper, _name, Elsewhere(_name))
 
 

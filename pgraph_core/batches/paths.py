@@ -87,6 +87,8 @@ class Path:
         value = self.owner(model)
         for word in self.inside:
             holder, value = value, self._entry(value, word)
+        if _listed(value) and len(value) == 1 and not _listed(value[0]):
+            self.inside, value = (*self.inside, 0), value[0]  # a list of one number
         if value is None and _takes_number(holder, word):
             value = math.nan  # left out, so that the model works it out: a number replaces it
         if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -12,6 +12,7 @@ from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
 
+from .. import words
 from ..columns import Columns
 from ..engine import layout as at
 from ..engine import motion, packing
@@ -474,10 +475,11 @@ class Dynamics(Portable):
         """
         q = position(self.packed, q)
         found = self._jacobian(q, *self._on_body(name, finite("point", point, 3)))
+        frame = words.chosen(frame, FRAMES) or frame
         if frame == "body":
             turn = self.pose(q, name)[1].T
             return (turn @ found.reshape(2, 3, self.nv)).reshape(6, self.nv)
-        if frame != "world":
+        if frame not in FRAMES:
             text = f"must be 'world' or 'body'; given {shown(frame)}"
             raise InputError(Problem("jacobian", "frame", text))
         return found
@@ -575,6 +577,9 @@ class Dynamics(Portable):
 # Arrays that the kernel takes as they are cost one frame of Python: to check them, and the frame
 # that explains wrong calls, takes half as long as the dynamics of an animal. Kernels refuse other
 # arrays, and what fails goes through the methods, which say why.
+
+
+FRAMES = ("world", "body")  # whose axes a velocity is in
 
 
 def at_once(checked: Called) -> Called:

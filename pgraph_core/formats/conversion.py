@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Gear, Model
 from ..model.body import inertia_problems
+from ..model.doubts import MILLI, wide
 from ..model.fields import GROUND
 from ..model.files import ALLOW
 from ..model.model import LOST
@@ -231,7 +232,6 @@ NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit where a format asks for 
 
 TALL = 100.0  # m between two bodies
 HEAVY = 1e5  # kg of one body
-SPREAD = 5.0  # radius of gyration over the size of the model
 TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
 
 
@@ -244,22 +244,15 @@ def suspect_units(report: Report, model: Model, reach: float) -> None:
     if heaviest is not None and heaviest.mass > HEAVY:
         text = f"body '{heaviest.name}' has {heaviest.mass:.4g} kg: is its mass in grams?"
         report.add("warning", report.file, text, part=heaviest.name)
+    for name, text in wide(model.bodies):
+        report.add("warning", report.file, f"body '{name}': {text}", part=name)
     for body in model.bodies:
-        moment = abs(np.trace(np.array(body.inertia))) / 2
-        spread = np.sqrt(moment / body.mass) if body.mass > 0 else 0.0
-        if body.mass > 1e-6 and spread > SPREAD * max(reach, 0.05):
-            text = (
-                f"the inertia of '{body.name}' is that of {body.mass:.3g} kg {spread:.3g} m away "
-                "from its centre: is it in g mm^2 or kg mm^2?"
-            )
-            report.add("warning", report.file, text, part=body.name)
-        wide = [x for pair in body.limits if pair for x in pair if x and abs(x) > TURNS]
+        beyond = [x for pair in body.limits if pair for x in pair if x and abs(x) > TURNS]
         turning = [m for m in body.motions if m[0] == "rotate"]
-        if turning and wide and max(map(abs, wide)) < 1e4:
-            text = (
-                f"the limit {wide[0]:.5g} rad of '{body.name}' is {wide[0] / 6.2831853:.3g} turns: "
-            )
-            report.add("warning", report.file, f"{text}is it in degrees?", part=body.name)
+        if turning and beyond and max(map(abs, beyond)) < 1e4:
+            turns = f"{beyond[0] / (2 * np.pi):.3g} turns: is it in degrees?"
+            text = f"the limit {beyond[0]:.5g} rad of '{body.name}' is {turns}"
+            report.add("warning", report.file, text, part=body.name)
 
 
 class MeshSize(NamedTuple):
@@ -269,9 +262,6 @@ class MeshSize(NamedTuple):
     body: str
     name: str  # of the mesh, as the file gives it
     size: float  # [m] largest extent
-
-
-SHRUNK = math.sqrt(1000.0)  # a mesh this much larger than the robot fits it better in millimetres
 
 
 def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[MeshSize]) -> None:
@@ -292,7 +282,7 @@ def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[
     if len(still) > len(model.bodies):  # nothing moves
         still = {GROUND}
     for mesh in meshes:
-        if robot > 0 and mesh.size > SHRUNK * robot and mesh.body not in still:
+        if robot > 0 and mesh.size > MILLI * robot and mesh.body not in still:
             text = (
                 f"mesh {shown(mesh.name)} is {mesh.size:.4g} m long, {mesh.size / robot:.3g} times "
                 "the size of the robot: is it in millimetres? Then its scale is 0.001"

@@ -38,7 +38,6 @@ from .fields import (
     Text,
     Vec3,
     Vec3s,
-    along,
     field,
     inertia_matrix,
     listed,
@@ -51,6 +50,7 @@ from .fields import (
     vectors,
     whole,
 )
+from .sentences import along
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 
@@ -224,6 +224,8 @@ class Body(Described):
             for key, value in data.items()
             if value is not None or key in ("name", "mass", "com", "inertia")  # which None is not
         }
+        if "density" in data and "derived" not in data and {"shape", "shapes"} & data.keys():
+            data["derived"] = tuple(x for x in ("mass", "com", "inertia") if x not in data)
         dof = data.pop("dof", None)
         if dof is not None:
             _pick_joint(data, dof)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from .. import joints
-from ..errors import ModelError, Problem, choices, counted, nearest, shown, synonym
+from .. import joints, words
+from ..errors import ModelError, Problem, choices, counted, shown
 from ..joints import quaternion_problems
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
@@ -15,6 +15,7 @@ from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problem
 from .force import Force, OnJoint, Tendon, ends_of
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
+from .sentences import no_such_field
 from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
@@ -33,7 +34,7 @@ def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]
         if parent != GROUND and parent not in row:
             known = [GROUND, *(each for each in row if each != name)]
             text = f"no body is named {shown(parent)}; choose one of {choices(known)}"
-            text += synonym(parent, known)
+            text += words.synonym(parent, known)
             found.append(Problem(f"body {shown(name)}", "parent", text))
     return found + [_cycle_problem(cycle) for cycle in _cycles(names, parents, row)]
 
@@ -423,13 +424,9 @@ PARTS: dict[str, type[Described]] = {
 }
 
 
-def problems(data: Mapping[str, Any], known: Iterable[str]) -> list[Problem]:
+def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]:
     """Everything wrong with `data` as a model whose fields are `known`, in the order given."""
-    found = [
-        Problem("model", key, f"no such field; {nearest(key, known)}")
-        for key in data
-        if key not in known
-    ]
+    found = [Problem("model", key, no_such_field(key, known)) for key in data if key not in known]
     world = {key: data[key] for key in World.model_fields if key in data}
     found += part_problems(World, world, "model")
     valid: dict[str, list[Any]] = {}

@@ -26,9 +26,9 @@ def doubts(model: Any) -> list[str]:
     by_name = {body.name: body for body in bodies}
     return [
         *_units(model), *_gravity(model), *_defaults(bodies, by_name),
-        *_starts(bodies), *_meshes(bodies), *_axes(model.constraints, by_name),
-        *_idle_joints(bodies), *_idle_forces(model, by_name), *_twice(model),
-        *_idle_parameters(model),
+        *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
+        *_meshes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
+        *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
     ]  # fmt: skip
 
 
@@ -105,6 +105,31 @@ def _units(model: Any) -> Iterator[str]:
         if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
             yield f"body '{body.name}': {several_turns(body.q[0])}"
             return
+
+
+def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
+    """(body, sentence) of inertias that fit the model better in kg mm² or g mm².
+
+    A radius of gyration is a length like all others of the model. Where it is nearer to them when
+    it is divided by 1000, it is likely one in millimetres.
+    """
+    lengths = [math.hypot(*x) for b in bodies for x in (b.com, b.tip_point, b.link)]
+    size = max(lengths, default=0.0)
+    for body in bodies:
+        if body.mass > 0.0 and "inertia" in body.model_fields_set and "inertia" not in body.derived:
+            moments = sum(body.inertia[k][k] for k in range(3)) / 2.0
+            radius = math.sqrt(max(moments, 0.0) / body.mass)
+            if radius > MILLI * max((size, *map(_extent, body.shapes))) > 0.0:
+                yield (
+                    body.name,
+                    f"with {body.mass:g} kg its inertia is that of a mass {radius:.3g} m away from "
+                    f"its centre, in a model of {size:.3g} m; inertias are in kg m², lengths in m",
+                )
+
+
+def _extent(shape: Any) -> float:
+    """Return a length of a shape [m]; 0 where only its file knows it."""
+    return max(shape.radius or 0.0, shape.length or 0.0, *(shape.size or shape.radii or (0.0,)))
 
 
 def _starts(bodies: Sequence[Body]) -> Iterator[str]:
@@ -239,6 +264,7 @@ def _idle_parameters(model: Any) -> Iterator[str]:
 
 
 MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
+MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
 MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
 Z = (0.0, 0.0, 1.0)
 DEFAULT_MASS = Body.model_fields["mass"].default

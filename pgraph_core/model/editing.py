@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
-from .. import joints
+from .. import joints, words
 from ..errors import ModelError, Problem, nearest
 from ..rotation import multiply, rotate
 from .body import JOINT_FIELDS, Body
@@ -23,9 +23,10 @@ T = TypeVar("T", bound=Described)
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     """The body with changed fields, and what changed besides. Raises ModelError."""
+    known = (*Body.model_fields, "dof")
+    changes = words.renamed(changes, known) or changes
     for key in changes:
-        if key not in Body.model_fields and key != "dof":
-            known = (*Body.model_fields, "dof")
+        if key not in known:
             raise ModelError(
                 Problem(f"body '{old.name}'", key, f"no such field; {nearest(key, known)}")
             )

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from numbers import Integral
 from typing import (
@@ -23,7 +22,6 @@ from typing import (
     Self,
     TypeVar,
     dataclass_transform,
-    get_args,
     overload,
 )
 
@@ -43,6 +41,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
+from .. import words
 from ..errors import (
     ModelError,
     Problem,
@@ -51,15 +50,13 @@ from ..errors import (
     nearest,
     nearest_first,
     shown,
-    synonym,
 )
 from ..portable import Hinting
+from .sentences import GROUND, PAIR, all_problems, in_our_words
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
-GROUND = "ground"
 EVERY = "*"  # in a contact: every body that has a shape
-PAIR = ("body", "other")  # the fields of a part that name bodies
 
 
 # -- declaring fields ------------------------------------------------------------------------------
@@ -241,141 +238,6 @@ def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
     return value  # type: ignore[return-value]
 
 
-# -- what pydantic finds, as sentences -------------------------------------------------------------
-
-
-def all_problems(
-    kind: type[BaseModel],
-    data: Mapping[str, Any],
-    error: ValidationError,
-    where: str,
-    followers: Mapping[str, tuple[str, ...]],
-) -> list[Problem]:
-    """What validation says, and what it says of the other fields once the refused ones are out.
-
-    One refused field hides what a validator of the whole would say of the others. `followers`
-    mean nothing without their field: they go with it, unsaid.
-    """
-    found: list[Problem] = []
-    refused: set[str] = set()
-    while True:
-        now = [p for p in _problems(kind, data, error, where) if p.field not in refused]
-        moot = {name for p in now for name in followers.get(p.field, ()) if name != p.field}
-        found += [p for p in now if p.field not in moot]
-        if {p.field for p in found} <= refused:
-            return found
-        refused |= {p.field for p in found}
-        refused |= {name for field in refused for name in followers.get(field, ())}
-        left = {"name": "unnamed"} if "name" in kind.model_fields else {}
-        left |= {key: value for key, value in data.items() if key not in refused}
-        try:
-            BaseModel.__init__(kind.__new__(kind), **left)
-        except ValidationError as more:
-            error = more
-        else:
-            return found
-
-
-def _problems(
-    kind: type[BaseModel], data: Mapping[str, Any], error: ValidationError, where: str
-) -> list[Problem]:
-    """One Problem a refused field, or all that a validator of ours says of it."""
-    items: dict[str, list[Any]] = {}
-    for item in error.errors(include_url=False):
-        field = next((part for part in item["loc"] if isinstance(part, str)), "")
-        items.setdefault(field, []).append(item)
-    found: dict[Problem, None] = {}
-    for field, about in items.items():
-        ours = [pair for item in about for pair in item.get("ctx", {}).get("problems", ())]
-        if ours:
-            found |= {Problem(where, field or inner, text): None for inner, text in ours}
-        else:  # of a union's complaints, the one that looks inside the value
-            found_in = (_of_whole(item, data.get(field, item.get("input"))) for item in about)
-            _, text = max((_sentence(x, kind.model_fields) for x in found_in), key=lambda s: s[0])
-            found[Problem(where, field, text)] = None
-    return list(found)
-
-
-def _of_whole(item: Any, value: Any) -> Any:
-    """A number where a row of numbers belongs, or a row where a number does, as said of all."""
-    inside = item["loc"][1:]
-    row = "tuple" in item["type"] or isinstance(item.get("input"), (tuple, list))
-    rows = inside and all(isinstance(part, int) for part in inside) and row
-    return {**item, "input": value} if rows else item
-
-
-def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
-    """Whether it is about a part of the field's value, and what would do."""
-    field, *inside = [part for part in item["loc"] if isinstance(part, str)] or [""]
-    parts = _parts_of(known[field].annotation) if field in known else {}
-    within, names = None, []
-    for name in inside:
-        if name in parts:
-            within, parts = parts[name], _parts_of(parts[name].annotation) or parts
-            names.append(name)
-    place = ": ".join(names)
-    if item["type"] == "extra_forbidden":
-        if parts:
-            text = f"has no field '{inside[-1]}'; {nearest(inside[-1], parts)}"
-            return True, f"{place} {text}" if place else text
-        return False, f"no such field; {nearest(field, known)}"
-    if within is not None:
-        return True, f"{place} {_expected(item, within)}"
-    if field not in known:
-        return False, f"{item['msg']}; given {shown(item.get('input'))}"
-    return False, _expected(item, known[field])
-
-
-def _expected(item: Any, field: FieldInfo) -> str:
-    if item["type"] == "missing" and isinstance(item["loc"][-1], str):
-        return f"is missing; give {field.description}"
-    given = item.get("input")
-    if any(isinstance(x, str) and x.startswith("=") for x in _leaves(given)):
-        do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
-        return f"must be {field.description}; given {shown(given)}; {do}"
-    return f"must be {field.description}; given {shown(given)}{_meant(item, given, field)}"
-
-
-def _meant(item: Any, given: Any, field: FieldInfo) -> str:
-    """What to write in place of a value that other programs take."""
-    name = item["loc"][0] if item["loc"] else ""
-    if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
-        return f"; write (0, 0, {-abs(given)}) where z is up"
-    if name in ("axis", "other_axis", "axes"):
-        return along(given)
-    if name == "rotation" and getattr(given, "shape", ()) == (3, 3):
-        return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
-    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
-        return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
-    if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
-        return f"; write {number[0].strip()}, without a unit"
-    return synonym(given, re.findall(r"\w+", field.description or ""))
-
-
-def along(given: Any) -> str:
-    """'; write (0, 1, 0)' for an axis that is given as "y"."""
-    letter = given.removeprefix("-") if isinstance(given, str) else ""
-    if letter not in ("x", "y", "z"):
-        return ""
-    sign = 1 if given == letter else -1
-    return f"; write {tuple(sign * (letter == x) for x in 'xyz')}"
-
-
-def _leaves(value: Any) -> Iterator[Any]:
-    if isinstance(value, (list, tuple)):
-        for x in value:
-            yield from _leaves(x)
-    else:
-        yield value
-
-
-def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
-    """The fields of the objects that a value may be, such as a shape's; else none."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation.model_fields
-    return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
-
-
 def name_problem(name: str) -> str:
     """What is wrong with the name of a part: it must show as what it is, in a table and a file."""
     if not name.strip():
@@ -438,9 +300,19 @@ else:
                 text = "is nested too deeply, or holds itself"
                 raise ModelError(Problem(cls.__name__.lower(), deep[0], text)) from None
             except ValidationError as error:
+                if ours := in_our_words(cls, data):
+                    return cls(**ours)
                 where = cls.__name__.lower()
                 moot = getattr(cls, "FOLLOWERS", {})
                 raise ModelError(all_problems(cls, data, error, where, moot)) from None
+
+        def __getattr__(cls, name):
+            """Raises AttributeError, which says where models come from."""
+            if name.startswith("_") or "bodies" not in cls.model_fields:
+                return super().__getattr__(name)
+            text = f"pg.{cls.__name__} has no '{name}'; write pg.Model.load(path) for a file, "
+            text += "pg.Model.from_json(text), pg.read_urdf(path) or pg.read_mjcf(path)"
+            raise AttributeError(text, name=name, obj=cls)
 
         def __dir__(cls):
             """Fields and what our own classes define: without the inside of pydantic."""
@@ -614,9 +486,12 @@ class Described(Frozen):
                 super().__init__(**data)
             except ValidationError as error:
                 kind = type(self)
+                if ours := in_our_words(kind, data):
+                    self.__init__(**ours)
+                    return
                 where = f"{kind.word()} {shown(data['name'])}" if "name" in data else kind.word()
-                if where == kind.word() and isinstance(data.get("body"), str):
-                    where = f"pg.{kind.__name__}(body={shown(data['body'])}, ...)"
+                if "name" not in data:
+                    where += f" pg.{kind.__name__}(...)"
                 raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
 
     @classmethod
@@ -722,7 +597,7 @@ class OfKinds(Described):
             own, other = cls.__name__, cls.KINDS[kind].__name__
             return f"a {own} has kind '{cls.own_kind()}'; given '{kind}', which is a {other}"
         close = nearest_first(kind, cls.KINDS) if isinstance(kind, str) else cls.KINDS
-        return f"must be one of {', '.join(close)}; given {shown(kind)}{synonym(kind, close)}"
+        return f"must be one of {', '.join(close)}; given {shown(kind)}{words.synonym(kind, close)}"
 
     @classmethod
     def _foreign(cls, field: str, value: Any) -> str:

@@ -7,6 +7,7 @@ docs/description.md.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
@@ -228,9 +229,9 @@ class OnJoint(Force, OfSums):
         return tuple((name, k, self.gear * x) for name, k, x in super().terms)
 
     @property
+    @abstractmethod
     def law(self) -> Law:
         """Its torque at an input u: torque + gain u - kp length - kd rate."""
-        raise NotImplementedError
 
 
 class Law(NamedTuple):

@@ -57,6 +57,7 @@ from .parameters import (
 )
 from .poses import home_poses, poses
 from .scenario import Scenario
+from .sentences import in_our_words
 from .world import DOWN, World
 
 # fields of a body that nothing else in a model depends on, but for the tree
@@ -130,6 +131,9 @@ class Model(World):
             try:
                 super(World, self).__init__(**data)
             except (ValidationError, ModelError):
+                if ours := in_our_words(type(self), data):
+                    self.__init__(**ours)
+                    return
                 raise ModelError(problems(data, type(self).model_fields)) from None
             if found := model_problems(self._parts(), self.ground):
                 raise ModelError(found)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import words
 from ..errors import InputError, Problem, choices, one_of, shown
 from ..given import array_of
 from ..integrators import METHODS, Method
@@ -94,7 +95,7 @@ class Options(NamedTuple):
     def method_name(self, given: Scenario | None) -> str:
         """The method asked for, else the scenario's, else "auto"."""
         if self.method is not None:
-            return self.method
+            return words.chosen(self.method, METHODS) or self.method
         name = given.method if given else "auto"
         # a tolerance replaces a scenario's method that takes none
         return "auto" if self.rtol is not None and name not in ADAPTIVE else name

@@ -25,7 +25,7 @@ from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..portable import MEANT_BY, Elsewhere, Portable, ReadOnly, put_back, sealed, unsealed
+from ..portable import TRIED, Elsewhere, Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
@@ -601,7 +601,7 @@ def refuse_as_torques(tau: Any, call: str) -> None:
         raise InputError(Problem(f"{call}.step", "tau", text))
 
 
-for _name in MEANT_BY["Stepper"]:
+for _name in TRIED["Stepper"]:
     setattr(Stepper, _name, Elsewhere(_name))
 
 

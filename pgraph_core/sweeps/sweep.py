@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import words
 from ..batches.paths import Path, counting, distinct, with_numbers
 from ..dynamics.arguments import numbers_in, wrong_type
 from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
@@ -200,7 +201,7 @@ def sweep(
     if "error_estimate" in metrics.values():
         settings.setdefault("estimate", True)
     task = Task(base, given, metrics, settings, installed())
-    _known(options)
+    options = _known(options)
     counting(paths, base, "sweep", scenario, options)
     task = replace(task, together=_tried(base, paths, points, metrics, settings))
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
@@ -227,15 +228,17 @@ def sweep(
     return table
 
 
-def _known(options: Mapping[str, Any]) -> None:
-    """Refuse at once an option that `simulate` does not have."""
+def _known(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options under our names; refuse at once one that `simulate` does not have."""
     own = [*signature(sweep).parameters][:-1]
     known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
     known.remove("mechanism")
+    options = words.renamed(options, known) or options
     for name in options:
         if name not in known:
             text = f"is no option of sweep or simulate; {nearest(name, known)}"
             raise InputError(Problem("sweep", name, text))
+    return options
 
 
 def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, resume: bool) -> None:

@@ -1,0 +1,191 @@
+"""What pydantic refuses, as sentences, and in our words where another program's were given."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from .. import words
+from ..errors import Problem, nearest, shown
+
+GROUND = "ground"
+PAIR = ("body", "other")  # the fields of a part that name bodies
+
+
+def all_problems(
+    kind: type[BaseModel],
+    data: Mapping[str, Any],
+    error: ValidationError,
+    where: str,
+    followers: Mapping[str, tuple[str, ...]],
+) -> list[Problem]:
+    """What validation says, and what it says of the other fields once the refused ones are out.
+
+    One refused field hides what a validator of the whole would say of the others. `followers`
+    mean nothing without their field: they go with it, unsaid.
+    """
+    found: list[Problem] = []
+    refused: set[str] = set()
+    while True:
+        now = [p for p in _problems(kind, data, error, where) if p.field not in refused]
+        moot = {name for p in now for name in followers.get(p.field, ()) if name != p.field}
+        found += [p for p in now if p.field not in moot]
+        if {p.field for p in found} <= refused:
+            return found
+        refused |= {p.field for p in found}
+        refused |= {name for field in refused for name in followers.get(field, ())}
+        left = {"name": "unnamed"} if "name" in kind.model_fields else {}
+        left |= {key: value for key, value in data.items() if key not in refused}
+        try:
+            BaseModel.__init__(kind.__new__(kind), **left)
+        except ValidationError as more:
+            error = more
+        else:
+            return found
+
+
+def _problems(
+    kind: type[BaseModel], data: Mapping[str, Any], error: ValidationError, where: str
+) -> list[Problem]:
+    """One Problem a refused field, or all that a validator of ours says of it."""
+    items: dict[str, list[Any]] = {}
+    for item in error.errors(include_url=False):
+        field = next((part for part in item["loc"] if isinstance(part, str)), "")
+        items.setdefault(field, []).append(item)
+    found: dict[Problem, None] = {}
+    for field, about in items.items():
+        ours = [pair for item in about for pair in item.get("ctx", {}).get("problems", ())]
+        if ours:
+            found |= {Problem(where, field or inner, text): None for inner, text in ours}
+        else:  # of a union's complaints, the one that looks inside the value
+            found_in = (_of_whole(item, data.get(field, item.get("input"))) for item in about)
+            _, text = max((_sentence(x, kind.model_fields) for x in found_in), key=lambda s: s[0])
+            found[Problem(where, field, text)] = None
+    return list(found)
+
+
+def _of_whole(item: Any, value: Any) -> Any:
+    """A number where a row of numbers belongs, or a row where a number does, as said of all."""
+    inside = item["loc"][1:]
+    row = "tuple" in item["type"] or isinstance(item.get("input"), (tuple, list))
+    rows = inside and all(isinstance(part, int) for part in inside) and row
+    return {**item, "input": value} if rows else item
+
+
+def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
+    """Whether it is about a part of the field's value, and what would do."""
+    field, *inside = [part for part in item["loc"] if isinstance(part, str)] or [""]
+    parts = _parts_of(known[field].annotation) if field in known else {}
+    within, names = None, []
+    for name in inside:
+        if name in parts:
+            within, parts = parts[name], _parts_of(parts[name].annotation) or parts
+            names.append(name)
+    place = ": ".join(names)
+    if item["type"] == "extra_forbidden":
+        if parts:
+            text = f"has no field '{inside[-1]}'; {nearest(inside[-1], parts)}"
+            return True, f"{place} {text}" if place else text
+        return False, no_such_field(field, known)
+    if within is not None:
+        return True, f"{place} {_expected(item, within)}"
+    if field not in known:
+        return False, f"{item['msg']}; given {shown(item.get('input'))}"
+    return False, _expected(item, known[field])
+
+
+def no_such_field(name: str, known: Mapping[str, FieldInfo]) -> str:
+    """Return a sentence on an unknown field: the field of a part of it, or one like it."""
+    for own, info in known.items():
+        parts = {} if get_origin(info.annotation) is tuple else _parts_of(info.annotation)
+        inner = name if name in parts else words.ours(name, parts)
+        if inner in parts and not words.hint(name, known, alike=False):
+            return f"no such field; it belongs to the {own}: {own}={{..., {inner!r}: ...}}"
+    return f"no such field; {nearest(name, known)}"
+
+
+def _expected(item: Any, field: FieldInfo) -> str:
+    if item["type"] == "missing" and isinstance(item["loc"][-1], str):
+        return f"is missing; give {field.description}"
+    given = item.get("input")
+    if any(isinstance(x, str) and x.startswith("=") for x in _leaves(given)):
+        do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
+        return f"must be {field.description}; given {shown(given)}; {do}"
+    return f"must be {field.description}; given {shown(given)}{_meant(item, given, field)}"
+
+
+def _meant(item: Any, given: Any, field: FieldInfo) -> str:
+    """What to write in place of a value that other programs take."""
+    name = item["loc"][0] if item["loc"] else ""
+    if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
+        return f"; write (0, 0, {-abs(given)}) where z is up"
+    if name in ("axis", "other_axis", "axes"):
+        return along(given)
+    if name == "rotation" and getattr(given, "shape", ()) == (3, 3):
+        return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
+    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 6:
+        return "; of six moments write the matrix ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))"
+    if isinstance(given, str) and (number := re.match(r"\s*[-+.\deE]*\d[.\deE]*\s+(?=\D)", given)):
+        return f"; write {number[0].strip()}, without a unit"
+    return words.synonym(given, re.findall(r"\w+", field.description or ""))
+
+
+def along(given: Any) -> str:
+    """'; write (0, 1, 0)' for an axis that is given as "y"."""
+    letter = given.removeprefix("-") if isinstance(given, str) else ""
+    if letter not in ("x", "y", "z"):
+        return ""
+    sign = 1 if given == letter else -1
+    return f"; write {tuple(sign * (letter == x) for x in 'xyz')}"
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, (list, tuple)):
+        for x in value:
+            yield from _leaves(x)
+    else:
+        yield value
+
+
+def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
+    """The fields of the objects that a value may be, such as a shape's; else none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation.model_fields
+    return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
+
+
+def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return refused fields of a part under our names and choices; empty where nothing changes."""
+    found = _ours(kind.model_fields, data)
+    if "name" in kind.model_fields and "name" not in found and isinstance(found.get("body"), str):
+        found["name"] = _name_of(kind, found)
+    return {} if _same(found, data) else found
+
+
+def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
+    """Whether two mappings hold the same objects."""
+    return a.keys() == b.keys() and all(a[name] is b[name] for name in a)
+
+
+def _ours(fields: Mapping[str, FieldInfo], data: Mapping[str, Any]) -> dict[str, Any]:
+    found = words.renamed(data, fields) or dict(data)
+    for name, value in found.items():
+        annotation = fields[name].annotation if name in fields else None
+        if isinstance(value, Mapping) and (parts := _parts_of(annotation)):
+            inner = _ours(parts, value)
+            found[name] = value if _same(inner, value) else inner
+        elif get_origin(annotation) is Literal:
+            found[name] = words.chosen(value, get_args(annotation)) or value
+    return found
+
+
+def _name_of(kind: Any, data: Mapping[str, Any]) -> str:
+    """Return the name of a part that was given none: what it acts on, and what it is."""
+    ends = [x for x in map(data.get, PAIR) if isinstance(x, str) and x != GROUND]
+    what = getattr(kind, "own_kind", kind.word)()
+    return f"{'-'.join(ends)} {what}"

@@ -1,0 +1,137 @@
+"""Names of other programs: what is taken as ours, and what is answered with a hint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core import words
+from tests.refusals import holds, refusal
+
+ROD = {"name": "rod", "axes": (0, 1, 0), "com": (0, 0, -0.5), "inertia": (0.1, 0.1, 0.01)}
+MODEL = pg.Model(bodies=[pg.Body(**ROD)])
+
+
+def rod(**fields):
+    return pg.Body(**ROD | fields)
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        (lambda: rod(m=2.0), lambda: rod(mass=2.0)),
+        (lambda: rod(pos=(0, 0, 1)), lambda: rod(link=(0, 0, 1))),
+        (lambda: rod(joint="hinge"), lambda: rod(joint="revolute")),
+        (lambda: rod(joint="Revolute"), lambda: rod(joint="revolute")),
+        (lambda: pg.Body(name="a", joint="slider", axis=(1, 0, 0)),
+         lambda: pg.Body(name="a", joint="prismatic", axes=(1, 0, 0))),
+        (lambda: pg.Body(name="a", joint="ball"), lambda: pg.Body(name="a", joint="spherical")),
+        (lambda: rod(shape={"type": "cube", "size": (1, 1, 1), "color": "#ff0000"}),
+         lambda: rod(shape=pg.Shape(kind="box", size=(1, 1, 1), colour="#ff0000"))),
+        (lambda: pg.Shape(type="ball", radius=1.0), lambda: pg.Shape(kind="sphere", radius=1.0)),
+        (lambda: pg.Spring(name="s", body="rod", k=9.0, c=0.1, rest_length=1.0),
+         lambda: pg.Spring(name="s", body="rod", stiffness=9.0, damping=0.1, rest=1.0)),
+        (lambda: pg.Revolute(name="r", body1="a", body2="b", anchor=(1, 0, 0)),
+         lambda: pg.Revolute(name="r", body="a", other="b", point=(1, 0, 0))),
+        (lambda: pg.Model(links=[ROD]), lambda: MODEL),
+        (lambda: MODEL.edit("rod", m=3.0), lambda: MODEL.edit("rod", mass=3.0)),
+        (lambda: pg.Model(bodies=[ROD], motors=[pg.Motor(name="m", body="rod")]),
+         lambda: pg.Model(bodies=[ROD], forces=[pg.Motor(name="m", body="rod")])),
+        (lambda: pg.Spring(body="rod", stiffness=1.0).name, lambda: "rod spring"),
+        (lambda: pg.Contact(body="rod").name, lambda: "rod contact"),
+        (lambda: pg.Weld(body="a", other="b").name, lambda: "a-b weld"),
+        (lambda: rod(density=1e3, shape=pg.Shape(kind="sphere", radius=1.0)).derived,
+         lambda: ("mass",)),
+        (lambda: pg.Link, lambda: pg.Body), (lambda: pg.load, lambda: pg.Model.load),
+    ],
+)  # fmt: skip
+def test_another_word_for_the_same_means_the_same(theirs, ours):
+    assert theirs() == ours()
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        ({"q0": [1.0], "qdot": [2.0], "dt": 1e-3, "solver": "rk4"},
+         {"q": [1.0], "v": [2.0], "step": 1e-3, "method": "rk4"}),
+        ({"method": "RK45", "tol": 1e-7}, {"method": "dopri5", "rtol": 1e-7}),
+        ({"stabilize": None, "t0": 0.1}, {"stabilise": None, "t_start": 0.1}),
+        ({"controller": lambda t, q, v: -q}, {"tau": lambda t, q, v: -q}),
+    ],
+)  # fmt: skip
+def test_arguments_of_other_programs_give_the_same_run(theirs: dict, ours: dict):
+    a, b = (pg.simulate(MODEL, t_end=0.2, **x) for x in (theirs, ours))
+    assert np.array_equal(a.q, b.q)
+    assert np.array_equal(a.time, b.t)
+    assert np.array_equal(a.qvel, b.v)
+
+
+def test_methods_by_the_names_of_featherstone_are_the_methods():
+    mech = pg.Mechanism(MODEL)
+    q, v, tau = np.array([0.3]), np.array([0.2]), np.array([0.1])
+    assert np.array_equal(mech.aba(q, v, tau), mech.forward_dynamics(q, v, tau))
+    assert np.array_equal(mech.rnea(q, v, tau), mech.inverse_dynamics(q, v, tau))
+    assert np.array_equal(mech.crba(q), mech.mass_matrix(q))
+    local = mech.jacobian(q, "rod", frame="local")
+    assert np.array_equal(local, mech.jacobian(q, "rod", frame="body"))
+    assert not {"aba", "rnea"} & set(dir(mech))
+
+
+def test_a_stepper_and_a_batch_tell_time_and_state_by_other_names():
+    st, many = pg.Stepper(MODEL, dt=1e-3), pg.BatchStepper(MODEL, num_envs=2, dt=1e-3)
+    st.step(n=5)
+    many.step(n=5)
+    assert st.time == st.t == many.time[0]
+    assert np.array_equal(st.qpos, many.qpos[1])
+
+
+def test_a_sweep_takes_a_list_of_one_number_for_the_number():
+    paths = ("bodies.rod.damping", "bodies.rod.damping.0")
+    tables = [
+        pg.sweep(MODEL, {path: [0.0, 1.0]}, metrics="final rod", t_end=0.1, q0=[1.0], workers=1)
+        for path in paths
+    ]
+    assert np.array_equal(tables[0]["final rod"], tables[1]["final rod"])
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: rod(axis=(0, 1, 0)), ("axis", "axes")),  # both
+        (lambda: rod(color="#fff"), ("color", "shape", "colour")),
+        (lambda: pg.Model(friction=0.5), ("friction", "ground")),
+        (lambda: pg.Motor(name="m", body="rod", limits=(-1, 1)), ("limits", "torque_limit")),
+        (lambda: pg.simulate(MODEL, tspan=(0, 1)), ("tspan", "t_end")),
+        (lambda: pg.Stepper(MODEL).step(dt=0.1), ("dt", "pg.Stepper(..., step=...)")),
+        (lambda: pg.Mechanism(MODEL).inverse_kinematics(position=(0, 0, 1)), ("targets",)),
+        (lambda: pg.Contact(friction=0.1), ("body", "missing")),
+    ],
+)
+def test_a_word_that_is_only_near_is_refused_with_ours(call, said: tuple[str, ...]):
+    holds(str(refusal(call)), *said)
+
+
+@pytest.mark.parametrize("name", ["from_urdf", "from_xml_string", "from_file"])
+def test_a_model_from_a_file_is_named(name: str):
+    with pytest.raises(AttributeError, match="load"):
+        getattr(pg.Model, name)
+
+
+def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():
+    """A field or argument of ours is never taken for another one."""
+    for kind in (pg.Body, pg.Shape, pg.Motor, pg.Servo, pg.Spring, pg.Revolute, pg.Contact):
+        for name in kind.model_fields:
+            assert words.ours(name, kind.model_fields) == ""
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_an_inertia_in_square_millimetres_is_doubted_at_any_size(scale: float):
+    """The radius of gyration is a length of the model: only their ratio counts."""
+    com, inertia = (0, 0, -0.5 * scale), np.array([0.1, 0.1, 0.01]) * scale**2
+    right = pg.Model(bodies=[rod(com=com, inertia=inertia)])
+    wrong = pg.Model(bodies=[rod(com=com, inertia=inertia * 1e6)])
+    assert right.doubts == ()
+    assert [("rod" in text, "kg m²" in text) for text in wrong.doubts] == [(True, True)]
+    point = pg.Model(bodies=[rod(com=com, inertia=inertia * 1e-6)])
+    assert point.doubts == ()
