@@ -41,7 +41,7 @@ FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 MOST_INCLUDES = 200
 MOST_COPIED = 20_000  # elements that <replicate> makes
-MOST_HEIGHTS = 4_000_000  # of a heightfield
+MOST_HEIGHTS = 4_000_000  # limit on the heights of a heightfield
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 ENCODINGS = {"utf-8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "windows-1252"}
 WORLD = "world"
@@ -87,14 +87,14 @@ def _usable(compiled: Any, path: Path) -> None:
 
 
 def _copied(element: Element, inside: bool) -> int:
-    """How many elements the copies of `element` make, itself and all below it."""
+    """Return the number of elements that `element` and its subtree make by replication."""
     inside = inside or element.tag == "replicate"
     below = sum(_copied(child, inside) for child in element.children) + inside
     return below * (_whole(element.get("count")) if element.tag == "replicate" else 1)
 
 
 def _whole(text: str) -> int:
-    """A whole number; 1 for what is none, which MuJoCo refuses or leaves out."""
+    """Parse a whole number, or return 1 for other text, which MuJoCo refuses or ignores."""
     text = text.strip()
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
 
@@ -165,7 +165,7 @@ class _Files:
             if path is None:
                 raise FileError(Problem(where, "file", f"{shown(element.get('file'))}: {why}"))
             known = any(path == one for one, _ in self.roots)
-            if known and element.tag == "model":  # it may be attached more than once
+            if known and element.tag == "model":  # may be attached more than once
                 continue
             if len(self.roots) > MOST_INCLUDES or known:
                 text = f"{path.name} is included twice, or more than {MOST_INCLUDES} files are"
@@ -231,7 +231,7 @@ class _Reader:
         return f"{line}, {tag} {shown(name)}" if name else f"{line}, {tag}"
 
     def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
-        """What has no place in a model."""
+        """Report an element that a model cannot hold."""
         self.report.add("left out", self.where(tag, name), text, acts=acts)
 
     def result(self) -> tuple[Model, Report]:
@@ -435,7 +435,7 @@ class _Reader:
             self.left_out("joint", self.m.joint(j).name, "the limit of a ball joint")
 
     def _odd(self, j: int, dof: int) -> dict[str, Any]:
-        """What ball and free joints cannot have here."""
+        """Report properties that ball and free joints cannot have here."""
         m = self.m
         for values, what in (
             (m.jnt_stiffness[j], "stiffness"),
@@ -521,7 +521,7 @@ class _Reader:
         return shape
 
     def _field(self, k: int) -> dict[str, Any]:
-        """A heightfield; its rows go along y in the file, and along x here."""
+        """Return a heightfield, whose rows run along y in the file and along x here."""
         m = self.m
         x, y, top, below = (float(s) for s in m.hfield_size[k])
         first, shape = int(m.hfield_adr[k]), (int(m.hfield_nrow[k]), int(m.hfield_ncol[k]))

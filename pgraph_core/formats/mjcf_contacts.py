@@ -101,7 +101,7 @@ class Contacts:
                 }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """What may touch what, by MuJoCo's rules; all pairs of one law as one contact of '*'."""
+        """Yield contacts by MuJoCo's rules, all pairs with one law as one contact of '*'."""
         solid = {
             b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
         }
@@ -135,7 +135,7 @@ class Contacts:
         return found
 
     def _laws(self) -> dict[tuple[str, str], Law]:
-        """(body, other) -> friction, of all pairs that may touch; the ground's planes are one."""
+        """Return the friction of all pairs (body, other), with one ground for all planes."""
         m = self.m
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
@@ -220,7 +220,7 @@ class Contacts:
         return {self._geoms(g, h) for g in these for h in those}
 
     def _pair(self, g: int, h: int) -> tuple[str, str] | None:
-        """(body, other) of two geoms; None where nothing of it can move."""
+        """Return (body, other) of two geoms, or None if neither can move."""
         m = self.m
         a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
         if m.body_weldid[a] == m.body_weldid[b]:
@@ -236,12 +236,12 @@ class Contacts:
         return "world" if b == 0 or g in self.walls else self.reader.names[b]
 
     def _geoms(self, g: int, h: int) -> tuple[int, int]:
-        """Two geoms, the smaller number first; all planes of the ground count as the first."""
+        """Return two geoms in order, with all planes of the ground as the first one."""
         one, two = sorted(self.floors[0] if x in self.floors else x for x in (g, h))
         return one, two
 
     def _related(self, a: int, b: int) -> bool:
-        """Whether MuJoCo takes a pair for neighbours: welded, or parent and child but the world."""
+        """True if MuJoCo excludes a pair: welded, or parent and child other than the world."""
         m = self.m
         one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
         if one == two:

@@ -44,11 +44,12 @@ WORLD = "world"
 
 @explained
 def write_mjcf(model: Model, path: str | Path) -> Report:
-    """Write the model as an MJCF file; the report says what the format cannot hold.
+    """Write the model as an MJCF file and report the parts that the format cannot hold.
 
-    Trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors, servos and
-    springs. Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for free
-    joints within the tree, which MJCF does not have, and FileError; then nothing is written.
+    It holds trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors, servos
+    and springs. Meshes from elsewhere are copied to `meshes` next to the file. Raises FileError,
+    and ModelError for free joints inside the tree, which MJCF does not have. Then nothing is
+    written.
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
@@ -148,7 +149,7 @@ class _Writer:
     # -- bodies ----------------------------------------------------------------------------------
 
     def _body(self, body: Body) -> Iterator[Tag]:
-        """The element of a body with all below it; several joints in a row may be one body."""
+        """Yield the element of a body with its subtree. Several joints in a row may be one body."""
         if body.name == WORLD and body.parent == GROUND and body.joint == "weld":
             yield from self._geoms(body)  # the world's own solids
             for child in self.children.get(body.name, ()):
@@ -186,7 +187,7 @@ class _Writer:
         yield own
 
     def _inertia(self, body: Body) -> dict[str, Any]:
-        """The inertia; MuJoCo refuses bodies that move without one, as rods without thickness."""
+        """Return the inertia. MuJoCo refuses moving bodies without one, such as thin rods."""
         inertia = np.array(body.inertia)
         moments, axes = np.linalg.eigh(inertia)
         least = max(ROUNDING * float(np.abs(moments).max()), 10 * MINVAL)
@@ -285,7 +286,9 @@ class _Writer:
         while name in self.assets and self.assets[name].attributes["file"] != shape.file:
             name, k = f"{key} {k}", k + 1
         mesh = Tag("mesh", name=name, file=shape.file, scale=scale)
-        self.assets[name] = mesh.set(inertia="shell")  # bodies have their own; flat ones have none
+        self.assets[name] = mesh.set(
+            inertia="shell"
+        )  # inertia is that of bodies, and flat meshes have none
         return name
 
     def _law(self, name: str) -> tuple[float, float, float]:
@@ -305,7 +308,7 @@ class _Writer:
         return law if all(x <= y for other in others for x, y in zip(other, law)) else None
 
     def _still(self, name: str) -> bool:
-        """Whether a body cannot move."""
+        """True if a body cannot move."""
         while name != GROUND:
             body = self.model.body(name)
             if body.joint != "weld":
@@ -334,7 +337,7 @@ class _Writer:
                     yield Tag("exclude", body1=other, body2=name)
 
     def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
-        """What touches with another friction than the larger one of two geoms, or is tied."""
+        """Yield pairs with a friction other than the larger of two geoms, or of neighbours."""
         for k, body in enumerate(solid):
             mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
             if floor is not None and not self._still(body.name):
@@ -350,14 +353,14 @@ class _Writer:
                     yield OddPair(other, body, self._friction(c))
 
     def _apart(self, one: str, two: str) -> bool:
-        """Whether MuJoCo takes two bodies for neighbours, which touch as a named pair alone."""
+        """True if two bodies are neighbours in MuJoCo, which touch only as a named pair."""
         still = self._still(one), self._still(two)
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
         return tied or all(still)
 
     def _between(self, one: str, two: str) -> Contact | None:
-        """The contact of two bodies; one that names both goes before one of every body."""
+        """Return the contact of two bodies, preferring one that names both."""
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = parent[0] == two or parent[1] == one  # these touch only where both are named
 
@@ -466,7 +469,7 @@ class _Writer:
         self._along(f.name, f, f"force '{f.name}'", **given)
 
     def _along(self, name: str, part: Any, where: str, **fields: Any) -> str:
-        """The name of a tendon along the joints of a part; "" where one of them is a ball's."""
+        """Return the name of a tendon along the joints of a part, or "" if one is a ball."""
         name = self._free("tendon", name)
         tag = Tag("fixed", name=name, **fields)
         for body, k, factor in part.terms:
@@ -479,7 +482,7 @@ class _Writer:
         return name
 
     def _joint(self, body: str, coordinate: int) -> str:
-        """The name of the hinge or slide of a degree of freedom; "" for those of a ball."""
+        """Return the name of the hinge or slide of a degree of freedom, or "" for a ball."""
         first = 0
         for k, (kind, _) in enumerate(self.model.body(body).motions):
             if kind in ("rotate", "translate") and coordinate == first:
@@ -488,7 +491,7 @@ class _Writer:
         return ""
 
     def _fluid(self) -> dict[str, float]:
-        """MuJoCo's fluid where every body with mass has its drag; others are left out."""
+        """Return MuJoCo's fluid if every body with mass has its drag, else {}."""
         forces = self.model.forces
         drags = [f for f in forces if isinstance(f, Drag) and not self._still(f.body)]
         kinds = {(f.density, f.viscosity) for f in drags}
@@ -529,7 +532,7 @@ class _Writer:
             return
         low, high = f.inputs
         given = 0.0 if value == min(max(0.0, low), high) else value
-        first = f.start or 0.0 if f.integrates else given  # of the state, which MuJoCo starts at 0
+        first = f.start or 0.0 if f.integrates else given  # initial state, which is 0 in MuJoCo
         if given and f.integrates:
             self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
             given = 0.0
@@ -586,7 +589,7 @@ class _Writer:
     # -- outputs ---------------------------------------------------------------------------------
 
     def _sensors(self) -> Iterator[Tag]:
-        """Outputs; instruments of bodies stand on sites of their own."""
+        """Yield outputs as sensors, those of bodies on additional sites."""
         words = {kind: word for word, kind in SENSORS.items()}
         sites = {s.name for s in self.model.sites}
         for o in self.model.outputs:
@@ -687,7 +690,7 @@ class _Ungeared:
 
 
 def _own_box(f: Drag, body: Body) -> bool:
-    """Whether a drag is that of MuJoCo's inertia box of its body."""
+    """True if a drag is that of MuJoCo's inertia box of its body."""
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
     turn = matrix(unit(f.rotation))
@@ -705,7 +708,7 @@ def _between(low: float | None, high: float | None) -> tuple[float, float]:
 
 
 def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
-    """Whether coordinates differ from those of q = 0."""
+    """Yield for each motion whether its coordinates differ from those of q = 0."""
     i = 0
     for kind, _ in body.motions:
         size = {"ball": 4, "free": 7}.get(kind, 1)

@@ -37,17 +37,17 @@ from .conversion import NO_LIMIT, Report, suspect_rings
 Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
 ALONG_JOINT, SITE = 1, 3  # mjtWrap
-ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: joint, joint in parent; tendon
-INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator; filter, filterexact
+ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: (joint, joint in parent), tendon
+INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator, (filter, filterexact)
 INERTIAL, BODIES, GEOMS, SITES, CAMERAS = 1, 2, 5, 6, 7  # mjtObj: body, xbody, geom, site, camera
-SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
+SENSORS: dict[str, Kind] = {  # kind of output for each sensor of MuJoCo
     "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
     "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
     "force": "force", "torque": "torque",
 }  # fmt: skip
 MINVAL = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, below which a mass or an inertia is none
-GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
+GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
 
 
 GREY = (0.5, 0.5, 0.5, 1.0)  # the colour that MuJoCo gives a geom without one
@@ -61,7 +61,7 @@ class Geom(NamedTuple):
     size: list[float]
     pos: list[float]
     quat: list[float]
-    rgba: tuple[float, ...] | None  # of the geom or its material, from 0 to 1; None if it has none
+    rgba: tuple[float, ...] | None  # colour of the geom or its material, from 0 to 1
 
 
 class Compiled:
@@ -114,7 +114,7 @@ class Compiled:
 
     @cached_property
     def touching(self) -> list[bool]:
-        """Whether each geom may touch anything, by its masks or as one of a pair."""
+        """For each geom, True if it may touch anything, by its masks or as part of a pair."""
         able = (self.geom_contype != 0) | (self.geom_conaffinity != 0)
         for geoms in (self.pair_geom1, self.pair_geom2):
             able[geoms[self.pair_dim > 0]] = True
@@ -131,25 +131,25 @@ class Group(NamedTuple):
 
     name: str
     joints: tuple[int, ...]
-    pivot: Array  # in the body's axes
+    pivot: Array  # position in the body's axes
     last: bool  # whether the body's mass and shapes are here
 
 
 class Reading(Protocol):
-    """What the reader of the bodies knows."""
+    """Interface of the reader of the bodies."""
 
     m: Compiled
     path: Path
     report: Report
-    names: list[str]  # of bodies, by MuJoCo's numbers
+    names: list[str]  # names of bodies by MuJoCo's numbers
     pivot: Array  # (nbody, 3) our origins in their axes
     gravity: Array  # (3,) that acts [m/s^2]
     groups: list[list[Group]]
     place_of_joint: dict[int, tuple[str, int]]  # body and degree of freedom
-    freedoms: dict[str, int]  # of the joint of each body
+    freedoms: dict[str, int]  # degrees of freedom of the joint of each body
 
     def where(self, tag: str, name: str) -> str:
-        """Where an element stands in its file."""
+        """Return the place of an element in its file."""
         ...
 
     def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
@@ -272,7 +272,7 @@ class Parts:
         )  # fmt: skip
 
     def _along_joints(self, t: int) -> Sums | None:
-        """A fixed tendon's coefficients; None for one through space."""
+        """Return a fixed tendon's coefficients, or None for a spatial tendon."""
         m, first = self.m, int(self.m.tendon_adr[t])
         parts = range(first, first + int(m.tendon_num[t]))
         if any(m.wrap_type[w] != ALONG_JOINT for w in parts):
@@ -307,7 +307,7 @@ class Parts:
             first, second = data[0:3], data[3:6]
         else:
             turn = unit(data[6:10].tolist())
-            first, second = data[3:6], data[0:3]  # as for a connect, in the other order
+            first, second = data[3:6], data[0:3]  # the reverse of the order of a connect
         pivot, names = self.reader.pivot, self.reader.names
         ends = [(names[one], first - pivot[one]), (names[two], second - pivot[two])]
         if ends[0][0] == GROUND:
@@ -331,10 +331,10 @@ class Parts:
     # -- actuators -------------------------------------------------------------------------------
 
     def forces(self) -> Iterator[Force]:
-        """Actuators at rest, as motors and servos; compensation of gravity as wrenches.
+        """Yield actuators as motors and servos, and gravity compensation as wrenches.
 
-        MuJoCo keeps names per kind of element. Of two elements with one name the later one gets
-        another name here.
+        Names in MuJoCo are unique per kind of element. The later of two elements with one name is
+        renamed.
         """
         taken: set[str] = set()
         for one in self._forces():
@@ -416,7 +416,7 @@ class Parts:
             b = int(m.body_parentid[b])
 
     def _switched_off(self, a: int, name: str) -> bool:
-        """Whether the file switches off the group of an actuator; then it is named."""
+        """Report an actuator whose group the file switches off. Returns False for others."""
         m, group = self.m, int(self.m.actuator_group[a])
         if not (0 <= group < GROUPS and int(m.opt.disableactuator) >> group & 1):
             return False
@@ -458,7 +458,7 @@ class Parts:
                 yield made
 
     def _used_tendons(self) -> set[int]:
-        """Those that actuators pull or equalities hold."""
+        """Return the tendons of actuators and equalities."""
         m = self.m
         pulled = m.actuator_trnid[m.actuator_trntype == ON_TENDON, 0]
         held = m.eq_type == TENDON
@@ -474,7 +474,7 @@ class Parts:
         )  # fmt: skip
 
     def _ends(self, t: int, name: str) -> dict[str, Any]:
-        """Least and greatest length of a tendon; empty where it has no limits."""
+        """Return the least and greatest length of a tendon, {} without limits."""
         if not self.m.tendon_limited[t]:
             return {}
         low, high = (float(x) for x in self.m.tendon_range[t])
@@ -547,7 +547,7 @@ class Parts:
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
 
     def _moved(self, a: int) -> Sums | None:
-        """The joints that an actuator acts on; None where that is no sum of coordinates."""
+        """Return the joints that an actuator acts on, or None if not a sum of coordinates."""
         target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
         return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
 
@@ -560,7 +560,7 @@ class Parts:
         return {"state_low": low, "state_high": high, **({"start": start} if start else {})}
 
     def _strange(self, a: int) -> str:
-        """Why an actuator has no place here; "" where it has."""
+        """Return the reason why an actuator cannot be represented, or ""."""
         m = self.m
         if several := self._several(a):
             return several
@@ -599,7 +599,9 @@ class Parts:
         shared = 0
         t = int(m.actuator_trnid[a, 0])
         if m.actuator_trntype[a] == ON_TENDON and m.tendon_actfrclimited[t]:
-            ends = m.tendon_actfrcrange[t]  # of the forces of its actuators, before their gears
+            ends = m.tendon_actfrcrange[
+                t
+            ]  # limits on the forces of its actuators before their gears
             low, high = max(low, float(ends[0])), min(high, float(ends[1]))
             same = (m.actuator_trntype == ON_TENDON) & (m.actuator_trnid[:, 0] == t)
             shared = max(shared, int(same.sum()))
@@ -627,7 +629,7 @@ class Parts:
         return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
 
     def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
-        """Whether forces within these ends, times a factor, never reach the limit of a joint's."""
+        """True if forces within these ends, times a factor, never reach a joint's limit."""
         low, high = self.m.jnt_actfrcrange[j]
         return all(low <= factor * end <= high for end in ends)
 
@@ -653,13 +655,13 @@ class Parts:
             )  # fmt: skip
 
     def sites(self, taken: list[str]) -> list[Site]:
-        """Sites; one with the name of a body gets another."""
+        """Return sites, renaming those with the name of a body."""
         m, found = self.m, dict[str, Site]()
         tied = [m.tendon(t).name for t in range(m.ntendon)]
         tied += [m.equality(e).name for e in range(m.neq)]
         tied += [m.sensor(k).name for k in range(m.nsensor)]
         ends = {end_name(name, k) for name in tied for k in (1, 2)}
-        self.frames: dict[int, str] = {}  # of sites that outputs may name
+        self.frames: dict[int, str] = {}  # names of sites that outputs may use
         for s in range(m.nsite):
             name = m.site(s).name
             if name in ends:
@@ -680,7 +682,7 @@ class Parts:
         return list(found.values())
 
     def outputs(self, sites: list[Site]) -> list[Output]:
-        """Sensors of joints and frames; those of frames of bodies have sites of their own."""
+        """Return sensors of joints and frames, those of frames of bodies with new sites."""
         m, found = self.m, dict[str, Output]()
         kinds = needed("mujoco", "mjcf").mjtSensor
         others: dict[tuple[str, str], list[str]] = {}
@@ -706,7 +708,7 @@ class Parts:
         return list(found.values())
 
     def _sensed(self, k: int, word: str, name: str, sites: list[Site]) -> dict[str, Any]:
-        """What a sensor reads: a coordinate, or a body or site; it may get a site of its own."""
+        """Return the object of a sensor: a coordinate, a body, or a site, which may be new."""
         m, what = self.m, int(self.m.sensor_objid[k])
         if word in ("jointpos", "jointvel"):
             if m.qpos0[m.jnt_qposadr[what]] and word == "jointpos":
@@ -802,7 +804,7 @@ class Parts:
         return q, v, beyond
 
     def rest(self) -> None:
-        """Report what is left out as a whole."""
+        """Report kinds of elements that are skipped as a whole."""
         m, reader = self.m, self.reader
         for table, text in (
             ("geom_adhesion", "adhesion: it does not stick to what it touches"),
@@ -861,11 +863,11 @@ def within_margin(
 
 
 def end_name(name: str, k: int) -> str:
-    """What `write_mjcf` calls the site at an end of a spring or constraint; no site when read."""
+    """Return the name of the site that `write_mjcf` writes at an end, and the reader skips."""
     return f"{name} end {k}"
 
 
 def _relative(a: Array, b: Array) -> Any:
-    """How the body of site b is turned against that of site a, where the sites agree."""
+    """Return the rotation of the body of site b relative to that of site a if the sites agree."""
     w, x, y, z = unit(b.tolist())
     return multiply(unit(a.tolist()), (w, -x, -y, -z))

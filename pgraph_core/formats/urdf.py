@@ -66,7 +66,7 @@ LOOPS = {  # types of <loop_joint> -> kinds of constraints
     "ball": "point",
 }
 WORLD = "world"  # a root link of this name without content is the ground
-DIMENSIONS = {  # of solids
+DIMENSIONS = {  # attributes of solids
     "box": ("size",),
     "sphere": ("radius",),
     "cylinder": ("radius", "length"),
@@ -74,7 +74,7 @@ DIMENSIONS = {  # of solids
 }
 ACTING = {"joint_properties"}  # friction and damping of other programs' exporters
 XACRO = "of xacro; name the file robot.urdf.xacro, so that they are expanded"
-KNOWN = {"link", "joint", "material", "loop_joint"}  # of what stands in <robot>
+KNOWN = {"link", "joint", "material", "loop_joint"}  # children of <robot>
 OF_LINK = {"inertial", "visual", "collision"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
 
@@ -185,7 +185,7 @@ class _Reader:
     # -- faults: all are found before the file is refused ----------------------------------------
 
     def _noted(self, otherwise: Value, read: Callable[..., Value], *given: Any) -> Value:
-        """read(*given); `otherwise` where it refuses, which is kept for the end."""
+        """Return read(*given), or `otherwise` if it refuses. Refusals are reported at the end."""
         try:
             return read(*given)
         except PgraphError as fault:
@@ -204,7 +204,7 @@ class _Reader:
         return self._numbers(element, name, (default,), what)[0]
 
     def _bound(self, element: Element | None, name: str, what: str) -> float:
-        """Return a bound, which may be infinite; 0 if it is not given."""
+        """Return a bound, which may be infinite, by default 0."""
         read = self.source.number
         return self._noted(0.0, lambda: read(element, name, 0.0, what, infinite=True))
 
@@ -299,7 +299,7 @@ class _Reader:
         return link if link not in (GROUND, "*") else f"{link} link"
 
     def _places(self, model: Model) -> dict[str, tuple[float, float, float]]:
-        """Where the bodies' frames are at q = 0, in the root's axes [m]."""
+        """Return the origins of the bodies' frames at q = 0 in the root's axes [m]."""
         frames: dict[str, tuple[np.ndarray, np.ndarray]] = {GROUND: (np.zeros(3), np.eye(3))}
         for body in model.bodies:
             place, turn = frames[body.parent]
@@ -309,7 +309,7 @@ class _Reader:
     # -- one link with its joint -----------------------------------------------------------------
 
     def _body(self, link: str) -> Body | None:
-        """The body of a link; None where what is wrong with it is noted."""
+        """Return the body of a link, or None after noting its faults."""
         faults = len(self.faults)
         element, joint = self.links[link], self.joint_of.get(link)
         what = f"link {shown(link)}"
@@ -447,7 +447,7 @@ class _Reader:
     # -- shapes ----------------------------------------------------------------------------------
 
     def _shapes(self, link: Element, what: str, name: str) -> list[dict[str, Any]]:
-        """The shapes of a link; one that is drawn and touches alike is one of both roles."""
+        """Return the shapes of a link. Equal visual and collision shapes become one."""
         shapes: list[dict[str, Any]] = []
         for role in ("visual", "collision"):
             for element in link.all(role):
@@ -456,7 +456,7 @@ class _Reader:
                 except FileError as error:
                     if role == "collision":
                         self.faults.append(error)
-                    else:  # what is only seen moves nothing
+                    else:  # a visual shape has no effect on motion
                         where = self.source.at(element, what)
                         self.report.add("left out", where, f"a visual: {_fault(error)}", part=name)
                     continue
@@ -586,7 +586,7 @@ class _Reader:
         return mesh
 
     def _seen(self, path: Path, given: str, where: str, name: str, acts: bool) -> Seen | None:
-        """Return the size and colour of a mesh; None if it cannot be read, which is reported."""
+        """Return the size and colour of a mesh, or None after reporting an unreadable one."""
         try:
             if path not in self.looked_at:
                 self.looked_at[path] = seen_in(path)
@@ -598,7 +598,7 @@ class _Reader:
             return None
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
-        """Return the colour of a material. A wrong one is left out, since it moves nothing."""
+        """Return the colour of a material. A wrong one is ignored, having no effect on motion."""
         colour = material.first("color")
         if colour is None or colour in self.wrong_colours:
             return None
@@ -755,7 +755,7 @@ def _fault(error: FileError) -> str:
 
 
 def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
-    """Of fixed-axis roll, pitch, yaw [rad]: Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Return the quaternion of Rz(yaw) Ry(pitch) Rx(roll) from fixed-axis angles [rad]."""
     roll, pitch, yaw = (x / 2 for x in rpy)
     x = (math.cos(roll), math.sin(roll), 0.0, 0.0)
     y = (math.cos(pitch), 0.0, math.sin(pitch), 0.0)
@@ -764,7 +764,7 @@ def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
 
 
 def upright(q: Sequence[float]) -> Quaternion:
-    """Of the two quaternions of a rotation, the one whose largest number is positive."""
+    """Return the quaternion of the same rotation whose largest number is positive."""
     most = max(map(abs, q))
     sign = next(math.copysign(1.0, x) for x in q if abs(x) > most - 1e-9)
     w, x, y, z = (sign * x + 0.0 for x in q)

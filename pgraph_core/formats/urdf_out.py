@@ -19,7 +19,7 @@ from ..rotation import quaternion_of, rotate, unit
 from .conversion import NO_LIMIT, Report, named
 from .urdf import LOOPS, WORLD
 
-GREY = (0.5, 0.5, 0.5)  # of what is transparent and has the colour of its branch
+GREY = (0.5, 0.5, 0.5)  # colour of transparent shapes without a colour of their own
 
 TYPES = {"rotate": "revolute", "translate": "prismatic"}
 TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
@@ -27,10 +27,10 @@ TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
 @explained
 def write_urdf(model: Model, path: str | Path) -> Report:
-    """Write the model as a URDF file; the report says what the format cannot hold.
+    """Write the model as a URDF file and report the parts that the format cannot hold.
 
-    Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for ball joints,
-    which URDF does not have, and FileError; then nothing is written.
+    Meshes from elsewhere are copied to `meshes` next to the file. Raises FileError, and ModelError
+    for ball joints, which URDF does not have. Then nothing is written.
     """
     path = named(path, ".urdf")
     if not path.parent.is_dir():
@@ -188,7 +188,7 @@ class _Writer:
         return found
 
     def _solids(self, tag: str, shape: Shape, name: str) -> list[Tag]:
-        """One <visual> or <collision>; of a capsule a cylinder and two spheres."""
+        """Return one <visual> or <collision>, or a cylinder and two spheres for a capsule."""
         parts: list[tuple[Tag, float]] = []
         r, h = shape.radius or 0.0, shape.length or 0.0
         match shape.kind:
@@ -246,7 +246,7 @@ class _Writer:
         return one.add(Tag("axis", xyz=(1.0, 0.0, 0.0)))
 
     def _left_out(self) -> None:
-        """What acts in the model and has no place in the file."""
+        """Report active parts of the model that the file cannot hold."""
         model, out = self.model, self.report
         for body in model.bodies:
             for field in ("stiffness", "armature"):
@@ -292,7 +292,7 @@ class Placed:
         here = S.T @ (x + R @ self.point - y)
         self.other_point = np.array(given) if given is not None else here
         self.axis = self.other_axis = None
-        self.turn = S.T @ R  # of the body against the other
+        self.turn = S.T @ R  # rotation of the body relative to the other
         if hasattr(c, "axis") and hasattr(c, "other_axis"):
             axis, other = c.axis, c.other_axis
             if axis is None and other is None:
@@ -310,7 +310,7 @@ def placed(model: Model, c: Constraint) -> Placed:
 
 
 def _plain(motor: Motor) -> bool:
-    """Whether a motor only says how large its torque may be."""
+    """True if a motor only limits its torque."""
     odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.has_state
     return motor.torque == 0.0 and motor.coordinate == 0 and not odd
 
