@@ -137,19 +137,19 @@ class Columns(Portable):
 
     @classmethod
     def of(cls, model: Model, /) -> Columns:
-        """The columns of a model; `model()` gives the model back, with all that it has besides."""
+        """Return the columns of a model. `model()` returns the model with all its other parts."""
         columns = cls.__new__(cls)
         columns.numbers, columns._nq = numbers_of(model)
         columns._keep(None, model)
         return columns
 
     def _keep(self, names: tuple[str, ...] | None, model: Model | None) -> None:
-        """What names and description come from when they are asked for."""
+        """Keep the sources of names and description for later use."""
         self._given, self._model = names, model
-        self._root: Columns = self  # what edits began at
-        self._before: Columns = self  # what the last of them changed, and what in it
+        self._root: Columns = self  # start of the edits
+        self._before: Columns = self  # table before the last edit, and its change
         self._change: Mapping[str, Mapping[str, Any]] = {}
-        self._depth = 0  # how many edits ago that was
+        self._depth = 0  # number of edits since the root
 
     def __getstate__(self) -> Any:
         if self is not self._root:
@@ -164,12 +164,12 @@ class Columns(Portable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the rows; "1", "2", ... where none are given."""
+        """Names of the rows, by default "1", "2", ..."""
         return self._root._names
 
     @property
     def row(self) -> Mapping[str, int]:
-        """Row of the table, from 1, by name; 0 for 'ground'."""
+        """Row of the table by name, from 1, with 0 for 'ground'."""
         return self._root._row
 
     @property
@@ -179,13 +179,13 @@ class Columns(Portable):
 
     @property
     def springs_between(self) -> int:
-        """Number of springs and torsion springs between bodies; no edit here adds any."""
+        """Number of springs and torsion springs between bodies, which edits here do not change."""
         model = self._root._model
         return 0 if model is None else sum([f.PASSIVE for f in model.forces])
 
     @property
     def bound(self) -> bool:
-        """Whether a constraint is active; no edit here changes it."""
+        """True if a constraint is active, which edits here do not change."""
         model = self._root._model
         return model is not None and any(c.active for c in model.constraints)
 
@@ -235,10 +235,10 @@ class Columns(Portable):
     # -- editing -------------------------------------------------------------------------------
 
     def _edited(self, name: str, changes: Mapping[str, Any]) -> Columns | None:
-        """The table with a new parent, mass, com or link; itself where nothing changes.
+        """Return the table with a new parent, mass, com or link, or itself without a change.
 
-        None where the description has to look: at other fields, at what may be wrong. Cycles show
-        when the new table is numbered.
+        Returns None if the description must check the edit: other fields, or possible mistakes.
+        Cycles are found when the new table is numbered.
         """
         root, (parent, body, motion, start) = self._root, self.numbers
         rows = root._row
@@ -323,7 +323,7 @@ def _floats(records: list[bytes]) -> Array:
 
 
 def with_fields(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
-    """The model after all of the edits; only the whole has to be valid. Raises ModelError."""
+    """Return the model after all edits, valid as a whole. Raises ModelError."""
     bodies = list(model.bodies)
     for name, fields in changes.items():
         bodies[model.row[name]], _ = edited(model.body(name), fields)

@@ -20,7 +20,7 @@ from ..model.fields import GROUND, name_problem
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
-JOINTS: tuple[JointKind, ...] = tuple(joints.DEFAULT)  # what the numbers of `joint` mean
+JOINTS: tuple[JointKind, ...] = tuple(joints.DEFAULT)  # kinds by the numbers of `joint`
 MOTIONS: tuple[MotionKind, ...] = ("rotate", "translate", "ball", "free")  # ... and of `motion`
 PHYSICS = ("armature", "stiffness", "damping", "rest", "friction")
 # as `engine/packing.py` numbers what is wrong
@@ -30,12 +30,12 @@ COLUMNS += (*PHYSICS, "q", "v", "gravity")
 GIVEN = ("parent", "joint", "motion_of", "motion", "axis", "link", "rotation", "mass", "com")
 GIVEN += ("inertia", "physics", "q", "v", "gravity", "kinds")
 ENTRY = {"axis": (3,), "link": (3,), "rotation": (4,), "mass": (), "com": (3,), "inertia": (3, 3)}
-MOST_VALUES = 100_000_000  # of a column: it would take a gigabyte
-INT = np.dtype(np.int64)  # compared by `is`, in a third of the time; an equal one goes the long way
+MOST_VALUES = 100_000_000  # limit on the values of a column, nearly a gigabyte
+INT = np.dtype(np.int64)  # compared by `is`, in a third of the time of ==
 
 
 def refused(column: str, text: str, where: str = "columns") -> ModelError:
-    """What is wrong with a column as a whole, or at one row."""
+    """Return the error of a column as a whole, or of one row."""
     return ModelError(Problem(where, column, text))
 
 
@@ -50,7 +50,7 @@ def ints(column: str, value: Any) -> Ints:
 
 
 def _array(value: Any) -> Any:
-    """Return an array; of lists of unequal length, or nested too deeply, one of no shape."""
+    """Return an array, without a shape for lists of unequal length or too deep nesting."""
     try:
         return array_of(value)
     except (TypeError, ValueError):
@@ -58,7 +58,7 @@ def _array(value: Any) -> Any:
 
 
 def codes(column: str, value: Any, names: Sequence[str]) -> Ints:
-    """A column of names as their places in `names`; one name stands for all. Raises ModelError."""
+    """Return names as indices in `names`. One name stands for all. Raises ModelError."""
     if type(value) is np.ndarray and value.dtype is INT:
         return ints(column, value)
     given = np.atleast_1d(_array(value))
@@ -87,7 +87,7 @@ def physics(given: Sequence[Any], nm: int) -> Array:
 
 
 def floats(column: str, value: Any, entry: tuple[int, ...]) -> Array:
-    """(n, *entry) of a column of numbers; one entry alone gets its axis. Raises ModelError."""
+    """Return a column of numbers (n, *entry), also of a single entry. Raises ModelError."""
     try:
         array = array_of(value)
         if array.dtype.kind not in "fiu" and array.size:
@@ -149,7 +149,7 @@ def refuse_cycles(parent: Ints) -> None:
 
 
 def refusal(wrong: int, row: int, given: Sequence[Any], sizes: tuple[int, ...]) -> ModelError:
-    """What the kernel found wrong, as a sentence that names row and column."""
+    """Return the kernel's finding as a sentence that names row and column."""
     column = COLUMNS[wrong]
     columns: dict[str, Any] = dict(zip(GIVEN, given))
     if row < 0:
