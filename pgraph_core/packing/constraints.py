@@ -1,7 +1,7 @@
-"""Constraints as blocks of rows, which is what kernels take; columns in `engine/layout.py`.
+"""Constraints as blocks of rows for kernels, with the columns of `engine/layout.py`.
 
-`Endpoints` holds the points and directions of one constraint in the axes of its two bodies; each
-kind is a short function that makes blocks of them; `blocks` packs all constraints of a model.
+`Endpoints` holds the points and directions of one constraint in the axes of its two bodies. Each
+kind is a short function that makes blocks of them. `blocks` packs all constraints of a model.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Endpoints:
         return self.rotation_b.T @ (world - self.position_b)
 
     def directions(self, c: AlongAxes) -> tuple[Array, Array]:
-        """(axis, other_axis), unit vectors in their bodies; one left out is the other at home."""
+        """Return (axis, other_axis), unit vectors in their bodies, equal at home by default."""
         axis, other = c.axis, c.other_axis
         if axis is not None and other is not None:
             return unit_vector(axis), unit_vector(other)
@@ -188,7 +188,7 @@ def _cylindrical(e: Endpoints, c: Cylindrical) -> list[Block]:
 
 
 def _universal(e: Endpoints, c: Universal) -> list[Block]:
-    if c.axis is None:  # as the joint of this name: about x of `other`, then about y of `body`
+    if c.axis is None:  # like the universal joint: about x of `other`, then about y of `body`
         axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
     else:
         axis, other = e.directions(c)
@@ -241,7 +241,7 @@ def _motion(e: Endpoints, c: Motion) -> list[Block]:
 
 
 def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
-    """The rows of `curves`; a table becomes a cubic spline that is at rest at both ends."""
+    """Return the rows of `curves`. A table becomes a cubic spline at rest at both ends."""
     match q_of_t:
         case Sine(mean=mean, amplitude=amplitude, frequency=frequency, phase=phase):
             return ((mean, amplitude, frequency, phase, 0.0),)
@@ -318,9 +318,9 @@ def blocks_of(ends: Endpoints) -> list[Block]:
 
 
 def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, Array]) -> Blocks:
-    """The blocks of a valid model; `home` are its bodies' poses in the initial state.
+    """Return the blocks of a valid model, with its bodies' poses `home` in the initial state.
 
-    Raises ModelError where a constraint contradicts that state.
+    Raises ModelError if a constraint contradicts that state.
     """
     size = radius_of_gyration(packed)
     found = [
@@ -375,7 +375,7 @@ def _starts(counts: Sequence[int]) -> list[int]:
 
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
-    """Rows of the two bodies; of a block of coordinates the row that has the first of them."""
+    """Return the rows of the two bodies, or of the first coordinate of a coordinate block."""
     a, b = (packed.row_of(topology.number(name)) for name in c.pair)
     if block.terms:
         a = row_of_velocity(packed.rows, block.terms[0][0])
@@ -383,10 +383,10 @@ def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tu
 
 
 def radius_of_gyration(packed: System, otherwise: float = 1.0) -> float:
-    """How far a body's mass is from its origin, over all that move [m], `otherwise` if nowhere.
+    """Return the radius of gyration about origins over all moving bodies [m], or `otherwise`.
 
-    A turn times this length compares with a displacement: what Ω then has on its diagonal is of
-    one size.
+    A rotation times this length compares with a displacement, so the entries of Ω's diagonal have
+    the same magnitude.
     """
     bodies = packed.bodies_f[packed.bodies_i[:, at.ROW] > 0]
     mass, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
