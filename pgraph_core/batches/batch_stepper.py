@@ -136,7 +136,7 @@ class BatchStepper(Portable):
         vars(self)["method"] = first.method
 
     def _noted(self, kinds: Array) -> Iterator[Stepper]:
-        """The same steppers; what outputs need of each is kept, before steps share its arrays."""
+        """Yield the steppers, keeping the data of outputs before steps share its arrays."""
         self._sensed: list[tuple[Sensors, System]] = []
         self._told: dict[str, list[int]] = {}
         for kind, stepper in enumerate(self._steppers(kinds)):
@@ -171,12 +171,12 @@ class BatchStepper(Portable):
 
     @property
     def q(self) -> Array:
-        """(size, nq) configurations; a view that follows the steps, not to be written."""
+        """(size, nq) configurations, a read-only view that follows the steps."""
         return _read_only(self._many.q)
 
     @property
     def v(self) -> Array:
-        """(size, nv) velocities; a view that follows the steps, not to be written."""
+        """(size, nv) velocities, a read-only view that follows the steps."""
         return _read_only(self._many.v)
 
     @property
@@ -265,16 +265,16 @@ class BatchStepper(Portable):
     # -- steps -----------------------------------------------------------------------------------
 
     def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> NDArray[np.bool_]:
-        """Take n steps; (size,) bool: which instances go on.
+        """Take n steps and return a mask (size,) of the instances that continue.
 
-        `tau` (size, nv) or (nv,) acts in them, in place of the array given at the start.
+        `tau` (size, nv) or (nv,) replaces the array given at the start.
         """
         self._give(tau)
         self._many.step(_whole("n", n, 1))
         return self.ok
 
     def trace(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Array:
-        """Take n steps as `step` does; (n, size, nq + nv): q and v after each of them."""
+        """Take n steps like `step` and return q and v after each of them (n, size, nq + nv)."""
         self._give(tau)
         return self._many.trace(_whole("n", n, 1))
 
@@ -345,10 +345,10 @@ class BatchStepper(Portable):
         return found
 
     def inverse_dynamics(self, vdot: Any) -> Array:
-        """τ (size, nv) that gives v' (size, nv) at the states, in addition to passive forces.
+        """Return τ (size, nv) that gives v' (size, nv) in addition to passive forces.
 
-        As of `Mechanism.inverse_dynamics`: constraints and contacts are left out. Raises InputError
-        where instances are not stepped in lanes.
+        Constraints and contacts are ignored, as in `Mechanism.inverse_dynamics`. Raises InputError
+        if instances are not stepped in lanes.
         """
         if not isinstance(self._many, TreeLanes):
             text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "

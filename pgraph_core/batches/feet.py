@@ -20,14 +20,14 @@ from ..packing import Array, Ints
 from ..simulation.stepper import Stepper
 from .instances import COPY, Instances
 
-OF_VERTICES = (POINTS, SPHERE, CAPSULE, BOX)  # what touches a plane with balls about its vertices
+OF_VERTICES = (POINTS, SPHERE, CAPSULE, BOX)  # shapes that touch a plane by balls at vertices
 CROWD = 64  # shapes: impacts of more are not located one by one
 
 
 def on_feet(stepper: Stepper) -> bool:
-    """Whether this is one tree of hinges and sliders whose shapes touch a plane, and nothing else.
+    """True for one tree of hinges and sliders whose shapes touch a plane and nothing else.
 
-    Its drives are springs, dampers, motors and servos of one coordinate with constant inputs.
+    Its drives must be springs, dampers, motors and servos of one coordinate with constant inputs.
     """
     scene = stepper.recording.scene
     if not JIT or stepper.method != "moreau_jean" or scene.touching is None or scene.active[0]:
@@ -57,7 +57,7 @@ def on_feet(stepper: Stepper) -> bool:
 
 
 def is_plain(row: Any) -> bool:
-    """Whether a drive is of one coordinate, and its inputs are constant and act at once."""
+    """True if a drive has one coordinate and constant inputs without a lag."""
     follows = row["terms"] or row["lag"] or row["integrates"]
     return not follows and row["torques"] <= 1 and (row["coordinate"] < 0 or row["targets"] <= 1)
 
@@ -68,7 +68,7 @@ class FeetLanes(Instances):
     together = LANE_WIDTH
 
     def prepare(self) -> None:
-        """Name points and drives; make room for a block a worker."""
+        """Name points and drives, and allocate one block per worker."""
         stepper = self.workers[0].stepper
         user = stepper.recording.user
         self._memory = 0 if user is None else len([a for a in user.memory if a.size])
@@ -92,7 +92,7 @@ class FeetLanes(Instances):
 
 
 def _ways(stepper: Stepper) -> Ints:
-    """What each vertex belongs to, and the joints between it and the ground."""
+    """Return the owner of each vertex, and the joints between it and the ground."""
     scene = stepper.recording.scene
     assert scene.touching is not None
     contacts, rows = scene.touching.contacts, scene.packed.rows

@@ -36,7 +36,7 @@ BETWEEN = 1_000_000  # steps of instances between two looks at whether the user 
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:
-    """What steps of this stepper read before they write it, and what tells how they went."""
+    """Return the arrays that steps read before they write them, and the status of steps."""
     record = stepper.recording
     scene, steps = record.scene, record.steps
     found: list[Any] = [steps.stages[at.Y], steps.control_table, steps.counters_table]
@@ -52,7 +52,7 @@ def state_arrays(stepper: Stepper) -> list[Any]:
 
 
 def number_arrays(stepper: Stepper) -> list[Any]:
-    """What the description gives, and what a step that fails leaves in the run."""
+    """Return the arrays of the description, and those that a failed step leaves in the run."""
     return [a for a in (*stepper.recording.steps.given, *stepper.recording.scene.numbers) if a.size]
 
 
@@ -62,7 +62,7 @@ def words_of(arrays: Sequence[Array]) -> Ints:
 
 
 class Place:
-    """Where a table's rows hold one array of the run."""
+    """Place of one array of the run in a table's rows."""
 
     def __init__(self, arrays: Sequence[Array], wanted: Array):
         before = [a.nbytes for a in arrays]
@@ -91,7 +91,7 @@ class Worker:
         self.run = stepper.recording.steps.address
 
     def begin(self) -> str:
-        """Begin at the state in the run, on its constraints; why that cannot be done, or ""."""
+        """Begin at the state in the run, projected on its constraints. Returns a problem, or ""."""
         record = self.stepper.recording
         record.ended = Outcome()
         return "" if record.begin() else record.ended.message
@@ -249,7 +249,7 @@ COPY = address_of_function(ctypes.memmove)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """Whether these are trees that differ in bodies alone, without functions or bounded servos."""
+    """True for trees that differ in bodies alone, without functions or bounded servos."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
     bounded = any(
@@ -310,7 +310,7 @@ class TreeLanes(Instances):
             self._part(n, 0, i, i + 1)
 
     def trace(self, n: int) -> Array:
-        """As of `Instances`, in one call."""
+        """Take `Instances.trace` in one call."""
         states = np.empty((n, len(self.codes), self.q.shape[1] + self.v.shape[1]))
         states[:] = np.concatenate((self.q, self.v), axis=1)
         for i in self._in_lanes(n, states).tolist():
@@ -321,7 +321,7 @@ class TreeLanes(Instances):
         return states
 
     def _in_lanes(self, n: int, states: Array | None) -> Ints:
-        """n steps of all that run and fit lanes, each into `states`; those that do not fit."""
+        """Take n steps in lanes into `states`. Returns the instances that do not fit lanes."""
         running = np.flatnonzero(self.codes == at.RUNNING)
         late = max(self._corners[-1:].tolist(), default=-np.inf)
         if self._cut or (self.control["time"][running] < late).any():
@@ -339,7 +339,7 @@ class TreeLanes(Instances):
         return ~(far | np.any(~np.isfinite(q), axis=1))
 
     def _advance(self, which: Ints, n: int, states: Array | None) -> Ints:
-        """n steps in lanes, each into `states`; the instances that have to take them alone."""
+        """Take n steps in lanes into `states`. Returns the instances that must go alone."""
         plan, control = self.workers[0].stepper.recording.plan, self.control
         # of the dissipation nobody asks
         works = self._timed or self.given[which].any()

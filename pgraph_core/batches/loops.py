@@ -18,15 +18,15 @@ from ..simulation.stepper import Stepper
 from .feet import FeetLanes, drives_of
 from .instances import COPY, IN_LANES, WORD, Instances, number_arrays
 
-GAINS = ("stiffness", "damping", "low", "high", "friction")  # of a drive, of each lane its own
+GAINS = ("stiffness", "damping", "low", "high", "friction")  # fields of a drive that lanes vary
 TIMES = 0  # column of knots
 NO_TRACE = np.zeros((0, 0, 0))
 
 
 def on_constraints(stepper: Stepper, varying: Ints) -> bool:
-    """Whether constraints hold these instances, and lanes can take their explicit steps.
+    """True for instances with constraints whose explicit steps lanes can take.
 
-    `varying` are the places of the numbers, in words, in which instances differ.
+    `varying` are the places, in words, of the numbers that differ between instances.
     """
     record = stepper.recording
     scene, steps = record.scene, record.steps
@@ -67,7 +67,7 @@ class LoopLanes(FeetLanes):
         ready(kernels.step_loops)
 
     def trace(self, n: int) -> Array:
-        """As of `Instances`, in one call."""
+        """Take `Instances.trace` in one call."""
         states = np.full((n, len(self.codes), self.q.shape[1] + self.v.shape[1]), np.nan)
         self.control["fresh"][self.codes == at.RUNNING] = 0
         self.spread(partial(self._in_lanes, n, states), len(self.codes))

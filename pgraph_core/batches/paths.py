@@ -99,7 +99,7 @@ class Path:
         self.present = float(value)
 
     def leads_to(self, other: Path) -> bool:
-        """Whether another path is of the same number."""
+        """True if another path leads to the same number."""
         mine = (self.group, self.name, self.inside)
         return mine == (other.group, other.name, other.inside)
 
@@ -108,9 +108,9 @@ class Path:
         return with_numbers(model, [self], [value])
 
     def replaced_by(self, model: Model, scenario: str | None, given: Mapping[str, Any]) -> str:
-        """What of a call stands in place of this number, so that its values would do nothing.
+        """Return the argument of a call that overrides this number, or "".
 
-        "" where it counts. `given` are the other arguments of the call, None where left out.
+        `given` are the other arguments of the call, None if not given.
         """
         field, *rest = (str(word) for word in self.inside)
         given = {name: value for name, value in given.items() if value is not None}
@@ -137,7 +137,7 @@ class Path:
         return ""
 
     def owner(self, model: Model) -> Any:
-        """What the first word inside is a field of."""
+        """Return the object whose field is the first word inside."""
         if not self.group:
             return model.parameters
         return model if self.group in WORLD else model.part(self.name, KINDS[self.group])
@@ -165,7 +165,7 @@ class Path:
         return value[word]
 
     def _split(self, model: Model, given: Any) -> tuple[str, str, tuple[str | int, ...]]:
-        """(group, name, words inside); a parameter has no group, the world no name."""
+        """Return (group, name, words inside). A parameter has no group, the world no name."""
         if isinstance(given, str):
             if given in model.parameters:
                 return "", given, (given,)
@@ -200,7 +200,7 @@ class Path:
 
 
 def _takes_number(part: Any, field: str | int) -> bool:
-    """Whether a field of a part may be one number."""
+    """True if a field of a part may be one number."""
     known = type(part).model_fields if isinstance(part, BaseModel) else {}
     return str(field) in known and _is_number(known[str(field)].annotation)
 
