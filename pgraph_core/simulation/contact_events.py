@@ -30,9 +30,9 @@ from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
-SAME_TIME = 1e-10  # of a second, or of a shorter run: touchdowns within it are one impact
+SAME_TIME = 1e-10  # of the motion's own time: touchdowns within it are one impact
 SHORTEST = 1e-11  # of that: a flight below it is none
-UNRESOLVED = 2e-10  # of a second, or of a longer run: rounding over it is no speed
+UNRESOLVED = 2e-10  # of that, or of a longer run: rounding over it is no speed
 HIDDEN = 2e-3  # of a bounce's height, or more, is rounding: the bounces are over
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
@@ -49,16 +49,15 @@ class ContactEvents:
         scene: EventScene,
         steps: Steps,
         ended: Outcome,
+        fine: float = 1.0,
     ):
-        """All contact points are in swing."""
+        """All contact points are in swing. A finer run takes `fine` of what counts as closed."""
         self.mech, self.plan, self.scene, self.steps = mech, plan, scene, steps
         self.q, self.v, self.ended = steps.q, steps.v, ended
         self.causes: dict[int, str] = {}
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
-        span = float(np.ptp(plan.times))
-        self._same_time, self._shortest = SAME_TIME * min(span, 1.0), SHORTEST * min(span, 1.0)
-        self._unresolved = UNRESOLVED * max(span, 1.0)
+        self._fine = fine
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=MANY)
@@ -75,21 +74,34 @@ class ContactEvents:
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(t)
-        size = float(np.max(np.abs(f["position"]), initial=0.0)) or 1.0
+        sizes = self._sizes()
+        size = float(np.max(sizes, initial=0.0)) or 1.0
         speeds = np.abs(np.column_stack((f["gap_rate"], f["slip_velocity"])))
         self.speed = float(max(np.sqrt(gravity * size), np.max(speeds, initial=0.0))) or 1.0
         f["slip_tolerance"] = max(1e-10, 10 * self.steps.blurred) * self.speed
         self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
-        self.steps.scale(self.speed / gravity if gravity else float(np.ptp(self.plan.times)))
-        self._first_phases(t, SOLVED * size)
+        span = float(np.ptp(self.plan.times))
+        own = self.speed / gravity if gravity else span
+        self.steps.scale(own)
+        self._same_time, self._shortest = SAME_TIME * min(span, own), SHORTEST * min(span, own)
+        self._unresolved = UNRESOLVED * max(span, own)
+        self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
 
-    def _first_phases(self, t: float, touching: float) -> None:
+    def _sizes(self) -> Array:
+        """What the gap of each point is small against: of what its height is summed [m], or a
+        limit's range [rad, m].
+        """
+        heights = self.scene.points["rounding"] / point_kernels.ROUNDING
+        limits = [point.limit for point in self.scene.contact_points]
+        return np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
+
+    def _first_phases(self, t: float, touching: Array) -> None:
         """Phases of the initial state: points that touch stand, slide or hit."""
         scene, f = self.scene, self.scene.points
         hits = []
         for s in np.flatnonzero(f["gap"] <= touching).tolist():
             if f["gap_rate"][s] < -self.stuck:
-                hits.append(s)
+                hits += [s] if f["gap"][s] <= f["rounding"][s] else []  # else it hits later
             elif f["gap_rate"][s] <= self.stuck:
                 self._close(s, SLIP)
             else:

@@ -19,15 +19,15 @@ from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
-from .grazing import undecided
-from .options import FINER, SAME, steps_between
+from .grazing import limits_on_coordinates, undecided
+from .offset import apart, offset_plan
+from .options import FINER, SAME
 from .plan import RunPlan, fastest_rate, fastest_swings
 from .recording import Recording
 
 MORE = 1.25  # times the steps of a run: what a finer one takes at least
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up
 VISIBLE = 0.01  # of the motion: an error that a person sees in a graph
-UNEVEN = 5.0**0.5  # steps of a finer run a step: whole numbers of both meet as seldom as can be
 EPS = float(np.finfo(float).eps)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
@@ -76,13 +76,16 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     record.ended.notices += undecided(record, finer)
     rows, length, q = record.mech.packed.rows, plan.length, record.out.q[:n]
-    both = np.searchsorted(plan.times, finer.plan.times)
-    after = np.searchsorted(both, np.arange(n))  # the next time that both runs record
-    turned, moved = (x[after] for x in differences(rows, q[both], finer.out.q))
+    turned, moved = apart(record, finer, n)
+    ahead = plan.onward() if record.met else plan
+    if ahead.tolerance is None and _pushed(record):
+        third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1))
+        if not isinstance(third, str):
+            turned, moved = np.maximum((turned, moved), apart(record, third, n))
     late, fastest = np.abs(plan.times).max(), np.abs(record.out.v[:n]).max(initial=0.0)
     rounding = EPS * float(np.abs(q).max(initial=0.0) + late * fastest)
-    apart = np.maximum(np.maximum(turned, moved), _left_open(record, n))
-    error = np.maximum.accumulate(apart) + rounding
+    off = np.maximum(np.maximum(turned, moved), _left_open(record, n))
+    error = np.maximum.accumulate(off) + rounding
     _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
     size = max(length, float(slid.max(initial=0.0))) or 1.0
     together = np.maximum(turned, moved / size) <= PARTED
@@ -92,17 +95,27 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     return Estimate(error, notices + _passed_over(record, float(error[-1])))
 
 
+def _pushed(record: Recording) -> bool:
+    """Return whether a contact or limit of time stepping has pushed, so that forces jumped."""
+    return record.scene.touching is not None and record.scene.touching.tally["force"] > 0.0
+
+
 def _left_open(record: Recording, n: int) -> Array | float:
     """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
-    Time stepping leaves what a slow impact has not closed: a residual of its contact law.
+    Time stepping leaves what a slow impact has not closed: a residual of its contact law. A depth
+    beyond what it tolerates is one whatever the contact's phase, and so is a gap within it.
     """
     tables, pairs = record.plan.contacts, record.out.pairs[:n]
     if tables is None or not pairs.size:
         return 0.0
-    rigid = np.append(tables.laws["law"] == RIGID, np.ones(len(tables.limits), dtype=bool))
-    closed = (pairs["phase"] > SWING) & rigid
-    return np.abs(np.where(closed, pairs["gap"], 0.0)).max(axis=1)
+    from ..engine.contact.closing import DEPTH
+
+    rigid = np.flatnonzero(tables.laws["law"] == RIGID)
+    gap, closed = pairs["gap"][:, rigid], pairs["phase"][:, rigid] > SWING
+    found = np.where(closed | (gap < DEPTH * record.plan.length), np.abs(gap), 0.0)
+    beyond = [-limit.gap(record.out.q[:n]) for limit in limits_on_coordinates(tables)]
+    return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
@@ -159,7 +172,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     finer = finer_plan(plan, steps, record.steps.divided > 0)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and (ahead.impulses or record.user is not None):
-        finer = _unshared(finer, ahead)
+        finer = offset_plan(finer, ahead, 2)
     first = _again(record, finer)
     if given is None or given.fixed:
         return first
@@ -206,29 +219,6 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     return replace(plan, tolerance=finer, corners=corners)
 
 
-def _unshared(finer: RunPlan, plan: RunPlan) -> RunPlan:
-    """Return a finer plan with UNEVEN times the steps of `plan`, on about √n stretches of √n.
-
-    A force that jumps soon after a time at which steps of both runs end makes the same error in
-    both. So they end together, and are compared, at the ends of these stretches alone.
-    """
-    steps = np.append(0, np.cumsum(plan.substeps))
-    stretch = int(np.sqrt(steps[-1]))
-    keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))
-    switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
-    keep = np.union1d(np.append(keep, len(steps) - 1), switched)
-    substeps = np.ceil(UNEVEN * np.diff(steps[keep])).astype(np.int64)
-    times = plan.times[keep]
-    uneven = replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps, parts=2)
-    if finer.way is None:
-        return uneven
-    finer = replace(finer, times=times, way=uneven)
-    if finer.tolerance is not None:
-        return finer
-    substeps, width = steps_between(times, float(finer.width.max(initial=0.0)))
-    return replace(finer, substeps=substeps, width=width)
-
-
 def _no_wider(plan: RunPlan, widest: float) -> RunPlan:
     """Return the plan with no step wider than this [s]."""
     given = plan.tolerance
@@ -245,6 +235,6 @@ def _until_its_end(record: Recording) -> RunPlan:
     changes = tuple(change for change in changes if n and change.t < times[-1])
     if plan.tolerance is not None or n < 2:
         return replace(plan, times=times, changes=changes)
-    apart, substeps = np.diff(times), plan.substeps[: n - 1].copy()
-    substeps[-1] = np.ceil(apart[-1] / plan.width[n - 2] - SAME)
-    return replace(plan, times=times, changes=changes, substeps=substeps, width=apart / substeps)
+    spans, substeps = np.diff(times), plan.substeps[: n - 1].copy()
+    substeps[-1] = np.ceil(spans[-1] / plan.width[n - 2] - SAME)
+    return replace(plan, times=times, changes=changes, substeps=substeps, width=spans / substeps)

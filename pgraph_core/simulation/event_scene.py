@@ -40,6 +40,7 @@ class Limit(NamedTuple):
     at_q: int
     sign: float
     value: float  # the bound itself times the sign
+    size: float  # what gaps are small against [rad, m]
 
 
 class ContactPoint(NamedTuple):
@@ -109,7 +110,8 @@ def _limits(topology: Topology, packed: System, tables: Tables) -> Iterator[Cont
     for name, block, values, term, sign in zip(tables.limits, ints, floats, terms, factors):
         row = int(block[at.B_A])
         body = topology.names[int(packed.body_of_row[row]) - 1]
-        limit = Limit(row, int(term[0]), int(term[1]), float(sign), float(values[at.VALUE]))
+        bound, size = float(values[at.VALUE]), float(values[at.SIZE])
+        limit = Limit(row, int(term[0]), int(term[1]), float(sign), bound, size)
         yield ContactPoint(name, name, body, 0.0, float(values[at.BOUNCE]), limit=limit)
 
 

@@ -5,15 +5,18 @@ The error of what is watched is what it differs by in another run of the same mo
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..dynamics.scene import contact_tables
 from ..engine import layout as at
-from ..packing import Array
+from ..packing import Array, Ints
 from .recording import Recording
+
+if TYPE_CHECKING:
+    from ..contact.tables import Tables
 
 ORDER_1 = 2.0  # times the difference to a run at half the step: the error of a method of order 1
 
@@ -71,21 +74,36 @@ def _limits(record: Recording) -> list[Approach]:
     if tables is None or n < 2:
         return []
     out, t, found = record.out, record.steps.times[:n], list[Approach]()
+    for limit in limits_on_coordinates(tables):
+        rates, curves = (x[:n, limit.at_v] @ limit.weights for x in (out.v, out.vdot))
+        near = _least(t, limit.gap(out.q[:n]), rates, curves)
+        watched = lambda _t, q, _v, limit=limit: float(limit.gap(q))  # noqa: E731
+        found.append(Approach(f"limit '{limit.name}'", *near, watched))
+    return found
+
+
+class LimitGap(NamedTuple):
+    """A limit of a weighted sum of coordinates."""
+
+    name: str
+    at_v: Ints
+    at_q: Ints
+    weights: Array
+    bound: float
+
+    def gap(self, q: Array) -> Array:
+        """Return its gap (...) at states q (..., nq) [rad, m]."""
+        return q[..., self.at_q] @ self.weights - self.bound
+
+
+def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
+    """Yield the limits of joints and tendons; those of lengths between points are left out."""
     ints, floats, terms, factors = tables.limit_blocks
     for name, block, values in zip(tables.limits, ints, floats):
-        if block[at.B_TYPE] == at.T_SPAN:
-            continue
-        own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
-        at_v, at_q = terms[own].T
-        weights, bound = factors[own], float(values[at.VALUE])
-
-        def gap(_t: float, q: Array, _v: Array, at_q=at_q, weights=weights, bound=bound) -> float:
-            return float(q[at_q] @ weights) - bound
-
-        gaps = out.q[:n, at_q] @ weights - bound
-        near = _least(t, gaps, out.v[:n, at_v] @ weights, out.vdot[:n, at_v] @ weights)
-        found.append(Approach(f"limit '{name}'", *near, gap))
-    return found
+        if block[at.B_TYPE] != at.T_SPAN:
+            own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
+            at_v, at_q = terms[own].T
+            yield LimitGap(name, at_v, at_q, factors[own], float(values[at.VALUE]))
 
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known

@@ -214,7 +214,8 @@ class Recording:
         assert isinstance(self.scene, EventScene)
         steps.join(self.scene.address, links, self.scene.watched, *wanted)
         steps.forget_sides(woken)
-        self.events = ContactEvents(self.mech, plan, self.scene, steps, self.ended)
+        fine = 1.0 if self.coarser is None else 0.5
+        self.events = ContactEvents(self.mech, plan, self.scene, steps, self.ended, fine)
         self.events.noted = None if watch is None else self._user_event
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:

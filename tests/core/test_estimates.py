@@ -140,6 +140,7 @@ EARLY = {"t_end": 10.0, "t_eval": [0.03, 10.0], "step": 0.1}
 LOOSE = {"method": "radau5", "rtol": 3e-5, "frames": 11, "t_end": 1.0}
 ABOVE = 0.2, np.inf  # the least and the largest ratio of the estimate to the error
 CLOSE = 0.2, 10
+LUCKY = 0.2, 20  # the error is small where it turns in this step; see test_jumps_within_steps
 CLOSED = {
     "steep ramp": (ramp(0.0, 1e-6), ABOVE),
     "late ramp": (ramp(1e6, 1e-3), ABOVE),
@@ -151,7 +152,7 @@ CLOSED = {
     "friction turns in the first step": (incline(2e-3), CLOSE),
     "friction turns between frames": (incline(2.9), CLOSE),
     "friction turns early": (incline(0.7, t_end=15.0, frames=2), CLOSE),
-    "friction turns in a wide step": (incline(0.37, t_end=0.4, step=0.05), CLOSE),
+    "friction turns in a wide step": (incline(0.37, t_end=0.4, step=0.05), LUCKY),
     "thrown into a damper": (overdamped(1.0, 1e2, 0.0, 1e2, **THROWN), CLOSE),
     "damper that no step resolves": (overdamped(1, 1e5, 0, 1e5, step=0.01, t_end=10.0), CLOSE),
     "settles to a tolerance": (overdamped(30.8, 333.0, 0.2, -5.0, **LOOSE), CLOSE),

@@ -32,7 +32,7 @@ from .shapes import place
 PART = 0.2  # of the thinner shape: how far a step may lead into it
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # of a contact's own time: given steps inside a hard one
-LEAD = 0.01  # of how deep an impact leads: the first step into it
+LEAD = 0.01  # of how deep an impact leads: the first given step into it
 HARD = 10.0  # times the weight: a contact that is not at rest
 
 
@@ -55,7 +55,8 @@ def bound_step(run):
         given = control.widths != CHOSEN
         if not given and control.width > 0.0:
             width = min(width, control.width)
-        control.bound = min(control.bound, contact_bound(data.scene, width, given))
+        steps = (width, given, 0.0 if given else control.rtol)
+        control.bound = min(control.bound, contact_bound(data.scene, steps))
 
 
 @sweep
@@ -74,11 +75,13 @@ def turn_bound(phased, work):
 
 
 @sweep
-def contact_bound(scene, width, given):
-    """Time in which no soft or penalty contact is leapt over [s], in steps of `width`.
+def contact_bound(scene, steps):
+    """Time in which no soft or penalty contact is leapt over [s].
 
-    `given`: steps do not follow forces, so that they are bounded inside contacts too.
+    `steps`: their width [s], whether they are given, and their tolerance if not. Given steps do not
+    follow forces, so that they are bounded inside contacts too.
     """
+    width = steps[0]
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses, may = contacts.geometry.shapes, contacts.poses, contacts.candidates
@@ -91,10 +94,10 @@ def contact_bound(scene, width, given):
         i, pair = may.on_ground[k].shape, may.on_ground[k].pair
         altitude = dot(xyz(poses[i].position), normal_of(contacts.ground)) - shapes[i].reach
         if contacts.laws[pair].law != RIGID and altitude <= top(contacts.ground) + fastest * width:
-            bound = min(bound, ground_bound(scene, i, pair, width, given))
+            bound = min(bound, ground_bound(scene, i, pair, steps))
     for k in range(may.pairs.shape[0]):
         i, j = may.pairs[k].shape_a, may.pairs[k].shape_b
-        bound = min(bound, pair_bound(scene, i, j, may.pairs[k].pair, width, given))
+        bound = min(bound, pair_bound(scene, i, j, may.pairs[k].pair, steps))
     members = may.members
     for m in range(members.shape[0]):
         i = members[m].shape
@@ -106,13 +109,13 @@ def contact_bound(scene, width, given):
             j = members[k].shape
             same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
             if not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
-                one = pair_bound(scene, min(i, j), max(i, j), members[m].pair, width, given)
+                one = pair_bound(scene, min(i, j), max(i, j), members[m].pair, steps)
                 bound = min(bound, one)
     return bound
 
 
 @sweep
-def ground_bound(scene, i, pair, width, given):
+def ground_bound(scene, i, pair, steps):
     """As `contact_bound`, of one shape over the ground."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
@@ -125,20 +128,20 @@ def ground_bound(scene, i, pair, width, given):
         rate = closing_bound(scene, i, -1, normal, 0.0)
         u = point_velocity(data.work, data.space.linear, shapes[i].row, p)
         rates = (rate, -dot(u, normal))
-        bound = min(bound, one_bound(contacts, pair, gap, rates, size, width, given))
+        bound = min(bound, one_bound(contacts, pair, gap, rates, size, steps))
     return bound
 
 
 @sweep
-def pair_bound(scene, i, j, pair, width, given):
+def pair_bound(scene, i, j, pair, steps):
     """As `contact_bound`, of two shapes."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
     if contacts.laws[pair].law == RIGID:
         return math.inf
-    moved = width * shape_speed(data.work, data.space.linear, shapes[i], poses[i])
-    moved += width * shape_speed(data.work, data.space.linear, shapes[j], poses[j])
+    moved = steps[0] * shape_speed(data.work, data.space.linear, shapes[i], poses[i])
+    moved += steps[0] * shape_speed(data.work, data.space.linear, shapes[j], poses[j])
     thin = thickness(shapes[j])
     if shapes[i].kind != POINTS:
         thin = min(thin, thickness(shapes[i]))
@@ -150,28 +153,34 @@ def pair_bound(scene, i, j, pair, width, given):
     u = point_velocity(data.work, data.space.linear, shapes[i].row, p)
     u = sub(u, point_velocity(data.work, data.space.linear, shapes[j].row, p))
     rates = (closing_bound(scene, i, j, normal, 0.0), -dot(u, normal))
-    return one_bound(contacts, pair, gap, rates, thin, width, given)
+    return one_bound(contacts, pair, gap, rates, thin, steps)
 
 
 @part
-def one_bound(contacts, pair, gap, rates, thin, width, given):
+def one_bound(contacts, pair, gap, rates, thin, steps):
     """Time in which a gap leads a part of `thin` into a shape, or a step into an impact [s].
 
     `rates`: how fast the gap closes at most, and at the nearest point [m/s].
     """
     law = contacts.laws[pair]
     rate, closing = rates
+    width, given, rtol = steps
     bound = math.inf
     ahead = max(gap, 0.0)
     if rate * width > PART * thin:
         bound = (ahead + PART * thin) / rate
     speed = rate if given or gap > 0.0 else closing
     if speed > 0.0:
-        lead = LEAD * contacts.tally[0].fine * impact_depth(law, speed)
+        lead = contacts.tally[0].fine * lead_of(law, speed, rtol)
         if speed * width > lead and (given or gap > -lead):
             # Stages far inside may fling each other out, and DOP853 does not weigh all of them: the
             # step would see no force. And a jump of the force would count for the whole step.
             bound = min(bound, ahead / speed if ahead > lead else (ahead + lead) / speed)
+    elif not given and gap < 0.0 and closing < 0.0:
+        away = math.hypot(closing, leaving_speed(law, -gap))  # at most, when it leaves
+        leaves = away * away > -2.0 * contacts.tally[0].pull * gap
+        if leaves and -gap > rtol * impact_depth(law, away):
+            bound = min(bound, -gap / away)
     if given and gap < 0.0:
         depth = -gap
         push = law.stiffness * depth
@@ -187,6 +196,26 @@ def one_bound(contacts, pair, gap, rates, thin, width, given):
             own = math.sqrt(slope / law.mass) + loss / law.mass
             bound = min(bound, WITHIN * contacts.tally[0].fine / own)
     return bound
+
+
+@part
+def lead_of(law, speed, rtol):
+    """How far a step may lead across a contact's border [m]: what it misses is below `rtol`.
+
+    The energy of a depth d is a share (d / D)^2.5 of the impact's, D its depth; (d / D)^2 for a
+    penalty. Given steps have no tolerance.
+    """
+    share = LEAD
+    if rtol > 0.0:
+        share = min(LEAD, math.sqrt(rtol) if law.law == PENALTY else power(rtol, 0.4))
+    return share * impact_depth(law, speed)
+
+
+@part
+def leaving_speed(law, depth):
+    """Speed at which a contact point that is still at a depth leaves, without losses [m/s]."""
+    slope = law.stiffness if law.law == PENALTY else 0.8 * law.stiffness * math.sqrt(depth)
+    return depth * math.sqrt(slope / law.mass)
 
 
 @part

@@ -6,6 +6,7 @@ a part of it does.
 """
 
 import math
+import sys
 
 from .. import layout as at
 from ..arrays import CHANGE, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
@@ -49,6 +50,7 @@ START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the 
 NEAREST, WHEN = 4, 5  # how near a user's event came to happening without it, at what time [s]
 ROWS = 6
 NOTHING = 1.0  # what a monitor that watches nothing shows
+BELOW = sys.float_info.min  # what a value of zero counts as: it is reached
 
 
 @kernel(OBSERVE, nogil=True, later=True)
@@ -251,9 +253,9 @@ def watch(contact, row, w):
         b = NOTHING
         c = NOTHING
         if phase == SWING:
-            a = points[s].gap
+            a = points[s].gap if points[s].gap != 0.0 else -BELOW
             if fresh:
-                a -= points[s].start
+                a = points[s].gap - points[s].start
                 if points[s].fresh == 1:
                     a += points[s].rounding
                 a = a / w if w > 0.0 else max(points[s].gap_rate, 0.0)

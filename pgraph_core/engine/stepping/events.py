@@ -6,7 +6,6 @@ located by secants and bisection, and the step ends there.
 """
 
 import math
-import sys
 
 from ...tolerances import ROUNDING, SOLVED
 from .. import layout as at
@@ -16,6 +15,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, f8, i8, u8, void
 from ..contact.phases import opened_events
 from ..contact.points import (
+    BELOW,
     HIGH,
     LOW,
     NEAREST,
@@ -49,7 +49,6 @@ call_event = caller(EVENT)
 # of a user's functions: time, and the addresses of q, v and their values
 _call_user = caller(void(f8, u8, u8, u8))
 
-BELOW = sys.float_info.min  # stand-in for a value of zero
 PARTS = 4  # parts of a step with dense output that are examined separately
 DIPS = 60  # evaluations for the minimum of an event near zero
 DEEP = 0.25  # plausible error of a parabola through three values, relative to their fall

@@ -1,0 +1,66 @@
+"""Further runs whose steps end between those of a run, and how far these runs are apart.
+
+A force that jumps within a step makes an error that depends on how long before that the step began.
+A run of half the step makes the same error wherever the jump follows an end that both runs share,
+so it ends its steps a quarter of a step off. There still is a time within the step for which both
+errors are the same. No jump has three runs agree if the third has the same step, half of it off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..dynamics.states import differences
+from ..packing import Array, Ints
+from .options import steps_between
+from .plan import RunPlan
+from .recording import Recording
+
+FIRST = 0.125 ** np.arange(3.0)  # of a first step: ends near one that all runs share
+
+
+def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
+    """Return the finer plan with given steps a `parts`-th as wide as those of `plan`, and half off.
+
+    It records the times at which steps of both runs end.
+    """
+    frames, half = np.append(0.0, np.cumsum(plan.substeps)), 0.5 / parts  # in steps of the plan
+    shared = frames[_shared(plan)]
+    near = (shared[:-1, None] + half * FIRST).ravel()
+    ends = np.unique(np.concatenate((shared, near, shared[1:] - half)))
+    substeps = np.maximum(np.rint(parts * np.diff(ends)), 1.0).astype(np.int64)
+    times = np.interp(ends, frames, plan.times)
+    width = np.diff(times) / substeps
+    offset = replace(plan, times=times, substeps=substeps, width=width, parts=2, shown=None)
+    if finer.way is None:
+        return offset
+    finer = replace(finer, times=times, way=offset, shown=None)
+    if finer.tolerance is not None:
+        return finer
+    substeps, width = steps_between(times, float(finer.width.max(initial=0.0)))
+    return replace(finer, substeps=substeps, width=width)
+
+
+def _shared(plan: RunPlan) -> Ints:
+    """Return the indices of times of `plan` that divide it into about √n stretches of √n steps.
+
+    Those at which constraints are switched, the first and the last are among them.
+    """
+    steps = np.append(0, np.cumsum(plan.substeps))
+    keep = np.searchsorted(steps, np.arange(0, steps[-1], int(np.sqrt(steps[-1]))))
+    switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
+    return np.union1d(np.append(keep, len(steps) - 1), switched)
+
+
+def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array]:
+    """Return by what angles (n,) [rad] and ways (n,) [m] two runs differ at n times of the first.
+
+    Where only the first records a time, it is the difference at the next one that both record.
+    """
+    t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
+    _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
+    found = differences(record.mech.packed.rows, record.out.q[i], finer.out.q[j])
+    after = np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)
+    return found[0][after], found[1][after]
