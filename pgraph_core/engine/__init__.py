@@ -29,7 +29,7 @@ def every_kernel() -> list[Any]:
 
 
 def warm_up(every: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Load the kernels that most runs need, or compile them; yields (i, n, name) after each."""
+    """Load or compile the kernels that most runs need, yielding (i, n, name) after each."""
     from .compiler.jit import KERNELS
 
     for module in MODULES:

@@ -17,7 +17,7 @@ def main() -> None:
     words = sys.argv[1:]
     if "--with-parent" in words:
         threading.Thread(target=_end_with_parent, daemon=True).start()
-        if hasattr(os, "nice"):  # not on Windows; the parent, a page, goes first
+        if hasattr(os, "nice"):  # not on Windows. The parent, a page, has priority
             os.nice(10)
     if "--pieces" in words:
         from .compiler.building import make_pieces

@@ -48,17 +48,17 @@ from .records import (
 # Rows of `Workspace.vectors`: right side and solution of Ω λ = r, corrections of λ, what λ does
 RHS, LAMBDA, CHANGE, STEP = 0, 1, 2, 3
 DINV = 4  # 1/d of every freedom
-ZERO, MOVED = 5, 6  # no joint forces; change of v that waits for that of q
+ZERO, MOVED = 5, 6  # no joint forces, change of v that waits for that of q
 TAU = 7  # joint forces
-PLACED, FACTORED = 8, 9  # q of the last factors; their μ, null directions, whether there are any
+PLACED, FACTORED = 8, 9  # q of the last factors, then their μ, null directions and validity
 LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
-FREE, TARGET = 12, 13  # of an island: speeds of joints without impulses, of rows without these
-REPORT = 14  # how impulses were found, by these:
+FREE, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
+REPORT = 14  # report on the impulse solver, by these:
 # sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, bounces left out
 SWEEPS_DONE, STEPS_DONE, MISSED, GAINED, HARD, CALMED = range(6)
-DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
-ARMATURE, GIVEN = 17, 18  # as they are without that
+DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
+ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # of Newton's method: change of speeds; the best λ so far
 SPEEDS = 22  # of joints without impulses, behind the articulated factors
 VECTORS = 23
@@ -67,11 +67,11 @@ VECTORS = 23
 class Drives(NamedTuple):
     """Springs, dampers and friction of joints, then motors and servos."""
 
-    table: Any  # of JOINT_FORCE
+    table: Any  # records of JOINT_FORCE
     knots: (
         Any  # (nk, 4) time [s], value, slope after it, what acts of an input with a lag or integral
     )
-    passive: Any  # how many rows of the table are springs and dampers
+    passive: Any  # number of springs and dampers in the table
     terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 
 
@@ -111,12 +111,12 @@ class Workspace(NamedTuple):
     dips: Any  # (8,) the first dips
     dip_states: Any  # (8, nq + nv) q and v there
     nulls: Any  # (m, m) null directions of omega
-    where: Any  # (nv,) places of joints in a row of y, from 1; 0: not there
+    where: Any  # (nv,) places of joints in a row of y, from 1, 0 for none
     own: Any  # (nb, 9) a block's part of omega
 
 
 class Links(NamedTuple):
-    """Addresses of a scene's contacts and of the kernels that only some scenes need; 0: none."""
+    """Addresses of a scene's contacts and of kernels for some scenes, 0 for none."""
 
     contacts: Any = 0
     find: Any = 0
@@ -151,12 +151,12 @@ class Scene(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """What a run records, one row a frame."""
+    """Arrays that a run records, one row per frame."""
 
     q: Any
     v: Any
     vdot: Any
-    wrenches: Any  # of blocks
+    wrenches: Any  # wrenches of blocks
     energies: Any  # (n, 4) kinetic, potential, work of drives, dissipation [J]
     drifts: Any  # (n, 2) largest residuals of constraints
     pushes: Any  # (n, nb, 6) wrenches of contacts on bodies
@@ -167,7 +167,7 @@ class Frames(NamedTuple):
 class Geometry(NamedTuple):
     """Shapes that can touch."""
 
-    shapes: Any  # of SHAPE
+    shapes: Any  # records of SHAPE
     vertices: Any  # (nv, 3) in the shape's frame [m]
     normals: Any  # (nf, 3) outward, in the shape's frame
     faces: Any  # of FACE
@@ -179,24 +179,24 @@ class Ground(NamedTuple):
     """A plane, and rectangles of it at another height."""
 
     plane: Any  # one PLANE
-    patches: Any  # of PATCH
+    patches: Any  # records of PATCH
 
 
 class Candidates(NamedTuple):
-    """What may touch."""
+    """Shapes that may touch."""
 
-    on_ground: Any  # of GROUND_PAIR
-    pairs: Any  # of SHAPE_PAIR
-    members: Any  # of MEMBER
-    apart: Any  # of APART
+    on_ground: Any  # records of GROUND_PAIR
+    pairs: Any  # records of SHAPE_PAIR
+    members: Any  # records of MEMBER
+    apart: Any  # records of APART
 
 
 class Search(NamedTuple):
     """Scratch of the search for contact points."""
 
-    room: Any  # of CANDIDATE
-    bounds: Any  # of BOUNDS
-    cells: Any  # of CELL
+    room: Any  # records of CANDIDATE
+    bounds: Any  # records of BOUNDS
+    cells: Any  # records of CELL
     buckets: Any  # (a power of two,) first member of every bucket
 
 
@@ -207,10 +207,10 @@ class Islands(NamedTuple):
     root: Any  # (n + 1,) the tree of every row
     head: Any  # (n + 1,) the last row of every tree, -1: none
     below: Any  # (n + 1,) the row before in the same tree, -1: none
-    chief: Any  # (n + 1,) a tree of the same island; itself: it stands for the island
+    chief: Any  # (n + 1,) a tree of the same island, itself if it represents the island
     number: Any  # (n + 1,) the island of such a tree
     edge: Any  # (n + 1,) the first edge of every tree, -1: none
-    edges: Any  # (ne, 2) the next edge of the same tree, -1: none; the tree at its other end
+    edges: Any  # (ne, 2) the next edge of the same tree or -1, and the tree at its other end
     blocks: Any  # (nb,) active blocks, island after island
     first: Any  # (nb + 2,) where the blocks of an island begin
     seen: Any  # (n + 1,) marks of a search
@@ -223,7 +223,7 @@ class Islands(NamedTuple):
     upper: Any  # the matrix, then its factor
     lower: Any
     pushed: Any  # (nb, 3) by how much impulses miss their laws [N s]
-    slope: Any  # what Newton's method and sweeps keep of a block
+    slope: Any  # memory of Newton's method and sweeps per block
     weight: Any  # (nb,) largest mobility of all points of a touch [1/kg]
     mobility: Any  # (nb,) largest own entry of Ω [1/kg]
 
@@ -234,35 +234,35 @@ class Contacts(NamedTuple):
     geometry: Any
     ground: Any
     candidates: Any
-    poses: Any  # of POSE, one a shape
-    start_poses: Any  # of POSE, at the start of a step in which something is fast
+    poses: Any  # records of POSE, one per shape
+    start_poses: Any  # records of POSE at the start of a step with fast motion
     search: Any
     found: Any  # contact points, of CONTACT
-    laws: Any  # of PAIR_LAW, one a contact pair
-    kept: Any  # of KEPT, impulses of the last step
-    anchors: Any  # of KEPT, of penalty friction
-    meetings: Any  # of MEETING
-    wrenches: Any  # of BODY_WRENCH, one a body, what contacts do
-    pairs: Any  # of PAIR: contact pairs, then limits
+    laws: Any  # records of PAIR_LAW, one per contact pair
+    kept: Any  # records of KEPT: impulses of the last step
+    anchors: Any  # records of KEPT: anchors of penalty friction
+    meetings: Any  # records of MEETING
+    wrenches: Any  # records of BODY_WRENCH, one per body: wrenches of contacts
+    pairs: Any  # records of PAIR: contact pairs, then limits
     tally: Any  # one CONTACT_TALLY
     bodies_i: Any
     bodies_f: Any
     limit_tau: Any  # (nv,) torques of joint limits in the last step
-    changes: Any  # of PHASE_CHANGE; whoever reads them sets `logged` to 0
+    changes: Any  # records of PHASE_CHANGE. The reader must reset `logged`
     islands: Any
-    factored: Any  # as `work`, for the masses that soft and penalty contacts move
+    factored: Any  # a second `work` for the masses that soft and penalty contacts move
 
 
 class Guard(NamedTuple):
-    """What a run leaves out as long as nothing is near: contacts, limits, looks at conditions."""
+    """Proximity guard of a run that starts without contacts, limits and conditions."""
 
     geometry: Any
     ground: Any
     candidates: Any
     poses: Any  # of POSE, one a shape
     search: Any
-    found: Any  # of CONTACT
-    limits: Any  # of LIMIT: limits, then conditions
+    found: Any  # records of CONTACT
+    limits: Any  # records of LIMIT: limits, then conditions
     state: Any  # one CLEARANCE
     reach: Any  # (n + 1,) of the shapes that a row carries, from its origin [m]
     gaps: Any  # (pairs,) scratch
@@ -275,16 +275,16 @@ class EventLinks(NamedTuple):
     bare: Any  # the same scene without active blocks
     held: Any  # the scene whose active blocks are what is projected
     acceleration: Any  # the equations of motion with points
-    record: Any  # what records without points
-    observe: Any  # what observes points
-    project: Any  # what projects
+    record: Any  # kernel that records without points
+    observe: Any  # kernel that observes points
+    project: Any  # kernel that projects
 
 
 class EventContacts(NamedTuple):
-    """Contact points and limits in phases; k slide."""
+    """Contact points and limits in phases, of which k slide."""
 
     links: Any
-    points: Any  # of POINT
+    points: Any  # records of POINT
     every: Any  # every point's `slide_block` as active blocks
     watched: Any  # (4, 3 ns) what ends a phase, where it falls below zero
     columns: Any  # (3 k + 2, m) c and the right side, what Ω_BB⁺ makes of them, Ω of the normals
@@ -293,14 +293,14 @@ class EventContacts(NamedTuple):
 
 
 class EventData(NamedTuple):
-    """A scene with points; `opened` finds the scene alone."""
+    """A scene with points. `opened` returns the scene alone."""
 
     scene: Any
     contact: Any
 
 
 class RunLinks(NamedTuple):
-    """Addresses of the kernels of a run; 0: none."""
+    """Addresses of the kernels of a run, 0 for none."""
 
     accelerate: Any
     project: Any
@@ -312,7 +312,7 @@ class RunLinks(NamedTuple):
 
 
 class Tableau(NamedTuple):
-    """Coefficients of a Runge-Kutta method; see `integrators.Tableau`."""
+    """Coefficients of a Runge-Kutta method, see `integrators.Tableau`."""
 
     a: Any
     b: Any
@@ -332,15 +332,15 @@ class Run(NamedTuple):
     substeps: Any  # (n - 1,) given steps between them, where they are given
     width: Any  # (n - 1,) of these [s]
     corners: Any  # (nk,) times at which tables bend: steps end there [s]
-    stages: Any  # (STAGE + stages, nq + nv + 2); its rows are named in `layout`
+    stages: Any  # (STAGE + stages, nq + nv + 2), with rows named in `layout`
     real: Any  # workspace of implicit methods
     pair: Any  # the same, complex
     control: Any  # one STEP_CONTROL
     counters: Any  # one COUNTERS
     flow: Any  # (3,) power put in and dissipated [W], iterations
     watched: Any  # (6, k) what ends a phase or makes an event, where it falls below zero
-    signs: Any  # (ne,) of a user's events; 0: not known yet
-    wanted: Any  # (ne,) direction in which they count; 0: both
+    signs: Any  # (ne,) signs of a user's events, 0 if unknown
+    wanted: Any  # (ne,) counted directions, 0 for both
     values: Any  # (ne,)
     out: Any  # frames
 

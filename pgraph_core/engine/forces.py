@@ -18,7 +18,7 @@ from .vec import add, add_cross, add_scaled, cross, dot, load, matrix, mul, mul_
 
 @part
 def knot_after(knots, first, count, t, rate):
-    """The first knot later than t, within the table; `rate` knots a second, evenly as a rule."""
+    """Return the first knot after t in the table, with usually `rate` knots per second."""
     n = first + 1 + int((t - knots[first, 0]) * rate)
     n = min(n, first + count - 1)
     while t < knots[n - 1, 0]:
@@ -75,9 +75,9 @@ def piece_of(knots, first, count, t):
 
 @part
 def acting(one, knots, first, count, t):
-    """What acts at time t of the input u of a table: u; y of y' = (u - y) / lag; or y of y' = u.
+    """Return the active value at time t of input u: u, y of y' = (u - y) / lag, or y of y' = u.
 
-    Both are exact; y of y' = u stays within its bounds.
+    Both integrals are exact. y of y' = u stays within its bounds.
     """
     if one.lag == 0.0 and one.integrates == 0:
         return lookup(knots, first, count, t)
@@ -94,9 +94,9 @@ def acting(one, knots, first, count, t):
 
 @sweep
 def lag_width(drives, t, order):
-    """Width of a step from t that shows how inputs with a lag follow [s]; infinite without them.
+    """Return the step from t that resolves inputs with a lag [s], infinite without them.
 
-    Of the input's size, x exp(-s / lag) is still to follow. A step w of a method of order p
+    Of the input's size, x exp(-s / lag) remains to be followed. A step w of a method of order p
     integrates it with an error of x (w / lag)^(p + 1), which is no larger than that of half a lag
     at x = 1.
     """
@@ -122,7 +122,7 @@ def lag_width(drives, t, order):
 
 @part
 def own_torque(one, knots, t):
-    """The torque that a motor or servo adds; it is the input where there is no target."""
+    """Return the torque that a motor or servo adds, which is the input without a target."""
     if one.coordinate < 0:
         return acting(one, knots, one.first_torque, one.torques, t)
     return lookup(knots, one.first_torque, one.torques, t)
@@ -130,7 +130,7 @@ def own_torque(one, knots, t):
 
 @part
 def along_terms(table, terms, n, column, x):
-    """Σ coefficient x of the coordinates of drive n; `column` 0: x is v, 1: x is q."""
+    """Return Σ coefficient x of the coordinates of drive n, x = v (`column` 0) or q (1)."""
     first = table[n].first_term
     total = terms[first, 2] * x[int(terms[first, column])]
     for i in range(first + 1, first + table[n].terms):
@@ -140,7 +140,7 @@ def along_terms(table, terms, n, column, x):
 
 @part
 def stretch_of(table, terms, n, q):
-    """What drive n is stretched by: its coordinate, or the sum of its terms."""
+    """Return the stretch of drive n: its coordinate, or the sum of its terms."""
     if table[n].terms > 0:
         return along_terms(table, terms, n, 1, q)
     return q[table[n].coordinate]
@@ -156,7 +156,7 @@ def speed_of(table, terms, n, v):
 
 @part
 def at_its_limit(drives, n, t, q, v):
-    """Whether motor or servo n gives its least or largest torque."""
+    """True if motor or servo n is at its least or largest torque."""
     table, knots, _, terms = drives
     torque = -table[n].damping * speed_of(table, terms, n, v)
     if table[n].coordinate >= 0:
@@ -168,7 +168,7 @@ def at_its_limit(drives, n, t, q, v):
 
 @sweep
 def drive(drives, t, q, v, given, tau):
-    """τ of all drives and the given torques into `tau`; (power put in, power dissipated) [W]."""
+    """Compute τ of all drives and given torques. Returns (power put in, dissipated) [W]."""
     table, knots, passive, terms = drives
     put_in = 0.0
     dissipated = 0.0

@@ -1,4 +1,4 @@
-"""The equations of motion of a scene: v' of the driven, loaded, constrained system; its energies.
+"""Equations of motion of a scene: v' of the driven, loaded, constrained system, and energies.
 
 Methods call these kernels by address.
 """
@@ -49,7 +49,7 @@ def save_scene(buffer, scene):
 
 @part
 def user_torque(user, t, q, v, tau):
-    """Add what a user's function gives to τ; its power [W]. Where it fails, τ is not finite."""
+    """Add the torques of a user's function to τ, not finite if it fails. Returns the power [W]."""
     address, exchange, answer = user
     for i in range(q.shape[0]):
         exchange[0, i] = q[i]
@@ -67,7 +67,7 @@ def user_torque(user, t, q, v, tau):
 
 @kernel(ACCELERATION, nogil=True)
 def acceleration(scene, t, q, v, tau, vdot, flow):
-    """v' into `vdot`, the joints' own forces into `tau`; the first row without inertia, or 0.
+    """Compute v' and the joints' own forces `tau`. Returns the first row without inertia, or 0.
 
     `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
     """
@@ -76,7 +76,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     work, given, user = data.work, data.given, data.user
     put_in, dissipated = drive(drives, t, q, v, given, tau)
     outboard(rows, const, work, q, v)
-    if user.address != 0:  # which may take what `outboard` left
+    if user.address != 0:  # may use the results of `outboard`
         put_in += user_torque(user, t, q, v, tau)
     data = opened(scene)  # again: what is not needed is not read
     loads, space, links = data.loads, data.space, data.links
@@ -100,7 +100,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
 
 @kernel(CONSTRAIN, nogil=True)
 def constrain(scene, t, q, v, vdot, flow):
-    """Add what the active constraints make of v'; their power in flow[0], iterations in flow[2]."""
+    """Add the active constraints' v', their power to flow[0] and iterations to flow[2]."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     flow[2] = impose(scene, t, q, v, vdot)
@@ -110,7 +110,7 @@ def constrain(scene, t, q, v, vdot, flow):
 
 @kernel(i8(i8, i8, f8, F1, F1, F1, F1, F1, F2))
 def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
-    """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
+    """Compute v' and the wrenches of blocks. Returns 0, -1 if not finite, or a singular row."""
     data = opened(scene)
     rows, blocks, work, space, kept = data.rows, data.blocks, data.work, data.space, data.given
     for j in range(given.shape[0]):
@@ -127,13 +127,13 @@ def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
 
 @kernel(PROJECTION, nogil=True)
 def projection(scene, t, q, v, rounds):
-    """Move q and v onto the active constraints; rounds taken, -1 where it fails."""
+    """Project q and v onto the active constraints. Returns the rounds, -1 on failure."""
     return project(scene, t, q, v, rounds)
 
 
 @kernel(void(i8, f8, F1, F1, F1, F1))
 def residuals(scene, t, q, v, gap, speed):
-    """g and g' of the active blocks; after it the workspace holds where their rows act."""
+    """Compute g and g' of the active blocks, leaving their places in the workspace."""
     data = opened(scene)
     outboard(data.rows, data.const, data.work, q, v)
     located(scene, v, True)
@@ -143,7 +143,7 @@ def residuals(scene, t, q, v, gap, speed):
 
 @kernel(RECORD, nogil=True)
 def record(scene, accelerate, t, q, v, flow, ledger, i, out):
-    """Frame i: state, v', wrenches, energies, ledger, residuals; whether all of it is finite."""
+    """Record state, v', wrenches, energies, ledger, residuals. Returns False if not finite."""
     data = opened(scene)
     rows, const, drives, loads = data.rows, data.const, data.drives, data.loads
     blocks, work, space = data.blocks, data.work, data.space

@@ -18,7 +18,7 @@ REAL, INTEGER = np.float64, np.int64
 
 
 def record(**fields: Any) -> np.dtype[Any]:
-    """An aligned record type; a field is a type, or a type with a shape."""
+    """Return an aligned record type, whose fields are types, or types with shapes."""
     split = {name: kind if isinstance(kind, tuple) else (kind,) for name, kind in fields.items()}
     return np.dtype([(name, *kind) for name, kind in split.items()], align=True)
 
@@ -46,16 +46,16 @@ def by_name(one: Any) -> dict[str, Any]:
 # -- constraints ----------------------------------------------------------------------------------
 
 WATCH = record(
-    time=REAL,  # of the last evaluation [s]
+    time=REAL,  # time of the last evaluation [s]
     apart=REAL,  # since the one before [s]
     count=INTEGER,  # dips of pivots so far
-    rows=INTEGER,  # of constraints that are watched
+    rows=INTEGER,  # watched rows of constraints
     inside=INTEGER,  # 1: a dip is under way
 )
 
 DIP = record(
     depth=REAL,  # largest pivot over it
-    time=REAL,  # of its deepest place [s]
+    time=REAL,  # time of its deepest place [s]
     apart=REAL,  # time since the evaluation before [s]
 )
 
@@ -63,13 +63,13 @@ DIP = record(
 
 CHOSEN, WIDEST, GIVEN = 0, 1, 2  # widths of steps: by their error, all the widest, as listed
 ONCE, ALWAYS = 1, 2  # when events are due: after this step, after every step
-REACHED, NEAR = 1, 2  # what has fired: an event, or something may touch in the next step
+REACHED, NEAR = 1, 2  # reason of an interruption: an event, a possible contact in the next step
 
 METHOD = record(
     order=INTEGER,
     starts=INTEGER,  # 1: a step starts from v' at Y
     ends=INTEGER,  # 1: its last stage is the slope at its end
-    safety=REAL,  # of the width that the error allows
+    safety=REAL,  # used share of the width that the error permits
     by_error=REAL,  # exponent of the error in the next width
     by_last=REAL,  # exponent of the error before that
     least=REAL,  # smallest and largest change of the width
@@ -79,20 +79,20 @@ METHOD = record(
 STEP_CONTROL = record(
     nq=INTEGER,
     nv=INTEGER,
-    time=REAL,  # of the state [s]
+    time=REAL,  # time of the state [s]
     width=REAL,  # the step to try next [s]
-    old_time=REAL,  # of the state before the last step [s]
-    old_width=REAL,  # of the step from there [s]
+    old_time=REAL,  # time of the state before the last step [s]
+    old_width=REAL,  # width of the step from there [s]
     clip=REAL,  # stages are not taken later: left of a corner of a table [s]
-    last_error=REAL,  # of the last accepted step, over the tolerance
+    last_error=REAL,  # error of the last accepted step over the tolerance
     rtol=REAL,  # relative to the scales below
     atol=REAL,  # absolute, for every coordinate
     widest=REAL,  # the largest step [s]
     span=REAL,  # length of the run [s]
-    length=REAL,  # of the mechanism, or as far as it slid [m]
+    length=REAL,  # length of the mechanism, or its displacement [m]
     spin=REAL,  # the fastest rotation so far [rad/s]
     speed=REAL,  # the fastest translation so far [m/s]
-    jacobian_rate=REAL,  # of Newton's method; large: no Jacobian yet
+    jacobian_rate=REAL,  # convergence rate of Newton's method, large without a Jacobian
     jacobian_time=REAL,  # time of the Jacobian [s]
     factored=REAL,  # width for which the matrices are factored [s]
     widths=INTEGER,  # CHOSEN, WIDEST or GIVEN
@@ -106,21 +106,21 @@ STEP_CONTROL = record(
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table
-    parts=INTEGER,  # of what is shorter than a step: 1, or more in a finer run
-    lag=REAL,  # the shortest lag of an input [s]; inf: none
+    parts=INTEGER,  # divisions of intervals shorter than a step, more than 1 in a finer run
+    lag=REAL,  # the shortest lag of an input [s], inf for none
     origin=REAL,  # from which given steps are counted [s]
     taken=INTEGER,  # given steps since then
     left=INTEGER,  # given steps to the next frame
-    done=REAL,  # how much of the given step under way is done [s]
+    done=REAL,  # finished part of the current given step [s]
     turning=REAL,  # time in which friction may turn slow slip around [s]
-    failed=REAL,  # where the run failed [s]
+    failed=REAL,  # time of the failure of the run [s]
     fastest=INTEGER,  # row that moved fastest there
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
-    guard=INTEGER,  # address of a GUARD; 0: none
+    guard=INTEGER,  # address of a GUARD, 0 for none
     due=INTEGER,  # ALWAYS or ONCE: events are looked for in the last step
-    clock=REAL,  # until then the guard is not asked, while nothing is faster than `slow` [s]
+    clock=REAL,  # time of the next check of the guard while nothing is faster than `slow` [s]
     slow=REAL,  # [rad/s, m/s]
-    approach=INTEGER,  # address of the kernel that finds `bound`; 0: none
+    approach=INTEGER,  # address of the kernel that finds `bound`, 0 for none
 )
 
 COUNTERS = record(
@@ -141,7 +141,7 @@ COUNTERS = record(
 # terms, q and v are the sums of coefficient × coordinate, and each of these gets its coefficient
 # of the torque.
 JOINT_FORCE = record(
-    velocity=INTEGER,  # index into v; with terms, of the first
+    velocity=INTEGER,  # index into v, of the first term if there are terms
     coordinate=INTEGER,  # index into q, -1: the force does not depend on q
     stiffness=REAL,  # [N m/rad, N/m]
     damping=REAL,  # [N m s/rad, N s/m]
@@ -194,7 +194,7 @@ ELLIPSOID, HEIGHTFIELD = 6, 7
 # faces and edges of one prism, of which each of its triangles is the top.
 SHAPE = record(  # its frame in the home axes of its row
     kind=INTEGER,
-    row=INTEGER,  # that carries it; 0: fixed to the ground
+    row=INTEGER,  # row that carries it, 0 for the ground
     body=INTEGER,  # number of its body
     first_vertex=INTEGER,
     vertices=INTEGER,
@@ -205,31 +205,31 @@ SHAPE = record(  # its frame in the home axes of its row
     columns=INTEGER,  # heights in a row of a heightfield
     position=(REAL, 3),  # from the row's origin [m]
     rotation=(REAL, 9),  # row-major
-    radius=REAL,  # of a sphere, capsule or cylinder; 0 of what has corners [m]
-    half_length=REAL,  # of a capsule without its caps, or of a cylinder, along z [m]
-    half_extents=(REAL, 3),  # of the bounding box in the shape's frame [m]
+    radius=REAL,  # radius of a sphere, capsule or cylinder, 0 for others [m]
+    half_length=REAL,  # half length along z of a capsule without caps, or of a cylinder [m]
+    half_extents=(REAL, 3),  # half extents of the bounding box in the shape's frame [m]
     middle=(REAL, 3),  # centre of that box [m]
     reach=REAL,  # from the frame's origin to the farthest point [m]
 )
 
 FACE = record(first=INTEGER, corners=INTEGER)  # vertices in `rings`
 
-EDGE = record(  # end - start lies along n_right × n_left; -1: a capsule's edge has no faces
+EDGE = record(  # end - start lies along n_right × n_left, -1 for no face (of a capsule)
     start=INTEGER,
     end=INTEGER,
     left=INTEGER,  # face
     right=INTEGER,
 )
 
-POSE = record(position=(REAL, 3), rotation=(REAL, 9))  # of a shape in the world [m]
+POSE = record(position=(REAL, 3), rotation=(REAL, 9))  # pose of a shape in the world [m]
 
-PLANE = record(  # of the ground, through the world's origin
+PLANE = record(  # plane of the ground through the world's origin
     normal=(REAL, 3),
     x=(REAL, 3),  # two unit directions in the plane
     y=(REAL, 3),
 )
 
-PATCH = record(  # of the ground at another height; the last one that a point is over counts [m]
+PATCH = record(  # patch of the ground at another height [m], of which the last one counts
     x_low=REAL,
     x_high=REAL,
     y_low=REAL,
@@ -245,7 +245,7 @@ SHAPE_PAIR = record(shape_a=INTEGER, shape_b=INTEGER, pair=INTEGER)
 MEMBER = record(shape=INTEGER, pair=INTEGER)  # every two members of one contact may touch
 APART = record(low=INTEGER, high=INTEGER)  # bodies that may not touch as members, sorted
 
-CONTACT = record(  # a contact point, world axes; B is the ground or the second shape
+CONTACT = record(  # a contact point in world axes, where B is the ground or the second shape
     point_a=(REAL, 3),  # [m]
     point_b=(REAL, 3),
     normal=(REAL, 3),  # unit, from B to A
@@ -263,9 +263,9 @@ CANDIDATE = record(  # scratch of one pair: a vertex, a normal or a candidate po
     tag=INTEGER,
 )
 
-BOUNDS = record(low=(REAL, 3), high=(REAL, 3))  # of a shape's box in the world [m]
+BOUNDS = record(low=(REAL, 3), high=(REAL, 3))  # bounding box of a shape in the world [m]
 
-CELL = record(  # of a member
+CELL = record(  # cell of a member
     next=INTEGER,  # member in the bucket, -1: none
     place=(INTEGER, 3),  # the cell's three numbers
     large=INTEGER,  # 1: compared with all others
@@ -286,19 +286,19 @@ PAIR_LAW = record(
     static_friction=REAL,
     rolling=REAL,  # torque against rolling over normal force [m]
     spinning=REAL,  # torque about the normal over normal force [m]
-    mass=REAL,  # of the lightest tree that touches [kg]
-    loss=REAL,  # χ of a soft contact, 2 ζ of a penalty contact, whose damping is left out
+    mass=REAL,  # mass of the lightest touching tree [kg]
+    loss=REAL,  # χ of a soft contact, 2 ζ of a penalty contact, without a given damping
 )
 
-PAIR = record(  # what a contact pair does, world axes
-    force=(REAL, 3),  # on A [N]; of a limit its torque
+PAIR = record(  # forces of a contact pair in world axes
+    force=(REAL, 3),  # force on A [N], or the torque of a limit
     torque=(REAL, 3),  # about the origin of A's body [N m]
     gap=REAL,  # the smallest [m]
     slip=REAL,  # the fastest [m/s]
     phase=INTEGER,  # -1 before the first step
 )
 
-KEPT = record(  # what a contact point keeps until the next step
+KEPT = record(  # memory of a contact point until the next step
     # Impulse, as of a whole step [N s], and about normal and two tangents [N m s]; of penalty
     # friction the points of A and B that stick to each other, in the axes of their shapes [m].
     value=(REAL, 3),
@@ -309,7 +309,7 @@ KEPT = record(  # what a contact point keeps until the next step
     feature=INTEGER,
 )
 
-MEETING = record(  # two things that may meet within a step; -1: a limit, or the ground
+MEETING = record(  # two shapes that may meet within a step, -1 for a limit or the ground
     shape_a=INTEGER,
     shape_b=INTEGER,
     vertex=INTEGER,  # part of A that may touch the ground, or the limit's block
@@ -317,9 +317,9 @@ MEETING = record(  # two things that may meet within a step; -1: a limit, or the
 )
 
 CLEARANCE = record(
-    free=REAL,  # how far things may move yet before anything can touch [m]
-    free_turn=REAL,  # how far coordinates may move yet before one can reach a limit [rad, m]
-    ahead=REAL,  # how far the next search looks [m]
+    free=REAL,  # remaining motion before anything can touch [m]
+    free_turn=REAL,  # remaining motion of coordinates before a limit can be reached [rad, m]
+    ahead=REAL,  # distance of the next search [m]
     since=REAL,  # the time for which these hold [s]
     rate=REAL,  # speed of things when no coordinate is faster than the clock allows [m/s]
     margin=REAL,  # gap from which on things are near [m]
@@ -344,10 +344,10 @@ CONTACT_TALLY = record(
     first_limit=INTEGER,  # blocks
     limits=INTEGER,
     first_contact=INTEGER,
-    first_turn=INTEGER,  # of the blocks that resist turning, one a contact point; -1: none
-    frozen=INTEGER,  # 1: the forces of the last step act; 2: those of its parts are added up
+    first_turn=INTEGER,  # first block of torsional friction, one per contact point, -1 for none
+    frozen=INTEGER,  # 1: the forces of the last step act, 2: those of its parts are summed
     fallbacks=INTEGER,  # steps whose last impulses were no good start
-    calmed=INTEGER,  # steps whose bounce was left out
+    calmed=INTEGER,  # steps whose bounce was suppressed
     overflows=INTEGER,  # steps with more contact points than there is room for
     logged=INTEGER,  # changes of phases that wait in `changes`
     residual=REAL,  # largest law missed, relative to the velocities
@@ -365,25 +365,25 @@ CONTACT_TALLY = record(
     deepest_depth=REAL,  # [m]
     cuts=INTEGER,  # steps that were cut short where things meet
     crowded=INTEGER,  # steps with more impacts than are located
-    crowded_time=REAL,  # of the first of them [s]
+    crowded_time=REAL,  # time of the first of them [s]
     passed=INTEGER,  # steps in which one shape passed through another
-    passed_pair=INTEGER,  # of the first of them
+    passed_pair=INTEGER,  # pair of the first of them
     passed_time=REAL,  # [s]
-    length=REAL,  # of the mechanism [m], the size of what has none of its own
-    pull=REAL,  # of gravity [m/s²]
-    share=REAL,  # of a step that a part is, while forces are added up
-    fine=REAL,  # of what counts as solved or closed: less in a run that tells another one's error
+    length=REAL,  # length of the mechanism [m], the size of shapes without one
+    pull=REAL,  # magnitude of gravity [m/s²]
+    share=REAL,  # share of a step of the sub-step, while forces are summed
+    fine=REAL,  # factor on tolerances of impulses, below 1 in the finer run of an estimate
 )
 
 # -- contact points and joint limits of event-driven runs ------------------------------------------
 
-POINT = record(  # world axes; a limit's force and rates are about or along its axis
+POINT = record(  # world axes, but about or along the axis of a limit
     phase=INTEGER,  # a limit is in SWING or STANCE
     held_block=INTEGER,
     slide_block=INTEGER,  # normal and two tangents
     gap_block=INTEGER,  # normal alone
     limit=INTEGER,  # 1: a joint's limit
-    fresh=INTEGER,  # 1: its phase began now, so what is watched starts at zero; 2: it bounced
+    fresh=INTEGER,  # 1: its phase began now and the monitor starts at zero, 2: it bounced
     friction=REAL,
     normal=(REAL, 3),
     slip_direction=(REAL, 3),  # also where it is only about to slip
@@ -395,7 +395,7 @@ POINT = record(  # world axes; a limit's force and rates are about or along its 
     slip_velocity=(REAL, 3),  # tangential velocity of the point [m/s]
     position=(REAL, 3),  # [m]
     pivot=REAL,  # normal acceleration that a newton gives a sliding point, over that without slip
-    rounding=REAL,  # of the gap [m, rad]
+    rounding=REAL,  # rounding of the gap [m, rad]
     slip_tolerance=REAL,  # speed that counts as none: its direction means nothing [m/s]
     normal_acceleration=REAL,
     tangential_acceleration=(REAL, 3),
@@ -405,7 +405,7 @@ POINT = record(  # world axes; a limit's force and rates are about or along its 
     blend_speed=REAL,  # below it a step cannot follow how friction turns slip [m/s]
 )
 
-POINT_FRAME = record(  # what a run records of a point
+POINT_FRAME = record(  # recorded values of a point
     phase=INTEGER,
     force=(REAL, 3),
     position=(REAL, 3),

@@ -183,7 +183,7 @@ def set_coriolis(work, k, angular, linear):
 
 @part
 def sine_cosine_of(work, k):
-    """Of a rotation's angle, until the inboard sweep."""
+    """Return sine and cosine of a rotation's angle, valid until the inboard sweep."""
     return work[k, at.ANGLE], work[k, at.ANGLE + 1]
 
 
@@ -213,7 +213,7 @@ def add_bias(work, k, moment, force):
 
 @part
 def acceleration_of(work, k):
-    """V' of eq. (8), gravity's -g included: (angular, linear); in the place of the bias."""
+    """Return V' of eq. (8) with gravity's -g as (angular, linear), stored in the bias's place."""
     return load(work, k, at.ACCELERATION), load(work, k, at.ACCELERATION + 3)
 
 
@@ -294,7 +294,7 @@ def set_ball(work, k, factor, left):
 
 @part
 def solved_of(work, k):
-    """What a free motion's factor is solved for: (angular, linear)."""
+    """Return the solution of a free motion's factor as (angular, linear)."""
     return load(work, k, at.SOLVED), load(work, k, at.SOLVED + 3)
 
 
@@ -306,7 +306,7 @@ def set_solved(work, k, angular, linear):
 
 @part
 def inertia_of(work, k):
-    """(j, b, m) of the 6x6 inertia [j b; bᵀ m], whose lower triangle stands row by row."""
+    """Return (j, b, m) of the 6x6 inertia [j b, bᵀ m], stored as its lower triangle by rows."""
     i = at.IA
     j = (
         work[k, i], work[k, i + 2], work[k, i + 5],
@@ -326,7 +326,7 @@ def inertia_of(work, k):
 
 @part
 def triangle(j, b, m):
-    """The lower triangle of [j b; bᵀ m], row by row."""
+    """Return the lower triangle of [j b, bᵀ m] by rows."""
     return (
         j[0],
         j[3], j[1],

@@ -327,7 +327,7 @@ def store3(x, i, value):
 
 @part
 def finite(x):
-    """Whether every number of a vector is finite."""
+    """True if every number of a vector is finite."""
     n = x.shape[0]
     even = 0.0
     odd = 0.0
@@ -341,7 +341,7 @@ def finite(x):
 
 @part
 def largest(x, m):
-    """Largest magnitude of the first m numbers; nan where one is."""
+    """Return the largest magnitude of the first m numbers, nan if one is nan."""
     size = 0.0
     for r in range(m):
         if not abs(x[r]) <= size:

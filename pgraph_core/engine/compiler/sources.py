@@ -51,13 +51,13 @@ def hash_of(files: Iterable[Path]) -> str:
 
 
 def name_of(path: Path) -> str:
-    """A file's name below the engine; `../show/raster.py` for one beside it."""
+    """Return a file's name relative to the engine, such as `../show/raster.py`."""
     return Path(os.path.relpath(path, ENGINE)).as_posix()
 
 
 @cache
 def digest_of(path: Path) -> str:
-    """Hash of a file's bytes; "" where it cannot be read."""
+    """Return the hash of a file's bytes, or "" if it cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     except OSError:
@@ -80,7 +80,7 @@ def code_hash(path: Path) -> str:
 def code_of(source: str) -> str:
     """A source without what changes no code: comments, docstrings, spaces."""
     parts: list[str] = []
-    begins, said = True, False  # a statement begins; a docstring stood before
+    begins, said = True, False  # a statement begins, a docstring came before
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type in (tokenize.COMMENT, tokenize.NL):
             continue

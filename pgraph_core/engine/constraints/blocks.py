@@ -1,14 +1,14 @@
-"""Constraint blocks: where their rows act, and what they leave open in place, speed, acceleration.
+"""Constraint blocks: where their rows act, and their residuals of position, speed, acceleration.
 
 A row between bodies is a force along d, or a torque about t, on A at a point p, and its opposite
-on B at the same point; a whole point (three rows) acts along the world's axes at both its ends.
+on B at the same point. A whole point (three rows) acts along the world's axes at both its ends.
 With u = v_A(p) - v_B(p) of the two bodies' material points
 
     g' = d · u                                       g' = t · (ω_A - ω_B)
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
 
-where e is what p itself moves through the bodies and s what d turns by; each type of block below
-says its own. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over time.
+where e is the velocity of p through the bodies and s the angular velocity of d, different for each
+type of block. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over time.
 """
 
 import math
@@ -52,13 +52,13 @@ def size_of(blocks_i, i):
 
 @part
 def ends_of(blocks_i, i):
-    """Rows of A and B; 0 is the ground."""
+    """Return the rows of A and B, 0 for the ground."""
     return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
 
 
 @part
 def terms_of(blocks_i, i):
-    """Where the terms of a coordinate row begin and end."""
+    """Return the first and the end index of the terms of a coordinate row."""
     first = blocks_i[i, at.B_TERM]
     return first, first + blocks_i[i, at.B_TERMS]
 
@@ -71,19 +71,19 @@ def value_of(blocks_f, i):
 
 @part
 def place_a(place, i):
-    """Where a block acts on A."""
+    """Return the point at which a block acts on A."""
     return load(place, i, at.PLACE_P)
 
 
 @part
 def place_b(place, i):
-    """Where a block acts on B."""
+    """Return the point at which a block acts on B."""
     return load(place, i, at.PLACE_Q)
 
 
 @part
 def along(place, i, r):
-    """What row r of a block acts along."""
+    """Return the direction of row r of a block."""
     return load(place, i, at.PLACE_D + 3 * r)
 
 
@@ -129,13 +129,13 @@ def velocities(rows, const, work, v, linear):
 
 @part
 def along_coordinates(kind):
-    """Whether a block's row is over coordinates, not between bodies."""
+    """True if a block's row is over coordinates, not between bodies."""
     return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT
 
 
 @part
 def one_sided(kind):
-    """Whether a block pushes one way alone: a contact, a limit, or the limit of a length."""
+    """True if a block is unilateral: a contact, a limit, or the limit of a length."""
     return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
 
 
@@ -213,7 +213,7 @@ def to_contact(blocks_i, blocks_f, i, work):
 
 @part
 def locate(blocks, work, place):
-    """Where and along what every active block acts; coordinate rows act nowhere."""
+    """Compute places and directions of the active blocks, except coordinate rows."""
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -251,13 +251,13 @@ def locate(blocks, work, place):
 
 @part
 def whole_point(blocks_i, i):
-    """Whether block i holds a point in all directions."""
+    """True if block i holds a point in all directions."""
     return type_of(blocks_i, i) == T_POINT and size_of(blocks_i, i) == 3
 
 
 @part
 def turns_with_speed(blocks):
-    """Whether rows of an active block turn with velocities of points, as `turning` says."""
+    """True if rows of an active block turn with velocities of points, see `turning`."""
     blocks_i, active = blocks.blocks_i, blocks.active
     found = False
     for j in range(1, active[0] + 1):
@@ -282,7 +282,7 @@ def row_direction(blocks_i, blocks_f, i, r, work):
 
 @part
 def followed(blocks_i, blocks_f, curves, i, t, order):
-    """What a coordinate row follows, or its first or second derivative in time."""
+    """Return the curve of a coordinate row, or its first or second time derivative."""
     count = blocks_i[i, at.B_KNOTS]
     k = blocks_i[i, at.B_CURVE]
     if count == 0:
@@ -320,7 +320,7 @@ def total(blocks_i, terms_i, terms_f, i, column, x):
 
 @part
 def residual(blocks, work, space, t, q, out):
-    """g of the active blocks [m, rad], after `locate`; zero where only a velocity is bound."""
+    """Compute g of the active blocks [m, rad] after `locate`, zero for velocity constraints."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots = space.place, space.slots
     for j in range(1, active[0] + 1):
@@ -412,7 +412,7 @@ def rolled(blocks_i, blocks_f, i, work):
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """(e, s) of a force block but a whole point, which has none; d is its first direction."""
+    """Return (e, s) of a force block with first direction d, except a whole point."""
     kind = type_of(blocks_i, i)
     a, b = ends_of(blocks_i, i)
     w_a = spin_of(work, a)
@@ -435,7 +435,7 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
 
 @part
 def residual_acceleration(blocks, work, space, t, vdot, out):
-    """g'' = J v' + J' v of the active blocks; gravity's offset cancels between two bodies."""
+    """Compute g'' = J v' + J' v of the active blocks, where gravity's offset cancels."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):

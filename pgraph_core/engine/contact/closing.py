@@ -1,6 +1,6 @@
-"""How fast shapes come together, and what of it counts.
+"""Closing speeds of shapes and the thresholds for impacts.
 
-Sizes that gaps and depths are measured by, speeds of shapes, bounds of closing speeds.
+The module has scales of gaps and depths, speeds of shapes, and bounds of closing speeds.
 """
 
 import math
@@ -18,7 +18,7 @@ DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
 ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
 HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 SURE = 1.02  # a bound of a closing speed over its value now
-SIDEWAYS = 1e-6  # of a relative speed: what a normal that turns a little makes of it
+SIDEWAYS = 1e-6  # error of a closing speed by a slightly turned normal, relative to the speed
 
 
 @part
@@ -43,13 +43,13 @@ def closed_gap(contacts, a, b, p):
 
 @part
 def hits(closing, h, size, pull):
-    """Whether a closing speed is an impact, in steps of width h, that is worth locating."""
+    """True if a closing speed is an impact worth locating in steps of width h."""
     return closing * h > DEPTH * size and closing > HARD * pull * h
 
 
 @part
 def thickness(shape):
-    """How thin a shape is [m]; a point is nothing."""
+    """Return the thickness of a shape [m], 0 for points."""
     if shape.kind == POINTS:
         return 0.0
     half = shape.half_extents
@@ -58,9 +58,9 @@ def thickness(shape):
 
 @part
 def thinner(contacts, a, b):
-    """Half the thickness of the thinner of two shapes [m]; b is -1 for the ground.
+    """Return half the thickness of the thinner of two shapes [m], with b = -1 for the ground.
 
-    What has no thickness, points and balls of no radius, is left out; 0 where nothing has any.
+    Shapes without thickness, points and balls of no radius, are ignored. 0 if none has any.
     """
     shapes = contacts.geometry.shapes
     thin = thickness(shapes[a])
@@ -107,7 +107,7 @@ def closing_bound(scene, i, j, normal, left):
 
 @part
 def motion_of(work, linear, shape, pose):
-    """(velocity, speed of turning, speed of points by it) of a shape; a ball's turning is none."""
+    """Return velocity, angular speed and speed of points by it of a shape, 0 for a ball."""
     k = shape.row
     u = point_velocity(work, linear, k, xyz(pose.position))
     w = spin_of(work, k)

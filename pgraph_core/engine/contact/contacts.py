@@ -34,12 +34,12 @@ from .shapes import place
 
 _save, contacts_at = stored(CONTACTS)
 
-SLIDING = 1e-7  # m/s: slip from which on friction is kinetic; slower is the solver's rounding
+SLIDING = 1e-7  # [m/s] below this slip speed a contact counts as sticking (solver noise)
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
 NEARBY = 128  # entries that are looked at for what a contact point kept
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
-ROUNDED = 1e-9  # of the closing speed: slip that rounding would make of it is held
+ROUNDED = 1e-9  # slip by rounding relative to the closing speed, which counts as sticking
 
 
 @kernel(void(I1, plain(CONTACTS)))
@@ -54,7 +54,7 @@ _call_find = caller(FIND)
 
 @kernel(FIND, nogil=True)
 def find(scene, margin, placed):
-    """Contact points within `margin`, after `positions`; how many, no more than there is room.
+    """Find contact points within `margin`, after `positions`. Returns their number up to the room.
 
     `placed` is 1 after `place`.
     """
@@ -82,7 +82,7 @@ def touching(scene, margin, placed):
 
 @part
 def endpoints(contacts, n):
-    """(row of A, row of B, body A, body B, contact pair) of contact point n; 0 is the ground."""
+    """Return (row A, row B, body A, body B, contact pair) of contact point n, 0 for the ground."""
     point, shapes = contacts.found[n], contacts.geometry.shapes
     b = point.shape_b
     row_b = shapes[b].row if b >= 0 else 0
@@ -93,7 +93,7 @@ def endpoints(contacts, n):
 
 @part
 def middle(point):
-    """Where a contact point acts: half way between the two surfaces."""
+    """Return the point of action of a contact, half way between the two surfaces."""
     return scale(0.5, add(xyz(point.point_a), xyz(point.point_b)))
 
 
@@ -107,7 +107,7 @@ def tangents(n):
 
 @part
 def set_block(contacts, blocks, n, i, slides):
-    """Contact point n as block i; static friction where it does not slide."""
+    """Write contact point n as block i, with static friction unless it slides."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
     point = contacts.found[n]
     a, b, _, _, pair = endpoints(contacts, n)
@@ -128,7 +128,7 @@ def set_block(contacts, blocks, n, i, slides):
 
 @part
 def set_turn(contacts, blocks, n, i, force):
-    """What resists turning at contact point n as block i; `force` is its normal impulse."""
+    """Write the torsional friction of contact point n as block i, for normal impulse `force`."""
     law = contacts.laws[contacts.found[n].pair]
     set_block(contacts, blocks, n, i, True)
     blocks.blocks_i[i, at.B_TYPE] = at.T_TURN
@@ -144,7 +144,7 @@ def resists_turning(law):
 
 @part
 def slides_now(contacts, work, linear, n):
-    """Whether contact point n slid in the last step; of a new one, whether it does now."""
+    """True if contact point n slid in the last step, or slides now if it is new."""
     point = contacts.found[n]
     k = kept_place(point, contacts.kept, contacts.tally[0].kept, n)
     if k >= 0:
@@ -158,10 +158,9 @@ def slides_now(contacts, work, linear, n):
 
 @part
 def kept_place(point, kept, count, start):
-    """Where the last step's entry of a contact point is, looked for around `start`; -1: nowhere.
+    """Return the last step's index of a contact point, searched around `start`, -1 for none.
 
-    Points come in almost the same order step after step, so that the search is short: those before
-    it may have come or gone.
+    Points keep almost the same order from step to step, so the search is short.
     """
     for m in range(min(count, NEARBY)):
         k = (start + (m + 1) // 2 * (1 - 2 * (m % 2))) % count
@@ -239,10 +238,10 @@ def note_turn(address, n, torque):
 
 @kernel(CONTACT_FORCES, nogil=True)
 def contact_forces(scene, v, tau, flow):
-    """Forces of contacts onto the rows and τ, after `outboard`; power lost to flow[1].
+    """Add forces of contacts to the rows and τ, after `outboard`, and lost power to flow[1].
 
-    Soft and penalty contacts push by how deep they are; rigid ones by what the last step of a
-    time-stepping method found, where that is asked for (`frozen`).
+    Soft and penalty contacts push by their depth. Rigid ones push with the forces of the last step
+    of time stepping if `frozen`.
     """
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space
@@ -293,9 +292,9 @@ def contact_forces(scene, v, tau, flow):
 
 @part
 def compliant_force(contacts, n, law, u, loss):
-    """(force on A, slip speed) of a soft or penalty contact that closes with velocity u.
+    """Return (force on A, slip speed) of a soft or penalty contact that closes with velocity u.
 
-    `loss` is that of `loss_of_touch`, for contacts whose damping is left out.
+    `loss` is that of `loss_of_touch`, for contacts without a given damping.
     """
     point = contacts.found[n]
     normal = xyz(point.normal)
@@ -327,7 +326,7 @@ def compliant_force(contacts, n, law, u, loss):
 
 @part
 def stretched(contacts, point, anchor):
-    """How far the points of A and B that stick together have parted, across the normal."""
+    """Return the tangential displacement of the sticking points of A and B."""
     normal = xyz(point.normal)
     on_a = carried_by(contacts, point.shape_a, xyz(anchor.value))
     apart = sub(on_a, carried_by(contacts, point.shape_b, xyz(anchor.turn)))
@@ -336,7 +335,7 @@ def stretched(contacts, point, anchor):
 
 @part
 def carried_by(contacts, shape, x):
-    """Where a point of a shape is in the world; of the ground where it was."""
+    """Return the world position of a point of a shape, or of the ground."""
     if shape < 0:
         return x
     pose = contacts.poses[shape]
@@ -394,7 +393,7 @@ def log_phases(address, t):
 
 @sweep
 def keep_anchors(scene, q, v):
-    """Where penalty friction sticks; an anchor that slid follows on the rim."""
+    """Update the anchors of penalty friction. Sliding anchors follow on the rim."""
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space
     contacts = contacts_at(data.links.contacts)
@@ -432,9 +431,9 @@ def keep_anchors(scene, q, v):
 
 @kernel(CONTACT_RECORD, nogil=True)
 def record_contacts(scene, wrenches, pairs, missed):
-    """What contacts do to bodies (nb, 6), about their origins, and the contact pairs.
+    """Record wrenches of contacts on bodies (nb, 6) at their origins, and the contact pairs.
 
-    And by how much laws were missed since the last record: complementarity, cone, penetration.
+    Also record the residuals since the last record: complementarity, cone, penetration.
     """
     data = opened(scene)
     work = data.work

@@ -24,7 +24,7 @@ def normal_of(ground):
 
 @part
 def patch_under(ground, p):
-    """The last patch of the ground that a point is over; -1 where there is none."""
+    """Return the last patch of the ground under a point, or -1."""
     x = dot(p, xyz(ground.plane[0].x))
     y = dot(p, xyz(ground.plane[0].y))
     found = -1
@@ -37,14 +37,14 @@ def patch_under(ground, p):
 
 @part
 def height(ground, p):
-    """Of the ground under a point, along the normal [m]."""
+    """Return the height of the ground under a point along the normal [m]."""
     k = patch_under(ground, p)
     return ground.patches[k].height if k >= 0 else 0.0
 
 
 @part
 def is_box(ground, p):
-    """Whether a box touches under a point, and not the plane."""
+    """True if a box, not the plane, touches under a point."""
     k = patch_under(ground, p)
     return k >= 0 and ground.patches[k].box == 1
 
@@ -105,7 +105,7 @@ def candidate(geometry, ground, poses, i, k):
 
 @part
 def candidates(shapes, i):
-    """How many there are."""
+    """Return the number of candidates."""
     if shapes[i].kind == CYLINDER:
         return 5
     return 1 if shapes[i].kind == ELLIPSOID else shapes[i].vertices
@@ -124,12 +124,12 @@ def ground_gap(geometry, ground, poses, i):
 
 @part
 def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
-    """Append where shape i is within `margin` of the ground; the new number of contact points.
+    """Append contacts of shape i within `margin` of the ground. Returns the new number.
 
-    Sphere and ellipsoid 1 point, capsule 2, box its vertices, cylinder up to 5 (the lowest of both
-    rims and a square on the lower one), hull its vertices thinned to 8, points all. Feature: the
-    vertex; of a cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their
-    squares.
+    Sphere and ellipsoid have 1 point, a capsule 2, a box its vertices, a cylinder up to 5 (the
+    lowest of both rims and a square on the lower one), a hull its vertices thinned to 8, points
+    all. The feature is the vertex. Of a cylinder, features 0 and 1 are the lowest points of its
+    ends, 2-4 and 5-7 the rest of their squares.
     """
     shapes = geometry.shapes
     normal = normal_of(ground)

@@ -36,16 +36,16 @@ from .phases import (
     tangential,
 )
 
-ROUNDING = 2.0**-51  # of the coordinates that a gap is the difference of
+ROUNDING = 2.0**-51  # rounding of a gap relative to the coordinates whose difference it is
 
 # scene, t, q, v, v', flow
 OBSERVE = i8(i8, f8, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
-WIDTH = 1e-15  # of the step: a bracket this narrow is an instant
+WIDTH = 1e-15  # width of a bracket that counts as an instant, relative to the step
 TRIALS = 80
-FORCE_TOLERANCE = 1e-11  # of the largest contact force: rounding of the solution for them
+FORCE_TOLERANCE = 1e-11  # rounding of contact forces relative to the largest one
 PIVOT_TOLERANCE = 1e-9
-NEARLY = 0.02  # of how far a gap falls and rises in a step: what the cubic may be off
+NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
 START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
 NEAREST, WHEN = 4, 5  # how near a user's event came to happening without it, at what time [s]
 ROWS = 6
@@ -55,7 +55,7 @@ BELOW = sys.float_info.min  # what a value of zero counts as: it is reached
 
 @kernel(OBSERVE, nogil=True, later=True)
 def observe(scene, t, q, v, vdot, flow):
-    """Gap, rates, force and rounding of every point at (q, v); v' where a point is closed."""
+    """Compute gap, rates, force and rounding of every point at (q, v), and v' if one is closed."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -121,12 +121,12 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
 
 @part
 def path_length(rows, const, work, k, p, n):
-    """What a height is summed from: along normal n, from the ground to point p of row k [m]."""
+    """Return the sum of lengths along n from the ground to point p of row k [m]."""
     length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
         length += abs(dot(link_of(work, k), n))
         if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
-            link = load(const, k, at.LINK)  # which a displacement may have been taken from
+            link = load(const, k, at.LINK)  # a displacement may have been subtracted from it
             length += abs(link[0]) + abs(link[1]) + abs(link[2])
         k = parent_of(rows, k)
     return length
@@ -134,7 +134,7 @@ def path_length(rows, const, work, k, p, n):
 
 @sweep
 def point_force(rows, blocks, work, space, contact, s):
-    """Force on the body at a closed point from λ, and its parts; a limit's is about its axis."""
+    """Return the force at a closed point from λ, and its parts, about the axis for a limit."""
     points = contact.points
     blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
@@ -157,7 +157,7 @@ def point_force(rows, blocks, work, space, contact, s):
 
 @kernel(RECORD, nogil=True, later=True)
 def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
-    """As `record`, and what every point does; drift is that of what is held."""
+    """Run `record`, and record every point. The drift is that of held constraints."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, work, space = data.rows, data.const, data.work, data.space
@@ -208,7 +208,7 @@ def point_accelerations(scene, t, q, v, vdot, flow):
 
 @kernel(i8(i8, f8, F1, F1), later=True)
 def impulse_rows(scene, t, q, v):
-    """Ω and velocities (in RHS) of the active rows of a scene, for impulses; their number."""
+    """Compute Ω and velocities (in RHS) of the active rows for impulses. Returns their number."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors = space.vectors
@@ -276,7 +276,7 @@ def watch(contact, row, w):
 
 @part
 def over(watched, row):
-    """Whether a phase has ended."""
+    """True if a phase has ended."""
     found = False
     for n in range(watched.shape[1]):
         found = found or watched[row, n] < 0.0
@@ -285,7 +285,7 @@ def over(watched, row):
 
 @sweep
 def start(contact, h):
-    """What a step's start was, for phases that begin with it; how slow slip is turned slowly."""
+    """Store the start of a step for phases that begin with it, and the limit of slow slip."""
     points = contact.points
     rate = 0.0
     for s in range(points.shape[0]):
@@ -306,7 +306,7 @@ def start(contact, h):
 
 @kernel(void(i8, f8), later=True)
 def begin(scene, h):
-    """What points were just observed to do is what a step starts from; `h` as in `start`."""
+    """Start a step from the last observation of points, with `h` as in `start`."""
     start(opened_events(scene).contact, h)
 
 
@@ -326,10 +326,9 @@ def accepted(contact):
 
 @sweep
 def dip_of_gap(contact, s, h):
-    """When within the step the gap of point s may have dipped below zero; h where it has not.
+    """Return the time in the step at which the gap of point s may dip below zero, else h.
 
-    By the cubic through gaps and rates at both ends; what it leaves above zero by little is
-    looked at too.
+    The cubic through gaps and rates at both ends decides. A minimum just above zero counts too.
     """
     points = contact.points
     a = h * points[s].start_rate
@@ -348,7 +347,7 @@ def dip_of_gap(contact, s, h):
 
 @sweep
 def urgent(watched, width, sides):
-    """Width from `lo` at which the first monitor crosses zero by secants; `sides` weigh them."""
+    """Return the width from `lo` of the first zero by secants, with weights `sides`."""
     best = width
     for n in range(watched.shape[1]):
         low = watched[LOW, n]

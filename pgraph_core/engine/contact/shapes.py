@@ -64,7 +64,7 @@ def bound(geometry, poses, i, slack, bounds):
 
 @part
 def far_apart(shapes, poses, i, j, margin):
-    """Whether the balls that hold two shapes are farther apart than `margin`, or nowhere."""
+    """True if the bounding balls of two shapes are farther apart than `margin`, or not finite."""
     x = sub(xyz(poses[i].position), xyz(poses[j].position))
     near = shapes[i].reach + shapes[j].reach + margin
     return not dot(x, x) <= near * near
@@ -72,7 +72,7 @@ def far_apart(shapes, poses, i, j, margin):
 
 @sweep
 def put(out, n, on_b, normal, gap, feature):
-    """Write contact point n; n + 1. What does not fit is counted, not written."""
+    """Write contact point n and return n + 1. Points beyond the room are only counted."""
     if n < out.shape[0]:
         set_xyz(out[n].point_a, add_scaled(on_b, gap, normal))
         set_xyz(out[n].point_b, on_b)
@@ -84,7 +84,7 @@ def put(out, n, on_b, normal, gap, feature):
 
 @sweep
 def label(out, first, n, i, j, pair):
-    """Whose the points from `first` to n are."""
+    """Label contact points `first` to n with their shapes and pair."""
     for k in range(first, min(n, out.shape[0])):
         out[k].shape_a = i
         out[k].shape_b = j

@@ -1,6 +1,6 @@
 """Forces of standing feet inside their friction cones, closest to a required wrench.
 
-With A the wrench of unit forces about the centre of mass, and W how far each foot is loaded,
+With A the wrench of unit forces about the centre of mass, and W the load of each foot,
 
     f ← cone(f + W Aᵀ (A W Aᵀ + T)⁻¹ (goal - A f))
 

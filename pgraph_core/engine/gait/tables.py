@@ -61,7 +61,7 @@ GAIT_SETTINGS = record(  # settings that may change between steps
     rise_z=REAL,  # and along z
 )
 
-LEG = record(  # home axes; the paw moves parallel to the thigh in swing
+LEG = record(  # home axes, where the paw moves parallel to the thigh in swing
     girdle=INTEGER,  # row of the trunk's body
     hip=INTEGER,  # row
     foot=INTEGER,  # row

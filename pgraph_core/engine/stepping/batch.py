@@ -1,6 +1,6 @@
-"""Many instances: at once, by the kernels of one instance compiled for lanes; or one after another.
+"""Many instances, in lanes by the kernels of one instance, or one after another.
 
-In lanes, instances stand in blocks of W; arrays are (blocks, ..., W). `const` is (n + 1, columns)
+In lanes, instances are in blocks of W, with arrays (blocks, ..., W). `const` is (n + 1, columns)
 for instances that share their parameters, or (blocks, n + 1, columns, W).
 """
 
@@ -121,7 +121,7 @@ call_advance = caller(ADVANCE)
 
 @kernel(void(i8, i8, i8, I2, I2, I2, I1, I1, i8, i8, i8), nogil=True)
 def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, begin, end):
-    """n steps of instances `begin` to `end` - 1 whose code is RUNNING; their codes after it.
+    """Take n steps of the RUNNING instances `begin` to `end` - 1 and update their codes.
 
     `own` and `numbers` are the spans of the rows of two tables: (address in the run, place in the
     row, bytes). `tables` has their addresses and the lengths of their rows [bytes]: states by

@@ -20,7 +20,7 @@ from ..vec import add_scaled, cross, dot, finite, store3
 from .state import STEP, acceleration_of, copied, rate_of, size_of_state
 from .widths import size_of, weigh
 
-KNOWN = 0.01  # of the scales: larger errors of a step, as in a wall, follow no order of the method
+KNOWN = 0.01  # error of a step above which the order-based estimate fails (stiff contact)
 
 
 # -- slopes ---------------------------------------------------------------------------------------
@@ -28,7 +28,10 @@ KNOWN = 0.01  # of the scales: larger errors of a step, as in a wall, follow no 
 
 @sweep
 def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
-    """v' of driven trees in lanes; their power put in, and dissipated [W]. `loads` may be None."""
+    """Compute v' of driven trees in lanes. Returns power put in and dissipated [W].
+
+    `loads` may be None.
+    """
     put_in, dissipated = drive(drives, t, q, v, given, tau)
     if loads is None:
         articulated(rows, const, q, v, tau, work, vdot)
@@ -71,7 +74,7 @@ def slope(run, trees, size, t, row, out, stages):
 
 @sweep
 def semi_implicit_step(rows, size, h, stages):
-    """v += h v', then q moved along the new v; order 1, symplectic for conservative trees."""
+    """Add h v' to v, then move q along the new v: order 1, symplectic for conservative trees."""
     nq, nv = size
     for i in range(nq):
         stages[at.CANDIDATE, i] = stages[at.Y, i]
@@ -84,9 +87,9 @@ def semi_implicit_step(rows, size, h, stages):
 
 @sweep
 def runge_kutta_step(run, trees, rows, tableau, size, t, h, clip, stages, in_body):
-    """y + h Σ b_r k_r, k_r = f(t + c_r h, y + h Σ a_rs k_s); no stage is taken after `clip` [s].
+    """Compute y + h Σ b_r k_r with k_r = f(t + c_r h, y + h Σ a_rs k_s), no stage after `clip` [s].
 
-    `in_body`: the spins of bodies are added up in their own axes.
+    With `in_body`, angular velocities are summed in the axes of the bodies.
     """
     a, b, c = tableau
     rate_of(rows, size, stages, at.Y, at.SLOPE)
@@ -179,7 +182,7 @@ def semi_implicit(run, h):
 
 @kernel(STEP, nogil=True)
 def runge_kutta(run, h):
-    """One step of an explicit Runge-Kutta method; its error over the tolerance, if it has one."""
+    """Take an explicit Runge-Kutta step. Returns its error over the tolerance, if estimated."""
     data = opened_run(run)
     control, stages, error = data.control[0], data.stages, data.tableau.error
     a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
