@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def show(model: pg.Model) -> Server:
-    """Open `model` in the browser; the page lives as long as the returned server."""
+    """Open `model` in the browser. The page lives as long as the returned server."""
     from .server import serve
 
     return serve(model)

@@ -7,7 +7,7 @@ import sys
 
 
 def main() -> int:
-    """The program; its exit code."""
+    """Run the program and return its exit code."""
     # before NumPy is imported: on busy processors OpenBLAS's threads wait a hundred times as long
     # for each other as matrices of a mechanism take to compute
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -26,10 +26,10 @@ class Picking:
     """A body is to be clicked: for a part that is there, or the next one of a new part."""
 
     part: Part | Literal["loops", "limits"]
-    kind: str  # of the part; of a loop the kind of its joint
+    kind: str  # kind of the part, or of the joint of a loop
     slot: Slot = "body"
-    name: str | None = None  # of the part; None: a new one
-    body: str | None = None  # of a new part, once that is picked
+    name: str | None = None  # name of the part, None for a new one
+    body: str | None = None  # picked first body of a new part
     more: tuple[str, ...] = ()  # bodies that get such a part too: what else was selected
 
 
@@ -93,10 +93,10 @@ def about(item: Any, field: str) -> About:
 
 
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
-    """How a field is typed: ("vector", ()), ("whole", (least, greatest)), ("flag", ()),
-    ("choice", options).
+    """Return the type of a field's cell, with its options.
 
-    Everything else is ("number", ()); so are cells that are no field.
+    It is ("vector", ()), ("whole", (least, greatest)), ("flag", ()), ("choice", options), or
+    ("number", ()), the last also for cells without a field.
     """
     info = type(item).model_fields.get(field)
     for kind in _types(info.annotation) if info else ():
@@ -137,7 +137,7 @@ def own_fields(item: Any) -> tuple[str, ...]:
 
 
 def rare(item: Any, name: str) -> bool:
-    """Whether a field of a drive is as it mostly is: a form has it below the others."""
+    """True if a field of a drive has its usual value, so a form shows it below the others."""
     if not isinstance(item, OnJoint) or name not in OnJoint.model_fields:
         return False
     if name in ("kind", "body", "coordinate", item.INPUT):
@@ -146,7 +146,7 @@ def rare(item: Any, name: str) -> bool:
 
 
 def takes_other(part: str, kind: str) -> bool:
-    """Whether a second body is asked for where a part of that kind is made."""
+    """True if a new part of that kind needs a second body."""
     kinds = {"constraints": pg.Constraint.KINDS, "forces": pg.Force.KINDS}.get(part)
     if kinds is None:
         return part in ("contacts", "loops")

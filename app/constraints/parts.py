@@ -32,7 +32,7 @@ ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
 Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
-FLAG = ("no", "yes")  # what a form says of false and true
+FLAG = ("no", "yes")  # texts of false and true in a form
 CURVES = ("polynomial", "sine", "table")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind"}
 
@@ -51,7 +51,7 @@ def kind_of(part: Part, item: Item) -> str:
 
 
 def quantity_of(item: Item, field: str) -> Quantity:
-    """What a field measures."""
+    """Return the quantity of a field."""
     return quantity_in(about(item, field).unit)
 
 
@@ -80,7 +80,7 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
 
 
 def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
-    """What a new part of that kind cannot do without, such that nothing jumps."""
+    """Return the required fields of a new part of that kind, chosen so that nothing jumps."""
     first = model.body(body) if body != EVERY else None
     if part == "contacts":
         bare = first is not None and first.shape is None
@@ -123,7 +123,7 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
 
 
 SAG = {"rotate": 0.05, "translate": 0.005}  # [rad], [m] under the weight that a servo holds
-QUICK = 10.0  # [rad/s] of a servo where nothing weighs
+QUICK = 10.0  # [rad/s] bandwidth of a servo without gravity
 
 
 def gains(model: pg.Model, name: str) -> dict[str, float]:
@@ -180,7 +180,7 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
 
 
 def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
-    """What hangs together with `start`; the ground, 0, is reached and joins nothing."""
+    """Return the bodies connected with `start`. The ground, 0, is reached and joins nothing."""
     near: dict[int, list[int]] = {}
     for a, b in ties:
         near.setdefault(a, []).append(b)
@@ -217,7 +217,7 @@ def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Pla
 
 
 def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
-    """What a field that is left out comes to; None where there is nothing to show."""
+    """Return the default of a field that is not given, or None if there is nothing to show."""
     match item, field:
         case pg.Constraint(), "point":
             return model.point_of(item)
@@ -244,7 +244,7 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
 
 
 def knots(value: Any) -> str:
-    """A number, or a table over time as one types it: 't value; t value'."""
+    """Return a number, or the text of a table over time, such as "0 1; 2 3"."""
     if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
         return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
     data = value if isinstance(value, dict) else value.model_dump()
@@ -260,7 +260,7 @@ def _flat(value: Any) -> list[float]:
 
 
 def table_of(text: str, width: int) -> dict[str, Any]:
-    """A table over time from 't value; t value', also as pasted rows. Raises Refusal."""
+    """Parse a table over time from "t value; t value" or from pasted rows. Raises Refusal."""
     rows = [row for row in text.replace("\n", ";").split(";") if row.strip()]
     found = [[number(x) for x in row.replace(",", " ").split()] for row in rows]
     if not found or any(len(row) != 1 + width for row in found):

@@ -21,7 +21,7 @@ Quantity = Literal["angle", "length", "mass", "number"]
 ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*", re.ASCII)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 LONGEST_NAME = 100
-FAR = 1e15  # [m]; beyond, pictures have no numbers
+FAR = 1e15  # [m] limit on coordinates that can be drawn
 UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (times, divided by)
     "length": {"mm": (1, 1000), "cm": (1, 100), "m": (1, 1)},
     "angle": {"rad": (1, 1), "deg": (math.pi, 180), "°": (math.pi, 180)},
@@ -31,7 +31,7 @@ UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (time
 
 
 def quantity_in(unit: str) -> Quantity:
-    """What a field of this unit measures: "length" and "angle" follow the page's units."""
+    """Return the quantity of a unit, of which "length" and "angle" follow the page's units."""
     return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
 
 
@@ -41,8 +41,8 @@ class Display:
 
     angle: Literal["rad", "deg"] = "rad"
     length: Literal["m", "mm"] = "m"
-    turn: Literal["quaternion", "euler", "axis"] = "quaternion"  # of an orientation
-    about: Literal["com", "origin"] = "com"  # of an inertia
+    turn: Literal["quaternion", "euler", "axis"] = "quaternion"  # form of orientations
+    about: Literal["com", "origin"] = "com"  # reference point of inertias
 
     def unit(self, quantity: Quantity) -> str:
         """The name of the unit a quantity is shown in."""
@@ -72,7 +72,7 @@ def _shortest(near: float, value: float, quantity: Quantity, display: Display) -
 
 
 class Refusal(ValueError):
-    """Typed text that is no value; its text is the sentence for the person who typed."""
+    """Error of typed text that is no value, with a sentence for the person who typed."""
 
 
 def number(text: str) -> float:
@@ -90,7 +90,7 @@ def number(text: str) -> float:
 
 
 def _calculated(typed: str) -> float:
-    """What + - * / ^ and parentheses give. Raises Refusal."""
+    """Evaluate an expression of + - * / ^ and parentheses. Raises Refusal."""
     try:
         return evaluated(typed.replace("^", "**"), {})
     except ValueError as problem:
@@ -204,22 +204,23 @@ WXYZ = ("w", *XYZ)
 
 
 def cell(index: Sequence[int], value: Any, name: str = "", **more: Any) -> Payload:
-    """One cell: where its value is in the field, and what it holds; None is an empty cell.
+    """Return one cell with its index in the field and its value, None for an empty cell.
 
-    `name` is read and shown; a `mark` is only shown. Of six columns it takes `span`, or its share.
+    `name` is read and shown, a `mark` is only shown. The cell takes `span` of six columns, or its
+    share.
     """
     return {"index": list(index), "value": "" if value is None else value, "name": name, **more}
 
 
 def components(cells: Iterable[Payload]) -> list[Payload]:
-    """The cells of a vector or a quaternion, marked x, y, z or w, x, y, z; not those with names."""
+    """Mark the cells of a vector x, y, z or of a quaternion w, x, y, z, unless they have names."""
     cells = list(cells)
     marks = {3: XYZ, 4: WXYZ}.get(len(cells), ())
     return [{"mark": mark, **c} if not c["name"] else c for c, mark in zip(cells, marks)] or cells
 
 
 def shown(value: Any, quantity: Quantity, display: Display) -> Any:
-    """A number in the page's unit; a formula or nothing as it is."""
+    """Return a number in the page's unit, or a formula or nothing unchanged."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return value
     return display.shown(float(value), quantity)
@@ -228,10 +229,10 @@ def shown(value: Any, quantity: Quantity, display: Display) -> Any:
 def field(
     name: str, label: str, cells: Iterable[Payload], *, unit: str = "", help: str = "", **more: Any
 ) -> Payload:
-    """A row of cells with its label; `kind` is number, text, choice or names.
+    """Return a labelled row of cells, whose `kind` is number, text, choice or names.
 
     With `pick`, "point" or "axis", its numbers can be picked in the 3D view. Those of a
-    `direction`, as an axis is one, can be typed as a letter.
+    `direction`, such as an axis, can be typed as a letter.
     """
     cells, pick = list(cells), more.pop("pick", "")
     if pick or more.get("direction"):
@@ -247,7 +248,7 @@ def field(
 
 
 def choice(name: str, label: str, value: str, options: Iterable[Any], **more: Any) -> Payload:
-    """A drop-down; options are (value, text) pairs or words."""
+    """Return a drop-down, whose options are (value, text) pairs or words."""
     pairs = [o if isinstance(o, (tuple, list)) else (o, o) for o in options]
     return field(name, label, [cell((), value)], kind="choice", options=pairs, **more)
 
@@ -263,7 +264,7 @@ def group(title: str, fields: Iterable[Payload], is_open: bool = True) -> Payloa
 
 
 def merged(forms: Sequence[list[Payload]]) -> list[Payload]:
-    """One form for several things: fields that all have; cells that differ are `varied`."""
+    """Return one form of the fields that all forms have. Cells that differ are `varied`."""
     first, *others = forms
     if not others:
         return first
@@ -299,8 +300,8 @@ def _together(one: Payload, others: list[Payload]) -> Payload:
 # speak of rows by numbers: what is typed into one is meant of it wherever it is by then.
 
 Key = tuple[Any, ...]  # ("bodies",), ("contacts", number of a contact, "points")
-LISTS = (*PARTS, "parameters")  # of a model, whose rows have names
-MORE = "more"  # in place of a number: one that is not there yet
+LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names
+MORE = "more"  # stands for the number of a new row
 OF_MOTIONS = {"axes": "axes", "q": "q", "v": "v", **dict.fromkeys((
     "motions", "limits", "stiffness", "damping", "rest", "friction", "armature",
     "limit_restitution",
@@ -340,10 +341,10 @@ SHAPE = re.compile(r"shape_(?:((?:\d+|more)(?:\.(?:\d+|more))*)_)?([a-z_]+)")
 def numbers(
     rows: Rows, model: pg.Model, part: str, name: str, field: str, among: Sequence[Any] = ()
 ) -> tuple[int, ...] | None:
-    """The numbers of the rows that the first index of a field counts; None where it counts none.
+    """Return the numbers of the rows that the first index of a field counts, or None.
 
     `part` is also "ground", or "scenario" for the cells of a scenario, whose forces are `among`.
-    Raises Refusal, PgraphError where the part is gone.
+    Raises Refusal, or PgraphError if the part no longer exists.
     """
     match part, field:
         case "ground", "steps":
@@ -409,9 +410,9 @@ def shapes_by_number(
 
 
 def placed(rows: Rows, model: pg.Model, chosen: str, event: Any) -> Any:
-    """An event of a page with places in place of numbers. Raises Refusal, PgraphError.
+    """Replace row numbers in a page's event by places. Raises Refusal, PgraphError.
 
-    `chosen` is the scenario that is meant where the event names none.
+    `chosen` is the scenario of an event that names none.
     """
     fields, among, part, name = vars(event), (), "", ""
     typed = {"serial", "field"} <= fields.keys() and ({"entries", "index"} & fields.keys())

@@ -1,9 +1,8 @@
-"""Edits of the model: each is one undo step, and the page that asked is answered (pure).
+"""Edits of the model: each is one undo step with an answer to its page (pure).
 
-What pages have selected and opened follows the names of bodies and parts. A page may speak of them
-by names that changed while its message was on the way: it says how many renames it has heard of,
-and what it says is meant of what carries those names now. Rows keep their numbers, bodies their
-colours.
+Selections and opened parts of pages follow the names of bodies and parts. Each message carries the
+rename count that its page has seen, and older names are translated. Rows keep their numbers, bodies
+their colours.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from .state import Client, Notice, Rename, State, replied, told
 
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
-MOST_RENAMES = 1000  # that are remembered
+MOST_RENAMES = 1000  # limit on remembered renames
 NAMED = ("constraints", "contacts", "forces", "sites", "outputs")  # named parts besides bodies
 STAND_IN = re.compile(r"serial \d+|model")  # names that nobody has given
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
@@ -97,7 +96,7 @@ def with_model(
     """
     if model is state.model:
         return state
-    vars(model).pop(TOLD, None)  # the page shows notices at each edit; no run repeats them
+    vars(model).pop(TOLD, None)  # the page shows notices at each edit, so no run repeats them
     page = state.clients.get(client) if client is not None else None
     step = Step(state.model, label, page.page if page else "", state.rows, state.document)
     undo = (*state.undo, step)[-UNDO_DEPTH:]
@@ -192,7 +191,7 @@ def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
 
 
 def _same_motion(old: pg.Model, new: pg.Model) -> bool:
-    """Whether two models move alike: names of bodies, and what is only drawn, are left out."""
+    """True if two models have the same motion, apart from names of bodies and visual shapes."""
     if old is new:
         return True
     if len(old.bodies) != len(new.bodies):
@@ -239,7 +238,7 @@ def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
 
 
 def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
-    """What the page has opened, listed and plotted, under its new names."""
+    """Rename the parts that the page has opened, listed and plotted."""
     if not names:
         return client
     opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
@@ -252,7 +251,7 @@ def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
 
 
 def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
-    """`state` with these bodies selected on one page; unchanged if `body` is unknown."""
+    """Return `state` with these bodies selected on one page, unchanged if `body` is unknown."""
     if body is not None and body not in state.model.row:
         return state
     page, wanted = state.clients.get(client), {*bodies, body}
@@ -342,8 +341,8 @@ def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, An
 
 # -- rows that stay themselves ---------------------------------------------------------------------
 
-Places = Sequence[int | None]  # of each row of a list in the list before; None for a new one
-COORDINATES = {"ball": (0, 4, 3), "free": (0, 7, 6)}  # of a motion: its axes, q, v; else 1 each
+Places = Sequence[int | None]  # former place of each row of a list, None for a new row
+COORDINATES = {"ball": (0, 4, 3), "free": (0, 7, 6)}  # numbers of axes, q, v, else 1 each
 
 
 def followed(

@@ -1,4 +1,4 @@
-"""What the page shows, as frozen values: the model, what follows from it, and who looks at it."""
+"""State of the page as frozen values: the model, its derived data, and the open pages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Reply:
 
     serial: int
     text: str
-    offer: str = ""  # what a button next to the sentence would do, e.g. "use the nearest possible"
+    offer: str = ""  # label of a repair button, e.g. "use the nearest possible"
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Rename:
 
 @dataclass(frozen=True)
 class Client:
-    """One open page: what it selected and what it was told last."""
+    """One open page with its selection and its last notice."""
 
-    page: str = ""  # what the page calls itself, also when it comes back
+    page: str = ""  # name of the page, kept when it reconnects
     selection: str | None = None  # the body that was selected last
-    selected: tuple[str, ...] = ()  # all selected bodies, in the table's order; it among them
+    selected: tuple[str, ...] = ()  # all selected bodies in the table's order
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
     window: float | None = None  # width of the whole page [px]
@@ -70,13 +70,13 @@ class Client:
     turned: bool = False  # whether a person moved its camera since it was set
     reply: Reply | None = None
     notice: Notice | None = None
-    downloads: int = 0  # how often the model was asked for as a file
+    downloads: int = 0  # number of requested downloads of the model
     download: str = ".json"  # its suffix
     conversion: Any = None  # the report of the last file of another format that it opened
     members: Any = None  # models of the last archive, of which it is to choose one
-    reports: tuple[int, str] = (0, "")  # how often a report was asked for as a file, and which
+    reports: tuple[int, str] = (0, "")  # number of requested report files, and the last kind
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
-    walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
+    walk: str = ""  # stepped figure: "pgraph" (Fig. 4), "frames" (Fig. 8) or ""
     sees: frozenset[str] = frozenset()  # the views of hidden tabs that it has in sight
     gallery: int = 0  # how often it asked for the pictures of the models
     follow: bool = False  # whether its camera goes along
@@ -84,14 +84,14 @@ class Client:
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
     inspected: Inspected | None = None  # the operator it looks at
-    exported: tuple[int, str, str] = (0, "", "")  # how often, and what it asked for as a file
+    exported: tuple[int, str, str] = (0, "", "")  # number of requested exports, and the last one
     display: Display = field(default_factory=Display)
     picking: Picking | None = None
-    aim: Aim | None = None  # what it picks in its 3D view
+    aim: Aim | None = None  # pick in progress in its 3D view
     menu: tuple[int, str | None, tuple[float, float]] = (0, None, (0.0, 0.0))  # the last asked for
     opened: tuple[str, str] | None = None  # (part, name) of what the constraints tab shows whole
     listed: str | None = None  # body whose constraints alone are listed
-    called: int = 0  # how often the constraints tab was asked to come forward
+    called: int = 0  # number of requests to show the constraints tab
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,12 @@ class State:
     left: Mapping[str, Client] = field(default_factory=dict)  # pages that went, by their names
     undo: tuple[Step, ...] = ()
     redo: tuple[Step, ...] = ()
-    renames: tuple[Rename, ...] = ()  # of late
+    renames: tuple[Rename, ...] = ()  # the most recent renames
     rows: Rows = field(default_factory=Rows)
     last_run: Run | None = None
     run_framed: int = 0  # `framed` when it was made
     job: Job | None = None
-    jobs: int = 0  # how many were asked for; the last one's id
+    jobs: int = 0  # number of requested jobs, the id of the last one
     live: Live | None = None
     ghost: Run | None = None  # an earlier run, shown together with this one
     exporting: Exporting | None = None
@@ -127,18 +127,18 @@ class State:
     greeting: Notice | None = None  # to pages that open, until the model is changed
     shown: frozenset[str] = SHOWN_AT_FIRST
     errands: tuple[Errand, ...] = ()  # under way, in order
-    errand_count: int = 0  # how many were sent; the last one's id
+    errand_count: int = 0  # number of errands sent, the id of the last one
     mobility: MobilityReport | None = None
     mobility_asked: pg.Model | None = None  # a large model, whose report takes long
-    framed: int = 0  # counts the models opened; the camera is framed for each
-    document: int = 0  # `framed` when the model at hand was opened; Undo and Redo may change it
+    framed: int = 0  # number of opened models, for each of which the camera is framed
+    document: int = 0  # `framed` when the present model was opened, changed by Undo and Redo
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further
     pull: Any = None  # the event of the mouse that pulls on a body
 
     @property
     def derived(self) -> Derived:
-        """What follows from the model."""
+        """Data derived from the model."""
         return derive(self.model)
 
     @property
@@ -152,7 +152,7 @@ class State:
 
     @property
     def renamed(self) -> int:
-        """How often something got another name."""
+        """Number of renames."""
         return self.renames[-1].number if self.renames else 0
 
     @property
@@ -180,7 +180,7 @@ class State:
 
     @property
     def earlier(self) -> Run | None:
-        """The last run, where the model was edited since; none of a model that was closed."""
+        """The last run if the model was edited since, None if another model was opened since."""
         last = self.last_run
         gone = last is None or self.live is not None or self.run is not None
         return None if gone or self.run_framed != self.framed else last
@@ -192,21 +192,21 @@ class State:
 
     @property
     def falls(self) -> tuple[Change, ...]:
-        """What feet did in the run to play."""
+        """Changes of feet in the run to play."""
         if self.live is not None:
             return self.live.falls
         return self.run.falls if self.run is not None else ()
 
     @property
     def t_end(self) -> float:
-        """Where the run to play ends [s]; 0 without one."""
+        """End of the run to play [s], 0 without one."""
         if self.live is not None:
             return float(self.live.parts[-1].t[-1]) if self.live.parts else 0.0
         return float(self.run.result.t[-1]) if self.run is not None else 0.0
 
     @property
     def t_start(self) -> float:
-        """Where it begins [s]."""
+        """Start of the run to play [s]."""
         if self.live is not None:
             return float(self.live.parts[0].t[0]) if self.live.parts else 0.0
         return float(self.run.result.t[0]) if self.run is not None else 0.0
@@ -228,7 +228,7 @@ def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_client(state: State, client: int, **changes: Any) -> State:
-    """`state` with one page's own part changed; unknown pages are left out."""
+    """Return `state` with one page's own part changed, ignoring unknown pages."""
     if client not in state.clients:
         return state
     changed = replace(state.clients[client], **changes)
@@ -246,6 +246,6 @@ def replied(state: State, client: int, serial: int, text: str = "", offer: str =
 
 
 def display_of(state: State, client: int) -> Display:
-    """How one page shows and takes numbers."""
+    """Return the units and forms of numbers of one page."""
     page = state.clients.get(client)
     return page.display if page is not None else Display()

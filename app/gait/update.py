@@ -49,7 +49,7 @@ def live(state: State, event: GoLive) -> State:
 
 @on(Simulate)
 def simulate(state: State, event: Simulate) -> State:
-    """A run; a walk with the speed and the turning that are set here."""
+    """Start a run, which is a walk with the speed and turning set here."""
     return asked(state, None, set_gait(state)) if idle(state) else state
 
 
@@ -78,7 +78,7 @@ def begun(state: State, client: int) -> State | None:
 
 
 def requested(model: pg.Model, offer: Offer) -> Request:
-    """How it is simulated: as its scenario is, by a method for the law of its feet."""
+    """Return the request of a walk: its scenario, with a method for the law of its feet."""
     scenario = model.scenario(offer.scenario)
     _, method, step = LAWS[law(model)]
     return Request(offer.scenario, scenario.t_end, step, method)
@@ -128,7 +128,7 @@ def settled(state: State, walking: Walking) -> State:
 
 @dataclass(frozen=True)
 class SetGround(FromPage):
-    """Other ground: an edit of the model, one undo step; a live run goes on over it."""
+    """Change the ground as an edit of the model. A live run continues on it."""
 
     serial: int
     field: Literal["friction", "slope", "steps", "law"]
@@ -168,7 +168,7 @@ def push(state: State, event: Push) -> State:
 
 @dataclass(frozen=True)
 class SetPush(FromPage):
-    """How strong pushes are, over the weight."""
+    """Set the force of pushes relative to the weight."""
 
     serial: int
     text: Text

@@ -1,4 +1,4 @@
-"""What follows from a model alone, for the page to show."""
+"""Data that the page derives from a model alone."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to
 from pgraph_core.show.stage import depth
 from pgraph_core.topology import Loop, loops_of
 
-CONTACT = "contact"  # in the constraint column
+CONTACT = "contact"  # text in the constraint column
 KEPT = 8  # models of which it is known
 
 
 @dataclass(frozen=True)
 class Derived:
-    """Everything that follows from the model alone; in number order unless said otherwise."""
+    """Data derived from the model alone, in number order unless stated otherwise."""
 
     names: tuple[str, ...]  # depth-first, from body 1
     number: Mapping[str, int]  # name -> 1..nb
     parent: tuple[int, ...]  # numbers, 0 is the ground
-    children: tuple[tuple[int, ...], ...]  # of body 0 (ground), 1, ...
+    children: tuple[tuple[int, ...], ...]  # children of body 0 (ground), 1, ...
     pgraph: tuple[int, ...]
     jdof: tuple[int, ...]
     tips: frozenset[int]
@@ -39,8 +39,8 @@ class Derived:
     positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
     wxyz: np.ndarray  # (nb, 4) orientations at home
     center: np.ndarray  # (3,) what the camera looks at [m]
-    size: float  # how far the model reaches from there [m]
-    low: float  # how far under its plane the ground is drawn [m]
+    size: float  # extent of the model from there [m]
+    low: float  # depth under its plane at which the ground is drawn [m]
 
     @property
     def grain(self) -> float:
@@ -52,7 +52,7 @@ _recent: tuple[tuple[pg.Model, Derived], ...] = ()  # newest first
 
 
 def derive(model: pg.Model) -> Derived:
-    """What follows from a model; computed once as long as the model is in use."""
+    """Return the derived data of a model, computed once while the model is in use."""
     global _recent
     for known, derived in _recent:
         if known is model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # playback speeds
 
 
 @dataclass(frozen=True)

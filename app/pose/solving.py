@@ -23,7 +23,7 @@ HELD = 1e-6  # [rad, m] to which it is
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A degree of freedom of a joint, as a slider shows it; turns in space as a rotation vector."""
+    """A degree of freedom of a joint for a slider. Spatial rotations are rotation vectors."""
 
     body: str
     index: int  # among those of its joint
@@ -44,7 +44,7 @@ def shown_q(state: State) -> np.ndarray:
 
 
 def shown_v(state: State) -> np.ndarray | None:
-    """(nv,) of the run's frame that is shown; None where none is: the model's own."""
+    """Return v (nv,) of the shown frame of the run, or None for the model's own."""
     if state.pose is not None or state.run is None:
         return None
     return np.asarray(state.run.result.v[_frame(state.run, state.playback.time)])
@@ -141,9 +141,9 @@ def quaternion(vector: np.ndarray) -> np.ndarray:
 
 
 def posed(state: State, name: str, index: int, value: float) -> Pose:
-    """What is shown with one coordinate moved; loops close around it.
+    """Return the shown pose with one coordinate moved and loops closed.
 
-    Raises PgraphError where they cannot, with the sentence to show.
+    Raises PgraphError with the sentence to show if they cannot close.
     """
     model, top, q = state.model, pg.Topology.of(state.model), shown_q(state)
     number = top.number(name)

@@ -1,7 +1,7 @@
-"""What the cells of a body hold, both ways: a field as a person sees it, and typed text as an edit.
+"""Cells of a body: fields as shown, and typed text as an edit.
 
-Values are SI; a formula stands as its text. Some fields are seen in another form than they are
-kept: an orientation as angles, an inertia about the frame's origin, a shape by its parts.
+Values are SI, formulas are shown as text. Some fields are shown in another form than stored: an
+orientation as angles, an inertia about the frame's origin, a shape by its parts.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Content = Any  # nested tuples of numbers, formulas and None
 
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 DERIVED = ("mass", "com", "inertia", "tip")
-ALL = "all"  # of these
+ALL = "all"  # stands for all of these
 SHAPES = tuple(DIMENSIONS)
 OF_FILES = ("mesh", "heightfield")
 MOTIONS = ("rotate", "translate", "ball")
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
-LEAST = 0.05  # of a new shape's length [m]
+LEAST = 0.05  # least length of a new shape [m]
 EDGED = ("box", "ellipsoid")
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 HALF = math.sqrt(0.5)
@@ -45,7 +45,7 @@ def of_shape(field: str) -> tuple[int, str]:
 
 
 def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
-    """What a cell measures: which of the page's units it is shown in."""
+    """Return the quantity of a cell, which selects the page's unit."""
     name = of_shape(field)[1] if field.startswith("shape_") else field
     if field == "mass":
         return "mass"
@@ -58,7 +58,7 @@ def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
 
 
 def shows(field: str) -> About:
-    """What a form shows of a field of a body, or of its shapes (shape_..., shape_1_...)."""
+    """Return the description of a field of a body, or of its shapes (shape_..., shape_1_...)."""
     of_a_shape = field.startswith("shape_")
     name = of_shape(field)[1] if of_a_shape else field
     if name in ("rotation_euler", "rotation_axis"):
@@ -81,7 +81,7 @@ def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
 
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
-    """What the cells of a field hold."""
+    """Return the content of a field's cells."""
     match field:
         case "rotation_euler":
             return euler_of(body.rotation)
@@ -170,7 +170,7 @@ def kept(
 
 
 def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:
-    """The fields of a shape; of the first, with its formulas."""
+    """Return the fields of a shape, those of the first one with formulas."""
     shape = model.cells(body)["shape"] if at == 0 else body.shapes[at]
     return dict(shape) if isinstance(shape, dict) else shape.model_dump()
 
@@ -185,7 +185,7 @@ def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any])
 def _between_its_ends(
     body: pg.Body, shape: pg.Shape, kept: dict[str, Any], change: dict[str, Any]
 ) -> dict[str, Any]:
-    """`change`; a capsule from joint to tip stays one where its radius becomes another."""
+    """Extend `change` so that a capsule from joint to tip keeps its ends with a new radius."""
     radius, length = change.get("radius"), kept.get("length")
     if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
         return change
@@ -214,14 +214,14 @@ def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
 
 
 def hexadecimal(colour: Sequence[float] | None) -> str:
-    """'#rrggbb'; nothing where a shape has the colour of its body."""
+    """Return "#rrggbb", or "" for a shape with the colour of its body."""
     return "" if colour is None else "#" + "".join(f"{round(255 * c):02x}" for c in colour)
 
 
 def following(body: pg.Body, what: str) -> dict[str, Any]:
-    """Makes a field follow from the shapes; a body without any gets a rod along its length.
+    """Return fields that derive `what` from the shapes, or from a rod if there are none.
 
-    A mass that follows keeps its value at first: the density is chosen so.
+    The density is chosen so that a derived mass keeps its value.
     """
     if what not in (*DERIVED, ALL):
         raise Refusal(f"must be one of {', '.join(DERIVED)}")
@@ -273,7 +273,7 @@ def from_euler(angles: Sequence[float]) -> tuple[float, ...]:
 
 
 def axis_of(q: Sequence[float]) -> tuple[float, float, float, float]:
-    """Axis x, y, z and angle from 0 to π [rad]; z where nothing is turned."""
+    """Return the axis x, y, z and the angle from 0 to π [rad], z without a rotation."""
     w, x, y, z = unit(q)
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
@@ -355,7 +355,7 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
     sizes = {"size": (2 * radius, 2 * radius, length), "radius": radius, "length": length}
     if kind == "capsule":
         sizes["length"] = max(length - 2 * radius, radius)
-    if edges := _edges(body.shape) if kind in EDGED else None:  # as they were
+    if edges := _edges(body.shape) if kind in EDGED else None:  # keep the edges
         assert body.shape is not None
         sizes["size"], rotation = edges, body.shape.rotation
     elif kind in EDGED and np.isclose(turn := np.abs(matrix(rotation)), turn.round()).all():
@@ -369,7 +369,7 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
 
 
 def _edges(shape: pg.Shape | None) -> tuple[float, ...] | None:
-    """(3,) how large a box or an ellipsoid is along its axes; None of other shapes."""
+    """Return the edges of a box or an ellipsoid along its axes (3,), None for other shapes."""
     if shape is None or shape.radii is None:
         return None if shape is None else shape.size
     return tuple(2 * x for x in shape.radii)

@@ -1,4 +1,4 @@
-"""Simulating: what a run is asked for, how far it is, and its result."""
+"""Simulation on the page: the request, the progress and the result of a run."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ FREE_RUN = ""  # the scenario of a run that has none
 
 @dataclass(frozen=True)
 class Request:
-    """How to simulate: a named scenario with its own settings, or a free run with these."""
+    """Settings of a run: a named scenario with its own settings, or a free run with these."""
 
     scenario: str = FREE_RUN
     t_end: float = 2.0  # [s]
-    step: float | None = 1e-3  # [s]; None: the method chooses
+    step: float | None = 1e-3  # [s] step, None if the method chooses
     method: str = "auto"
     rtol: float | None = None
 
 
 @dataclass(frozen=True)
 class Job:
-    """A simulation under way, for the model it was asked for."""
+    """A simulation in progress, with its model."""
 
     id: int
     model: pg.Model
     request: Request
     fraction: float = 0.0
     before: Any = None  # the result that this one goes on from
-    gait: pg.Gait | None = None  # in place of its scenario's
-    framed: int = 0  # `State.framed` when it was asked for
+    gait: pg.Gait | None = None  # replaces the gait of its scenario
+    framed: int = 0  # `State.framed` at the request
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,12 @@ class Run:
     model: pg.Model
     request: Request
     result: Any  # pgraph_core's result
-    walked: tuple[Change, ...] | None = None  # what its feet did, where that is known
-    ended: str = ""  # of a live one, how
+    walked: tuple[Change, ...] | None = None  # changes of its feet, if known
+    ended: str = ""  # end of a live run
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:
-        """What its feet did."""
+        """Changes of its feet."""
         return changes(self.result) if self.walked is None else self.walked
 
     @cached_property
@@ -77,13 +77,13 @@ class Live:
     id: int
     request: Request
     running: bool = True
-    parts: tuple[Any, ...] = ()  # results, one after the other; old ones are joined
-    joined: tuple[int, ...] = ()  # of each part, how often it was made of several
+    parts: tuple[Any, ...] = ()  # consecutive results, of which old ones are joined
+    joined: tuple[int, ...] = ()  # number of joins in each part
     taken: int = 0  # parts so far
     pace: float = 1.0  # its speed over the one asked for
-    falls: tuple[Change, ...] = ()  # what its feet did
+    falls: tuple[Change, ...] = ()  # changes of its feet
     over: bool = False  # stopped: its parts are shown until they are joined
-    ended: str = ""  # how
+    ended: str = ""  # description of the end
 
     def part_at(self, time: float) -> Any:
         """The part that holds `time`, else the last."""
@@ -99,12 +99,12 @@ class Exporting:
     what: str
     run: Run
     shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
-    time: float = 0.0  # that the page shows [s]
+    time: float = 0.0  # time that the page shows [s]
 
 
 @dataclass(frozen=True)
 class Kernels:
-    """How far the compiled code is: `done` of `total`, `name` under way."""
+    """Progress of the compilation: `done` of `total`, with `name` in progress."""
 
     done: int = 0
     total: int = 0
@@ -114,7 +114,7 @@ class Kernels:
 
 
 def first_request(model: pg.Model) -> Request:
-    """What Simulate offers at first: the model's first scenario, or a free run."""
+    """Return the initial request: the model's first scenario, or a free run."""
     if not model.scenarios:
         return Request()
     s = model.scenarios[0]

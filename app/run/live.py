@@ -29,7 +29,7 @@ from ..run.update import Advanced, Joined, Stuck, joined
 from . import FREE_RUN
 
 PICTURES = 60  # a second
-LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
+LONGEST_PART = 0.1  # [s] longest part of motion, so that slow models show progress
 PATIENCE = 0.2  # [s] behind the clock before it is set back
 USUAL_STEP = 1e-3  # [s]
 CROWDED, CALM = 0.5, 1 / 15  # below this share of a processor, parts of this length [s]
@@ -37,7 +37,7 @@ MOST_WAITING = 3  # parts that the store has not taken yet: then the run waits f
 
 
 class LiveRunner:
-    """Computes the state's live run in a thread; follows the model, the speed and the pause."""
+    """Computes the state's live run in a thread, following the model, the speed and the pause."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -134,10 +134,10 @@ def _begin(work: Callable[[Any], None], of: Any) -> None:
 
 
 class Share:
-    """How much of a processor this thread gets while it works, as a mean of the last parts.
+    """Share of a processor that this thread gets, as a mean of the last parts.
 
-    Where others want it too, many short parts would leave Python's lock to nobody else: whoever
-    has it when the processor is taken away keeps it.
+    On a busy processor, many short parts would block Python's lock for the other threads, because a
+    thread keeps it while it is preempted.
     """
 
     def __init__(self) -> None:
@@ -158,14 +158,14 @@ class Share:
 
 
 class Clock:
-    """How far the motion should be by now."""
+    """Clock of the motion that is due."""
 
     def __init__(self) -> None:
         self._start: tuple[float, float, float] | None = None  # wall, motion, speed
         self.pace = 1.0
 
     def due(self, reached: float, speed: float) -> float:
-        """Seconds of motion that are due; far behind, the clock waits for the motion."""
+        """Return the seconds of motion that are due. Far behind, the clock waits."""
         now = time.perf_counter()
         if self._start is None or self._start[2] != speed:
             self._start = now, reached, speed
@@ -185,12 +185,12 @@ class Motion:
         self.time = 0.0
         self._model: pg.Model | None = None
         self._mech: Any = None
-        self._state: tuple[Any, Any] = (None, None)  # q, v; None: as the scenario starts
+        self._state: tuple[Any, Any] = (None, None)  # (q, v), None for the start of the scenario
         self._seam = Seam()
         self._touches = False  # whether there are contacts
         self._walker: Walker | None = None
-        self._stepper: pg.Stepper | None = None  # of the next part, where its steps are given
-        self._stepped: tuple[Any, ...] = ()  # what it was made for
+        self._stepper: pg.Stepper | None = None  # stepper of the next part with given steps
+        self._stepped: tuple[Any, ...] = ()  # arguments of the stepper
 
     def step(self, live: Live) -> float:
         """Width of a step [s], or of a picture where the method chooses its steps."""
@@ -209,7 +209,7 @@ class Motion:
         pull: Pull | None = None,
         walking: Walking | None = None,
     ) -> pg.Result:
-        """About `due` seconds further, in whole steps, on `model`; the mouse may pull on a body."""
+        """Advance by about `due` seconds in whole steps on `model`, with the mouse's pull."""
         self._follow(model)
         walking = walking or Walking()
         step = self.step(live)
@@ -229,7 +229,7 @@ class Motion:
         return part
 
     def over(self, part: pg.Result) -> str | None:
-        """Why there is nothing to go on with; None where there is."""
+        """Return the reason why the run cannot continue, or None."""
         if not part.status.ok:
             return f"The live run stopped: {part.message}."
         fell = self.fell
@@ -268,7 +268,7 @@ class Motion:
         return part
 
     def _stepper_after(self, part: pg.Result, step: float) -> pg.Stepper | None:
-        """What takes the next parts after this one; None where its method needs whole runs."""
+        """Return the stepper of the next parts, or None for a method that needs whole runs."""
         header = part.header
         try:
             stepper = pg.Stepper(
@@ -286,12 +286,12 @@ class Motion:
             return None
 
     def _torque(self, pull: Pull | None) -> np.ndarray | None:
-        """(nv,) what the mouse does in the joints, Jᵀ F of eq. (24); None: it does not pull."""
+        """Return Jᵀ F (nv,) of the mouse's pull, eq. (24), or None."""
         grip = self._grip(pull)
         return None if grip is None else grip[0].T @ grip[1]
 
     def _grip(self, pull: Pull | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """(Jacobian (3, nv), force (3,) [N]) of what the mouse pulls on; None: nothing."""
+        """Return (Jacobian (3, nv), force (3,) [N]) of the mouse's pull, or None."""
         if pull is None or pull.target is None or pull.body not in self._mech.names:
             return None
         mech = self._mech
@@ -409,6 +409,6 @@ def _event(t: float, name: str, body: str, before: str, after: str) -> list[Cont
 
 
 def _body(name: str, *records: ContactRecord) -> str:
-    """The body of a contact, as its events say; "" where there was none yet."""
+    """Return the body of a contact from its events, or "" without any."""
     events = (event for record in records for event in record.events)
     return next((event.body for event in events if event.contact == name), "")

@@ -34,7 +34,7 @@ NONE = "There is no scenario: make one first."
 
 
 def named(state: State, event: Any = None) -> str:
-    """The scenario that is meant, or that is chosen. Raises Refusal."""
+    """Return the name of the event's scenario, by default the chosen one. Raises Refusal."""
     name = state.request.scenario
     if event is not None:
         name = scenario(state.rows, state.model, name, event)
@@ -44,7 +44,7 @@ def named(state: State, event: Any = None) -> str:
 
 
 def chosen(state: State, name: str) -> State:
-    """That scenario for the next run, with its own settings."""
+    """Choose that scenario for the next run, with its own settings."""
     s = next((s for s in state.model.scenarios if s.name == name), None)
     if s is None:
         return state

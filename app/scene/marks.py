@@ -1,4 +1,4 @@
-"""What is drawn over the bodies, as points and solids in their frames or in world axes (pure)."""
+"""Marks over the bodies, as points and solids in their frames or in world axes (pure)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in i
 LONGEST = 0.5  # of the model's size: the arrow of the run's usual largest force
 SITE = 0.09  # of a body's size: a line of a site's frame
 TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
-BRACKET = 0.15  # of a body's size: what stands on the ground and carries a pivot
-THIN = 1e-3  # of the largest semi-axis: what a flat ellipsoid keeps
+BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
+THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis
 
 
 class Placed(NamedTuple):
@@ -39,11 +39,11 @@ class Push(NamedTuple):
 
     at: np.ndarray  # (3,) world [m]
     force: np.ndarray  # (3,) world [N]
-    friction: float | None = None  # of the ground it pushes off from; None: no cone
+    friction: float | None = None  # friction of the ground, None for no cone
 
 
 def showable(state: State) -> tuple[tuple[str, str], ...]:
-    """What this scene has to show: its name in events, and as a person reads it."""
+    """Return the overlays of this scene: names in events, and labels."""
     model = state.model
     touching = bool(model.contacts)
     held = bool(model.constraints) or touching or any(s.forces for s in model.scenarios)
@@ -83,15 +83,17 @@ def _joined(model: pg.Model) -> bool:
 
 
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
-    """How each body is drawn, by number."""
+    """Return the looks of the bodies by number."""
     d = state.derived
     drawn = [state.model.body(name) for name in d.names]
     return bodies.looks(drawn, d.children, state.colors, before, "branches" in state.shown)
 
 
 def axes(state: State) -> Local:
-    """A line along each joint axis, through the body's origin; a joint of several motions has
-    all but its last axis in the frame it leaves from."""
+    """Return a line along each joint axis through the body's origin.
+
+    A joint of several motions has all axes but its last in its parent's frame.
+    """
     d, half = state.derived, 0.13 * state.derived.grain
     found: dict[int, list[Any]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
@@ -209,7 +211,7 @@ class Joining(NamedTuple):
 
 
 def forces_of(state: State) -> tuple[pg.Force, ...]:
-    """Those that act: of the model and of the scenario that is chosen."""
+    """Return the forces of the model and of the chosen scenario."""
     wanted = state.request.scenario if state.run is None else state.run.request.scenario
     chosen = (s.forces for s in state.model.scenarios if s.name == wanted)
     return (*state.model.forces, *(force for some in chosen for force in some))
@@ -261,7 +263,7 @@ def pivots(state: State) -> Joining:
             at, axes = point if fixed is None else np.asarray(fixed), axis and (axis,)
         z = up if (d.positions[k] + R[k] @ np.asarray(body.com) - at) @ up >= 0.0 else -up
         y = np.cross(z, np.cross(R[k] @ axes[-1], z)) if axes else np.zeros(3)
-        if np.linalg.norm(y) < 1e-6:  # it turns about the vertical, or about any axis
+        if np.linalg.norm(y) < 1e-6:  # rotates about the vertical, or about any axis
             y = np.roll(up, 1)
         y = y / np.linalg.norm(y)
         ends.append((at - BRACKET * d.grain * z, at))
@@ -366,7 +368,7 @@ def _touches(state: State) -> Iterator[tuple[pg.Contact, str, np.ndarray]]:
 
 
 def _place(wrench: np.ndarray, origin: np.ndarray, normal: np.ndarray | None) -> np.ndarray:
-    """Where a wrench about `origin` acts: on its line, on the ground where that is given."""
+    """Return the point on the line of a wrench about `origin`, on the ground if given."""
     torque, force = wrench[:3], wrench[3:]
     square = float(force @ force)
     if square == 0.0:
@@ -386,14 +388,14 @@ def scale(state: State) -> float:
     if state.run is None:
         return 0.0
     largest = state.run.usual_force
-    if state.live is not None:  # of a part there is no largest that stays
+    if state.live is not None:  # a live run has no fixed largest force
         weight = 9.81 * sum(body.mass for body in state.model.bodies)
         largest = max(largest, weight)
     return LONGEST * state.derived.size / largest if 0 < largest < np.inf else 0.0
 
 
 def arrows(found: list[Push], per_newton: float) -> np.ndarray:
-    """(n, 2, 3) from where each force acts; none where it is zero."""
+    """Return arrows (n, 2, 3) from the points of action of nonzero forces."""
     drawn = [(push.at, per_newton * push.force) for push in found if push.force.any()]
     return np.array([(at, at + arrow) for at, arrow in drawn]).reshape(-1, 2, 3)
 

@@ -1,4 +1,4 @@
-"""What can be shown over the bodies: axes, links, masses, names, frames, points and forces."""
+"""Overlays of the bodies: axes, links, masses, names, frames, points and forces."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
 class Overlays:
-    """In small models children of the bodies' nodes, so that they move along by themselves; in
-    large ones a single node a kind in world axes. What is not shown costs nothing."""
+    """Overlays as children of the bodies' nodes, or in large models as one node per kind.
+
+    Children move with their bodies. Hidden overlays cost nothing.
+    """
 
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
@@ -110,7 +112,7 @@ class Overlays:
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
 
     def _arrows(self, kind: str, arrows: np.ndarray, size: float, color: shapes.Color) -> None:
-        """Arrows of one kind; they are redrawn in their node, which is hidden without any."""
+        """Draw arrows of one kind in their node, which is hidden without any."""
         drawn = self._nodes.get(kind)
         if not drawn:
             self._nodes[kind] = _arrows(self._scene, f"/{kind}", arrows, size, color)
@@ -123,7 +125,7 @@ class Overlays:
         self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any,
         shadow: bool = False,
     ) -> None:  # fmt: skip
-        """Solids of one kind; they are redrawn in their node, which is hidden without any."""
+        """Draw solids of one kind in their node, which is hidden without any."""
         if drawn := self._nodes.get(kind):
             node = drawn[0]
             if len(at):

@@ -79,7 +79,7 @@ class Disconnected(OfServer):
 
 @on(Disconnected)
 def disconnected(state: State, event: Disconnected) -> State:
-    """Without that page; its state is kept in case it comes back."""
+    """Remove a page, keeping its state for a reconnection."""
     here = dict(state.clients)
     page = here.pop(event.client, None)
     if page is None or not page.page:
@@ -110,14 +110,14 @@ def sees(state: State, event: Sees) -> State:
 
 @dataclass(frozen=True)
 class Select(FromPage):
-    """A body was clicked; None: nothing, or Escape was pressed."""
+    """A body was clicked, None for nothing or Escape."""
 
     body: Text | None
 
 
 @on(Select)
 def select(state: State, event: Select) -> State:
-    """The selection; while a body is being picked for a constraint, the body picked."""
+    """Select a body, or take it as the picked body of a constraint."""
     if constraints.picking_of(state, event.client) is not None:
         return constraints.picked(state, event.client, event.body)
     if event.body is None and (page := state.clients.get(event.client)) and page.aim is not None:
@@ -128,7 +128,7 @@ def select(state: State, event: Select) -> State:
 
 @dataclass(frozen=True)
 class SelectBodies(FromPage):
-    """Several rows at once; `body`, the last of them, is the one whose properties are shown."""
+    """Select several rows and show the properties of `body`, the last of them."""
 
     body: Text
     bodies: tuple[Text, ...]
@@ -252,6 +252,6 @@ def not_kept(state: State, event: NotKept) -> State:
 
 
 def unkept(problem: str) -> Notice | None:
-    """What every page is told while edits are not kept, those that open then as well."""
+    """Return the notice of all pages while edits cannot be saved automatically, or None."""
     text = f"{problem} Save the model yourself; it is tried again."
     return Notice("Autosave does not work", text, bad=True) if problem else None
