@@ -1,4 +1,4 @@
-"""What can go wrong, as sentences for the person who typed."""
+"""Errors as sentences for the person who typed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Problem:
 
     where: str  # "body 'knee'", "constraint 'paw'", "model", "file mine.json, line 3"
     field: str  # "mass", or "" where no single field is at fault
-    text: str  # what was given and what would do
+    text: str  # the given value and the allowed values
 
     def __str__(self) -> str:
         field = self.field if self.field.isprintable() else repr(self.field)
@@ -67,7 +67,7 @@ class InputError(PgraphError):
 
 
 class MissingPackage(PgraphError, ImportError):
-    """An optional package is not installed; the text names the command that installs it."""
+    """An optional package is missing. The text names the command that installs it."""
 
 
 class SetError(InputError, AttributeError):
@@ -122,7 +122,7 @@ def needed(module: str, extra: str = "") -> Any:
 
 
 def choices(names: Iterable[str], limit: int = 12) -> str:
-    """The valid names, comma-separated, for the end of a sentence; cut after `limit`."""
+    """Return the valid names, comma-separated, at most `limit`, for the end of a sentence."""
     listed = [name if name.isprintable() else repr(name) for name in names]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(_cut(name, 100) for name in listed[:limit]) + more
@@ -141,7 +141,7 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     return [*close, *(x for x in names if x not in close)]
 
 
-MOTIONS = dict.fromkeys(  # what other programs call a field of a joint: what to write
+MOTIONS = dict.fromkeys(  # other programs' names of a joint's field: our form
     ("slide", "slider", "prismatic", "translation", "translations"),
     "write joint='prismatic', axes=(x, y, z)",
 ) | dict.fromkeys(("hinge", "revolute", "rotations"), "write joint='revolute', axes=(x, y, z)")
@@ -164,7 +164,7 @@ def no_method(name: Any, known: Iterable[str]) -> str:
 
 
 def to_read(text: Any) -> str:
-    """'; to read a file: ...' for text that is given where a model is wanted."""
+    """Return a hint for text that is given in place of a model."""
     if not isinstance(text, str):
         return ""
     if text.lstrip().startswith("{"):
@@ -289,7 +289,7 @@ def _names(function: Any) -> list[str]:
 
 
 def is_deep(value: Any) -> bool:
-    """Whether lists and dictionaries are nested deeper than any argument is."""
+    """True if lists and dictionaries are nested deeper than any argument."""
     level = [value]
     for _ in range(MOST_NESTED):
         level = [
@@ -305,7 +305,7 @@ def is_deep(value: Any) -> bool:
 def _problems_of_call(
     function: Any, args: tuple[Any, ...], named: Mapping[str, Any]
 ) -> list[Problem]:
-    """What is wrong with the arguments of a call that failed; none where they fit."""
+    """Return the problems of the arguments of a failed call, [] if they fit."""
     parameters = dict(inspect.signature(function).parameters)
     own = next(iter(parameters), "") in ("self", "cls", "_cls")
     where = function.__qualname__
@@ -385,7 +385,7 @@ def _not_taken(
     return found
 
 
-WITHOUT = {  # what is often given to a function that takes nothing
+WITHOUT = {  # hints for functions without arguments
     "model_copy": "; write model_copy(update={'field': value}), or model.edit(name, field=value)",
     "to_csv": "; it returns the text: write a file by save('table.csv')",
     "to_json": "; it returns the text: write a file by save('model.json')",
@@ -426,7 +426,7 @@ def _misfits(
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Whether a value may be given for an annotation, as far as it says."""
+    """True if a value fits an annotation, as far as it can be checked."""
     origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
     if wanted is Any:
         return True
@@ -483,7 +483,7 @@ def _numeric(value: Any) -> bool:
 
 
 def _words(wanted: Any) -> str:
-    """What an annotation takes, in words: "text or None"."""
+    """Return the values of an annotation in words, such as "text or None"."""
     origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
     if origin in (typing.Union, types.UnionType):
         words = list(dict.fromkeys(map(_words, inner)))

@@ -45,11 +45,11 @@ class Mechanism(Dynamics):
         return sorted(set(super().__dir__()) - OF_TOPOLOGY - OF_PACKAGE - HINTED)
 
     def __contains__(self, name: Any) -> bool:
-        """Whether a part of its model is called `name`."""
+        """True if its model has a part `name`."""
         return name in self.model
 
     def __eq__(self, other: object) -> bool:
-        """Whether the models are equal."""
+        """Compare the models."""
         return self is other or (isinstance(other, Mechanism) and self.model == other.model)
 
     def __hash__(self) -> int:
@@ -69,10 +69,10 @@ class Mechanism(Dynamics):
     def mobility(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
     ) -> Mobility:
-        """Degrees of freedom, redundant rows and singular positions at q; `str` of it is a report.
+        """Return degrees of freedom, redundant rows and singular positions at q.
 
-        `v` chooses between branches where the position is singular. Raises InputError where the
-        constraints cannot be met.
+        Printing the result shows a report. `v` selects a branch at a singular position. Raises
+        InputError if the constraints cannot be met.
         """
         return mobility(self, q, v, active)
 
@@ -129,13 +129,13 @@ class Mechanism(Dynamics):
         return linearise(self, q, v, scenario)
 
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
-        """q (nq,) near q, the initial state by default, at which the mechanism stays at rest.
+        """Return q (nq,) of an equilibrium near q, by default near the initial state.
 
-        With all forces of a run at t = 0, the active constraints and the limits of joints. Contacts
-        and limits of tendons and springs are left out: bodies may end inside the ground. Where
-        every force has an energy, it only falls on the way, so that the end is stable unless the
-        start is an equilibrium already. Raises InputError where none is found, naming the joint
-        that moves on.
+        All forces of a run at t = 0 act, with the active constraints and the limits of joints.
+        Contacts and limits of tendons and springs are ignored, so bodies may end inside the ground.
+        If every force has an energy, it only decreases during the search, and the result is stable
+        unless the start is an equilibrium already. Raises InputError if none is found, naming the
+        joint that moves on.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 

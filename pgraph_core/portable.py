@@ -1,4 +1,4 @@
-"""What public values share: pickles tagged with the version that wrote them, and equality."""
+"""Shared parts of public values: pickles tagged with their version, and equality."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Hinting(Portable):
 
 
 class NoAttribute(AttributeError):
-    """An attribute that is not there; its text is made when it is read: `hasattr` needs none."""
+    """A missing attribute, whose text is made only when read, because `hasattr` needs none."""
 
     def __init__(self, value: Any, name: str):
         super().__init__(name=name, obj=value)
@@ -359,7 +359,7 @@ def keep_unchanged(arrays: Iterable[Any]) -> None:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values, or all values in them, are equal, nan to nan; a list equals a tuple."""
+    """True if two values, or all values in them, are equal, with nan = nan and list = tuple."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a), np.asarray(b)
         floats = all(x.dtype.kind in "fc" for x in (a, b))  # others have no nan
@@ -378,7 +378,7 @@ class EqualByFields:
     """
 
     def __eq__(self, other: object) -> bool:
-        """Whether the fields are equal, nan to nan."""
+        """Compare the fields, with nan equal to nan."""
         if type(self) is not type(other):
             return NotImplemented
         names = [field.name for field in fields(cast("Any", self)) if field.compare]

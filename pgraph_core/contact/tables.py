@@ -1,4 +1,4 @@
-"""Contacts and joint limits of a model as the kernels take them; fields in `engine/records.py`."""
+"""Contacts and joint limits as tables for kernels, with the fields of `engine/records.py`."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 
 LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
 ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
-ON_FIELD = 64  # of a shape on a heightfield
-SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
+ON_FIELD = 64  # room for contact points of a shape on a heightfield
+SINKS = 1e-4  # default depth of a contact under its weight, relative to the bodies' size
 LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
-DEEPEST = 0.1  # of the thinner shape: how deep the speed at the start leads, if nothing is given
+DEEPEST = 0.1  # default depth due to the initial speed, relative to the thinner shape
 
 
 class ContactPair(NamedTuple):
@@ -67,8 +67,8 @@ class Tables(NamedTuple):
     geometry: Geometry
     ground: Ground
     candidates: Candidates
-    laws: Any  # of PAIR_LAW, one a touch
-    limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
+    laws: Any  # records of PAIR_LAW, one per touch
+    limit_blocks: tuple[Ints, Array, Ints, Array]  # arrays of `Blocks`
     room: int  # contact points that there is room for
     remembers: bool  # penalty friction sticks to anchors
     turns: bool  # a contact resists rolling or spinning
@@ -81,12 +81,12 @@ class Tables(NamedTuple):
 
     @property
     def compliant(self) -> bool:
-        """Whether anything here is soft, or springs back."""
+        """True if a contact is soft or has a penalty law."""
         return any(t.contact.law != "complementarity" for t in self.touches)
 
     @property
     def rigid(self) -> bool:
-        """Whether anything here needs impulses: a rigid contact, or a limit."""
+        """True if anything needs impulses: a rigid contact, or a limit."""
         return bool(self.limits) or any(t.contact.law == "complementarity" for t in self.touches)
 
 
@@ -163,7 +163,7 @@ class _Shapes:
                     yield body, other
 
     def _tied(self, body: str, other: str) -> bool:
-        """Whether a joint ties two bodies: such pairs touch only where both are named."""
+        """True if a joint ties two bodies, which touch only if both are named."""
         numbers = sorted(self.mech.topology.number(name) for name in (body, other))
         return tuple(numbers) in self.apart
 
@@ -259,10 +259,10 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """(10,) as in PAIR_LAW, with what is left out filled in.
+    """Return the numbers of PAIR_LAW (10,), with defaults.
 
-    Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
-    bodies' size. Without a damping, the loss gives the restitution.
+    By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the
+    bodies' size, and the damping gives the restitution.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
@@ -338,14 +338,15 @@ def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> t
 
 
 def pull_of(model: Model) -> float:
-    """Of gravity, or of the earth's where there is none [m/s²]."""
+    """Return the magnitude of gravity, or 9.81 without gravity [m/s²]."""
     return float(np.linalg.norm(model.gravity)) or 9.81
 
 
 def damping_ratio(restitution: float) -> float:
-    """Of a linear spring and damper that never pulls and gives this restitution, LEAST at least.
+    """Return the damping ratio of a linear contact with this restitution, at least LEAST.
 
-    They part where the force ends, before the spring is relaxed ([Schwager & Pöschel 2007]).
+    The contact never pulls: it ends with the force, before the spring is relaxed
+    ([Schwager & Pöschel 2007]).
     """
     from scipy.optimize import brentq
 
@@ -395,9 +396,9 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 
 def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
-    """Of all bodies by number: the first body of its tree, and the mass of the tree it begins.
+    """Return for each body the first body of its tree, and the mass of the tree it begins.
 
-    What is welded to the ground is part of the ground, 0.
+    Bodies welded to the ground are part of the ground, 0.
     """
     parent, mass = topology.parent.tolist(), packed.bodies_f[1:, at.B_MASS].tolist()
     joints = packed.bodies_i[1:, at.OWN_ROWS].tolist()
@@ -488,10 +489,10 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
-    """What gaps of a limit are small against: its range, at most a radian [rad, m].
+    """Return the scale of the gaps of a limit: its range, at most a radian [rad, m].
 
-    Of a slider with one limit the radius of gyration, or where all mass is in origins the largest
-    of the mechanism's lengths, the limit, and how far it is away at first.
+    For a slider with one limit it is the radius of gyration. If all mass is in origins, it is the
+    largest of the mechanism's lengths, the limit, and the initial distance from it.
     """
     low, high = pair
     turns = mech.system.rows[row, at.KIND] == at.ROTATE

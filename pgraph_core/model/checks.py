@@ -1,4 +1,4 @@
-"""What makes parts a multibody system: the tree, and the names by which parts refer to others."""
+"""Checks that parts form a multibody system: the tree, and references by name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .scenario import Scenario, Switch, condition_problems, known_names
 from .sentences import no_such_field
 from .world import Ground, World, below_kinetic
 
-Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
+Bodies = Mapping[str, Body | None]  # bodies by name, None for invalid ones
 
 
 def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]:
@@ -49,7 +49,7 @@ def _cycle_problem(cycle: list[str]) -> Problem:
 
 
 def _cycles(names: Sequence[str], parents: Sequence[str], row: dict[str, int]) -> list[list[str]]:
-    """Each cycle once, as the names along it; O(n)."""
+    """Return each cycle once, as the names along it, in O(n)."""
     state = dict.fromkeys(
         (name for name in names if name != GROUND), 0
     )  # 0 new, 1 on the present path, 2 done
@@ -82,7 +82,7 @@ def unique(kind: str, names: Iterable[str]) -> list[Problem]:
 
 
 def unknown(name: str, bodies: Bodies, *others: str) -> str:
-    """Why a name is neither a body's nor one of `others`; "" where it is."""
+    """Return the error of a name that is neither a body's nor one of `others`, else ""."""
     if name in bodies or name in others:
         return ""
     return f"no body is named '{name}'; choose one of {choices((*others, *bodies))}"
@@ -123,7 +123,7 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
 
 
 def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
-    """Coordinates of gears and motions; the radius of what rolls."""
+    """Check the coordinates of gears and motions, and the radius of rolling bodies."""
     found, asked = [], []
     if isinstance(c, (Gear, Motion)):
         asked.append(("coordinate", c.body, c.coordinate))
@@ -144,14 +144,14 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
 
 
 def fits_joint(c: Constraint, bodies: Bodies) -> bool:
-    """Whether these bodies' joints have the coordinates that a constraint asks for."""
+    """True if these bodies' joints have the coordinates of a constraint."""
     if isinstance(c, Sum):
         return not sum_problems(c, "", bodies, isinstance(c, Coupling), ours=True)
     return not _joint_problems(c, "", bodies)
 
 
 def _coordinate_problem(body: Body, coordinate: int) -> str:
-    """What is wrong with a coordinate that has to have a position of its own; or nothing."""
+    """Return the problem of a coordinate that must have its own position, or ""."""
     if coordinate >= body.dof:
         return f"the joint of '{body.name}' has {body.dof} degrees of freedom; given {coordinate}"
     if not _has_position(body, coordinate):
@@ -164,9 +164,9 @@ def _coordinate_problem(body: Body, coordinate: int) -> str:
 def sum_problems(
     part: OfSums, where: str, bodies: Bodies, of_positions: bool, *, ours: bool = False
 ) -> list[Problem]:
-    """What is wrong with the coefficients of a sum; with `ours`, with those of these bodies.
+    """Return the problems of the coefficients of a sum, with `ours` only those of these bodies.
 
-    `of_positions`: it is a sum of positions, which balls and free joints do not have.
+    A sum of positions (`of_positions`) has no terms of balls and free joints.
     """
     found = []
     for name, values in part.coefficients.items():
@@ -310,7 +310,7 @@ def switch_problems(switches: Sequence[Switch], constraints: Sequence[str]) -> l
 
 
 def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bodies) -> list[str]:
-    """What is wrong with the q or v that a scenario gives a body."""
+    """Return the problems of the q or v of a body in a scenario."""
     if name not in bodies:
         return [f"no body is named '{name}'; choose one of {choices(bodies)}"]
     body = bodies[name]
@@ -334,9 +334,9 @@ def reference_problems(
     outputs: Sequence[Output],
     names: tuple[Sequence[str], Sequence[str]],
 ) -> list[Problem]:
-    """What is wrong with the names by which parts refer to each other.
+    """Return the problems of references by name between parts.
 
-    `names` are those of all constraints and all contacts, refused ones too.
+    `names` are those of all constraints and all contacts, refused ones included.
     """
     return [
         *constraint_problems(constraints, bodies),
@@ -402,7 +402,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
 
 
 def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[Problem]:
-    """What is wrong between the parts of a model, each valid by itself."""
+    """Return the problems between the parts of a model, each valid by itself."""
     bodies = parts["bodies"]
     others = {key: parts[key] for key in PARTS if key != "bodies"}
     names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
@@ -455,9 +455,9 @@ def _names(items: Any) -> list[str]:
 
 
 def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
-    """The part without its refused fields, to check the names in the others; or None.
+    """Return the part without its refused fields, to check the other names, or None.
 
-    A body is not mended: its joint says what forces and states have to fit.
+    A body is not repaired, because its joint decides which forces and states fit.
     """
     if isinstance(item, kind):
         return item

@@ -128,7 +128,7 @@ def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
 
 
 def _extent(shape: Any) -> float:
-    """Return a length of a shape [m]; 0 where only its file knows it."""
+    """Return a length of a shape [m], 0 for a mesh file."""
     return max(shape.radius or 0.0, shape.length or 0.0, *(shape.size or shape.radii or (0.0,)))
 
 
@@ -143,12 +143,12 @@ def _starts(bodies: Sequence[Body]) -> Iterator[str]:
 
 
 def in_degrees(angle: float) -> bool:
-    """Whether an angle that should be in rad looks like one in degrees."""
+    """True if an angle that should be in rad looks like degrees."""
     return abs(angle) >= MOST_ANGLE and angle == round(angle)
 
 
 def several_turns(angle: float, word: str = "q") -> str:
-    """What to say of it."""
+    """Return the warning about such an angle."""
     turns = abs(angle) / (2 * math.pi)
     return f"{word} = {angle:g} is {turns:.3g} turns; angles are in rad: np.radians({angle:g})"
 
@@ -230,7 +230,7 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
 
 
 def _along(x: Sequence[float], axis: Vec3) -> bool:
-    """Whether a point lies on the axis."""
+    """True if a point lies on the axis."""
     square, length = _dot(axis, axis), math.hypot(*x)
     off = [a - _dot(x, axis) / square * b for a, b in zip(x, axis)]
     return math.hypot(*off) <= SOLVED * length
@@ -265,7 +265,7 @@ def _idle_parameters(model: Any) -> Iterator[str]:
 
 MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
-MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
+MOST_ANGLE = 30.0  # [rad] limit of a joint that is plausible in degrees, but not in rad
 Z = (0.0, 0.0, 1.0)
 DEFAULT_MASS = Body.model_fields["mass"].default
 DEFAULT_INERTIA = Body.model_fields["inertia"].default

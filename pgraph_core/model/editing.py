@@ -1,4 +1,4 @@
-"""What an edit does to the parts of a model: new parts from old ones, never changed in place."""
+"""Edits of the parts of a model, which make new parts from old ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     data = fields_of(old)
     if "shape" in changes or "shapes" in changes:  # `shape` means one
         data |= {"shape": None, "shapes": ()}
-    if "derived" not in changes:  # what is given follows no more
+    if "derived" not in changes:  # given values are no longer derived
         changes = {**changes, "derived": tuple(x for x in old.derived if x not in changes)}
         if "mass" in old.derived and "mass" in changes:
             changes = {"density": None, **changes}
@@ -66,7 +66,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
 
 
 def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The axes of a joint for another that takes as many; nothing where they were not chosen."""
+    """Return the axes of a joint for another one with as many, {} if they are defaults."""
     if not {"axes", "motions"}.isdisjoint(changes) or not _set(old, "axes"):
         return {}
     kind = {key: changes[key] for key in ("joint", "dof") if key in changes}
@@ -166,7 +166,7 @@ def edited_all(
 
 
 def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
-    """Validated; a refusal names the part as it is called now, not by a refused name."""
+    """Return the validated part. A refusal uses its present name, not a refused one."""
     try:
         return kind(**data)
     except ModelError as error:
@@ -174,7 +174,7 @@ def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
 
 
 def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
-    """Whether a compound joint is given other kinds of motions, to which its q do not belong."""
+    """True if a compound joint gets other kinds of motions, which its q do not fit."""
     motions = listed(changes.get("motions"))
     if old.joint != "compound" or not isinstance(motions, tuple):
         return False
@@ -185,7 +185,7 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 
 
 def _set(body: Body, field: str) -> bool:
-    """Whether a joint's field differs from what a fresh joint of its kind has."""
+    """True if a joint's field differs from the default of its kind."""
     motions = () if field in ("axes", "motions") else body.motions
     return getattr(body, field) != getattr(
         Body(name="fresh", joint=body.joint, motions=motions), field
@@ -222,7 +222,10 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 def fitted(
     body: Body, name: str, parts: Mapping[str, Sequence[Any]]
 ) -> tuple[dict[str, Any], list[str]]:
-    """What still fits a body's new joint, and a notice for each that goes; `name`: as it was."""
+    """Return the parts that fit a body's new joint, and notices of the removed ones.
+
+    `name` is the body's former name.
+    """
     bodies = {name: body}
     there = coordinates(bodies)
     gone = {c.name for c in parts["constraints"] if not fits_joint(c, bodies)}
@@ -273,7 +276,7 @@ def fitted(
 
 
 def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
-    """What a scenario says of constraints, without those that are gone."""
+    """Return the entries of a scenario on constraints, without removed ones."""
     switches = tuple(x for x in s.switches if x.constraint not in gone)
     left = followed(switches, ("force", "constraint"), lambda x: None if x in gone else x)
     return {"constraints": _left(s.constraints, gone), "switches": left}
@@ -325,7 +328,7 @@ def attached(body: Body, gone: Mapping[str, Body]) -> Body:
 def without(
     parts: Mapping[str, Sequence[Any]], names: set[str]
 ) -> tuple[dict[str, Any], list[str]]:
-    """What is left of them without the bodies called `names`, and a notice for each that goes."""
+    """Return the parts without the bodies `names`, and notices of the removed ones."""
 
     def touched(part: Constraint | Contact | Force | Site | Output) -> bool:
         return not names.isdisjoint(part.touches)

@@ -185,14 +185,14 @@ class Model(World):
 
     @cached_property
     def limited(self) -> bool:
-        """Whether a joint, a tendon or a spring has limits."""
+        """True if a joint, a tendon or a spring has limits."""
         return any(any(body.limits) for body in self.bodies) or any(
             end is not None for f in self.forces for end in ends_of(f)
         )
 
     @cached_property
     def notices(self) -> tuple[str, ...]:
-        """What the last edit, or the reading of a file, changed besides what was asked.
+        """Warnings of the last edit, or of reading a file, about additional changes.
 
         A run repeats those of all edits since the model was made or read.
         """
@@ -213,7 +213,7 @@ class Model(World):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What hardly fits or changes nothing, a sentence each; a run repeats them."""
+        """Warnings about implausible values and parts without effect. A run repeats them."""
         return tuple(doubts(self))
 
     def body(self, name: str) -> Body:
@@ -224,7 +224,7 @@ class Model(World):
         return self.bodies[self.row[name]]
 
     def __contains__(self, name: Any) -> bool:
-        """Whether a part is called `name`."""
+        """True if the model has a part `name`."""
         return any(part.name == name for key in PARTS for part in getattr(self, key))
 
     def __iter__(self) -> NoReturn:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -290,9 +290,9 @@ class Model(World):
         return found
 
     def point_of(self, constraint: Constraint) -> Vec3:
-        """`point` of a constraint in the axes of its body, also where it is left out [m].
+        """Return `point` of a constraint in the axes of its body [m].
 
-        That is the body's tip, and the middle of its shape where it rolls.
+        The default is the body's tip, and the middle of its shape for rolling.
         """
         body = self.body(constraint.body)
         if isinstance(constraint, (AtPoints, Skate)) and constraint.point is not None:
@@ -326,16 +326,16 @@ class Model(World):
         return cls(name=f"serial {count}", bodies=tuple(rows))
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """A new model in which the part `name` has the changed fields; a new name is followed.
+        """Return a new model in which the part `name` has the changed fields.
 
-        A body wins over a part of another kind with its name; `kind="contact"` or the like says
-        which of several other parts is meant.
+        References follow a new name. A body has priority over a part of another kind with the same
+        name. `kind="contact"` or the like selects one of several other parts.
 
         A body's new `joint`, `dof` or other kinds of `motions` reset that joint's q, v and springs,
-        and its axes unless the new one takes as many; forces and initial values that do not fit it
-        go (`notices` says so). Of several parents, ("a", "b"), the first is the one in the tree;
-        the others close loops, cut at joints like the body's own. Raises ModelError; this model
-        stays as it is.
+        and its axes unless the new joint has as many. Forces and initial values that do not fit are
+        removed and listed in `notices`. Of several parents, ("a", "b"), the first is the one in the
+        tree. The others close loops, cut at joints like the body's own. Raises ModelError. This
+        model stays unchanged.
         """
         which = changes.get("kind")
         if which in PARTS_OF:
@@ -459,7 +459,7 @@ class Model(World):
         return model._made((*self.notices, text))
 
     def _where_cut(self, cut: AtPoints) -> str:
-        """Where the loop closes that takes the initial state as it is, and how far that may be."""
+        """Return a sentence on the place at which the loop closes in the initial state."""
         at = poses(self.bodies)
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
@@ -538,12 +538,12 @@ class Model(World):
         kind: str | None = None,
         children: Literal["attach", "delete"] = "attach",
     ) -> Self:
-        """A new model without the part `name`, or several; what referred to them goes too, and
-        `notices` says so.
+        """Return a new model without the part `name`, or several parts.
 
-        A body wins over a part of another kind with its name; `kind="contact"` or the like says
-        which of several other parts is meant. Children of a body are attached to the next body
-        that stays on the way to the ground, at the same place at q = 0, or deleted too.
+        Parts that refer to them are removed too and listed in `notices`. A body has priority over a
+        part of another kind with the same name. `kind="contact"` or the like selects one of several
+        other parts. Children of a body are attached to the next remaining body towards the ground,
+        at the same place at q = 0, or deleted too.
         """
         names = [name] if isinstance(name, str) else list(name)
         if children not in ("attach", "delete"):
@@ -653,7 +653,7 @@ class Model(World):
         return new
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """As `replace`, by the name that pydantic has for it."""
+        """Call `replace`, under pydantic's name for it."""
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def cells(
@@ -685,7 +685,7 @@ class Model(World):
         return model
 
     def _carries(self, new: Body) -> bool:
-        """Whether the path from a row, as it is now, leads to the ground without coming back."""
+        """True if the path from a row to the ground does not pass it again."""
         name = new.parent
         while name in self.row and name != new.name:
             name = self.bodies[self.row[name]].parent
@@ -731,13 +731,13 @@ class Model(World):
         roots: Iterable[str | Path] = (),
         arguments: Mapping[str, Any] | None = None,
     ) -> Self:
-        """The model in a file; its mesh files are found from the file's folder on.
+        """Load a model from a file, with mesh files relative to its folder.
 
-        Meshes outside of that folder are refused unless they lie in one of `roots`. A file of
-        another format (.urdf, .xacro; .xml or .mjcf) is converted; `notices` names what is left out
-        or doubtful; `pg.read_urdf` and `pg.read_mjcf` give the whole report. `arguments` are those
-        of a xacro file, which is a program: load only those that you trust.
-        Raises FileError, ModelError or InputError.
+        Meshes outside of that folder are refused unless they are in one of `roots`. Files of other
+        formats (.urdf, .xacro, .xml, .mjcf) are converted, with omissions and doubts in `notices`.
+        `pg.read_urdf` and `pg.read_mjcf` return the whole report. `arguments` are those of a xacro
+        file, which is a program: load only files that you trust. Raises FileError, ModelError or
+        InputError.
         """
         if Path(path).suffix.lower() in files.FOREIGN or arguments:
             model, report = files.formats().read_model(path, roots, arguments)
@@ -746,11 +746,11 @@ class Model(World):
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
     def save(self, path: str | Path, /) -> None:
-        """Write the description; a file that is there is replaced whole or not at all.
+        """Write the description. An existing file is replaced as a whole or not at all.
 
-        The geometry of meshes that are not in its folder is written to `meshes` next to it, so that
-        the folder opens on another machine. Raises FileError, also for the suffixes of other
-        formats, whose writers tell what they leave out: `pg.write_urdf`.
+        The geometry of meshes from other folders is written to `meshes` next to the file, so that
+        the folder opens on another machine. Raises FileError, also for suffixes of other formats,
+        for which writers such as `pg.write_urdf` report omissions.
         """
         suffix = Path(path).suffix.lower()
         if suffix in files.FOREIGN:

@@ -35,7 +35,7 @@ class Site(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """The name of its body; the ground is none."""
+        """The name of its body, () for the ground."""
         return () if self.body == GROUND else (self.body,)
 
 
@@ -48,9 +48,9 @@ OF_LOAD = ("force", "torque")
 
 
 class Reading(NamedTuple):
-    """What an output gives."""
+    """Numbers of an output."""
 
-    parts: tuple[str, ...]  # of its numbers; ("",): one number
+    parts: tuple[str, ...]  # names of its numbers, ("",) for one number
     unit: str
     about: str
 
@@ -72,13 +72,14 @@ READINGS: dict[str, Reading] = {
 
 
 class Output(Described):
-    """What a run or stepper gives by `name`: `run.outputs[name]`, `stepper.outputs[name]`.
+    """Named quantity of a run or stepper: `run.outputs[name]`, `stepper.outputs[name]`.
 
-    `joint_position` and `joint_velocity` are of a coordinate of the joint of body `at`. The others
-    are of a body's or site's frame `at`. In world axes: `position` of its origin, `rotation`
-    (quaternion [w, x, y, z]), `velocity`, `angular_velocity`. In its own axes, as instruments that
-    are fixed there measure: `velocimeter`, `gyro`, `accelerometer` (acceleration less gravity),
-    `force` and `torque` that the joint passes on to the body, about the frame's origin.
+    `joint_position` and `joint_velocity` are those of a coordinate of the joint of body `at`. The
+    others are those of a body's or site's frame `at`. In world axes they are `position` of its
+    origin, `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity`. In its own
+    axes, like instruments fixed there, they are `velocimeter`, `gyro`, `accelerometer`
+    (acceleration minus gravity), and `force` and `torque` of the joint on the body about the
+    frame's origin.
     """
 
     name: Text = field("text that is not empty", label="Name")
@@ -97,7 +98,7 @@ class Output(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """The name of its body or site; the ground is none."""
+        """The name of its body or site, () for the ground."""
         return () if self.at == GROUND else (self.at,)
 
     @property

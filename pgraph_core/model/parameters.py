@@ -28,7 +28,7 @@ DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula wou
 LONGEST = 200  # characters of a formula
 MOST = 10_000  # formulas of a model: evaluating them takes about a second
 LONGEST_NAME = 60
-DEEPEST = 10  # lists within lists in which formulas are looked for; no field has more
+DEEPEST = 10  # limit on nested lists with formulas, more than any field has
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
 
@@ -54,7 +54,7 @@ _NO_ARITHMETIC = re.compile(rf"[\"'\\\0]|(?<![\w.])(?>{_NUMBER})(?=[^\W\d])")
 
 
 class Formula(Frozen):
-    """What a cell holds in place of a number, and where the cell is."""
+    """A formula in place of a number, with the place of its cell."""
 
     part: PartKind = Field(description="one of " + ", ".join(KINDS))
     name: Text = Field(description="the name of the part")
@@ -63,7 +63,7 @@ class Formula(Frozen):
 
     @property
     def where(self) -> str:
-        """As a Problem names the part."""
+        """Name of the part in a Problem."""
         return f"{_WORD[self.part]} {shown(self.name)}"
 
 
@@ -76,7 +76,7 @@ _WORD = {
 
 
 def is_formula(value: Any) -> bool:
-    """Whether a cell's content is a formula."""
+    """True if a cell contains a formula."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 
@@ -145,7 +145,7 @@ def _named(name: str, parameters: Mapping[str, float]) -> float:
 
 
 def negated(text: str) -> str:
-    """The formula of the opposite number; of that again, the formula itself."""
+    """Return the formula of the negated number, undoing a former negation."""
     inner = text.strip().removeprefix("=").strip()
     rest = inner.removeprefix("-")
     if rest != inner and (rest.isidentifier() or _enclosed(rest)):
@@ -154,13 +154,13 @@ def negated(text: str) -> str:
 
 
 def _enclosed(text: str) -> bool:
-    """Whether the first parenthesis closes with the last character."""
+    """True if the first parenthesis closes with the last character."""
     depth = [text[:k].count("(") - text[:k].count(")") for k in range(1, len(text))]
     return text[:1] == "(" and text[-1:] == ")" and min(depth, default=0) > 0
 
 
 def names_in(text: str) -> set[str]:
-    """The names that a formula uses; none where it is no formula."""
+    """Return the names that a formula uses, an empty set for other text."""
     try:
         tree = _parsed(text)
     except (SyntaxError, ValueError, MemoryError, RecursionError):
@@ -183,7 +183,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def _usable(name: str) -> bool:
-    """Whether the name may stand in a formula: no keyword, unchanged by normalisation."""
+    """True if a name may be used in a formula: no keyword, unchanged by normalisation."""
     return names_in(name) == {name}
 
 
@@ -238,7 +238,7 @@ def _formula(item: Any) -> Formula:
 
 
 def _numbers(parameters: Any) -> dict[str, float]:
-    """Those of the parameters that are numbers; the others are refused by their own field."""
+    """Return the numeric parameters. The others are refused by their own field."""
     if not isinstance(parameters, Mapping):
         return {}
     return {
@@ -261,7 +261,7 @@ def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
-    """Whether a cell of a dictionary holds a formula; most hold none."""
+    """True if a cell of a dictionary holds a formula."""
     if isinstance(value, str):
         return is_formula(value)
     if depth > DEEPEST:
@@ -293,7 +293,7 @@ def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
 
 
 def _filled(item: Any, values: Mapping[Path, float]) -> Any:
-    """A part with these numbers in its cells; validated again if it was."""
+    """Return a part with these numbers in its cells, validated again if it was."""
     new = {path: x for path, x in values.items() if not _holds(at(item, path), x)}
     if not new:
         return item
@@ -306,7 +306,7 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
 
 
 def at(value: Any, path: Sequence[str | int]) -> Any:
-    """What stands at a path; None where there is nothing."""
+    """Return the value at a path, or None."""
     for step in path:
         if isinstance(value, Mapping):
             value = value.get(step)
@@ -318,7 +318,7 @@ def at(value: Any, path: Sequence[str | int]) -> Any:
 
 
 def put(value: Any, new: Mapping[Path, Any]) -> Any:
-    """Return `value` with new values at their paths; parts on the way become dictionaries."""
+    """Return `value` with new values at their paths, turning parts on the way into dictionaries."""
     if () in new:
         return new[()]
     below: dict[str | int, dict[Path, Any]] = {}
@@ -335,7 +335,7 @@ def _is_place(value: Sequence[Any], first: str | int) -> bool:
 
 
 def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
-    """`value` with a number at a path, everywhere if it is one for all; not validated."""
+    """Return `value` with a number at a path, in all entries for a shared one, not validated."""
     if not path:
         return (x,) * len(value) if isinstance(value, tuple) else x
     first, rest = path[0], path[1:]
@@ -386,7 +386,7 @@ def followed(
 def still_true(
     formulas: Iterable[Formula], parts: Mapping[str, Sequence[Any]], parameters: Mapping[str, float]
 ) -> tuple[Formula, ...]:
-    """Those whose cell is there and holds their number."""
+    """Return the formulas whose cell exists and holds their number."""
     named: dict[str, dict[str, Any]] = {}
     kept = []
     for f in formulas:
@@ -404,7 +404,7 @@ def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
 
 
 def _holds(value: Any, number: float) -> bool:
-    """Whether a cell has this number, or a field that takes one for all has it everywhere."""
+    """True if a cell has this number, in all entries of a tuple."""
     if isinstance(value, tuple) and value:
         return all(x == number for x in value)
     return value == number

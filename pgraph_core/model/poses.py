@@ -1,4 +1,4 @@
-"""Where the bodies of a description are in its initial state, in plain NumPy."""
+"""Poses of the bodies of a description in its initial state, in plain NumPy."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from .force import Force
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]
 Pair = tuple[AtLeast0, AtLeast0]
-HARMONICS = 4  # of a wave
+HARMONICS = 4  # number of harmonics of a wave
 
 
 class Footfall(Frozen):
@@ -76,8 +76,9 @@ class Gains(Frozen):
 
 
 class Gait(Described):
-    """How a quadruped walks. Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the
-    fraction p of a stride.
+    """Gait of a quadruped.
+
+    Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the fraction p of a stride.
     """
 
     name: Text = Field(description="text that is not empty")
@@ -238,7 +239,7 @@ def _gait_in(value: Gait | Mapping[str, Any] | None) -> Gait | None:
 
 
 class Scenario(Described):
-    """What `simulate(mech, scenario=name)` runs."""
+    """Named settings of a run, for `simulate(mech, scenario=name)`."""
 
     name: Text = Field(description="text that is not empty")
     description: Text = Field(default="", description="a sentence")
@@ -277,7 +278,7 @@ class Scenario(Described):
 
 
 AUTO = "auto"  # chosen for the scene
-METHOD_NAMES = {  # as in calls and files -> as a person chooses them
+METHOD_NAMES = {  # names in calls and files -> labels
     AUTO: "automatic",
     "rk4": "Runge-Kutta 4",
     "semi_implicit_euler": "semi-implicit Euler",
@@ -293,13 +294,13 @@ METHOD_NAMES = {  # as in calls and files -> as a person chooses them
 
 
 Bodies = Mapping[str, Body | None]  # None: a body that is refused
-Known = Mapping[str, Sequence[str]]  # what a condition watches -> the names there are
+Known = Mapping[str, Sequence[str]]  # monitored quantity of a condition -> available names
 
 
 def coordinates(bodies: Bodies) -> dict[str, tuple[str, int]]:
-    """What a condition calls a coordinate -> (body, its number): 'a', or 'a 1' where a has several.
+    """Return {name in conditions: (body, number)} of coordinates, "a", or "a 1" if a has several.
 
-    Balls and free joints have none: their positions are quaternions.
+    Balls and free joints have none, since their positions are quaternions.
     """
     found = {}
     for name, body in bodies.items():
@@ -314,7 +315,7 @@ def coordinates(bodies: Bodies) -> dict[str, tuple[str, int]]:
 
 
 def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[str]) -> Known:
-    """What conditions may name."""
+    """Return the names that conditions may use."""
     return {
         "coordinate": list(coordinates(bodies)),
         "gap": list(contacts),
@@ -357,7 +358,7 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
 def _never(
     switch: Switch, others: Sequence[Switch], on: set[str], bodies: Bodies, known: Known
 ) -> str:
-    """Why the condition of a switch cannot become true; "" where it may."""
+    """Return the reason why the condition of a switch cannot become true, or ""."""
     when = switch.when
     if when is None:
         return ""
@@ -383,7 +384,7 @@ def _never(
 
 
 def _beyond(switch: Switch, bodies: Bodies) -> str:
-    """Which joint limit keeps a coordinate from crossing its value; "" where none does."""
+    """Return the joint limit that keeps a coordinate from crossing its value, or ""."""
     when = switch.when
     assert when is not None
     name, k = coordinates(bodies).get(when.coordinate or "", ("", 0))
@@ -430,7 +431,7 @@ def _endless(switches: Sequence[Switch]) -> str:
 def followed(
     switches: Sequence[Switch], whats: Sequence[str], called: Callable[[str], str | None]
 ) -> tuple[Switch, ...]:
-    """The switches with new names in their conditions; those whose name is None go."""
+    """Rename the objects of the switches' conditions, dropping those whose name becomes None."""
     found = []
     for s in switches:
         if s.when is not None and s.when.subject[0] in whats:

@@ -1,4 +1,4 @@
-"""What pydantic refuses, as sentences, and in our words where another program's were given."""
+"""Errors of pydantic as sentences, with our words for those of other programs."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def all_problems(
     where: str,
     followers: Mapping[str, tuple[str, ...]],
 ) -> list[Problem]:
-    """What validation says, and what it says of the other fields once the refused ones are out.
+    """Return the problems of a part, those of other fields without the refused ones included.
 
-    One refused field hides what a validator of the whole would say of the others. `followers`
-    mean nothing without their field: they go with it, unsaid.
+    A refused field hides the findings of validators of the whole part, so validation is repeated
+    without it. `followers` have no meaning without their field and are dropped with it.
     """
     found: list[Problem] = []
     refused: set[str] = set()
@@ -62,7 +62,7 @@ def _problems(
         ours = [pair for item in about for pair in item.get("ctx", {}).get("problems", ())]
         if ours:
             found |= {Problem(where, field or inner, text): None for inner, text in ours}
-        else:  # of a union's complaints, the one that looks inside the value
+        else:  # the most specific of a union's errors
             found_in = (_of_whole(item, data.get(field, item.get("input"))) for item in about)
             _, text = max((_sentence(x, kind.model_fields) for x in found_in), key=lambda s: s[0])
             found[Problem(where, field, text)] = None
@@ -78,7 +78,7 @@ def _of_whole(item: Any, value: Any) -> Any:
 
 
 def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
-    """Whether it is about a part of the field's value, and what would do."""
+    """Return (True if the error is about a part of the value, the sentence)."""
     field, *inside = [part for part in item["loc"] if isinstance(part, str)] or [""]
     parts = _parts_of(known[field].annotation) if field in known else {}
     within, names = None, []
@@ -120,7 +120,7 @@ def _expected(item: Any, field: FieldInfo) -> str:
 
 
 def _meant(item: Any, given: Any, field: FieldInfo) -> str:
-    """What to write in place of a value that other programs take."""
+    """Return the replacement of a value that other programs accept."""
     name = item["loc"][0] if item["loc"] else ""
     if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
         return f"; write (0, 0, {-abs(given)}) where z is up"
@@ -136,7 +136,7 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
 
 
 def along(given: Any) -> str:
-    """'; write (0, 1, 0)' for an axis that is given as "y"."""
+    """Return the hint "write (0, 1, 0)" for an axis given as "y"."""
     letter = given.removeprefix("-") if isinstance(given, str) else ""
     if letter not in ("x", "y", "z"):
         return ""
@@ -153,14 +153,14 @@ def _leaves(value: Any) -> Iterator[Any]:
 
 
 def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
-    """The fields of the objects that a value may be, such as a shape's; else none."""
+    """Return the fields of the objects that a value may be, such as a shape's, else {}."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation.model_fields
     return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
 
 
 def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return refused fields of a part under our names and choices; empty where nothing changes."""
+    """Return refused fields of a part under our names and choices, {} without a change."""
     found = _ours(kind.model_fields, data)
     if "name" in kind.model_fields and "name" not in found and isinstance(found.get("body"), str):
         found["name"] = _name_of(kind, found)
@@ -168,7 +168,7 @@ def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, An
 
 
 def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
-    """Whether two mappings hold the same objects."""
+    """True if two mappings hold the same objects."""
     return a.keys() == b.keys() and all(a[name] is b[name] for name in a)
 
 
