@@ -42,7 +42,7 @@ class Topology(EqualByFields, Portable):
 
     @classmethod
     def of(cls, model: Model) -> Topology:
-        """The topology of a valid model; O(n)."""
+        """Return the topology of a valid model in O(n)."""
         bodies, rows = model.bodies, model.row
         given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
         order = depth_first(given)
@@ -89,12 +89,12 @@ class Topology(EqualByFields, Portable):
 
     @property
     def separation_bodies(self) -> Ints:
-        """Numbers of the bodies with more than one child, ascending; never the ground."""
+        """Numbers of the bodies with more than one child, ascending, without the ground."""
         many = np.flatnonzero(self._children() > 1)
         return many[many > 0]
 
     def _children(self) -> Ints:
-        """(nb + 1,) number of children; the ground is never taken for a tip."""
+        """Return the number of children (nb + 1,), at least 1 for the ground."""
         count = np.bincount(self.parent, minlength=self.nb + 1)
         count[0] = max(count[0], 1)
         return count
@@ -168,7 +168,7 @@ def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
             if not separation_stack:  # step 5
                 break
             i = separation_stack.pop()
-            pgraph.append(i)  # step 5: back to the last separation body; it adds no DoF
+            pgraph.append(i)  # step 5: back to the last separation body, which adds no DoF
             if len(children[i]) > 1:
                 separation_stack.append(i)
         i = children[i].pop()  # steps 4 and 6: an untraversed child, the left one

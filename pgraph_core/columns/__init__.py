@@ -124,7 +124,7 @@ class Columns(Portable):
         self._keep(None if names is None else names_of(names, nb), None)
         check = ready(packing.gather)
         if not (JIT and all(type(x) is np.ndarray for x in given)):  # numba follows lists that
-            given = converted(given)  # hold themselves; uncompiled code takes any type
+            given = converted(given)  # hold themselves. Uncompiled code accepts any type
         try:
             wrong, row, above = check(*given, nq, *self.numbers)
         except TypeError:  # lists, single numbers, other types: looked at one by one

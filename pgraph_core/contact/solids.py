@@ -61,12 +61,12 @@ class Solid:
     kind: int
     vertices: Array  # (n, 3) [m]
     rings: tuple[tuple[int, ...], ...] = ()  # vertices around each face, from outside
-    edges: Array | None = None  # (m, 4); left out: found from the rings
+    edges: Array | None = None  # (m, 4), by default found from the rings
     radius: float = 0.0
     half: float = 0.0
     radii: tuple[float, float, float] | None = None
-    columns: int = 0  # of a heightfield, whose vertices are its heights, row by row
-    depth: float = 0.0  # of its solid below the lowest of them
+    columns: int = 0  # columns of a heightfield, whose vertices are its heights by rows
+    depth: float = 0.0  # depth of its solid below the lowest height
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -98,7 +98,7 @@ def sphere(radius: float) -> Solid:
 
 
 def capsule(radius: float, length: float) -> Solid:
-    """Along z; `length` is without the caps."""
+    """Return a capsule along z, with `length` without the caps."""
     ends = np.array(((0.0, 0.0, -length / 2), (0.0, 0.0, length / 2)))
     return Solid(CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
 
@@ -123,7 +123,7 @@ def ellipsoid(radii: Sequence[float]) -> Solid:
 
 
 def heightfield(size: Sequence[float], heights: Any) -> Solid:
-    """Over a rectangle about the origin; heights[i][j] at place i along x and j along y."""
+    """Return a field over a rectangle about the origin, heights[i][j] at x number i, y number j."""
     heights = np.asarray(heights, float)
     places = [np.linspace(-w / 2, w / 2, n) for w, n in zip(size, heights.shape)]
     grid = np.meshgrid(*places, indexing="ij")
@@ -140,7 +140,7 @@ def points(places: Any) -> Solid:
 
 
 def hull(places: Any) -> Solid:
-    """The convex hull of points that span a volume; facets in one plane are one face."""
+    """Return the convex hull of points that span a volume, with coplanar facets as one face."""
     from scipy.spatial import ConvexHull
 
     places = np.asarray(places, float)
@@ -220,7 +220,7 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
 
 
 def _are_level(places: Array, triangles: Array, near: float) -> bool:
-    """Whether all corners of these triangles are this near to one plane [m]."""
+    """True if all corners of these triangles are within `near` of one plane [m]."""
     p, q, r = places[triangles].transpose(1, 0, 2)
     normal = np.cross(q - p, r - p).sum(axis=0)
     return bool(
@@ -229,7 +229,7 @@ def _are_level(places: Array, triangles: Array, near: float) -> bool:
 
 
 def _outline(triangles: Array) -> Array | None:
-    """The vertices around triangles of one plane; None where that is not one closed line."""
+    """Return the outline of triangles in a plane, or None if it is not one closed line."""
     edges = {(u, v) for t in triangles.tolist() for u, v in zip(t, (*t[1:], t[0]))}
     after = {u: v for u, v in edges if (v, u) not in edges}
     if len(after) != sum((v, u) not in edges for u, v in edges):
@@ -385,7 +385,7 @@ def solid_of(shape: Shape, unit: str = "m") -> Solid:
 
 
 def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
-    """(centres (n, 3), radius) of the balls that touch a plane; None: it has none."""
+    """Return (centres (n, 3), radius) of the balls that touch a plane, or None."""
     kind = KINDS.get(shape.kind)
     return kind.balls(shape) if kind and kind.balls else None
 
@@ -425,7 +425,7 @@ def _hull_excess(file: str, scale: Scale, changed: int) -> float:
 
 
 MOST_PARTS = 64
-CORNERS = 32  # of a part at most
+CORNERS = 32  # limit on the corners of a part
 
 
 def convex_parts(file: str | Path, scale: Scale = 1.0) -> tuple[Solid, ...]:
@@ -456,10 +456,10 @@ def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
 
 
 class Kind(NamedTuple):
-    """How a kind of shape touches.
+    """Contact geometry of a kind of shape.
 
-    `balls` are (centres, radius) by which it touches a plane in event-driven runs; None where it
-    does not touch by a few balls.
+    `balls` are (centres, radius) by which it touches a plane in event-driven runs, or None if a few
+    balls do not suffice.
     """
 
     solid: Callable[[Shape], Solid]
@@ -519,11 +519,11 @@ def terrain_of(model: Model) -> Terrain:
 
 
 def _patches(model: Model) -> tuple[list[tuple[float, ...]], float]:
-    """Rectangles (x0, x1, y0, y1, height, 1 of a box) that do not overlap; how deep boxes reach."""
+    """Return disjoint rectangles (x0, x1, y0, y1, height, 1 for a box) and the boxes' depth."""
     steps = []
     for step in model.ground.steps:
         spans = list(zip(step.low, step.high))
-        if model.up == "y":  # x, z in the description; z, x in the plane's own axes
+        if model.up == "y":  # x, z in the description are z, x in the plane's own axes
             spans.reverse()
         steps.append((*spans[0], *spans[1], step.height))
     if not steps:

@@ -86,7 +86,7 @@ def acting(one, knots, first, count, t):
     n, slope = piece_of(knots, first, count, t)
     ahead = t - knots[n, 0]
     u = knots[n, 1]
-    if one.integrates:  # u keeps its sign between two knots, so the bound is met at once
+    if one.integrates:  # u keeps its sign between two knots, so the bound is reached once
         y = knots[n, 3] + (u + 0.5 * slope * ahead) * ahead
         return min(max(y, one.least), one.most)
     return follow(knots[n, 3], u, slope * ahead, ahead / one.lag)

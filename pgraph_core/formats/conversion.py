@@ -1,4 +1,4 @@
-"""What became of a file: what was read, converted, approximated and left out, and where it was."""
+"""Report on a file: read, converted, approximated and omitted parts, with their places."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Entry:
     kind: Kind
     where: str  # "robot.urdf, line 12, joint 'knee'"
     text: str
-    acts: bool = False  # of what is left out: whether it would act on the motion
+    acts: bool = False  # True if the omitted part would affect the motion
     part: str = ""  # name of the body or other part of the model that it is about
 
     def __str__(self) -> str:
@@ -50,14 +50,14 @@ class Entry:
 @explained
 @dataclass
 class Report:
-    """What a reader or writer did with a file; `str` of it is a list of sentences."""
+    """Report of a reader or writer. `print` shows a list of sentences."""
 
     file: str
     entries: list[Entry] = field(default_factory=list[Entry])
     repairs: dict[str, tuple[tuple[float, ...], ...]] = field(
         default_factory=dict[str, tuple[tuple[float, ...], ...]]
     )  # body -> the nearest inertia (3, 3) that a rigid body can have [kg m^2]
-    refused: str = ""  # of a file that was written: why its program will refuse it, and what to do
+    refused: str = ""  # reason why the written file's program will refuse it, and a remedy
 
     def add(self, kind: Kind, where: str, text: str, *, acts: bool = False, part: str = "") -> None:
         """One more line."""
@@ -69,17 +69,17 @@ class Report:
 
     @property
     def loaded(self) -> bool:
-        """Whether nothing that acts is left out."""
+        """True if no part that affects the motion is omitted."""
         return not any(entry.acts for entry in self.of("left out"))
 
     def attached_to(self, model: Model) -> Model:
-        """Return the model with the entries that act and are left out as `model.lost`."""
+        """Return the model with omitted parts that affect the motion as `model.lost`."""
         lost = (f"{e.where}: {e.text}" for e in self.of("left out") if e.acts)
         vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
         return model
 
     def noted(self, model: Model) -> Model:
-        """Return the model with what is left out or doubtful as its `notices`."""
+        """Return the model with omissions and doubts as its `notices`."""
         worth = (str(e) for e in self.entries if e.kind in ("left out", "warning"))
         vars(model)["notices"] = tuple(worth)
         return model
@@ -173,7 +173,7 @@ MOST_INERTIA = float(np.finfo(float).max ** 0.5) / 10  # [kg m^2] squares of it 
 
 
 def why_unphysical(inertia: np.ndarray) -> str:
-    """Why no rigid body has this inertia; "" where one has."""
+    """Return the reason why no rigid body has this inertia, or ""."""
     rows = tuple(tuple(row) for row in inertia.tolist())
     return "; ".join(text for _, text in inertia_problems(rows))
 
@@ -208,9 +208,9 @@ def _nearest_moments(moments: np.ndarray) -> np.ndarray:
 def unphysical(
     report: Report, where: str, name: str, mass: float, inertia: np.ndarray
 ) -> dict[str, Any]:
-    """Fields of a body that keep an inertia which no rigid body has; it is told, with a repair.
+    """Return fields of a body that keep an impossible inertia, and report it with a repair.
 
-    Raises FileError for one that overflows.
+    Raises FileError for an inertia that overflows.
     """
     if not (np.abs(inertia) < MOST_INERTIA).all():
         text = f"its numbers overflow; moments below {MOST_INERTIA:g} kg m^2 are read"
@@ -236,7 +236,7 @@ TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
 
 
 def suspect_units(report: Report, model: Model, reach: float) -> None:
-    """Warn of numbers that look like millimetres, grams or degrees; `reach` of the model [m]."""
+    """Warn of numbers that look like millimetres, grams or degrees, from the `reach` [m]."""
     if reach > TALL:
         text = f"bodies are up to {reach:.4g} m apart: are the lengths in millimetres?"
         report.add("warning", report.file, text)
@@ -256,11 +256,11 @@ def suspect_units(report: Report, model: Model, reach: float) -> None:
 
 
 class MeshSize(NamedTuple):
-    """How large a mesh is in the model."""
+    """Size of a mesh in the model."""
 
-    where: str  # in the file
+    where: str  # place in the file
     body: str
-    name: str  # of the mesh, as the file gives it
+    name: str  # name of the mesh in the file
     size: float  # [m] largest extent
 
 
@@ -319,7 +319,7 @@ class Folders:
         return None
 
     def holds(self, path: Path) -> bool:
-        """Whether a path, its links followed, lies in one of the folders."""
+        """True if a path, with links resolved, is in one of the folders."""
         try:
             return self._inside(path.resolve())
         except (OSError, RuntimeError, ValueError):
@@ -347,7 +347,7 @@ class Folders:
         return next((folder for folder in tries if folder.is_dir()), None)
 
     def _packaged(self, rest: str) -> tuple[Path | None, str]:
-        """Of 'name/path/in/it': in a folder called so above the file or in a root."""
+        """Find "name/path/in/it" in a folder of that name above the file or in a root."""
         package, _, inside = rest.partition("/")
         tries: list[Path] = []
         for root in self.allowed:

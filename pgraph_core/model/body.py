@@ -90,7 +90,7 @@ def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
 
 
 class Body(Described):
-    """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
+    """A rigid body and its joint, in SI units and the frames of docs/conventions.md."""
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
         ("joint", "dof", "axes", "motions"), JOINT_FIELDS
@@ -216,13 +216,13 @@ class Body(Described):
     @model_validator(mode="before")
     @classmethod
     def _joint_from_dof(cls, data: Any) -> Any:
-        """`dof` picks the joint; the short forms of axes, motions, q, v, ... are filled in."""
+        """Select the joint by `dof` and expand the short forms of axes, motions, q, v, ..."""
         if not isinstance(data, dict):
             return data
         data = {
             key: value
             for key, value in data.items()
-            if value is not None or key in ("name", "mass", "com", "inertia")  # which None is not
+            if value is not None or key in ("name", "mass", "com", "inertia")  # these refuse None
         }
         if "density" in data and "derived" not in data and {"shape", "shapes"} & data.keys():
             data["derived"] = tuple(x for x in ("mass", "com", "inertia") if x not in data)
@@ -236,7 +236,7 @@ class Body(Described):
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
-        if "checked" in vars(self):  # as a part of another model
+        if "checked" in vars(self):  # already validated in another model
             return self
         found = name_problems(self.name)
         if self.shape is not None and self.shapes and self.shape != self.shapes[0]:
@@ -257,7 +257,7 @@ class Body(Described):
         return self
 
     def _derive(self) -> list[tuple[str, str]]:
-        """Set the fields that follow from the shapes; or say why they do not."""
+        """Set the fields derived from the shapes, or return the problems."""
         if self.density is not None and "mass" not in self.derived:
             text = "is used only where `derived` names 'mass'"
             do = "give derived=('mass', 'com', 'inertia'), or leave the density out"
@@ -366,7 +366,7 @@ class Body(Described):
 
 
 def _alike(a: Any, b: Any) -> bool:
-    """Whether two derived values agree but for rounding."""
+    """True if two derived values agree up to rounding."""
     size = np.abs(b).max(initial=0.0)
     return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
 
@@ -400,7 +400,7 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
 
 
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
-    """`motions` is what the joint does; `axes` alone picks the directions of the kind's own."""
+    """Fill in `motions`. `axes` alone gives the directions of the kind's own motions."""
     motions = listed(data.get("motions")) or joints.DEFAULT[kind]
     try:
         motions = tuple(_motion(*m) for m in motions)
@@ -431,7 +431,7 @@ def _motion(kind: Any, axis: Any = None) -> Motion:
 
 
 def _directions(axes: Any) -> tuple[Any, ...] | None:
-    """One (x, y, z) a motion, also written without outer brackets; None for anything else."""
+    """Return one (x, y, z) per motion, also without outer brackets, None for anything else."""
     axes = listed(axes if axes is not None else ())
     if isinstance(axes, tuple) and len(axes) == 3 and not any(isinstance(a, tuple) for a in axes):
         axes = (axes,)
@@ -477,7 +477,7 @@ def _limits(value: Any, count: int) -> Any:
 
 
 def _bound(pair: Any) -> Any:
-    """A pair with None for what bounds nothing; None for a pair that does not bound at all."""
+    """Return a pair with None for infinite bounds, or None for a pair without bounds."""
     if isinstance(pair, tuple) and len(pair) == 2:
         pair = tuple(None if x == end else x for x, end in zip(pair, (-math.inf, math.inf)))
     return None if pair in ((), (None, None)) else pair
@@ -526,9 +526,9 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
 
 
 def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
-    """Whether tr(I)/2 - I + slack is positive definite, by the pivots of Cholesky's method.
+    """True if tr(I)/2 - I + slack is positive definite, by the pivots of Cholesky's method.
 
-    That is the triangle inequality, from which the rest follows, without eigenvalues.
+    This is the triangle inequality, from which the rest follows, without eigenvalues.
     """
     (a, d, e), (_, b, f), (_, _, c) = inertia
     half = 0.5 * (a + b + c) + slack

@@ -49,7 +49,7 @@ class Constraint(OfKinds):
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "constraint"
-    ROWS: ClassVar[int] = 0  # of a kind: how many scalar equations it is
+    ROWS: ClassVar[int] = 0  # number of scalar equations of the kind
     NOTHING: ClassVar[Mapping[str, Any]] = {"other": GROUND}
 
     name: Text = field("text that is not empty", label="Name")
@@ -172,7 +172,7 @@ class Distance(AtPoints):
 
 
 class OneDirection(AlongAxes):
-    """Of the two directions, one is given."""
+    """A constraint with one given direction of two."""
 
     OF: ClassVar[str] = ""
 

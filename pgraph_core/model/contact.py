@@ -1,4 +1,4 @@
-"""What touches what, and by which law."""
+"""Contacts: which bodies touch, and the laws of contact."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pydantic import model_validator
 from .fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
 from .world import Ground, below_kinetic
 
-CROWD = 20  # bodies of which every two are a contact pair of their own; of more, all are one
+CROWD = 20  # number of bodies up to which every two are a separate contact pair
 
 
 class Frictions(NamedTuple):
-    """Of one contact."""
+    """Friction coefficients of one contact."""
 
     kinetic: float
     static: float
@@ -105,7 +105,7 @@ class Contact(Described):
         return self.body, self.other
 
     def touch_name(self, body: str, other: str) -> str:
-        """What results call its pair of these two bodies; "" where they are none of it."""
+        """Return the name in results of its pair of these two bodies, or ""."""
         many, most = self.body == EVERY, self.other == EVERY
         if (not many and self.body != body) or (not most and self.other != other):
             return ""

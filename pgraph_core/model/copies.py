@@ -19,7 +19,7 @@ from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
 
-Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy
+Names = Mapping[str, str]  # names of the copies by old names
 
 
 def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
@@ -37,7 +37,7 @@ def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """`name`, or its next number where that is taken: femur, femur_2; 7, 8."""
+    """Return `name`, or the next free number: femur, femur_2, or 7, 8."""
     taken = set(taken)
     if name not in taken:
         return name
@@ -77,7 +77,7 @@ def copied(
     known = {body.name: body for body in parts["bodies"]}
     copy = _Copy(names, mirror, root, known)
     found: dict[str, Any] = {"bodies": bodies}
-    called: dict[str, Names] = {"bodies": names}  # of each kind: old name -> that of the copy
+    called: dict[str, Names] = {"bodies": names}  # names of the copies of each kind
     for kind in ("constraints", "contacts", "forces", "sites", "outputs"):
         if kind == "outputs":
             copy.names = {**names, **called["sites"]}
@@ -104,7 +104,7 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
 
 
 def _takes_point(part: Constraint | Contact | Force) -> bool:
-    """Whether `point` of a part is a place even where it is left out."""
+    """True if `point` of a part has a default place."""
     return "point" in type(part).model_fields
 
 
@@ -125,7 +125,7 @@ class _Copy:
         return [p.unchecked_copy({"name": own[p.name]}) for p in new], own
 
     def part(self, part: Any) -> Any:
-        """The copy of a constraint, contact or force, its name as it was; None where none is."""
+        """Return the copy of a constraint, contact or force with its old name, or None."""
         if self.names.keys().isdisjoint(part.touches):
             return None
         copy = renamed(part, self.names)
@@ -140,7 +140,7 @@ class _Copy:
         return copy
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
-        """That of the copy's cell, with the sign that the reflection gives it; None: a number."""
+        """Return the formula of the copy's cell with its reflected sign, None for a number."""
         if f.name not in called:
             return None
         part = probed(next(x for x in parts if x.name == f.name), f.path, 1.0)
@@ -175,7 +175,7 @@ class _Copy:
         return s.unchecked_copy({**states, **active, "forces": forces})
 
     def reflected(self, part: Constraint | Contact | Force | Output) -> dict[str, Any] | None:
-        """The changed fields of a part; None where its fields cannot say its mirror image."""
+        """Return the changed fields of a part, None if they cannot express its mirror image."""
         assert self.mirror is not None
         if isinstance(part, Output):
             return {}
@@ -205,7 +205,7 @@ class _Copy:
         return change
 
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
-        """Whether places on bodies that are not copied lie in the frame of the reflection."""
+        """True if places on bodies that are not copied are in the frame of the reflection."""
         own = (*self.names, self.root.parent)
         if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
             return False
@@ -303,7 +303,7 @@ class Mirror:
         return tuple(found)
 
     def keeps(self, body: Body, coordinate: int) -> bool:
-        """Whether a degree of freedom of a joint has the same value in the reflection."""
+        """True if a degree of freedom of a joint has the same value in the reflection."""
         ones = (1.0,) * body.dof
         return self.coordinates("v", ones, body.sequence)[coordinate] == 1.0
 

@@ -180,7 +180,7 @@ FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor 
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the shapes are at most one, as schema 1 has it."""
+    """True if there is at most one shape, as in schema 1."""
     if len(shapes) > 1:
         return False
     return all(
@@ -293,9 +293,9 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
 
 
 def user_folder(variable: str, below_home: str) -> Path:
-    """Where a program of this user keeps its files: $variable/pgraph, or below the home.
+    """Return the folder of this user's files: $variable/pgraph, or below the home.
 
-    Without a home, as in some containers, a folder among the temporary ones.
+    Without a home, as in some containers, it is a temporary folder.
     """
     given = os.environ.get(variable) or os.environ.get("LOCALAPPDATA")
     home = os.path.expanduser("~")
@@ -316,7 +316,7 @@ def _umask() -> int:
 
 
 def _number(digits: str) -> int | float:
-    """A whole number; one beyond all floats is infinite, for its field to refuse."""
+    """Parse a whole number, infinite beyond all floats, for its field to refuse."""
     return int(digits) if len(digits) < 310 else float(digits)
 
 
@@ -340,11 +340,11 @@ def _refuse_too_large(text: str, source: str) -> None:
 
 
 def _plainly_small(text: str) -> bool:
-    """Whether text is within the limits, by counts that take a tenth of the time of exact ones."""
+    """True if text is within the limits, by counts ten times faster than exact ones."""
     if "\\" in text or text.count(",") + text.count(":") > MOST_VALUES:
         return False
     left = text.encode(errors="replace").translate(SQUARE, OTHERS)
-    left = left.replace(b'""', b"")  # strings; one that holds a bracket leaves a quote
+    left = left.replace(b'""', b"")  # removes strings, but for quotes around brackets
     for _ in range(SHALLOW):
         left = left.replace(b"[]", b"")  # the innermost levels
     return not left
@@ -367,7 +367,7 @@ def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 # -- mesh files ------------------------------------------------------------------------------------
 
 
-FOLDER = "meshes"  # where a saved model keeps meshes from elsewhere, next to its file
+FOLDER = "meshes"  # folder of meshes from elsewhere next to a saved model
 ALLOWED = "PGRAPH_MESHES"  # environment: more folders whose meshes a model may name
 ALLOW = "allow its folder: roots=[FOLDER] in Python, --root FOLDER in the terminal"
 
@@ -487,9 +487,9 @@ def _carried(body: str, file: Path, folder: Path) -> str:
 
 
 def _geometry(file: Path, to: Path) -> tuple[Path, bytes]:
-    """Where a copy of a mesh goes, and its content: vertices and faces, nothing else of the file.
+    """Return the path of a mesh's copy and its content: vertices and faces alone.
 
-    STL stays STL; other formats become OBJ, which loses no digit.
+    STL stays STL. Other formats become OBJ, which loses no digit.
     """
     mesh = parsed_mesh(file)
     if file.suffix.lower() == ".stl":

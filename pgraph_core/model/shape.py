@@ -127,7 +127,7 @@ class Shape(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _of_its_kind(cls, data: Any) -> Any:
-        """A size that is of other kinds is told before what is wrong with its value."""
+        """Refuse sizes of other kinds before checking their values."""
         kind = data.get("kind") if isinstance(data, Mapping) else None
         if (
             isinstance(kind, str)
@@ -177,11 +177,11 @@ class Shape(Frozen):
         return self
 
     def _scales(self) -> bool:
-        """Whether `scale` leaves a mesh that has a volume."""
+        """True if `scale` leaves a mesh with a volume."""
         return all(self.scale) if isinstance(self.scale, tuple) else self.scale > 0
 
     def _tapered(self) -> list[tuple[str, str]]:
-        """What is wrong with a shape that tapers."""
+        """Return the problems of a tapered shape."""
         if self.role != "visual":
             text = "a shape that tapers is only drawn; give role 'visual'"
             return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
@@ -240,7 +240,7 @@ def _one(kind: str) -> str:
 
 
 class MassProperties(NamedTuple):
-    """Of a rigid body, in its own frame."""
+    """Mass properties of a rigid body in its own frame."""
 
     mass: float  # [kg]
     com: Array  # (3,) [m]
@@ -248,9 +248,9 @@ class MassProperties(NamedTuple):
 
 
 def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProperties:
-    """Of a body that fills its shape evenly; `density` [kg/m^3].
+    """Return the mass properties of a homogeneous shape with `density` [kg/m^3].
 
-    A mesh must be closed; `unit` is that of its file. Raises ModelError, FileError.
+    A mesh must be closed, and `unit` is that of its file. Raises ModelError, FileError.
     """
     if not 0 < density < math.inf:
         raise ModelError(
@@ -325,13 +325,13 @@ def _turned(shape: Shape) -> tuple[float, Array, Array]:
     z, area = np.concatenate(z), math.pi * np.concatenate(dz) * np.concatenate(square)
     volume = float(area.sum())
     middle = float(area @ z) / volume
-    disc = area * np.concatenate(square) / 4  # of each disc about a diameter
+    disc = area * np.concatenate(square) / 4  # inertia of each disc about a diameter
     across = float(disc.sum() + area @ (z - middle) ** 2)
     return volume, np.array((0.0, 0.0, middle)), np.diag((across, across, 2 * float(disc.sum())))
 
 
 def _enclosed(vertices: Array, faces: Array) -> tuple[float, Array, Array]:
-    """As `_volume`, of what a closed surface encloses: tetrahedra from the origin [Tonon 2004]."""
+    """Return `_volume` of a closed surface, by tetrahedra from the origin [Tonon 2004]."""
     p = vertices[faces]
     volumes = np.linalg.det(p) / 6
     volume = volumes.sum()
@@ -354,7 +354,7 @@ def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 
 def leak(mesh: Any) -> str:
-    """Why a mesh has no volume; "" where it has one."""
+    """Return the reason why a mesh has no volume, or ""."""
     if mesh.is_watertight and mesh.is_winding_consistent:
         return ""
     edges = np.sort(mesh.edges, axis=1)
@@ -371,7 +371,7 @@ def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:
 
 
 def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassProperties:
-    """Of a body that fills several shapes evenly; what they share counts twice.
+    """Return the mass properties of several homogeneous shapes, counting overlaps twice.
 
     Raises ModelError, FileError.
     """

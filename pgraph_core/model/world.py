@@ -118,7 +118,7 @@ def below_kinetic(
 
 
 def _gravity_in(value: npt.ArrayLike | None) -> Vec3:
-    """Three numbers; None: down along `up`."""
+    """Return three numbers, None for downwards along `up`."""
     return listed(value)
 
 

@@ -1,7 +1,7 @@
-"""Forces as tables for the kernels; columns in `engine/layout.py`.
+"""Forces as tables for kernels, with the columns of `engine/layout.py`.
 
 *Drives* act in joints: springs, dampers, friction, tendons, motors, servos. *Loads* act on bodies
-and between two: wrenches, springs, torsion springs, drags.
+and between two bodies: wrenches, springs, torsion springs, drags.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
-    """Those that act on bodies; the others act in joints."""
+    """Return the forces that act on bodies. The others act in joints."""
     return [f for f in forces if isinstance(f, OnBody)]
 
 
@@ -159,7 +159,7 @@ def _over(t: Array, value: Any) -> Array:
 # -- drives --------------------------------------------------------------------------------
 
 
-LATEST: list[tuple[tuple[Force, ...], Any, Drives]] = []  # what was asked, and the answers
+LATEST: list[tuple[tuple[Force, ...], Any, Drives]] = []  # the latest arguments and results
 KEPT_ANSWERS = 4
 
 
@@ -234,7 +234,7 @@ def length_at(terms: Sequence[tuple[int, int, float]], q: Array) -> float:
 def _placed(
     own: Sequence[tuple[int, int, float]], springs: bool, terms: list[tuple[float, float, float]]
 ) -> tuple[int, int, int, int]:
-    """(velocity, coordinate, first term, terms) of a row; its terms go to `terms`."""
+    """Return (velocity, coordinate, first term, terms) of a row, and append to `terms`."""
     at_v, at_q, factor = own[0]
     at_q = at_q if springs else -1
     if len(own) == 1 and factor == 1.0:
@@ -327,7 +327,7 @@ def _times_of_tables(t: Array, first: Any, count: Any) -> Array:
 
 
 def has_springs(body: Body) -> bool:
-    """Whether a joint has a spring, a damper or friction."""
+    """True if a joint has a spring, a damper or friction."""
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
@@ -378,7 +378,7 @@ AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 
 def _following(knots: Array, f: OnJoint) -> Follows:
-    """Put what acts at each knot into its last column, exactly; how it follows the input."""
+    """Write the active value of each knot into the last column. Returns the response."""
     gain, torque, kp, _ = f.law
     scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
     least, most = sorted(shift + scale * x if scale else shift for x in f.states)
@@ -394,7 +394,7 @@ def _following(knots: Array, f: OnJoint) -> Follows:
 
 
 def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -> float:
-    """What acts a time `ahead` after y did, of an input u + slope t."""
+    """Return the active value a time `ahead` after y, for an input u + slope t."""
     lag, integrates, least, most = follows
     if integrates:
         return min(max(y + (u + 0.5 * slope * ahead) * ahead, least), most)

@@ -185,7 +185,7 @@ class Operators:
 
     @cached_property
     def base(self) -> Array:
-        """(6 nb,) V'_0 = [0; -g] of the roots' parent: gravity as acceleration (R7)."""
+        """V'_0 = [0, -g] (6 nb,) of the roots' parent, which is gravity as acceleration (R7)."""
         held = np.concatenate((np.zeros(3), -np.array(self.model.gravity)))
         return np.outer(self.topology.parent == 0, held).reshape(-1)
 

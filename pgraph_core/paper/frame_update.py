@@ -54,9 +54,9 @@ class Movement(NamedTuple):
 class FrameVectors:
     """Vectors that Fig. 7 updates: links, axes of motion and axes of the body frames, world axes.
 
-    A body's rows of `vectors` are the link to the start of its joint, then for each motion its
-    displacement [m] and its axes (one, or the three of a ball or free motion), then the three
-    axes of the body's frame.
+    A body's rows of `vectors` begin with the link to the start of its joint. For each motion follow
+    its displacement [m] and its axes (one, or the three of a ball or free motion). The three axes
+    of the body's frame come last.
     """
 
     topology: Topology

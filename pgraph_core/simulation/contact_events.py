@@ -30,10 +30,10 @@ from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
-SAME_TIME = 1e-10  # of the motion's own time: touchdowns within it are one impact
-SHORTEST = 1e-11  # of that: a flight below it is none
-UNRESOLVED = 2e-10  # of that, or of a longer run: rounding over it is no speed
-HIDDEN = 2e-3  # of a bounce's height, or more, is rounding: the bounces are over
+SAME_TIME = 1e-10  # interval of touchdowns of one impact, relative to the motion's own time
+SHORTEST = 1e-11  # shortest flight relative to the same time
+UNRESOLVED = 2e-10  # interval whose speeds are rounding, relative to that time or the run
+HIDDEN = 2e-3  # rounding relative to a bounce's height above which bounces end
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
 MANY = 300  # events at one time: they do not end
@@ -88,8 +88,8 @@ class ContactEvents:
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
 
     def _sizes(self) -> Array:
-        """What the gap of each point is small against: of what its height is summed [m], or a
-        limit's range [rad, m].
+        """Return the scale of each point's gap: the lengths in its height [m], or a limit's
+        range [rad, m].
         """
         heights = self.scene.points["rounding"] / point_kernels.ROUNDING
         limits = [point.limit for point in self.scene.contact_points]
@@ -134,7 +134,7 @@ class ContactEvents:
                 self.scene.frames[name][i] = self.scene.points[name]
 
     def advance(self, budget: int) -> int:
-        """Take at most `budget` steps and frames; the kernel's status code, EVENT if it stopped."""
+        """Take at most `budget` steps and frames. Returns the kernel's status code."""
         steps = self.steps
         last = int(steps.counters["steps"]) + budget
         while budget > 0:
@@ -297,7 +297,7 @@ class ContactEvents:
         )
 
     def _change(self, t: float, before: Ints) -> bool:
-        """Change the phase that fits the forces least; whether there was one."""
+        """Change the phase that fits the forces least. Returns False if all fit."""
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         sliding = self._sliding()
@@ -317,7 +317,7 @@ class ContactEvents:
         return bool((excess > slack).any()) or self._change_rates(t)
 
     def _change_rates(self, t: float) -> bool:
-        """Turn slip that is about to start; close open points that would penetrate."""
+        """Turn slip that is about to start, and close open points that would penetrate."""
         scene, f = self.scene, self.scene.points
         starting = self._still() & self._sliding()
         resting = self._resting & (scene.phase == SWING)
@@ -336,7 +336,7 @@ class ContactEvents:
         return moved > SOLVED and self._turns_taken < MOST_TURNS
 
     def _turn(self, s: int, tiny: float) -> float:
-        """Turn the direction in which s is about to slip to where it would go; by how much.
+        """Turn the slip direction of s to that of its motion. Returns the change.
 
         The next direction is that of its acceleration without friction. Near the border of the
         cone the acceleration alone points anywhere.
@@ -365,7 +365,7 @@ class ContactEvents:
     # -- impacts -------------------------------------------------------------------------------
 
     def _impact(self, t: float, hits: list[int], jammed: int = -1) -> None:
-        """Impulses at all points that touch; points that hit bounce, or stay."""
+        """Apply impulses at all touching points. Points that hit bounce, or stay."""
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         near = ~closed & (f["gap_rate"] < 0)
@@ -434,7 +434,7 @@ class ContactEvents:
         before: Ints,
         rest: dict[int, float],
     ) -> None:
-        """Phases from the velocities after an impact; points that bounce stay in swing."""
+        """Set phases from the velocities after an impact. Bouncing points stay in swing."""
         scene = self.scene
         tiny = 1e-12 * float(np.max(np.abs(u)))
         self._observe_still(t)
@@ -444,7 +444,7 @@ class ContactEvents:
             hit = f"hit at {speed:.6g} {unit}"
             away = solved.velocity[row.first]
             slowest = _hidden(scene.points[s])
-            if before[s] != SWING:  # how it would fall back is not known
+            if before[s] != SWING:  # its fall back is unknown
                 slowest = max(slowest, scene.points["rounding"][s] / self._unresolved)
             if away > max(tiny, slowest):
                 self._set(s, SWING)
@@ -466,14 +466,14 @@ class ContactEvents:
                 self.causes.setdefault(s, "an impact elsewhere")
 
     def _turns(self, s: int) -> bool:
-        """Whether a point is the limit of a turning joint."""
+        """True if a point is the limit of a rotating joint."""
         if not self.scene.points["limit"][s]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
         return bool(self.mech.packed.system.rows[row, at.KIND] == at.ROTATE)
 
     def _hidden(self, t: float, s: int) -> float:
-        """As `_hidden`, of point s as it is now."""
+        """Return `_hidden` of point s in its present state."""
         self._accelerations(t)
         return _hidden(self.scene.points[s])
 

@@ -32,7 +32,7 @@ class Walk(Portable):
         show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
         walk.change(speed=0.9)           # any field of the gait, whose clock and heading continue
         walk.change(**dict(gaits["crawl"]))              # the speed follows its `acceleration`
-        walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk's origin, world axes
+        walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk, in world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
     A piece continues where the last one ended, at absolute times, so the same changes at the same

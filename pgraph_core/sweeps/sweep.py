@@ -175,7 +175,7 @@ def sweep(
     does a metric that cannot be pickled, such as a lambda.
 
     `out` (.csv, .parquet) is written at the end. Until then a file `out` + ".part" holds the
-    finished points. `resume=True` continues from it; otherwise an existing one is an error. A
+    finished points. `resume=True` continues from it. Otherwise an existing one is an error. A
     failed point keeps its reason. If `progress(fraction)` returns False, the sweep stops with the
     finished points. `progress=True` shows a bar in a terminal or notebook (tqdm).
 
@@ -229,7 +229,7 @@ def sweep(
 
 
 def _known(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options under our names; refuse at once one that `simulate` does not have."""
+    """Return options under our names. Raises InputError for options unknown to `simulate`."""
     own = [*signature(sweep).parameters][:-1]
     known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
     known.remove("mechanism")

@@ -29,7 +29,7 @@ from ..simulation import simulate
 from .metrics import Metric, measured
 from .together import Together
 
-CHUNK = 1.0  # [s] work sent to a process at once; a shorter sweep starts no processes
+CHUNK = 1.0  # [s] work sent to a process at once. Shorter sweeps start no processes
 MOST_NUMBERS = 10_000_000  # limit on the frames of a run that is repeated with a frame per step
 ANSWER = 10  # [s] for a scheduler to answer
 
@@ -70,7 +70,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
     if task.together is not None and len(points) > 1:
         try:
             return _rows_together(task, task.together, paths, points)
-        except PgraphError:  # some point fails; run alone, it gives its own reason
+        except PgraphError:  # some point fails. Run alone, it gives its own reason
             pass
     return [_row(task, paths, number, values) for number, values in points]
 

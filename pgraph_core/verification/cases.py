@@ -276,7 +276,7 @@ class Case:
     accuracy: float  # estimated, of the reference
     model: Model
     options: Mapping[str, Any]  # arguments of `simulate`: method, rtol or step, t_end, tau, ...
-    t: Array | None  # (n,) compared times [s]; None if the run chooses them or there is no run
+    t: Array | None  # (n,) compared times [s], None if the run chooses them or there is no run
     states: Array | None  # (n, nq) evaluated instead of a run
     observables: tuple[Observable, ...]
 

@@ -7,7 +7,7 @@ With u = v_A(p) - v_B(p) of the two bodies' material points
     g' = d · u                                       g' = t · (ω_A - ω_B)
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
 
-where e is the velocity of p through the bodies and s the angular velocity of d, different for each
+Here e is the velocity of p through the bodies and s the angular velocity of d, different for each
 type of block. A coordinate row is Σ c q, or Σ c v, that follows a number or a curve over time.
 """
 

@@ -1,10 +1,10 @@
-"""How wide the next step may be, so that nothing passes through anything within it.
+"""Bounds of the next step, so that nothing passes through anything within it.
 
-Soft and penalty contacts push only where they are looked at: a step that leaps over the place
-where two shapes overlap never sees a force. It ends where the shapes meet, the next one leads into
-them by a small part of how deep the impact goes; later ones are bounded by a part of the thinner
-shape's size, and steps that do not follow forces by what the stiffness allows. Points that may dip
-under the ground and rise again within a step bound it by how far their body turns.
+Soft and penalty contacts push only where they are evaluated, so a step that leaps over an overlap
+of two shapes never has a force. It ends where the shapes meet. The next step leads into them by a
+small part of the depth of the impact. Later ones are bounded by a part of the thinner shape's size,
+and steps that do not follow forces by the stiffness. Points that may dip under the ground and rise
+again within a step bound it by the rotation of their body.
 """
 
 import math
@@ -29,11 +29,11 @@ from .phases import opened_events
 from .search import are_apart
 from .shapes import place
 
-PART = 0.2  # of the thinner shape: how far a step may lead into it
+PART = 0.2  # largest motion of a step into a shape, relative to the thinner shape
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
-WITHIN = 0.05  # of a contact's own time: given steps inside a hard one
-LEAD = 0.01  # of how deep an impact leads: the first given step into it
-HARD = 10.0  # times the weight: a contact that is not at rest
+WITHIN = 0.05  # given steps inside a hard contact, relative to its own time
+LEAD = 0.01  # first given step into an impact, relative to its depth
+HARD = 10.0  # force of a contact that is not at rest, relative to the weight
 
 
 @kernel(LOOK_BACK, nogil=True, later=True)
@@ -116,7 +116,7 @@ def contact_bound(scene, steps):
 
 @sweep
 def ground_bound(scene, i, pair, steps):
-    """As `contact_bound`, of one shape over the ground."""
+    """Return `contact_bound` of one shape over the ground."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes = contacts.geometry.shapes
@@ -134,7 +134,7 @@ def ground_bound(scene, i, pair, steps):
 
 @sweep
 def pair_bound(scene, i, j, pair, steps):
-    """As `contact_bound`, of two shapes."""
+    """Return `contact_bound` of two shapes."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
@@ -200,7 +200,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
 
 @part
 def lead_of(law, speed, rtol):
-    """How far a step may lead across a contact's border [m]: what it misses is below `rtol`.
+    """Return the motion of a step across a contact's border [m] whose error is below `rtol`.
 
     The energy of a depth d is a share (d / D)^2.5 of the impact's, D its depth; (d / D)^2 for a
     penalty. Given steps have no tolerance.
@@ -220,7 +220,7 @@ def leaving_speed(law, depth):
 
 @part
 def impact_depth(law, speed):
-    """How deep an impact at this speed leads, without losses [m]."""
+    """Return the depth of an impact at this speed without losses [m]."""
     energy = law.mass * speed * speed
     if law.law == PENALTY:
         return math.sqrt(energy / law.stiffness)

@@ -30,7 +30,7 @@ from .manifold import CROSSING, clip_polygon, copy, swap, tangents, thin
 from .shapes import put
 
 COARSE = 1e-5  # of the sizes: what the polytope leaves to be made exact
-CORNERS = 48  # of the polytope
+CORNERS = 48  # limit on the corners of the polytope
 FACES = 160  # rows for its faces, dead ones too
 HORIZON = 96  # rows for the edges around what a new corner sees
 HULL_ROOM = CORNERS + FACES + HORIZON
@@ -39,15 +39,15 @@ NEWTON = 12
 TURN = 0.3  # rad: the largest step of Newton's method
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
 CONVERGED = 1e-16  # rad: the last turn of Newton's method
-CURVELESS = 1e-14  # of the squared curvature: a determinant that is rounding
+CURVELESS = 1e-14  # determinant that counts as rounding, relative to the squared curvature
 NOTHING = 1e-300  # keeps a direction of no length finite
-GAIN = 1e-15  # of the sizes: a larger separation by less is rounding
-PREFER = 1e-12  # of the sizes: a flat face is taken where anything else is better only by this
+GAIN = 1e-15  # gain of separation that counts as rounding, relative to the sizes
+PREFER = 1e-12  # preference of flat faces over other features, relative to the sizes
 FLAT = 1e-6  # rad: a face this near to n lies in the contact plane
 PARALLEL = 1e-4  # rad: two edges this near to parallel touch along a line
 DEEPEST = CROSSING - 1  # tag of a point that is on no outline
 RIM = 8  # points of a disc's edge
-ASKEW = (0.18, 0.24, 0.4)  # so that shapes at right angles give no flat tetrahedron
+ASKEW = (0.18, 0.24, 0.4)  # offset that prevents flat tetrahedra of shapes at right angles
 CURVED = 6  # kind of touch, after those of `convex`
 
 
@@ -57,8 +57,8 @@ class Core(NamedTuple):
     kind: Any
     centre: Any
     rotation: Any
-    half: Any  # radii of an ellipsoid; radius, radius and half length of a cylinder
-    side: Any  # of what has corners
+    half: Any  # radii of an ellipsoid, or (radius, radius, half length) of a cylinder
+    side: Any  # vertices of a shape with corners
 
 
 @sweep
@@ -175,7 +175,7 @@ def nearest_of_triangle(p, q, r):
 
 @sweep
 def first_corners(room, a, b, row):
-    """A tetrahedron of support points; its orientation makes normals point outwards."""
+    """Find a tetrahedron of support points, oriented with normals outwards."""
     way = sub(a.centre, b.centre)
     n = unit(add_scaled(ASKEW, 1.0 / (math.sqrt(dot(way, way)) + NOTHING), way))
     set_xyz(room[row].place, between(room, a, b, n))
@@ -231,9 +231,9 @@ def nearest_face(room, row, faces, certain):
 
 @sweep
 def grow(room, row, corners, faces, x, certain):
-    """Add a corner; the number of rows of faces, -1 where it lies inside or there is no room.
+    """Add a corner. Returns the number of face rows, -1 if it is inside or there is no room.
 
-    Faces that it is above by no more than `certain` [m] stay.
+    Faces that are below it by at most `certain` [m] stay.
     """
     set_xyz(room[row + corners].place, x)
     edges = row + CORNERS + FACES
@@ -312,8 +312,10 @@ def flat_near(geometry, room, core, n):
 
 @part
 def edge_near(geometry, room, core, n):
-    """The unit direction of a straight edge at the lowest point along n that is nearest to a
-    right angle with n, and the cosine; 1 where there is none."""
+    """Return the direction of the straight edge at the lowest point along n, and its cosine.
+
+    Of several edges it is the one most perpendicular to n. The cosine is 1 without any.
+    """
     if core.kind == CYLINDER:
         r = core.rotation
         axis = (r[2], r[5], r[8])
@@ -405,9 +407,9 @@ def exact_normal(geometry, room, a, b, n, size):
 
 @sweep
 def outline(geometry, room, core, d, row):
-    """What of a core faces against d, as points from `row` on: a face, a rim, an edge or a point.
+    """Write the feature of a core that faces against d from `row` on: face, rim, edge or point.
 
-    (number of points, cosine between -d and the normal of a face).
+    Returns (number of points, cosine between -d and the normal of a face).
     """
     if core.kind == ELLIPSOID:
         set_point(room, row, support(room, core, d), 0)
@@ -438,8 +440,7 @@ def set_point(room, row, place, tag):
 
 @sweep
 def straight_edge(geometry, room, core, n, row):
-    """The ends, from `row` on, of the straight edge at the lowest point along n that is nearest to
-    a right angle with n; (its unit direction, the cosine), 1 where there is none."""
+    """Write the ends of the edge of `edge_near` from `row` on. Returns its direction and cosine."""
     direction, c = edge_near(geometry, room, core, n)
     if c > FLAT:
         return direction, c
@@ -489,9 +490,9 @@ OCTAGON = (
 
 @sweep
 def clip_to(room, first, count, n, row, m, spare):
-    """Clip the m points from `row` on to the sides of the face from `first` on; (row, number).
+    """Clip the m points from `row` on to the sides of the face from `first` on.
 
-    n is the face's outward normal.
+    n is the face's outward normal. Returns (row, number).
     """
     u = corner_at(room, first, count - 1)
     for k in range(count):
@@ -505,7 +506,7 @@ def clip_to(room, first, count, n, row, m, spare):
 
 @sweep
 def clip_to_edge(room, first, row, m, spare):
-    """Clip the m points from `row` on to what lies between the ends of an edge; (row, number)."""
+    """Clip the m points from `row` on to the range of an edge. Returns (row, number)."""
     u, v = corner_at(room, first, 0), corner_at(room, first, 1)
     way = sub(v, u)
     m = clip_polygon(room, row, m, spare, way, dot(way, v), CROSSING)
@@ -515,7 +516,7 @@ def clip_to_edge(room, first, row, m, spare):
 
 @sweep
 def curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append where two shapes are within `margin`; at least one is a cylinder or an ellipsoid."""
+    """Append contacts of two shapes within `margin`, one of them a cylinder or an ellipsoid."""
     shapes = geometry.shapes
     origin = xyz(poses[i].position)
     a, row = core_of(geometry, poses, i, only_a, origin, room, 0)
@@ -552,12 +553,12 @@ def touch_points(geometry, room, row, a, b, radii, s, n, origin, size, margin, o
     many_a, cos_a = outline(geometry, room, a, n, row)
     first_b = row + many_a
     many_b, cos_b = outline(geometry, room, b, back, first_b)
-    low = first_b + many_b  # of the points that are clipped; then what clipping needs
+    low = first_b + many_b  # first row of the clipped points, followed by scratch
     spare = low + many_a + many_b
     flat = 1.0 - 0.5 * FLAT * FLAT
     is_flat_a, is_flat_b = many_a > 2 and cos_a >= flat, many_b > 2 and cos_b >= flat
     of_a = is_flat_b and (a.kind == CYLINDER or not is_flat_a)  # a rim has no exact sides
-    x, one = support(room, a, n), support(room, b, back)  # where there is one point
+    x, one = support(room, a, n), support(room, b, back)  # the case of a single point
     m = 0
     if is_flat_a or is_flat_b:
         m = many_a if of_a else many_b

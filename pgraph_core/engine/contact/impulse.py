@@ -1,11 +1,11 @@
 """Impulses of one instant: bilateral rows, limits and contacts with friction in one solve.
 
-With u = Ω λ + b of the rows, b their velocities without impulses, a limit asks 0 ≤ λ ⊥ u ≥ 0,
-and a contact (normal first, then two tangents) u_n + e u_n⁻ ⊥ λ_n on Signorini's side and λ_t in
-Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Each island is solved
-alone (`islands`). Where every contact is the only one of its two bodies, sweeps from block to block
-come first (Gauss-Seidel on Y, which needs no Ω): heaps of balls and feet of walkers take a few.
-Where impulses are redundant, and where sweeps stall, Newton's method takes over (`newton`).
+Let u = Ω λ + b be the velocities of the rows, and b those without impulses. A limit requires
+0 ≤ λ ⊥ u ≥ 0. A contact (normal first, then two tangents) requires u_n + e u_n⁻ ⊥ λ_n (Signorini)
+and λ_t in Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Each island
+is solved alone (`islands`). If every contact is the only one of its two bodies, sweeps from block
+to block come first (Gauss-Seidel on Y, which needs no Ω). Heaps of balls and feet of walkers take a
+few sweeps. If impulses are redundant or sweeps stall, Newton's method takes over (`newton`).
 """
 
 import math
@@ -45,9 +45,9 @@ from .islands import find_islands, forget_order, order_island, several_points
 from .newton import converge, copy_impulses, gather, respond, rows_of, velocity, weigh
 from .sweeps import gauss_seidel, own_block
 
-TOLERANCE = 1e-10  # of the largest velocity among an island's rows
-CROWD = 1e-8  # of a heap, whose forces wander more than that
-SWEEPS = 200  # where sweeps are all there is
+TOLERANCE = 1e-10  # tolerance relative to the largest velocity among an island's rows
+CROWD = 1e-8  # looser tolerance for large heaps, whose forces are not unique
+SWEEPS = 200  # limit on sweeps when Newton's method is not tried
 FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
@@ -239,9 +239,9 @@ def solve_island(scene, n):
 
 @sweep
 def leaves_alone(scene, n, slack):
-    """Whether an impact elsewhere leaves island n as it is: no row misses its law by `slack` [m/s].
+    """True if an impact elsewhere leaves island n unchanged: no residual above `slack` [m/s].
 
-    Velocities of what rests are rounding, to which nothing converges.
+    Velocities of bodies at rest are rounding, to which nothing converges.
     """
     data = opened(scene)
     blocks_i, vectors = data.blocks.blocks_i, data.space.vectors
@@ -365,7 +365,7 @@ def gained(scene, n):
 
 @part
 def bounces(scene, n):
-    """Whether a contact of island n bounces: not if only the step's own forces press on it."""
+    """True if a contact of island n bounces, unless only the step's own forces press on it."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

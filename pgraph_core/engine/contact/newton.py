@@ -119,7 +119,7 @@ def diagonal(a, b, c):
 
 @part
 def on_rim(slope):
-    """Whether friction follows the normal impulse: the contact slides."""
+    """True if friction follows the normal impulse, so the contact slides."""
     return slope[3] != slope[1] or slope[6] != slope[2]
 
 
@@ -246,9 +246,9 @@ def prepare(scene, n, soft, refactor):
 
 @sweep
 def factor(upper, lower, start, last, count, symmetric):
-    """L U in place, without pivoting; whether there is one.
+    """Factor L U in place without pivoting. Returns False if that fails.
 
-    Of a symmetric matrix L is U over the pivots, and is not stored.
+    L of a symmetric matrix is U over the pivots and is not stored.
     """
     for p in range(count):
         s = start[p]
@@ -291,7 +291,7 @@ def substitute(upper, lower, start, last, count, symmetric, x):
 
 @sweep
 def direction(scene, n, soft, refactor, symmetric):
-    """Newton's changes of λ into MOVE; (whether there are any, whether the factor is symmetric)."""
+    """Compute Newton's changes of λ into MOVE. Returns (success, True for a symmetric factor)."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope

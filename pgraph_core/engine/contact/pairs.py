@@ -19,11 +19,11 @@ from .shapes import label, vertex
 POINT = 1 << 51  # features of point k of a list of points start at k times this
 
 
-ON_EDGE = 1e-9  # of the width of a cell: nearer to an edge is on it
+ON_EDGE = 1e-9  # distance of a point on an edge, relative to the width of a cell
 CROWD = 48  # points on a heightfield, above which they are thinned on the way
 SAME_NORMAL = 1.0 - 1e-9  # cosine
 NEW, DROPPED, KEPT = 0, 1, 2
-FAR = 100.0  # of the size of a heightfield: beyond it, gaps are endless
+FAR = 100.0  # distance of infinite gaps, relative to the size of a heightfield
 
 
 @part
@@ -45,7 +45,7 @@ def capsule_line(geometry, poses, i):
 
 @inlined
 def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append where shapes i and j touch; of a list of points only the one numbered `only`."""
+    """Append contacts of shapes i and j, of a list of points only those of point `only`."""
     shapes = geometry.shapes
     kind_a = shapes[i].kind
     kind_b = shapes[j].kind
@@ -81,13 +81,13 @@ def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
 
 @part
 def points(shapes, i):
-    """How many parts of a shape are looked at one by one: the points of a list of points."""
+    """Return the number of separately examined parts: the points of a list, else 1."""
     return shapes[i].vertices if shapes[i].kind == POINTS else 1
 
 
 @part
 def cell_range(x, width, count):
-    """(first, last) of so many cells from 0 on that the places x[0] to x[1] are in; may be none."""
+    """Return (first, last) of `count` cells that contain x[0] to x[1], possibly an empty range."""
     low = max(x[0] / width, 0.0)
     high = min(x[1] / width, count - 1.0)
     return int(low), int(high) if high >= 0.0 else -1
@@ -95,10 +95,10 @@ def cell_range(x, width, count):
 
 @sweep
 def field_contacts(geometry, poses, i, j, margin, room, out, n):
-    """Append where shape i is within `margin` of heightfield j.
+    """Append contacts of shape i within `margin` of heightfield j.
 
-    A contact that leans on an edge which a neighbour's surface covers is left out: the neighbour
-    has the true one.
+    A contact at an edge that a neighbour's surface covers is dropped, because the neighbour has the
+    true one.
     """
     first = n
     field = geometry.shapes[j]
@@ -135,7 +135,7 @@ def field_contacts(geometry, poses, i, j, margin, room, out, n):
 
 @sweep
 def fewer(out, first, n, room):
-    """Thin the points from `first` to n that share a normal; n."""
+    """Thin the points from `first` to n that share a normal. Returns the new n."""
     if n > out.shape[0] or n - first <= MOST:
         return n
     for c in range(first, n):
@@ -165,7 +165,7 @@ def fewer(out, first, n, room):
 
 @sweep
 def without_covered(geometry, poses, j, triangle, out, start, n):
-    """Take out the points from `start` on over which a neighbour of their triangle rises; n."""
+    """Drop the points from `start` on that a neighbour of their triangle covers. Returns n."""
     if n > out.shape[0]:
         return n
     r = matrix(poses[j].rotation)
@@ -218,7 +218,7 @@ def turn(out, first, n):
 
 @sweep
 def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
-    """Append the contact points of shapes i and j within `margin`; the new number."""
+    """Append the contact points of shapes i and j within `margin`. Returns the new number."""
     first = n
     if geometry.shapes[j].kind == HEIGHTFIELD:
         n = field_contacts(geometry, poses, i, j, margin, room, out, n)
@@ -241,7 +241,7 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 
 @sweep
 def pair_gap(geometry, poses, i, j, room, probe):
-    """Signed distance of two shapes [m]; `probe` is scratch for the points of one touch."""
+    """Return the signed distance of two shapes [m], with scratch `probe` for contact points."""
     gap = math.inf
     if geometry.shapes[i].kind == HEIGHTFIELD:
         i, j = j, i

@@ -47,10 +47,10 @@ FORCE_TOLERANCE = 1e-11  # rounding of contact forces relative to the largest on
 PIVOT_TOLERANCE = 1e-9
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
 START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
-NEAREST, WHEN = 4, 5  # how near a user's event came to happening without it, at what time [s]
+NEAREST, WHEN = 4, 5  # least distance of a user's event from zero, and its time [s]
 ROWS = 6
-NOTHING = 1.0  # what a monitor that watches nothing shows
-BELOW = sys.float_info.min  # what a value of zero counts as: it is reached
+NOTHING = 1.0  # value of an unused monitor
+BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reached
 
 
 @kernel(OBSERVE, nogil=True, later=True)

@@ -65,7 +65,7 @@ def slope(run, trees, size, t, row, out, stages):
         vdot = stages[out, nq : nq + nv]
         tau = stages[at.TORQUE, :nv]
         powers = derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot)
-        if stages.shape[1] > nq + nv:  # work is asked for
+        if stages.shape[1] > nq + nv:  # the ledger is requested
             stages[out, nq + nv], stages[out, nq + nv + 1] = powers
 
 
