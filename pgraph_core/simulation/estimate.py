@@ -82,10 +82,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1))
         if not isinstance(third, str):
             turned, moved = np.maximum((turned, moved), apart(record, third, n))
-    late, fastest = np.abs(plan.times).max(), np.abs(record.out.v[:n]).max(initial=0.0)
-    rounding = EPS * float(np.abs(q).max(initial=0.0) + late * fastest)
     off = np.maximum(np.maximum(turned, moved), _left_open(record, n))
-    error = np.maximum.accumulate(off) + rounding
+    error = np.maximum.accumulate(off) + _rounding(record, plan.times)
     _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
     size = max(length, float(slid.max(initial=0.0))) or 1.0
     together = np.maximum(turned, moved / size) <= PARTED
@@ -93,6 +91,17 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         error[int(together.argmin()) :] = np.inf
     notices = _notices(plan.times, error, size_of_motion(rows, q, length))
     return Estimate(error, notices + _passed_over(record, float(error[-1])))
+
+
+def _rounding(record: Recording, t: Array) -> Array:
+    """Return what rounding of positions and of times makes of q (n,), which both runs share.
+
+    A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
+    """
+    out, late, n = record.out, float(np.abs(t).max()), len(t)
+    far, fastest = (float(np.abs(x[:n]).max(initial=0.0)) for x in (out.q, out.v))
+    later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
+    return EPS * (far + late * (fastest + later))
 
 
 def _pushed(record: Recording) -> bool:

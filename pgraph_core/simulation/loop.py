@@ -247,7 +247,7 @@ class Steps:
                 self.stages[row] = 0.0
         self._begin()
         control, frame = self.control, int(before["frame"])
-        for name in ("time", "frame", "last"):
+        for name in ("time", "frame", "last", "steepest"):
             control[name] = before[name]
         control["origin"] = before["time"]
         if self.tolerance is not None:

@@ -150,16 +150,31 @@ def test_recorded_times_stay_as_asked():
 @pytest.mark.parametrize("options", FIXED + CHOSEN)
 @pytest.mark.parametrize("width", [2e-4, 1e-6, 1e-9])
 def test_the_estimate_sees_what_is_shorter_than_a_step(options, width):
-    """A saw tooth, whose rise and fall a method of low order takes for different impulses.
-
-    Times are rounded, and so is the impulse of what is that steep.
-    """
+    """A saw tooth, whose rise and fall a method of low order takes for different impulses."""
     t, value = (0.5, 0.5 + 0.1 * width, 0.5 + width), (0.0, 2.0 / width, 0.0)
     run = pg.simulate(slider(motor(t, value)), t_end=1.0, **options)
     impulse = 0.5 * value[1] * (t[2] - t[0])
     exact = impulse * (1.0 - sum(t) / 3.0)
-    rounding = np.finfo(float).eps * value[1]
-    assert abs(run.q[-1, 0] - exact) < 10 * run.error_estimate + rounding + 1e-12
+    assert abs(run.q[-1, 0] - exact) < 10 * run.error_estimate + 1e-12
+
+
+@pytest.mark.parametrize("late", [0.0, 1e3])
+@pytest.mark.parametrize("width", [1e-6, 1e-11])
+@pytest.mark.parametrize("impulse", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 0.01}])
+def test_the_estimate_counts_the_rounding_of_the_times_of_spikes(late, width, impulse, options):
+    """An impulse in a time that is known to rounding only, and late in a run."""
+    width = max(width, 1e-12 * late)
+    knots = late + np.array([0.3, 0.3 + 0.4 * width, 0.3 + width])
+    rounded = knots - late
+    run = pg.simulate(
+        slider(motor(tuple(knots.tolist()), (0.0, 2.0 * impulse / width, 0.0))),
+        t_start=late, t_end=late + 1.0, **options,
+    )  # fmt: skip
+    exact = impulse / width * (rounded[2] - rounded[0]) * (1.0 - rounded.sum() / 3.0)
+    off = abs(run.q[-1, 0] - exact)
+    assert off < 10 * run.error_estimate
+    assert run.error_estimate < 100 * np.finfo(float).eps * (1 + late) * impulse / width
 
 
 @pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4", "gauss6"])

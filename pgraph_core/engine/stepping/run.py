@@ -159,6 +159,10 @@ def accept(run, h, end, corner):
     nq, nv = size
     if ends and data.tableau.error.shape[1] == s:
         last_stage(run, min(control.time + h, control.clip))
+    if data.corners.shape[0] > 0:
+        for j in range(nq, nq + nv):
+            mean = abs(stages[at.CANDIDATE, j] - stages[at.Y, j]) / h
+            control.steepest = max(control.steepest, mean)
     for i in range(stages.shape[1]):
         stages[at.Y_OLD, i] = stages[at.Y, i]
         stages[at.Y, i] = stages[at.CANDIDATE, i]
