@@ -7,7 +7,6 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import viser
 
@@ -18,9 +17,9 @@ from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet
 from .core.door import token_for
 from .core.events import Event, from_page
-from .core.state import State, initial
+from .core.state import initial
 from .core.store import Store
-from .core.views import Desk, PanelName, made
+from .core.views import Desk, made
 from .features import places, update
 from .model.update import recovered
 from .model.worker import Errands
@@ -124,32 +123,19 @@ def built_in() -> dict[str, str]:
     return {name: pgraph_models.path(name).read_text("utf-8") for name in pgraph_models.names()}
 
 
-# -- layout ----------------------------------------------------------------------------------------
+# -- the page --------------------------------------------------------------------------------------
 
 
-LEFT, RIGHT = 450, 330  # widths of the docks [px]
-PLAYBACK = 470  # width [px] of the playback; its style widens it where there is room
 GONE = 20  # pages that leave between two collections of garbage
 
 
 class Page:
-    """Docks left and right of the 3D view, playback floating at its bottom."""
+    """All views on a viser server, and the pages that come and go."""
 
     def __init__(self, bridge: Bridge, send: Callable[[Event], None]):
         server = bridge.server
-        gui = server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=ACCENT)
-        names: tuple[PanelName, ...] = ("bodies", "graph", "properties", "playback")
-        panels: dict[PanelName, viser.PanelHandle] = {name: gui.add_panel() for name in names}
-        docks = Docks(bridge, panels["bodies"], gui.main_panel)
-        self.views = (*made(places(), Desk(bridge, send, panels)), docks)
-        panels["bodies"].dock_left()
-        panels["bodies"].set_width(LEFT)
-        panels["graph"].dock_below(panels["bodies"])
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(RIGHT)
-        panels["properties"].dock_below(gui.main_panel)
-        panels["playback"].float(x=15, y=-15, width=PLAYBACK)
+        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=ACCENT)
+        self.views = made(places(), Desk(bridge, send))
 
         @server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
@@ -163,30 +149,3 @@ class Page:
             # would let hundreds of them lie.
             if client.client_id % GONE == GONE - 1:
                 gc.collect()
-
-
-class Docks:
-    """Docks that leave the 3D view its share of a small window."""
-
-    def __init__(self, bridge: Bridge, left: viser.PanelHandle, right: Any):
-        self._bridge, self._left, self._right = bridge, left, right
-        self._widths: dict[int, tuple[float, float]] = {}
-
-    def render(self, old: State, new: State) -> None:
-        for client, page in new.clients.items():
-            if page.window is None:
-                continue
-            wanted = widths(page.window)
-            if wanted != self._widths.get(client, (LEFT, RIGHT)):
-                self._widths[client] = wanted
-                for panel, width in zip((self._left, self._right), wanted):
-                    self._bridge.set_width(client, panel, width)
-        for gone in self._widths.keys() - new.clients.keys():
-            del self._widths[gone]
-
-
-def widths(window: float) -> tuple[float, float]:
-    """Of the left and the right dock in a window as wide as this [px]."""
-    left = min(max(LEFT, 0.33 * window), max(0.38 * window, 200), 860)
-    right = min(max(RIGHT, 0.22 * window), max(0.3 * window, 180), 560)
-    return round(left), round(right)

@@ -77,7 +77,7 @@
     line.append(
       make("button", { className: "title", onclick: () => open(part, el.classList.contains("open") ? null : name()) },
         make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
-      ...(part === "constraints" ? [button("small when", "when …", "Goes on or off during a run: at a time, or when something crosses a value", () => { send("AddSwitch", { constraint: name() }); pgraph.front("Scenario"); })] : []),
+      ...(part === "constraints" ? [button("small when", "when …", "Goes on or off during a run: at a time, or when something crosses a value", () => { send("AddSwitch", { constraint: name() }); pgraph.front("Scenarios"); })] : []),
       button("small copy", "copy", "Duplicate", () => send("DuplicatePart", { part, name: name() })),
       button("small delete-tie", "×", "Delete", () => send("DeletePart", { part, name: name() })));
     el.append(line);
@@ -126,10 +126,10 @@
       const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
       document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status" },
         make("span", { textContent: data.picking.text, title: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
-      if (!picking) { document.activeElement?.blur(); pgraph.front("Digraph"); }
-    } else if (picking && !data.picking) pgraph.front("Constraints");
+      if (!picking) { document.activeElement?.blur(); pgraph.front("Bodies"); }
+    } else if (picking && !data.picking) pgraph.front("Connections");
     picking = Boolean(data.picking);
-    if (called !== null && data.called !== called) pgraph.front("Constraints");
+    if (called !== null && data.called !== called) pgraph.front("Connections");
     called = data.called;
   }
 
@@ -146,6 +146,6 @@
   document.addEventListener("click", (event) => { if (taken && event.detail) { taken = false; take(event); } }, true);
 
   pgraph.on("constraints", banner);
-  pgraph.on("constraintsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
+  pgraph.on("connectionsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
   pgraph.view("constraints", { build, constraints: draw });
 })();

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import viser
-
 import pgraph_core as pg
 from pgraph_core.model.force import OnJoint
 
@@ -24,7 +22,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.state import Client, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience
 from ..pose.solving import degrees
 from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, rare, typed_as
 from .mobility import BY_ITSELF, mobility_report
@@ -41,7 +39,6 @@ Q_OF_T = {
 class ConstraintsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("constraints")
 
     def render(self, old: State, new: State) -> None:
         changed = new.derived is not old.derived or any(
@@ -330,5 +327,7 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
 
 
 VIEWS = (
-    Place(lambda desk: ConstraintsView(desk.bridge), 21, "graph", "Constraints", viser.Icon.LINK),
+    Place(
+        lambda desk: ConstraintsView(desk.bridge), 21, Host("constraints", "left", "Connections")
+    ),
 )

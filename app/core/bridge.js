@@ -4,7 +4,7 @@ if (window.pgraph) return; // a reconnected page has it already
 window.pgraph = (() => {
   const views = {};     // view name -> {build(host), topic: draw(host, data), ...}
   const listeners = {}; // topic -> functions of its data, for what is drawn in no host
-  const kept = {}; // view name -> its host, put back after a lost connection: half-typed cells stay
+  const hosts = new Map(); // view name -> the element that it draws in
   const latest = {}; // topic -> data, to draw again when a host is mounted
   const ME = crypto.getRandomValues(new Uint32Array(4)).join("-"); // this page, as long as it is open
   let uplink = null, serial = 0, waiting = [], resuming = null; // the serial of our Hello while we are coming back
@@ -36,17 +36,11 @@ window.pgraph = (() => {
     waiting = [];
   }
 
-  const PHONE = 576; // [px] of viser's one sheet
-  // Our table and playback stand: what covered viser's own panel until then goes.
+  // The table stands: what covered the page until then goes.
   function unveil() {
     const loading = document.getElementById("pgraph-loading");
-    if (!loading) return;
-    const needed = innerWidth <= PHONE ? ["toolbar"] : ["table", "playback"]; // there viser folds all panels into a sheet
-    const there = needed.every((view) => document.querySelector(`.pgraph[data-view="${view}"][data-ready]`)?.offsetWidth);
-    if (!there) { setTimeout(unveil, 50); return; }
-    loading.classList.add("over");
-    setTimeout(() => loading.remove(), 300);
-    pgraph.layout.watch(); // what stands now covers more of the 3D view
+    loading?.classList.add("over");
+    setTimeout(() => loading?.remove(), 300);
   }
 
   // A picture has been seen, or nobody looks: the next may come.
@@ -149,25 +143,10 @@ window.pgraph = (() => {
       if (!beforePicture.size) requestAnimationFrame(settle);
       beforePicture.set(what, act);
     },
-    hosts: (view) => document.querySelectorAll(`.pgraph[data-view="${view}"]`),
+    host: (view) => hosts.get(view),
     draw(view, topic) {
-      const draw = views[view][topic];
-      if (!draw || !(topic in latest)) return;
-      for (const host of pgraph.hosts(view)) if (host.dataset.ready) safely(() => draw(host, latest[topic]));
-    },
-    mount() {
-      for (const [view, topics] of Object.entries(views)) {
-        for (const made of pgraph.hosts(view)) {
-          if (made.dataset.ready) continue;
-          const again = kept[view] && !kept[view].isConnected;
-          if (again) made.replaceWith(kept[view]);
-          else kept[view] = made;
-          kept[view].dataset.ready = "1";
-          if (!again) topics.build?.(made);
-          if (resuming === null) redraw(view);
-        }
-      }
-      pgraph.layout?.arrange(); // panels have come, or have moved
+      const draw = views[view][topic], host = hosts.get(view);
+      if (draw && host && topic in latest) safely(() => draw(host, latest[topic]));
     },
     receive(topic, data) {
       if (topic === "uplink") { connected(data); return; }
@@ -180,14 +159,7 @@ window.pgraph = (() => {
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
       if (topic === "table") unveil();
     },
-    // The tab of that name to the front; viser's tabs listen to the pointer, not to clicks.
-    front(name) {
-      const label = [...document.querySelectorAll('[role="tab"]')].find((tab) => tab.title === name);
-      for (const kind of ["pointerdown", "pointerup", "click"]) {
-        label?.dispatchEvent(new PointerEvent(kind, { bubbles: true, button: 0, pointerId: 1, isPrimary: true }));
-      }
-    },
-    // The same, about a body: its view hears it as `constraintsFor`.
+    // A tab to the front, about a body: its view hears it as `connectionsFor`.
     show(tab, body) {
       pgraph.front(tab);
       pgraph.receive(`${tab.toLowerCase()}For`, body);
@@ -195,10 +167,10 @@ window.pgraph = (() => {
     drain() {
       for (const [topic, data] of (window.pgraphInbox ??= []).splice(0)) pgraph.receive(topic, data);
     },
-    start(css) {
-      document.getElementById("pgraph-style")?.remove();
+    start(css, places) {
       document.head.append(pgraph.make("style", { id: "pgraph-style", textContent: css }));
-      pgraph.mount();
+      for (const [view, host] of pgraph.frame.build(places)) hosts.set(view, host);
+      for (const [view, host] of hosts) safely(() => views[view]?.build?.(host));
       pgraph.drain();
     },
     // An element with properties, attributes (a, in data-/aria- form), children.
@@ -235,27 +207,6 @@ window.pgraph = (() => {
       controls.getTarget(target, true);
       controls.setLookAt(position.x + x, position.y + y, position.z + z, target.x + x, target.y + y, target.z + z, false);
     },
-  };
-
-  // Little pictures for buttons, drawn here because fonts lack them.
-  const ICONS = {
-    play: "M4 2l10 6-10 6z", pause: "M3 2h4v12H3zM9 2h4v12H9z", start: "M2 2h2v12H2zM14 2v12L5 8z",
-    less: "M11 2v12L4 8z", more: "M5 2l7 6-7 6z",
-    loop: "M8 3a5 5 0 1 1-4.6 3l1.9.8A3 3 0 1 0 8 5v2.6L3.8 4 8 .5z",
-    undo: "M6 1v3h4a4.5 4.5 0 0 1 0 9H5v-2h5a2.5 2.5 0 0 0 0-5H6v3L1 5z",
-    redo: "M10 1v3H6a4.5 4.5 0 0 0 0 9h5v-2H6a2.5 2.5 0 0 1 0-5h4v3l5-4z",
-    duplicate: "M1 1h9v3h5v11H6v-3H1zM2.5 2.5v8H6V4h2.5V2.5zM7.5 5.5v8h6v-8z", mirror: "M7.3 1h1.4v14H7.3zM6 3v10H.5zM4.6 8v3.6H2.6zM10 3v10h5.5z",
-    delete: "M6 1h4v1.5h4V4H2V2.5h4zM3 5h10l-.8 10H3.8zM6 6.5v7h1v-7zM9 6.5v7h1v-7z",
-    pick: "M7.3 0h1.4v4.5H7.3zM7.3 11.5h1.4V16H7.3zM0 7.3h4.5v1.4H0zM11.5 7.3H16v1.4h-4.5zM8 6a2 2 0 1 0 0 4a2 2 0 1 0 0-4z",
-    theme: "M8 1a7 7 0 1 0 0 14A7 7 0 0 0 8 1zm0 2v10A5 5 0 0 1 8 3z",
-  };
-  pgraph.icon = (name) => {
-    const picture = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    for (const [key, value] of Object.entries({ viewBox: "0 0 16 16", width: 13, height: 13, class: "icon" })) picture.setAttribute(key, value);
-    path.setAttribute("d", ICONS[name]);
-    picture.append(path);
-    return picture;
   };
 
   // To draw on a canvas that the graphics process has no part in: where it draws the 3D view without
@@ -318,10 +269,10 @@ window.pgraph = (() => {
     resuming = null;
     for (const topic of late) hear(topic);
     late.clear();
-    for (const view of Object.keys(views)) if (pgraph.hosts(view).length) redraw(view);
+    for (const view of Object.keys(views)) redraw(view);
     pgraph.cells.again();
     for (const act of inView.values()) act(true);
-    pgraph.layout.watch();
+    pgraph.frame.watch();
   }
 
   function shortcut(event) {
@@ -334,10 +285,10 @@ window.pgraph = (() => {
       event.stopPropagation();
       pgraph.send(event.shiftKey || key === "y" ? "Redo" : "Undo");
     } else if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    else if (event.key === "Escape") { if (!pgraph.layout.smaller()) pgraph.send("Select", { body: null }); }
-    else if (event.key === " " && !event.target.closest?.("button")) {
+    else if (event.key === "Escape") { if (!pgraph.overlaid() && !pgraph.frame.smaller()) pgraph.send("Select", { body: null }); }
+    else if (event.key === " " && !event.target.closest?.("button, dialog")) {
       event.preventDefault();
-      pgraph.play();
+      if (event.shiftKey) pgraph.simulate(); else pgraph.play();
     }
   }
   drawTogether();

@@ -1,8 +1,8 @@
 """Both directions between Python and our script in the page.
 
 This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
-a client's own connection, the event of a buffer of messages, a handle's uuid and a panel's, the
-count of layouts, `window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer,
+a client's own connection, the event of a buffer of messages, a handle's uuid,
+`window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer,
 and `__viserSceneTree` (in bridge.js), the `websockets.asyncio.server.serve` it calls and the kinds
 of its messages. `tests/app/test_bridge.py` and `test_door.py` have a test for each.
 """
@@ -10,6 +10,7 @@ of its messages. `tests/app/test_bridge.py` and `test_door.py` have a test for e
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import io
 import json
@@ -19,14 +20,16 @@ from pathlib import Path
 from typing import Any
 
 import viser
-from viser._messages import GuiSetPanelWidthMessage, RunJavascriptMessage
+from viser._messages import RunJavascriptMessage
 
 from .door import guarded
 
 APP = Path(__file__).parent.parent
 # of this folder, in order
-CORE_SCRIPTS = ("bridge", "layout", "notes", "lists", "cells", "forms", "shortcuts")
-CORE_STYLES = ("page", "layout", "notes", "cells", "forms", "shortcuts")
+CORE_SCRIPTS = (
+    "bridge", "icons", "lists", "frame", "popups", "palette", "notes", "cells", "forms", "shortcuts"
+)  # fmt: skip
+CORE_STYLES = ("page", "frame", "popups", "notes", "cells", "forms", "shortcuts")
 
 Receive = Callable[[int, str], None]
 PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one
@@ -69,17 +72,11 @@ class Bridge:
         self._behind: dict[int, int] = {}  # by page: pictures sent and not shown
         self._heard: dict[int, float] = {}  # when each showed one, or got one that it waits for
         self.shown: Callable[[], None] = lambda: None  # called when a page has shown one
-        server._websock_server.queue_message(RunJavascriptMessage(source=static_script()))
 
-    def host(self, view: str) -> None:
-        """A static, empty place for a view of ours in the current viser container.
-
-        The image has no picture: its error handler runs at each (re)mount of the host.
-        """
-        self.server.gui.add_html(
-            f'<div class="pgraph" data-view="{view}"></div>'
-            '<img hidden src="data:," onerror="window.pgraph && pgraph.mount()">'
-        )
+    def publish(self, hosts: list[tuple[str, str, str]]) -> None:
+        """Send script, style and hosts (view, slot, tab) to every page that opens."""
+        source = static_script(hosts)
+        self.server._websock_server.queue_message(RunJavascriptMessage(source=source))
 
     def connect(self, client: viser.ClientHandle) -> None:
         """The way back from this page: a hidden text whose value our script sets."""
@@ -96,16 +93,6 @@ class Bridge:
                 self._receive(event.client.client_id, uplink.value)
 
         self._push(client, "uplink", uplink._impl.uuid)
-
-    def set_width(self, client_id: int, panel: Any, width: float) -> None:
-        """The width [px] of a docked panel on one page alone."""
-        client = self.server.get_clients().get(client_id)
-        if client is None:
-            return
-        gui = self.server.gui
-        counter, run = gui._next_layout_counter(), gui._layout_run_id
-        message = GuiSetPanelWidthMessage(panel._placement_uuid, width, counter, run)
-        client._websock_connection.queue_message(message)
 
     def send(self, client_id: int, topic: str, data: Any) -> None:
         """`data` to the views that listen to `topic` on one page; gone pages are ignored."""
@@ -153,11 +140,13 @@ class Bridge:
         client._websock_connection.queue_message(RunJavascriptMessage(source=source))
 
 
-def static_script() -> str:
+def static_script(hosts: list[tuple[str, str, str]]) -> str:
     """All of our script and style, to be run once per page: the core's, then every feature's."""
-    style = json.dumps("\n".join(_sources(CORE_STYLES, "css")))
+    style = "\n".join(_sources(CORE_STYLES, "css"))
+    font = base64.b64encode((APP / "core" / "inter.woff2").read_bytes()).decode()
+    style = json.dumps(style.replace("inter.woff2", f"data:font/woff2;base64,{font}"))
     scripts = _sources(CORE_SCRIPTS, "js")
-    return "\n".join([f"const PGRAPH_CSS = {style};", *scripts, "pgraph.start(PGRAPH_CSS);"])
+    return "\n".join([*scripts, f"pgraph.start({style}, {json.dumps(hosts)});"])
 
 
 def _sources(core: tuple[str, ...], suffix: str) -> list[str]:

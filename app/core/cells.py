@@ -258,9 +258,9 @@ def button(text: str, event: str, title: str = "", /, **fields: Any) -> Payload:
     return {"text": text, "event": event, "title": title, "fields": fields}
 
 
-def group(title: str, fields: Iterable[Payload], is_open: bool = True) -> Payload:
-    """Fields under a title that folds them away."""
-    return {"title": title, "open": is_open, "fields": list(fields)}
+def group(title: str, fields: Iterable[Payload], is_open: bool = True, state: str = "") -> Payload:
+    """Fields under a title that folds them away; `state` says what they hold while folded."""
+    return {"title": title, "open": is_open, "state": state, "fields": list(fields)}
 
 
 def merged(forms: Sequence[list[Payload]]) -> list[Payload]:

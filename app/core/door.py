@@ -38,7 +38,6 @@ PASS = (  # what the page sends; the rest is dropped
     "TransformControlsUpdateMessage",
     "TransformControlsDragStartMessage",
     "TransformControlsDragEndMessage",
-    "CommandTriggerMessage",
 )
 MESSAGES = (300.0, 600.0)  # a second for one page, and at once
 BYTES = (32e6, 64e6)  # the same in bytes
@@ -61,17 +60,22 @@ HEADERS = {
 # over viser's own panel until ours are there (bridge.js); where they never come, it goes by itself
 LOADING = b"""<title>Pgraph</title>
 <style>
-#pgraph-loading { position: fixed; inset: 0; z-index: 9999; display: grid; place-items: center;
-  background: #f4f6f9; color: #606872; font: 15px system-ui, sans-serif; letter-spacing: .02em;
-  transition: opacity .2s; animation: pgraph-gone 0s 30s forwards;
-  pointer-events: none; /* bridge.js asks what covers the 3D view */ }
-#pgraph-loading.dark { background: #1a1b1e; color: #a3acb6; }
+#pgraph-loading { position: fixed; inset: 0; z-index: 9999; pointer-events: none;
+  display: grid; place-content: center; justify-items: center; gap: 16px;
+  background: #eef1f5; color: #2f5be7; font: 500 13px system-ui, sans-serif;
+  transition: opacity .2s; animation: pgraph-gone 0s 30s forwards; }
+#pgraph-loading span { color: #48515f; }
+#pgraph-loading.dark { background: #0e1116; color: #7fa3ff; }
+#pgraph-loading.dark span { color: #b3bcc9; }
 #pgraph-loading.over { opacity: 0; }
-#pgraph-loading span { animation: pgraph-wait 1.6s ease-in-out infinite alternate; }
-@keyframes pgraph-wait { from { opacity: .45; } }
+#pgraph-loading i { width: 96px; height: 3px; border-radius: 4px; background: #7f9bd940; }
+#pgraph-loading i::after { content: ""; display: block; width: 40%; height: 100%;
+  border-radius: 4px; background: currentColor;
+  animation: pgraph-wait 1.1s ease-in-out infinite alternate; }
+@keyframes pgraph-wait { from { margin-left: 0; } to { margin-left: 60%; } }
 @keyframes pgraph-gone { to { visibility: hidden; } }
 </style>"""
-LOADING_BODY = b"""<body><div id="pgraph-loading" role="status"><span>Pgraph is loading</span></div>
+LOADING_BODY = b"""<body><div id="pgraph-loading" role="status"><span>Pgraph</span><i></i></div>
 <script>{
   let dark = matchMedia("(prefers-color-scheme: dark)").matches;
   try { dark = JSON.parse(localStorage.getItem("pgraph choices"))?.dark ?? dark; } catch { }

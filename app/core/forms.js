@@ -27,7 +27,7 @@ pgraph.forms = (() => {
   }
 
   // The column of labels: as wide as the widest with its unit; where that is too wide, the unit goes below.
-  const MOST = 106, ruler = document.createElement("canvas").getContext("2d");
+  const MOST = 96, ruler = document.createElement("canvas").getContext("2d");
   function widest(box, groups) {
     const family = getComputedStyle(box).fontFamily;
     const width = (text, size) => { ruler.font = `${size}px ${family}`; return text ? ruler.measureText(text).width : 0; };
@@ -35,17 +35,18 @@ pgraph.forms = (() => {
       const one = width(label, 12), other = width(unit, 11), both = one + other + 4;
       return both > MOST ? Math.max(one, other) : both;
     };
-    return Math.ceil(Math.min(MOST, Math.max(60, ...groups.flatMap((one) => one.fields.map(needed)))));
+    return Math.ceil(Math.min(MOST, Math.max(76, ...groups.flatMap((one) => one.fields.map(needed)))));
   }
 
   function group(data, folded) {
     if (!data.title) return make("div");
-    return make("details", { open: folded.get(data.title) ?? data.open }, make("summary"), make("div"));
+    return make("details", { open: folded.get(data.title) ?? data.open }, make("summary", {}, make("span"), make("span", { className: "state" })), make("div"));
   }
   function fillGroup(box, el, data) {
     if (data.title) {
       el.dataset.title = data.title;
-      el.firstChild.textContent = data.title;
+      el.firstChild.firstChild.textContent = data.title;
+      el.firstChild.lastChild.textContent = data.state ?? "";
     }
     const seen = new Map();
     const items = data.fields.map((field) => {
@@ -105,7 +106,7 @@ pgraph.forms = (() => {
     el.pgraphButtons = texts;
     for (const old of line.querySelectorAll(":scope > button.own")) old.remove();
     line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => make("button", {
-      className: "action small own", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField),
+      className: "action own", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField),
     })));
   }
   function label(box, el, field) {
@@ -173,7 +174,7 @@ pgraph.forms = (() => {
 
   function repair(box, field, entries, offer, note, cell) {
     if (!offer || !note) return;
-    note.append(" ", make("button", { className: "action small offer", textContent: offer, onclick: () => {
+    note.append(" ", make("button", { className: "action offer", textContent: offer, onclick: () => {
       cells.await(cell, (serial) => box.pgraphAsk.mend(field.field, entries, serial));
     } }));
   }
@@ -194,7 +195,7 @@ pgraph.forms = (() => {
     const list = make("select", { className: "cell", "aria-label": "material", title: "material" },
       make("option", { value: "", textContent: "material …" }), ...field.options.map(([value, text]) => make("option", { value, textContent: text })));
     list.onchange = () => { if (!list.value) return; cell.value = list.value; take.click(); };
-    const take = make("button", { className: "action small take", textContent: "Take", title: field.help, onclick: () => {
+    const take = make("button", { className: "action take", textContent: "Take", title: field.help, onclick: () => {
       if (!cell.value) { cell.focus(); return; }
       cells.await(cell, send);
     } });
@@ -206,7 +207,7 @@ pgraph.forms = (() => {
   function upload(box) {
     const file = make("input", { type: "file", accept: ".stl,.obj,.ply,.off,.glb", hidden: true, "aria-label": "mesh file" });
     file.onchange = () => { if (file.files[0]) box.pgraphAsk.upload(file.files[0]); file.value = ""; };
-    const press = make("button", { className: "action small", textContent: "Mesh file …", title: "STL, OBJ, PLY, OFF or GLB, 10 MB at most", onclick: () => file.click() });
+    const press = make("button", { className: "action", textContent: "Mesh …", title: "STL, OBJ, PLY, OFF or GLB, 10 MB at most", onclick: () => file.click() });
     return make("span", {}, press, file);
   }
 
@@ -220,7 +221,7 @@ pgraph.forms = (() => {
     Object.assign(value, { placeholder: "value" });
     name.dataset.shown = value.dataset.shown = "";
     value.onaccept = () => { name.value = value.value = ""; };
-    const add = make("button", { className: "action small", textContent: "Add", onclick: () => cells.await(value, send) });
+    const add = make("button", { className: "action", textContent: "Add", onclick: () => cells.await(value, send) });
     const fresh = make("div", { className: "field parameter fresh" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), add);
     return [make("div", { className: "parameters" }, make("div"), fresh)];
   }
@@ -228,7 +229,7 @@ pgraph.forms = (() => {
     const ask = (...args) => box.pgraphAsk.parameter(...args);
     const name = cells.input((serial, text) => ask("RenameParameter", { serial, name: name.dataset.full, text }), { label: "parameter name" });
     const value = cells.input((serial, text) => ask("EditParameter", { serial, name: name.dataset.full, text, row: Number(line.pgraphKey) }), { label: "parameter value", numeric: true });
-    const out = make("button", { className: "action small", textContent: "×", onclick: () => ask("DeleteParameter", { name: name.dataset.full }) });
+    const out = make("button", { className: "bare", title: "Delete", "aria-label": "delete", onclick: () => ask("DeleteParameter", { name: name.dataset.full }) }, pgraph.icon("close"));
     const line = make("div", {}, make("div", { className: "field parameter" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), out));
     return line;
   }
@@ -268,7 +269,7 @@ pgraph.forms = (() => {
   // Units and forms of this page alone; the file has radians and metres.
   function units(show) {
     const toggle = (what, a, b) => make("button", {
-      className: "action small", "data-unit": what, title: "shown and typed in; files hold radians and metres",
+      className: "action", "data-unit": what, title: "shown and typed in; files hold radians and metres",
       onclick: (event) => pgraph.send("SetDisplay", { what, value: event.target.textContent === a ? b : a }),
     });
     const box = make("span", { className: "units" }, toggle("angle", "rad", "deg"), toggle("length", "m", "mm"));

@@ -10,7 +10,7 @@ pgraph.pressButton = (className, textContent, title, act) => {
   return made;
 };
 pgraph.pictureButton = (className, icon, label, title, onclick) => {
-  const made = pgraph.button(className, "", title, onclick);
+  const made = pgraph.button(`icon-only ${className}`, "", title, onclick);
   made.setAttribute("aria-label", label);
   made.append(pgraph.icon(icon));
   return made;

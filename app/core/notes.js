@@ -14,9 +14,9 @@
   function tell(title, text, good) {
     const notes = place(), same = [...notes.children].find((one) => one.dataset.says === `${title}\n${text}`);
     if (same) { last(same, good); return; }
-    const close = make("button", { className: "close", "aria-label": "close", onclick: () => note.remove() });
+    const close = make("button", { className: "bare close", "aria-label": "close", onclick: () => note.remove() }, pgraph.icon("close"));
     const said = make("div", { className: "said", textContent: text });
-    const more = make("button", { className: "more", textContent: "more", hidden: true, onclick: () => { note.classList.add("whole"); more.hidden = true; } });
+    const more = make("button", { className: "link more", textContent: "more", hidden: true, onclick: () => { note.classList.add("whole"); more.hidden = true; } });
     const note = make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", "data-says": `${title}\n${text}` },
       ...(title ? [make("strong", { textContent: title })] : []), ...(text ? [said] : []), more, close);
     notes.append(note);

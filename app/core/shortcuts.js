@@ -3,7 +3,7 @@ pgraph.shortcuts = (() => {
   const { make } = pgraph;
   const SHEET = [
     ["Anywhere", [
-      ["Ctrl K", "find a command"], ["Ctrl S", "save"], ["Ctrl O", "open"], ["Ctrl F", "find a body"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["F6", "next pane, Shift F6 the one before"], ["?", "this sheet"],
+      ["Ctrl K", "search bodies and commands"], ["Ctrl S", "save"], ["Ctrl O", "open"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause, Shift Space computes it again"], ["Esc", "clear the selection"], ["F6", "next pane, Shift F6 the one before"], ["Ctrl B", "show or hide the model, Ctrl I the selection"], ["?", "this sheet"],
     ]],
     ["In the 3D view", [
       ["F", "frame what is selected, or all"], ["1", "from the front, 2 from the side, 3 from the top"], ["0", "isometric"], ["C", "turn about the selection"], ["M", "measure between two points"],
@@ -28,28 +28,12 @@ pgraph.shortcuts = (() => {
   ];
 
   function open() {
-    if (document.querySelector("dialog.pgraph-keys")) return;
+    if (document.querySelector("dialog:modal")) return;
     const keys = (text) => text.split(", ").flatMap((part, i) => [i ? ", " : "", make("kbd", { textContent: part })]);
     const part = ([title, lines]) => make("section", {}, make("h3", { textContent: title }),
       make("dl", {}, ...lines.flatMap(([key, what]) => [make("dt", {}, ...keys(key)), make("dd", { textContent: what })])));
-    const close = make("button", { className: "action primary", textContent: "Close", onclick: () => sheet.close() });
-    const sheet = make("dialog", { className: "pgraph pgraph-keys", "aria-label": "keyboard shortcuts", onclose: () => sheet.remove() },
-      make("div", { className: "columns" }, ...SHEET.map(part)), close);
-    sheet.addEventListener("click", (event) => { if (event.target === sheet) sheet.close(); });
-    sheet.addEventListener("keydown", (event) => event.stopPropagation());
-    document.body.append(sheet);
-    sheet.showModal();
-    sheet.scrollTop = 0; // the focus is on its last button
+    pgraph.dialog("Keyboard shortcuts", "pgraph-keys", make("div", { className: "columns" }, ...SHEET.map(part)));
   }
-
-  // The palette's own listener passes over fields.
-  window.addEventListener("keydown", (event) => {
-    const field = event.target.closest?.("input, select, textarea");
-    if (!field || field.closest("[role=dialog]") || event.key.toLowerCase() !== "k" || !(event.ctrlKey || event.metaKey)) return;
-    event.preventDefault();
-    field.blur();
-    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "k", code: "KeyK", ctrlKey: event.ctrlKey, metaKey: event.metaKey, bubbles: true }));
-  }, true);
 
   window.addEventListener("keydown", (event) => {
     if (event.key !== "?" || event.target.closest?.("input, select, textarea, dialog")) return;

@@ -65,7 +65,6 @@ class Client:
     selected: tuple[str, ...] = ()  # all selected bodies in the table's order
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
-    window: float | None = None  # width of the whole page [px]
     covered: float = 0.0  # share of its 3D view that panels cover, from the bottom
     turned: bool = False  # whether a person moved its camera since it was set
     reply: Reply | None = None

@@ -6,10 +6,8 @@ A feature lists its own in `VIEWS` of its `view.py`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
-
-import viser
 
 from pgraph_core.errors import counted
 from pgraph_core.show.shapes import Color
@@ -52,44 +50,46 @@ def count(state: State) -> str:
 # -- places ----------------------------------------------------------------------------------------
 
 
-PanelName = Literal["bodies", "graph", "properties", "playback"]
+# parts of the page; "display" is the menu of what is drawn, "drawer" the results below the 3D view
+Slot = Literal["top", "left", "view", "display", "drawer", "right", "run", "time", "trust"]
 
 
 @dataclass(frozen=True)
 class Desk:
-    """What views are made with: the bridge, the store's `send`, the panels by name."""
+    """The bridge and the store's `send`, from which views are made."""
 
     bridge: Bridge
     send: Callable[[Event], None]
-    panels: dict[PanelName, viser.PanelHandle]
 
 
 @dataclass(frozen=True)
-class Place:
-    """A view and its tab. Without a panel it is in viser's own, or only in the 3D view.
+class Host:
+    """Where a view stands on the page: its slot, and the tab within "left" or "drawer".
 
-    Views are made, and drawn after each event, by increasing `order`; so are the tabs of a panel.
-    Views with the same panel and tab share it.
+    Hosts of a slot stand in the order of their places, unless they have their own.
     """
 
-    make: Callable[[Desk], View]
-    order: int
-    panel: PanelName | None = None
+    view: str
+    slot: Slot
     tab: str = ""
-    icon: viser.IconName | None = None
+    order: int | None = None
+
+
+class Place:
+    """A view and its hosts; without hosts it draws in 3D only, or nothing.
+
+    Views are made, and drawn after each event, by increasing `order`.
+    """
+
+    def __init__(self, make: Callable[[Desk], View], order: int, *hosts: Host):
+        self.make, self.order = make, order
+        self.hosts = [h if h.order is not None else replace(h, order=order) for h in hosts]
 
 
 def made(places: list[Place], desk: Desk) -> tuple[View, ...]:
-    """All views, each in its tab."""
-    tabs: dict[tuple[PanelName, str], viser.GuiTabHandle] = {}
-    views: list[View] = []
-    for place in sorted(places, key=lambda place: place.order):
-        if place.panel is None:
-            views.append(place.make(desk))
-            continue
-        key = (place.panel, place.tab)
-        if key not in tabs:
-            tabs[key] = desk.panels[place.panel].add_tab(place.tab, place.icon)
-        with tabs[key]:
-            views.append(place.make(desk))
-    return tuple(views)
+    """Make all views, and send the page with their hosts."""
+    places = sorted(places, key=lambda place: place.order)
+    views = tuple(place.make(desk) for place in places)
+    hosts = sorted((host for place in places for host in place.hosts), key=lambda h: h.order or 0)
+    desk.bridge.publish([(host.view, host.slot, host.tab) for host in hosts])
+    return views

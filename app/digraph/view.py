@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import viser
 
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Payload, Place, audience, css
+from ..core.views import Host, Payload, Place, audience, css
 from ..pose.solving import home, shown_q
 
 SAMPLE = 0.3  # [rad, m] that joints move in a frame update where nothing has moved yet
@@ -21,7 +20,6 @@ SAMPLE = 0.3  # [rad, m] that joints move in a frame update where nothing has mo
 class DigraphView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("digraph")
 
     def render(self, old: State, new: State) -> None:
         changed = new.derived is not old.derived
@@ -145,4 +143,4 @@ def _back(tip: int, i: int, again: bool) -> Step:
     return Step("4, 5", text, i, (i, 0), i if again else None, pull=True, tip=tip)
 
 
-VIEWS = (Place(lambda desk: DigraphView(desk.bridge), 20, "graph", "Digraph", viser.Icon.SITEMAP),)
+VIEWS = (Place(lambda desk: DigraphView(desk.bridge), 20, Host("digraph", "left", "Bodies")),)

@@ -16,7 +16,7 @@
     const field = (label, unit, cell, help, ...more) => make("div", { className: `field ${more.length ? "slid" : ""}`, title: help },
       make("div", { className: "what" }, text("span", "", label), text("span", "unit", unit)), ...more, cell);
     host.replaceChildren(
-      make("div", { className: "no-gait", hidden: true }, text("p", "muted why"), button("open-walker", "Open quadruped_hips", "The built-in model that trots, crawls and gallops", () => send("OpenBuiltIn", { name: "quadruped_hips" }))),
+      make("div", { className: "no-gait", hidden: true }, text("p", "muted why")),
       make("div", { className: "gait", hidden: true },
         make("div", { className: "field", title: "When each foot is on the ground" }, text("div", "what", "Gait"), gait,
           button("primary walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
@@ -52,6 +52,7 @@
 
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector), c = host.pgraphGait;
+    host.hidden = !data.feet;
     $(".no-gait").hidden = !data.why;
     $(".gait").hidden = !data.walks;
     $(".why").textContent = data.why;

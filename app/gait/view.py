@@ -14,7 +14,7 @@ from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience, css
 from . import (
     LAWS,
     Change,
@@ -35,23 +35,12 @@ FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
 class GaitView:
-    """The last tab of a panel, there as long as the model has feet."""
+    """How to walk, below the scenarios of a model with feet."""
 
-    def __init__(self, bridge: Bridge, panel: viser.PanelHandle):
-        self._bridge, self._panel = bridge, panel
-        self._tab: viser.GuiTabHandle | None = None
-
-    def _place(self, wanted: bool) -> None:
-        if wanted and self._tab is None:
-            self._tab = self._panel.add_tab("Gait", viser.Icon.PAW)
-            with self._tab:
-                self._bridge.host("gait")
-        elif not wanted and self._tab is not None:
-            self._tab.remove()
-            self._tab = None
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
 
     def render(self, old: State, new: State) -> None:
-        self._place(has_feet(new.model))
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
         changed = changed or (old.going is None) != (new.going is None)
         clients = audience(old, new, changed)
@@ -65,12 +54,13 @@ def gait(state: State) -> Payload:
     model, found = state.model, offers(state.model)
     offer = offered(model, state.walking)
     if offer is None:
-        return {"why": why_not(model), "walks": False}
+        return {"why": why_not(model), "walks": False, "feet": has_feet(model)}
     now = offer.gait
     untried = f"'{now.name}' is untried on '{model.name}', which may fall."
     return {
         "why": "" if offer.tried else untried,
         "walks": True,
+        "feet": True,
         "gaits": [
             [name, name if one.tried else f"{name} (untried on this model)"]
             for name, one in found.items()
@@ -150,7 +140,6 @@ class PhasesView:
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("phases")
         self._sent = 0.0  # when a picture of the live run was sent
         self._told: object = None  # what everybody has
         self._window = Window()
@@ -200,15 +189,18 @@ def phases(falls: tuple[Change, ...], state: State, window: Window | None = None
         touched = {change.foot for change in shown if PHASES[change.phase] != SWING}
         feet.sort(key=lambda foot: foot not in touched)
     number = {foot: k for k, foot in enumerate(feet)}
+    body = {contact.name: contact.body for contact in state.model.contacts}
+    color = dict(zip(state.derived.names, map(css, state.colors)))
     return {
         "feet": feet,
+        "colors": [color.get(body.get(foot, ""), "currentColor") for foot in feet],
         "phases": list(PHASES if has_feet(state.model) else TOUCHING),
         "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }
 
 
 VIEWS = (
-    Place(lambda desk: GaitView(desk.bridge, desk.panels["properties"]), 43),
-    Place(lambda desk: PhasesView(desk.bridge), 61, "playback", "Playback", viser.Icon.PLAYER_PLAY),
+    Place(lambda desk: GaitView(desk.bridge), 23, Host("gait", "left", "Scenarios")),
+    Place(lambda desk: PhasesView(desk.bridge), 61, Host("phases", "time")),
     Place(lambda desk: FootprintsView(desk.bridge.server), 72),
 )

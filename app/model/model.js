@@ -3,79 +3,63 @@
   const { make, button, text, cells, send } = pgraph;
 
   function build(host) {
+    const name = make("button", { className: "bare model-menu", "aria-label": "model" }, text("span", "name"), pgraph.icon("down", 12));
+    pgraph.menuButton(name, "model", () => [
+      ["New …", "", () => ask(newQuestion), { className: "new", about: "A new model: how many bodies, or from an example" }],
+      ["Open …", "Ctrl O", () => ask(openQuestion), { className: "open", about: "An example or a file" }],
+      ["Save …", "Ctrl S", () => ask(saveQuestion), { className: "save", about: "Download, or write to a file" }], null,
+      ["Download", "", () => send("Download"), { about: "JSON; with mesh files a zip of that and them" }],
+    ]);
+    const search = make("button", { className: "search-all", title: "Search bodies and commands (Ctrl K)", onclick: () => pgraph.palette.open() },
+      pgraph.icon("search"), text("span", "", "Search bodies and commands"), text("kbd", "", "Ctrl K"));
     host.replaceChildren(
-      make("div", { className: "bar file" },
-        button("new", "New", "A new model: how many bodies?", () => ask(host, newQuestion)),
-        button("open", "Open", "A built-in model or a file", () => ask(host, openQuestion)),
-        button("save", "Save", "Download, or write to a file", () => ask(host, saveQuestion)),
-        text("span", "spring"),
-        make("span", { className: "group" },
-          pgraph.pictureButton("undo", "undo", "Undo", "Undo", () => send("Undo")),
-          pgraph.pictureButton("redo", "redo", "Redo", "Redo", () => send("Redo")),
-          pgraph.pictureButton("theme", "theme", "Dark or light", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
-          button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open()))),
-      make("div", { className: "reading", hidden: true }, text("span", "what"), button("small cancel", "Cancel", "Stop reading this file", () => send("CancelReading"))),
-      make("div", { className: "asked" }),
-      make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));
+      pgraph.pictureButton("bare sheet-toggle", "left", "model panel", "Model (Ctrl B)", () => pgraph.frame.toggle("left")),
+      make("span", { className: "brand" }, mark(), "Pgraph"), text("span", "rule"), name, text("span", "muted count"), text("span", "rule"),
+      pgraph.pictureButton("bare undo", "undo", "Undo", "Undo", () => send("Undo")),
+      pgraph.pictureButton("bare redo", "redo", "Redo", "Redo", () => send("Redo")),
+      make("span", { className: "reading", hidden: true }, text("span", "what"), button("cancel", "Cancel", "Stop reading this file", () => send("CancelReading"))),
+      text("span", "spring"), search);
+  }
+  // A tree of three nodes: the sign of the program.
+  function mark() {
+    const box = make("span", { className: "mark" });
+    box.innerHTML = '<svg width="20" height="20" viewBox="0 0 20 20" fill="none" stroke="currentColor" stroke-width="1.6" stroke-linecap="round"><path d="M10 7.7c0 3-5 2-5 5.3M10 7.7c0 3 5 2 5 5.3M10 6v1.7"/><circle cx="10" cy="4" r="2.4" fill="currentColor"/><circle cx="5" cy="15" r="2.4"/><circle cx="15" cy="15" r="2.4"/></svg>';
+    return box;
   }
 
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector);
-    $(".model .name").textContent = $(".model .name").title = data.name;
-    $(".model .count").textContent = data.count;
+    $(".name").textContent = $(".name").title = data.name;
+    $(".count").textContent = [...data.count.split(", "), data.unsaved ? "edited" : "saved"].join(" · ");
+    for (const [tab, n] of Object.entries(data.counts)) pgraph.frame.count(tab, n);
     $(".reading").hidden = data.reading === null;
     $(".reading .what").textContent = `Reading ${data.reading ?? ""} …`;
-    for (const which of ["undo", "redo"]) {
+    for (const [which, word, key] of [["undo", "Undo", "Ctrl+Z"], ["redo", "Redo", "Ctrl+Shift+Z"]]) {
       $(`.${which}`).disabled = data[which] === null;
-      const key = which === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z", word = which === "undo" ? "Undo" : "Redo";
       $(`.${which}`).title = data[which] === null ? `Nothing to ${which}` : `${word}: ${data[which]} (${key})`;
     }
   }
 
-  // Keys: save where it was saved last, or ask where; open; the palette of commands runs these too.
-  const press = (which) => document.querySelector(`.pgraph button.${which}`)?.click();
-  pgraph.commands = {
-    new: () => press("new"), open: () => press("open"), save: () => press("save"), keys: () => pgraph.shortcuts.open(),
-    theme: () => press("theme"), simulate: () => press("simulate"), live: () => press("action.live"), undo: () => send("Undo"), redo: () => send("Redo"),
-    play: () => pgraph.play(), find: () => { const box = document.querySelector(".pgraph .search"); box?.focus(); box?.select(); },
-    add: () => press("add"), download: () => send("Download"), tour: () => pgraph.tour?.start(), measure: () => pgraph.camera.measure(),
-  };
-  pgraph.on("command", ({ run }) => {
-    const [kind, what] = run.split(":");
-    if (kind === "tab") pgraph.front(what);
-    else if (kind === "model") send("OpenBuiltIn", { name: what });
-    else if (kind === "view") pgraph.camera.look(what);
-    else pgraph.commands[kind]?.();
-  });
+  pgraph.commands("Model", () => [
+    ["New model", "", () => ask(newQuestion), "how many bodies, or from an example"], ["Open a model", "Ctrl O", () => ask(openQuestion)], ["Save the model", "Ctrl S", () => ask(saveQuestion)],
+    ["Download the model", "", () => send("Download"), "as one file"], ["Undo", "Ctrl Z", () => send("Undo")], ["Redo", "Ctrl Shift Z", () => send("Redo")],
+  ]);
+  pgraph.commands("Examples", () => (pgraph.latest.toolbar?.gallery ?? []).map(([name, what]) => [`Open ${name}`, "", () => send("OpenBuiltIn", { name }), what]));
   window.addEventListener("keydown", (event) => {
-    const which = { s: "save", o: "open", f: "find" }[event.key.toLowerCase()];
-    if (!which || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
-    event.preventDefault(); // the browser's own save, open and find
-    pgraph.commands[which]();
+    const asked = { s: saveQuestion, o: openQuestion }[event.key.toLowerCase()];
+    if (!asked || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
+    event.preventDefault(); // the browser's own save and open
+    ask(asked);
   }, true);
 
-  // -- one question at a time: below the buttons, or with a heading over the 3D view ---------------
-  const OVER = { newQuestion: "New model", openQuestion: "Open a model" };
-  function ask(host, question) {
-    const box = host.querySelector(".asked"), again = box.dataset.asked === question.name;
-    const close = () => {
-      box.replaceChildren();
-      box.dataset.asked = "";
-      for (const name of ["role", "aria-label"]) box.removeAttribute(name);
-    };
-    close();
-    if (again) return;
+  // -- one question at a time ------------------------------------------------------------------------
+  const TITLES = { newQuestion: "New model", openQuestion: "Open a model", saveQuestion: "Save the model" };
+  function ask(question) {
+    if (document.querySelector("dialog:modal")) return;
+    const box = pgraph.dialog(TITLES[question.name], "asked");
     box.dataset.asked = question.name;
-    const title = OVER[question.name];
-    if (title) {
-      box.setAttribute("role", "dialog");
-      box.setAttribute("aria-label", title);
-      box.append(make("h3", { textContent: title }));
-    }
-    box.append(...question(close));
-    if (title) box.append(make("button", { className: "close", textContent: "×", title: "Close (Esc)", "aria-label": "close", onclick: close }));
-    box.querySelector("input[type=text], button")?.focus(); // where Escape is heard
-    box.onkeydown = (event) => { if (event.key === "Escape") close(); };
+    box.lastChild.append(...question(() => box.close()));
+    box.lastChild.querySelector("input[type=text], button")?.focus();
   }
 
   function newQuestion(close) {
@@ -118,7 +102,7 @@
     cell.style.minWidth = `${Math.min(suggestion.length, 26) + 2}ch`;
     cell.onaccept = close;
     cell.onrefuse = (offer, note) => {
-      if (offer && note) note.append(" ", button("small offer", offer, "", () => cells.await(cell, offered(cell.value))));
+      if (offer && note) note.append(" ", button("offer", offer, "", () => cells.await(cell, offered(cell.value))));
     };
     const go = button(verb === "Save" ? "go" : "primary go", verb, "", () => cells.commit(cell, act));
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];
@@ -137,7 +121,7 @@
       className: "item", "data-model": name, title: what, onclick: () => { send(event, { name }); close(); },
     }, make("span", { className: "picture" }), make("strong", { textContent: name.replaceAll("_", " ") }), make("span", { className: "muted", textContent: what }));
     const left = (one) => {
-      const discard = button("small", "Discard", `Delete ${one[0]}`, () => { send("DiscardKept", { name: one[0] }); both.remove(); });
+      const discard = button("", "Discard", `Delete ${one[0]}`, () => { send("DiscardKept", { name: one[0] }); both.remove(); });
       const both = make("div", { className: "left" }, card("OpenKept")(one), discard);
       return both;
     };
@@ -151,5 +135,16 @@
   }
   pgraph.on("pictures", (drawn) => document.querySelectorAll(".pgraph .gallery").forEach((box) => pictures(box, drawn)));
 
+  // -- an empty model: three ways to begin, in the middle of the view --------------------------------
+  function ways(host) {
+    const way = (name, about, icon, act) => make("button", { className: "item", onclick: act }, pgraph.icon(icon), make("strong", { textContent: name }), text("span", "muted", about));
+    host.hidden = true;
+    host.append(make("h2", { textContent: "Start a model" }), make("div", { className: "ways" },
+      way("Add a body", "Then its joint, mass and shape at the right", "add", () => send("AddBody", { parent: null })),
+      way("Paste or count", "Rows of a spreadsheet, or a number of bodies", "duplicate", () => ask(newQuestion)),
+      way("Open", "An example, or a JSON, URDF or MJCF file", "graph", () => ask(openQuestion))));
+  }
+
+  pgraph.view("start", { build: ways, toolbar: (host, data) => { host.hidden = data.counts.Bodies > 0; } });
   pgraph.view("toolbar", { build, toolbar: draw });
 })();

@@ -9,7 +9,7 @@ from pgraph_core.show.notebook import picture
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
 from ..core.state import State
-from ..core.views import Payload, Place, audience, count
+from ..core.views import Host, Payload, Place, audience, count
 from ..session import Kept
 from .update import reading, redoable, undoable
 
@@ -17,12 +17,11 @@ from .update import reading, redoable, undoable
 class ToolbarView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("toolbar")
 
     def render(self, old: State, new: State) -> None:
         changed = any(
             getattr(old, part) is not getattr(new, part)
-            for part in ("derived", "undo", "redo", "gallery", "kept", "errands")
+            for part in ("derived", "undo", "redo", "gallery", "kept", "errands", "saved")
         )
         for client in audience(old, new, changed or _pages(old) != _pages(new)):
             self._bridge.send(client, "toolbar", toolbar(new, client))
@@ -40,12 +39,26 @@ def toolbar(state: State, client: int) -> Payload:
         "name": state.model.name,
         "unnamed": STAND_IN.fullmatch(state.model.name) is not None,
         "count": count(state),
+        "unsaved": unsaved(state),
+        "counts": counts(state.model),
         "undo": undo.label if undo else None,
         "redo": redo.label if redo else None,
         "gallery": gallery(state),
         "kept": [(label, _left(kept)) for label, kept in state.kept.items()],
         "reading": errand and (errand.file or errand.label),
     }
+
+
+def counts(model: pg.Model) -> dict[str, int]:
+    """How many parts the tabs of the model hold."""
+    tied = len(model.constraints) + len(model.contacts) + len(model.forces)
+    return {"Bodies": len(model.bodies), "Connections": tied, "Scenarios": len(model.scenarios)}
+
+
+def unsaved(state: State) -> bool:
+    """Whether the model was edited since it was opened or saved."""
+    edited = bool(state.undo) and state.undo[-1].document == state.document
+    return edited and state.saved != (state.document, state.model)
 
 
 def _left(kept: Kept) -> str:
@@ -85,6 +98,6 @@ def drawn(model: pg.Model) -> str:
 
 
 VIEWS = (
-    Place(lambda desk: ToolbarView(desk.bridge), 30),
+    Place(lambda desk: ToolbarView(desk.bridge), 30, Host("toolbar", "top"), Host("start", "view")),
     Place(lambda desk: GalleryView(desk.bridge), 32),
 )

@@ -7,7 +7,6 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import viser
 from scipy import io as files
 from scipy import sparse
 
@@ -17,7 +16,7 @@ from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
 from ..core.state import Client, Inspected, State
-from ..core.views import Payload, Place, count
+from ..core.views import Host, Payload, Place, count
 from ..pose.solving import shown_q
 
 PACE = 0.2  # [s] between pictures while a run plays
@@ -27,7 +26,6 @@ class OperatorsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
         self._sent = 0.0  # when, while a run plays
-        bridge.host("operators")
 
     def render(self, old: State, new: State) -> None:
         moved = new.playback.time != old.playback.time or new.pose is not old.pose
@@ -199,5 +197,5 @@ def as_file(state: State, what: str, suffix: str) -> bytes:
 
 
 VIEWS = (
-    Place(lambda desk: OperatorsView(desk.bridge), 23, "graph", "Operators", viser.Icon.GRID_DOTS),
+    Place(lambda desk: OperatorsView(desk.bridge), 51, Host("operators", "drawer", "Matrices")),
 )

@@ -12,10 +12,11 @@ class Playback:
     time: float = 0.0  # [s]
     playing: bool = False
     preview: bool = False  # what has just been computed is shown once, until somebody takes over
+    unseen: bool = False  # the preview waits at its beginning for the first page that has a 3D view
     speed: float = 1.0
     loop: bool = True
 
     @property
     def moves(self) -> bool:
         """Whether time goes on."""
-        return self.playing or self.preview
+        return self.playing or (self.preview and not self.unseen)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import viser
-
 from ..core.bridge import Bridge
 from ..core.state import SPEEDS, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience
 
 
 class PlaybackView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("playback")
 
     def render(self, old: State, new: State) -> None:
         clients = set(audience(old, new, settings(old) != settings(new)))
@@ -29,8 +26,7 @@ def settings(state: State) -> tuple[object, ...]:
     """What changes seldom: everything but the time, and the end of a run that grows."""
     live = state.going
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
-    waits = state.job is None, state.earlier is None, not state.model.bodies
-    return replace(state.playback, time=0.0), span, waits
+    return replace(state.playback, time=0.0), span
 
 
 def moment(state: State) -> tuple[float, float, float]:
@@ -41,28 +37,15 @@ def moment(state: State) -> tuple[float, float, float]:
 def playback(state: State) -> Payload:
     """Everything the bar shows."""
     p, live = state.playback, state.going
-    hint = "Play simulates first: nothing has been computed yet."
-    if not state.model.bodies:
-        hint = "There is no body yet: add one to the table."
-    elif state.earlier is not None:
-        hint = "The model was edited since its run: press Simulate, or undo."
-    if state.run or state.job:
-        hint = ""
     return {
         "moment": moment(state),
-        "playing": p.playing if live is None else live.running,
+        "playing": p.moves if live is None else live.running,
         "speed": p.speed,
         "loop": p.loop,
         "speeds": SPEEDS,
         "live": live is not None,
         "nothing": live is None and state.t_end <= state.t_start,
-        "blocked": state.earlier is not None or not state.model.bodies,
-        "hint": "The live run starts ..." if live and not live.parts else hint,
     }
 
 
-VIEWS = (
-    Place(
-        lambda desk: PlaybackView(desk.bridge), 60, "playback", "Playback", viser.Icon.PLAYER_PLAY
-    ),
-)
+VIEWS = (Place(lambda desk: PlaybackView(desk.bridge), 60, Host("playback", "time")),)

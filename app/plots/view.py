@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import viser
 
 from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
 from ..core.state import Client, Run, State
-from ..core.views import Payload, Place
+from ..core.views import Host, Payload, Place
 from . import (
     KINDS,
     OF_BODIES,
@@ -42,7 +41,6 @@ class PlotsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
         self._drawn = 0.0  # when a live run was drawn last
-        bridge.host("plots")
 
     def render(self, old: State, new: State) -> None:
         due = self._due(old, new)
@@ -142,4 +140,4 @@ def of_state(state: State, signal: Signal) -> list[Curve]:
     return found
 
 
-VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 24, "graph", "Plots", viser.Icon.CHART_LINE),)
+VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 49, Host("plots", "drawer", "Plots")),)

@@ -7,10 +7,9 @@
 
   function build(host) {
     const { button } = pgraph;
-    host.replaceChildren(
-      make("div", { className: "bar" }, button("use", "Use as initial state", "What is shown becomes the model's initial state: one undo step", () => send("UsePose")),
-        button("home", "Reset", "Show the initial state, or the run, again", () => send("HomePose"))),
-      make("div", { className: "sentence problem", role: "alert", hidden: true }), make("p", { className: "muted hint" }), make("div", { className: "joints" }));
+    host.replaceChildren(make("div", { className: "head" }, make("h3", { textContent: "Pose" }), make("span", { className: "muted at" }), make("span", { className: "spring" }),
+      button("home", "Reset", "Show the initial state, or the run, again", () => send("HomePose")), button("use", "Start here", "What is shown becomes the initial state of the model", () => send("UsePose"))),
+    make("div", { className: "sentence problem", role: "alert", hidden: true }), make("p", { className: "muted hint" }), make("div", { className: "joints" }));
     pgraph.inSight(host, "joints", (on) => {
       if (!on) clear(host.querySelector(".joints")); // unseen it is told nothing: soon of another model
     });
@@ -24,13 +23,23 @@
     answered();
     if (!pgraph.inView(host)) return;
     const $ = (selector) => host.querySelector(selector);
-    $(".home").disabled = !data.posed;
+    $(".home").hidden = $(".use").hidden = !data.posed;
+    $(".at").hidden = data.posed;
+    at(host);
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".hint").hidden = !data.hint;
     $(".hint").textContent = data.hint;
-    const items = data.rows.map((row, i) => ({ id: row.id, name: row.body, row, again: data.rows[i - 1]?.body === row.body }));
+    const chosen = new Set(pgraph.latest.selected ?? []), rows = chosen.size ? data.rows.filter((row) => chosen.has(row.body)) : data.rows;
+    const one = chosen.size === 1, items = rows.map((row, i) => ({ id: row.id, name: row.body, row, again: one || rows[i - 1]?.body === row.body }));
+    host.firstChild.hidden = $(".joints").hidden = !rows.length;
+    host.classList.toggle("one", one);
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
+  }
+
+  function at(host) {
+    const [time, start, end] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0, 0, 0];
+    host.querySelector(".at").textContent = end > start ? `at ${time.toFixed(3)} s` : "";
   }
 
   function joint() {
@@ -38,7 +47,7 @@
     const pose = (serial, text) => send("MoveJoint", { serial, body: of().body, index: of().index, text });
     const slider = make("input", { type: "range", step: "any" });
     const cell = cells.input(pose, { label: "", numeric: true });
-    cell.dataset.digits = 4;
+    cell.dataset.digits = 3;
     cell.addEventListener("keydown", (event) => {
       const by = { Tab: event.shiftKey ? -1 : 1, Enter: 1, ArrowDown: 1, ArrowUp: -1 }[event.key];
       const all = [...document.querySelectorAll(".pgraph .joint .cell")], next = all[all.indexOf(cell) + by];
@@ -83,5 +92,5 @@
     if (act) later(act);
   }
 
-  pgraph.view("joints", { build, joints: draw });
+  pgraph.view("joints", { build, joints: draw, time: at, selected: (host) => { if (pgraph.latest.joints) draw(host, pgraph.latest.joints); } });
 })();

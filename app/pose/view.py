@@ -14,7 +14,7 @@ from pgraph_core.show.bodies import at_rest
 from ..core.bridge import Bridge
 from ..core.events import Event
 from ..core.state import Client, State
-from ..core.views import Payload, Place, css, watching
+from ..core.views import Host, Payload, Place, css, watching
 from ..properties.body_cells import euler_of
 from .solving import coordinates
 from .update import Gripped
@@ -25,7 +25,6 @@ MOST = 100  # sliders; of more joints only those on the way to the selected body
 class JointsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("joints")
 
     def render(self, old: State, new: State) -> None:
         moved = new.run is not old.run or new.playback != old.playback
@@ -178,12 +177,4 @@ def _place(
     drawn.numbers.text = f"{WORD[drawn.what]}: {numbers} {show.unit(of)}"
 
 
-VIEWS = (
-    Place(
-        lambda desk: JointsView(desk.bridge),
-        41,
-        "properties",
-        "Pose",
-        viser.Icon.ADJUSTMENTS_HORIZONTAL,
-    ),
-)
+VIEWS = (Place(lambda desk: JointsView(desk.bridge), 41, Host("joints", "right")),)

@@ -2,23 +2,33 @@
 (() => {
   const { make, forms, send } = pgraph;
 
+  // Its name, and a menu of commands; below it the body that it hangs on.
+  function head(host) {
+    const more = pgraph.pictureButton("bare dots", "dots", "commands", "Commands for it", () => {
+      const { right, bottom } = more.getBoundingClientRect();
+      pgraph.bodyMenu(pgraph.latest.properties.bodies[0], right - 210, bottom + 4);
+    });
+    host.replaceChildren(make("div", { className: "heading" }, make("span", { className: "chip" }), make("strong"), more), make("div", { className: "muted about" }));
+  }
+  function named(host, data) {
+    const [chip, name, more] = host.firstChild.children;
+    chip.style.setProperty("--body", data.color ?? "transparent");
+    chip.hidden = !data.color;
+    name.textContent = name.title = data.title;
+    more.hidden = !data.bodies.length;
+    const parent = data.parent && data.parent !== "ground" ? make("button", { className: "link", textContent: data.parent, onclick: () => send("Select", { body: data.parent }) }) : data.parent;
+    host.lastChild.replaceChildren(...(parent ? [`${data.subtitle} `, parent] : [data.subtitle]));
+  }
+
   function build(host) {
-    host.replaceChildren(make("div", { className: "properties" },
-      make("div", { className: "heading" }, make("span", { className: "chip" }), make("strong"), make("span", { className: "muted" })),
-      forms.units(true),
-      make("div")));
+    host.replaceChildren(make("div", { className: "properties" }, make("div"), make("details", { className: "display" }, make("summary", {}, "Units", make("span", { className: "state" })), forms.units(true))));
   }
 
   function draw(host, data) {
-    const [heading, units, box] = host.firstElementChild.children;
-    const [chip, name, kind] = heading.children;
+    const [box, units] = host.firstElementChild.children;
     const some = data.bodies.length > 0;
-    chip.style.setProperty("--body", data.color ?? "transparent");
-    chip.hidden = !data.color;
-    name.textContent = data.title;
-    kind.textContent = data.subtitle;
     forms.showUnits(units, data.display);
-    for (const select of units.querySelectorAll("select")) select.hidden = !some;
+    units.querySelector(".state").textContent = [data.display.angle, data.display.length].join(", ");
     const key = data.ids.join(); // a renamed body keeps its cells and their focus
     const another = box.dataset.key !== undefined && box.dataset.key !== key;
     if (another && !box.contains(document.activeElement)) atItsHead(host);
@@ -30,7 +40,7 @@
 
   // Another body is read from its name on; in a sheet that holds other views too, nothing moves.
   function atItsHead(host) {
-    for (let el = host; el && !el.matches("[data-dock-group]"); el = el.parentElement) el.scrollTop = 0;
+    host.parentElement.scrollTop = 0;
   }
 
   // What is typed after a click, before the form of what was clicked is here, is for that: Python knows which it is.
@@ -55,5 +65,6 @@
     parameter: (event, fields) => send(event, fields),
   };
 
+  pgraph.view("heading", { build: head, properties: named });
   pgraph.view("properties", { build, properties: draw });
 })();

@@ -6,7 +6,6 @@ import math
 from typing import Any, get_args
 
 import numpy as np
-import viser
 
 import pgraph_core as pg
 
@@ -28,7 +27,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.state import Client, State
-from ..core.views import Payload, Place, audience, css
+from ..core.views import Host, Payload, Place, audience, css
 from .body_cells import ALL, MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
 from .length import end_of
 from .world import world
@@ -52,7 +51,6 @@ ROTATIONS = {
 class PropertiesView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("properties")
 
     def render(self, old: State, new: State) -> None:
         for client, now in new.clients.items():
@@ -80,7 +78,7 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
     bodies = [state.model.body(name) for name in known]
     several = len(bodies) > 1
     number = state.derived.number[known[0]]
-    text = f"body {number}, {bodies[0].joint} joint to {bodies[0].parent}"
+    text = f"Body {number}, hangs on"
     ids = state.rows.of(("bodies",), len(state.model.bodies))
     forms = [groups(state.model, body, display) for body in bodies]
     return {
@@ -88,7 +86,8 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
         "ids": [ids[state.model.row[name]] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
         "color": css(state.colors[number - 1]),
-        "subtitle": "an edit changes all of them" if several else text,
+        "subtitle": "An edit changes all of them" if several else text,
+        "parent": None if several else bodies[0].parent,
         "groups": shapes_by_number(merged(forms), state.rows, state.model, known)
         if several
         else by_number(forms[0], state.rows, state.model, "bodies", known[0]),
@@ -102,32 +101,32 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     form = _Form(model, body, display)
     turn, names = ROTATIONS[display.turn]
     joint = [
-        form.text("name"),
-        choice("joint", "Joint", body.joint, JOINTS, help=shows("joint").help),
-        *form.motions(),
-        form.vector("link"),
-        form.vector(turn, names),
-        form.length(),
-    ]
-    mass = [form.vector("mass"), form.vector("com"), form.inertia(), form.tip()]
-    mass = [form.material(), *(form.follows(one) for one in mass)]
-    state = [
-        form.vector("q", Q_NAMES.get(body.joint, ())),
-        form.vector("v", V_NAMES.get(body.joint, ())),
-        form.limits(),
-    ]
-    drive = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
-    bouncing = [form.vector("limit_restitution")] if any(body.limits) else []
+        choice("joint", "Type", body.joint, JOINTS, help=shows("joint").help),
+        *form.motions(), form.vector("link"),
+    ]  # fmt: skip
+    frame = [form.text("name"), form.vector(turn, names), form.length(), form.follows(form.tip())]
+    mass = [form.follows(form.vector(one)) for one in ("mass", "com")]
+    inertia = [form.material(), form.follows(form.inertia())]
+    state = [form.vector("q", Q_NAMES.get(body.joint, ())),
+             form.vector("v", V_NAMES.get(body.joint, ()))]  # fmt: skip
+    limited = any(body.limits)
+    limits = [form.limits(), *([form.vector("limit_restitution")] if limited else [])]
+    springs = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
+    sprung = any(body.stiffness + body.damping + body.friction)
+    moving, turned = any(body.v), any(body.rotation[1:])
     found = [
-        group("", joint),
+        group("Joint", joint),
         group("Mass", mass),
-        group("Shape", form.shape(0), body.shape is not None),
+        group("Shape", form.shape(0), True, "none"),
         *(
-            group(f"Shape {k + 1}", form.shape(k), False)
+            group(f"Shape {k + 1}", form.shape(k), False, body.shapes[k].kind)
             for k in range(1, min(len(body.shapes), MOST_SHAPES))
         ),
-        group("Initial state and limits", [*state, *bouncing]),
-        group("Spring, damper, drive", drive, any(body.stiffness + body.damping + body.friction)),
+        group("Inertia", inertia, False, "from shapes" if "inertia" in body.derived else "given"),
+        group("Limits", limits, limited, "none"),
+        group("Spring, damper", springs, sprung, "none"),
+        group("Initial state", state, moving, "at rest"),
+        group("Name and frame", frame, False, "turned" if turned else "aligned"),
     ]
     found = [{**g, "fields": [f for f in g["fields"] if f["cells"]]} for g in found]
     return [g for g in found if g["fields"]]
@@ -261,7 +260,7 @@ class _Form:
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [k for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
-        found = [choice(prefix + "kind", "Shape", kind, kinds, **({} if at else upload))]
+        found = [choice(prefix + "kind", "Kind", kind, kinds, **({} if at else upload))]
         if shape is None:
             found[0]["note"] = "" if at else STAND_IN
             return found
@@ -360,10 +359,7 @@ def physical(body: pg.Body) -> str:
 
 VIEWS = (
     Place(
-        lambda desk: PropertiesView(desk.bridge),
-        40,
-        "properties",
-        "Properties",
-        viser.Icon.ADJUSTMENTS,
+        lambda desk: PropertiesView(desk.bridge), 40,
+        Host("heading", "right"), Host("properties", "right", order=42),  # the pose between them
     ),
-)
+)  # fmt: skip

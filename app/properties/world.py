@@ -39,7 +39,7 @@ def world(state: State, display: Display) -> Payload:
     """The form that is shown where no body is selected."""
     return {
         "title": state.model.name,
-        "subtitle": "the model: no body is selected",
+        "subtitle": "Model; click a body to edit it",
         "groups": by_number(
             [_general(state), _ground(state, display), _parameters(state)],
             state.rows,
@@ -53,7 +53,7 @@ def _general(state: State) -> Payload:
     model = state.model
     gravity = components(cell((i,), x) for i, x in enumerate(model.gravity))
     up = choice("up", "Up", model.up, ("x", "y", "z"), help="which axis points up")
-    return group("", [
+    return group("World", [
         field("name", "Name", [cell((), model.name)], kind="text"),
         field("gravity", "Gravity", gravity, unit="m/s²", help="x, y, z in world axes"), up,
     ])  # fmt: skip
@@ -88,7 +88,7 @@ def _ground(state: State, display: Display) -> Payload:
     more = button("+ step", "", "a rectangle at another height", field="steps", index=[], text="")
     fields[-1] = {**fields[-1], "buttons": [*fields[-1]["buttons"], more]}
     special = ground.slope != 0 or bool(ground.steps)
-    return group("Ground", fields, special or bool(model.contacts))
+    return group("Ground", fields, special, "level")
 
 
 def _parameters(state: State) -> Payload:
@@ -106,7 +106,7 @@ def _parameters(state: State) -> Payload:
     ]
     help = "numbers with a name: a cell of a body holds =name or =name/2"
     parameters = field("parameters", "", [], kind="parameters", rows=rows, help=help)
-    return group("Parameters", [parameters], bool(rows))
+    return group("Parameters", [parameters], bool(rows), "none")
 
 
 def _rows(state: State) -> dict[str, int]:

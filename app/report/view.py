@@ -6,13 +6,11 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import viser
-
 from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
 from ..core.state import Report, State
-from ..core.views import Payload, Place, audience, watching
+from ..core.views import Host, Payload, Place, audience, watching
 from . import latest
 
 KINDS = ("precision", "stability")
@@ -23,7 +21,6 @@ PARTS = ("analysis", "report", "reporting", "analysis_problem")
 class ReportsView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("reports")
 
     def render(self, old: State, new: State) -> None:
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
@@ -149,8 +146,4 @@ def _number(text: str) -> float:
     return float(digits[0].rstrip(".")) if digits else 0.0
 
 
-VIEWS = (
-    Place(
-        lambda desk: ReportsView(desk.bridge), 25, "graph", "Report", viser.Icon.REPORT_ANALYTICS
-    ),
-)
+VIEWS = (Place(lambda desk: ReportsView(desk.bridge), 50, Host("reports", "drawer", "Accuracy")),)

@@ -157,7 +157,10 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
         case Simulated(_, result):
             start = 0.0 if job.before is None else float(job.before.t[-1])
             plays = job.model is state.model and len(result.t) > 1
-            playback = replace(state.playback, time=start, playing=False, preview=plays)
+            unseen = not any(page.aspect for page in state.clients.values())
+            playback = replace(
+                state.playback, time=start, playing=False, preview=plays, unseen=unseen
+            )
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)

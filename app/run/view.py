@@ -8,13 +8,11 @@ import tempfile
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import viser
 
 from pgraph_core import InputError, show
-from pgraph_core.integrators import METHODS
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
 from pgraph_core.show.animation import Extra
 from pgraph_core.show.stage import GRID
@@ -22,24 +20,21 @@ from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core.bridge import Bridge
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience
 from ..gait import prints
 from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped
 from ..scene.overlays import Overlays
 from . import FREE_RUN, Request
+from .trust import outcome, trust
 
-POOR = 1e-2  # above it an accuracy is shown as a warning
-FIRST_ORDER = 0.2  # in place of it for methods of first order, as steps of contacts are
 OPEN = 8  # masses that the reader of a living figure may change
-WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
 
 
 class RunView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("run")
 
     def render(self, old: State, new: State) -> None:
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
@@ -65,13 +60,16 @@ def run(state: State) -> Payload:
         },
         "hints": hints(request),
         "kept": kept(state),
+        "method": METHOD_NAMES[request.method].partition(" (")[0],
         "empty": not state.model.bodies,
         "kernels": kernels(state),
         "job": job(state),
         "live": live(state),
         "problem": state.run_problem,
         "summary": outcome(state),
-        "earlier": state.earlier is not None,
+        "stale": state.earlier is not None,
+        "continues": state.run is not None and state.live is None,
+        "trust": trust(state, job(state), kernels(state), live(state)),
         "ghost": state.ghost is not None,
         "compared": compared(state.ghost, state.plotted),
     }
@@ -147,42 +145,6 @@ def live(state: State) -> Payload | None:
     return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}
 
 
-def outcome(state: State) -> list[tuple[str, str, bool]] | None:
-    """What the last run was worth; of an edited model, that it is of an earlier one."""
-    if state.live is not None or state.plotted is None:
-        return None
-    if state.earlier is None:
-        return summary(state.plotted)
-    text = "of the model before your last edits; Simulate again, or undo"
-    return [("This run is", text, False), *summary(state.plotted)]
-
-
-def summary(run: Run) -> list[tuple[str, str, bool]]:
-    """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
-    result = run.result
-    drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
-    estimated = not math.isnan(estimate)
-    method = METHODS.get(str(result.header.get("method")))
-    most = FIRST_ORDER if method is not None and method.order == 1 else POOR
-    lines = [
-        ("Status", run.ended or result.message or result.status.value, result.status.ok),
-        ("Method", str(result.header.get("why", "")), True),
-        (
-            "Error estimate",
-            f"{result.accuracy}{why(estimate, most)}" if estimated else "",
-            estimate < most,
-        ),
-        ("Energy drift", f"{drift:.2g} of its range{why(drift, most)}", drift < most),
-    ]
-    if run.model.constraints and len(result.constraint_drift):
-        position, velocity = result.constraint_drift.max(axis=0)
-        value = f"{position:.2g} m, {velocity:.2g} m/s"
-        lines.append(("Constraint drift", value, bool(position < POOR)))
-    lines.append(("Cost", cost(result), True))
-    lines += [("Note", text, True) for text in result.notices]
-    return [line for line in lines if line[1] and not line[1].startswith("nan")]
-
-
 def compared(first: Run | None, now: Run | None) -> list[tuple[str, str, str]]:
     """Numbers (what, of the run kept by Compare, of the one shown), where they are two."""
     if first is None or now is None or first is now:
@@ -212,22 +174,6 @@ def measures(run: Run) -> dict[str, str]:
         found["usual largest force"] = f"{run.usual_force:.4g} N"
     found["energy drift"] = f"{float(result.energy_drift):.2g} of its range"
     return found
-
-
-def why(error: float, most: float) -> str:
-    """What to do about an error or a drift that is large; nothing where it is not."""
-    if error < POOR:
-        return ""
-    usual = "usual for a method of first order" if error < most else f"above {most:g}"
-    return f": {usual}; a smaller step makes it smaller"
-
-
-def cost(result: Any) -> str:
-    """'250 steps, 1000 evaluations, 12.3 ms'."""
-    counters = dict(result.counters).items()
-    counts = [f"{int(n)} {WORDS.get(name, name.replace('_', ' '))}" for name, n in counters if n]
-    seconds = sum(float(s) for s in dict(result.timing).values())
-    return ", ".join([*counts, f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"])
 
 
 class ExportView:
@@ -348,6 +294,14 @@ def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extr
 
 
 VIEWS = (
-    Place(lambda desk: RunView(desk.bridge), 31),
+    Place(
+        lambda desk: RunView(desk.bridge),
+        55,
+        Host("run", "run"),
+        Host("trust", "trust"),
+        Host("outcome", "drawer", "Accuracy", 45),
+        Host("compare", "drawer", "Compare"),
+        Host("export", "top"),
+    ),
     Place(lambda desk: ExportView(desk.bridge), 74),
 )

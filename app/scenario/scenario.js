@@ -20,8 +20,7 @@
         make("div", { className: "poses" },
           button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { scenario: now(), shown: true })),
           button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { scenario: now(), shown: false }))),
-        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), text("div", "rows"), drive()),
-        make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
+        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors" }), text("div", "empty"), text("div", "rows"), drive()))));
     pgraph.inSight(host, "scenario");
   }
 
@@ -56,7 +55,6 @@
     $(".add-drive").pgraphFill();
     switches($(".going"), data);
     drives($(".drives"), data);
-    log($(".log"), data.events);
   }
 
   // -- switches: one sentence each, made of drop-downs ---------------------------------------------
@@ -124,13 +122,15 @@
     });
   }
 
-  // -- the log; a click looks there ---------------------------------------------------------------
-  function log(box, events) {
-    box.hidden = !events.length;
-    box.querySelector("ol").replaceChildren(...events.map(({ t, text: said, cause }) => make("li", {},
+  // -- what happened in the run; a click looks there ------------------------------------------------
+  function log(host, events) {
+    pgraph.frame.count("Events", events.length);
+    if (!events.length) { host.replaceChildren(text("p", "muted", "No constraint or contact went on or off in this run.")); return; }
+    host.replaceChildren(make("ol", { className: "falls" }, ...events.map(({ t, text: said, cause }) => make("li", {},
       make("button", { className: "fall", title: cause || "Look there", onclick: () => send("Scrub", { time: t }) },
-        text("span", "t", t.toFixed(4)), text("span", "foot", said), text("span", "now", cause)))));
+        text("span", "t", t.toFixed(4)), text("span", "foot", said), text("span", "now", cause))))));
   }
 
   pgraph.view("scenario", { build, scenario: draw });
+  pgraph.view("events", { build: (host) => pgraph.inSight(host, "events"), events: log });
 })();

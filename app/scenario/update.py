@@ -99,6 +99,23 @@ def _added(state: State, client: int) -> State:
 
 
 @dataclass(frozen=True)
+class KeepSettings(FromPage):
+    """The chosen scenario runs from now on as the run is set."""
+
+
+@on(KeepSettings)
+def keep_settings(state: State, event: KeepSettings) -> State:
+    request = state.request
+    fields = {"t_end": request.t_end, "step": request.step, "method": request.method}
+
+    def make() -> tuple[pg.Model, str]:
+        name = named(state)
+        return put(state.model, name, **fields), f"settings of {name}"
+
+    return edited(state, event.client, make)
+
+
+@dataclass(frozen=True)
 class CopyScenario(OfScenario):
     """The scenario once more."""
 

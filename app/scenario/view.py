@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import viser
-
 import pgraph_core as pg
 from pgraph_core.model.scenario import METHOD_NAMES
 
@@ -14,7 +12,7 @@ from ..constraints.view import between, form
 from ..core.bridge import Bridge
 from ..core.cells import Display, button, by_number, cell, choice, field, group, shown
 from ..core.state import Client, State
-from ..core.views import Payload, Place, watching
+from ..core.views import Host, Payload, Place, watching
 from ..run import FREE_RUN
 from . import (
     OFF,
@@ -32,13 +30,12 @@ from . import (
 )
 
 MOST_EVENTS = 200  # of the log
-PARTS = ("form", "start", "drives", "kinds", "switches", "switchable", "events")  # of a scenario
+PARTS = ("form", "start", "drives", "kinds", "switches", "switchable")  # of a scenario
 
 
 class ScenarioView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("scenario")
 
     def render(self, old: State, new: State) -> None:
         changed = (
@@ -51,6 +48,8 @@ class ScenarioView:
             before = old.clients.get(client, Client())
             if client in watching(old, new, "scenario", changed or before.display != page.display):
                 self._bridge.send(client, "scenario", scenario(new, page.display))
+            if client in watching(old, new, "events", changed):
+                self._bridge.send(client, "events", events(new))
 
 
 def scenario(state: State, display: Display) -> Payload:
@@ -75,7 +74,6 @@ def scenario(state: State, display: Display) -> Payload:
             for number, x in zip(inner(state, s, "switches"), s.switches)
         ],
         "switchable": [c.name for c in model.constraints],
-        "events": events(state),
     }
 
 
@@ -183,4 +181,9 @@ def events(state: State) -> list[Payload]:
     ]
 
 
-VIEWS = (Place(lambda desk: ScenarioView(desk.bridge), 22, "graph", "Scenario", viser.Icon.MOVIE),)
+VIEWS = (
+    Place(
+        lambda desk: ScenarioView(desk.bridge), 22,
+        Host("scenario", "left", "Scenarios"), Host("events", "drawer", "Events", 52),
+    ),
+)  # fmt: skip

@@ -55,15 +55,16 @@ class Viewport(FromPage):
     """The page's 3D view has this width over height."""
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
-    window: Annotated[float, Field(gt=0, lt=100_000)] | None = None  # its width [px]
     covered: Annotated[float, Field(ge=0, le=1)] = 0.0  # of its height, from the bottom
     turned: bool = False  # whether a person moved the camera since it was set
 
 
 @on(Viewport)
 def viewport(state: State, event: Viewport) -> State:
+    if state.playback.unseen:
+        state = replace(state, playback=replace(state.playback, unseen=False))
     return with_client(
-        state, event.client, aspect=event.aspect, window=event.window, covered=event.covered,
+        state, event.client, aspect=event.aspect, covered=event.covered,
         turned=event.turned,
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from pgraph_core.show.stage import grid, steps
 from ..core.bridge import Bridge
 from ..core.events import Event
 from ..core.state import Client, Run, State, poses
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience
 from ..pose.update import Pull
 from ..pose.view import Gizmos
 from ..scene.update import Unreadable
@@ -294,7 +294,6 @@ class ShowView:
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("show")
 
     def render(self, old: State, new: State) -> None:
         changed = new.derived is not old.derived or new.shown != old.shown
@@ -322,7 +321,7 @@ def switches(state: State, page: Client) -> Payload:
 
 
 VIEWS = (
-    Place(lambda desk: ShowView(desk.bridge), 42, "properties", "Show", viser.Icon.EYE),
+    Place(lambda desk: ShowView(desk.bridge), 42, Host("show", "display")),
     Place(lambda desk: CameraView(desk.bridge), 68),
     Place(lambda desk: StageView(desk.bridge.server), 69),
     Place(lambda desk: SceneView(desk.bridge.server, desk.send), 70),

@@ -1,7 +1,7 @@
 // A menu of commands for a body: on its row, its node and in the 3D view; and F6 from pane to pane.
 (() => {
   const { make, send } = pgraph;
-  const host = (view) => [...pgraph.hosts(view)].find((el) => el.getClientRects().length);
+  const host = (view) => { const el = pgraph.host(view); return el?.getClientRects().length ? el : null; };
   const selected = () => pgraph.latest.selected ?? [];
 
   // `act` once the body is selected on this page: commands are for all that is selected.
@@ -11,7 +11,6 @@
     if (patience) setTimeout(() => selecting(name, act, patience - 1), 30);
   }
   const look = (which) => [which === "fit" ? "Frame it" : "Turn about it", which === "fit" ? "F" : "C", () => pgraph.camera.look(which)];
-  const tab = (name) => [name, "", () => pgraph.front(name)];
 
   function ofBody(name) {
     const rows = pgraph.rows, table = host("table"), gizmo = pgraph.latest.show?.gizmo, one = selected().length < 2 || !selected().includes(name);
@@ -21,53 +20,22 @@
       ...(one ? [["Add a body on it", "Ctrl+Enter", () => rows.add()]] : []),
       ["Duplicate", "Ctrl+D", () => rows.duplicate(table)], ["Mirror", "", () => rows.mirror(table)], ["Delete", "Delete", () => rows.remove(table)], null,
       ...(one ? [moving("link", "joint"), moving("com", "centre of mass"), moving("rotation", "orientation", "Turn it in 3D"), null] : []),
-      tab("Properties"), tab("Pose"), ...(one ? [["Constraints, contacts, forces", "", () => pgraph.show("Constraints", name)]] : []),
+      ...(one ? [["Connections", "", () => pgraph.show("Connections", name)]] : []),
     ];
   }
   const ofView = () => [
     ["Fit view", "F", () => pgraph.camera.look("fit")], ["View from front", "1", () => pgraph.camera.look("front")], ["View from the side", "2", () => pgraph.camera.look("side")],
     ["View from the top", "3", () => pgraph.camera.look("top")], ["Isometric view", "0", () => pgraph.camera.look("isometric")], null,
-    ["Measure", "M", () => pgraph.camera.measure()], ["What is drawn", "", () => pgraph.front("Show")],
+    ["Measure", "M", () => pgraph.camera.measure()],
   ];
 
   pgraph.bodyMenu = (name, x, y) => {
-    if (name === null) { open("3D view", ofView(), x, y); return; }
+    if (name === null) { pgraph.menu("3D view", ofView(), x, y); return; }
     const several = selected().includes(name) && selected().length > 1;
     if (!selected().includes(name)) send("Select", { body: name });
     const items = ofBody(name).map((item) => item && [item[0], item[1], () => selecting(name, item[2])]);
-    open(several ? `${selected().length} bodies` : name, items, x, y);
+    pgraph.menu(several ? `${selected().length} bodies` : name, items, x, y);
   };
-
-  let shown = null, before = null;
-  function close(back = true) {
-    const had = shown;
-    shown = null;
-    had?.remove();
-    if (had && back) before?.focus?.({ preventScroll: true });
-  }
-  function open(title, items, x, y) {
-    if (shown) close(); else before = document.activeElement;
-    const line = (item) => (item
-      ? make("button", { role: "menuitem", tabIndex: -1, onclick: () => { close(); item[2](); } }, make("span", { textContent: item[0] }), make("span", { className: "muted", textContent: item[1] }))
-      : make("hr", { role: "separator" }));
-    shown = make("div", { className: "pgraph pgraph-menu", role: "menu", "aria-label": `commands for ${title}` }, make("strong", { textContent: title }), ...items.map(line));
-    document.body.append(shown);
-    shown.style.left = `${Math.max(Math.min(x, innerWidth - shown.offsetWidth - 6), 6)}px`;
-    shown.style.top = `${Math.max(Math.min(y, innerHeight - shown.offsetHeight - 6), 6)}px`;
-    shown.addEventListener("keydown", keyed);
-    shown.querySelector("button").focus();
-  }
-  function keyed(event) {
-    const all = [...shown.querySelectorAll("button")], at = all.indexOf(document.activeElement), n = all.length;
-    const to = { ArrowDown: (at + 1) % n, ArrowUp: (at + n - 1) % n, Home: 0, End: n - 1 }[event.key];
-    event.stopPropagation();
-    if (to !== undefined) all[to].focus();
-    else if (event.key === "Escape" || event.key === "Tab") close();
-    else return;
-    event.preventDefault();
-  }
-  window.addEventListener("pointerdown", (event) => { if (shown && !shown.contains(event.target)) close(false); }, true);
-  window.addEventListener("blur", () => close(false));
 
   window.addEventListener("contextmenu", (event) => {
     if (event.target.closest?.(".pgraph-menu")) { event.preventDefault(); return; }
@@ -79,7 +47,7 @@
   });
 
   // -- panes -------------------------------------------------------------------------------------
-  const PANES = [["toolbar", "run"], ["table"], ["digraph", "constraints", "scenario", "operators", "plots", "reports"], ["playback"], ["properties", "joints", "show", "gait"]];
+  const PANES = [["toolbar", "export", "session"], ["table", "constraints", "scenario"], ["digraph", "gait"], ["plots", "reports", "operators", "events", "compare"], ["run", "playback", "trust"], ["heading", "joints", "properties"]];
   const FIRST = 'tr.selected, g.node[tabindex="0"], tr[data-name], button.play, button:not(:disabled), input, select, summary';
   const view = () => document.querySelector(".pgraph-views");
   function panes() {

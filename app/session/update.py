@@ -59,7 +59,7 @@ def greeted(state: State, event: Hello) -> State:
     )
     page = replace(
         old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
-        aspect=fresh.aspect, window=fresh.window, notice=fresh.notice, downloads=fresh.downloads,
+        aspect=fresh.aspect, notice=fresh.notice, downloads=fresh.downloads,
         conversion=fresh.conversion, members=fresh.members, reports=fresh.reports,
         exported=fresh.exported, view=fresh.view, gallery=fresh.gallery, called=fresh.called,
         menu=fresh.menu, selection=None, selected=(),
@@ -92,7 +92,7 @@ def disconnected(state: State, event: Disconnected) -> State:
 class Sees(FromPage):
     """A view that works only in sight came in sight of a page, or went out of it."""
 
-    view: Literal["joints", "constraints", "reports", "scenario"]
+    view: Literal["joints", "constraints", "reports", "scenario", "events"]
     on: bool
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
 from ..core.state import Client, Notice, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience
 from ..model.archive import converted
 
 ACCENT = (47, 111, 208)
@@ -87,68 +85,4 @@ def others(state: State, client: int) -> Payload:
     return found
 
 
-# -- palette ---------------------------------------------------------------------------------------
-
-
-COMMANDS: tuple[tuple[str, str, str], ...] = (  # what the page runs, its name, its keys or use
-    ("new", "New model", "how many bodies, or from a built-in one"),
-    ("open", "Open a model", "Ctrl+O"),
-    ("save", "Save the model", "Ctrl+S"),
-    ("download", "Download the model", "as one file"),
-    ("undo", "Undo", "Ctrl+Z"),
-    ("redo", "Redo", "Ctrl+Shift+Z"),
-    ("find", "Find a body", "Ctrl+F"),
-    ("add", "Add a body", "Ctrl+Enter"),
-    ("simulate", "Simulate", "runs in the background, then plays"),
-    ("live", "Live", "plays while it computes"),
-    ("play", "Play or pause", "Space"),
-    ("view:fit", "Fit view", "F"),
-    ("view:front", "View from front", "1"),
-    ("view:side", "View from the side", "2"),
-    ("view:top", "View from the top", "3"),
-    ("view:isometric", "Isometric view", "0"),
-    ("view:centre", "Turn the view about the selection", "C"),
-    ("measure", "Measure", "distance and angle between two points (M)"),
-    ("theme", "Dark or light", "the theme of this page"),
-    ("tab:Digraph", "Show the digraph", "the tree of bodies"),
-    ("tab:Constraints", "Show constraints", "loops, contacts, forces"),
-    ("tab:Operators", "Show operators", "mass matrix, Jacobian"),
-    ("tab:Plots", "Show plots", "quantities over time"),
-    ("tab:Report", "Show the report", "error against run time"),
-    ("tab:Report", "Stability map", "in the report: which methods hold where"),
-    ("tab:Properties", "Show properties", "of the selected body"),
-    ("tab:Pose", "Show the pose", "sliders of the joints"),
-    ("tab:Show", "What is drawn in 3D", "axes, names, forces"),
-    ("tab:Gait", "Show the gait", "walk and steer"),
-    ("tour", "Take the tour", "five steps"),
-    ("keys", "Help and keys", "?"),
-)
-
-
-class PaletteView:
-    """Commands, and the built-in models to be opened; the same for every model."""
-
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-        self._models: set[str] = set()
-        for command in COMMANDS:
-            self._add(*command)
-
-    def _add(self, run: str, label: str, description: str) -> None:
-        command = self._bridge.server.gui.add_command(label, description=description)
-
-        @command.on_trigger
-        async def _(event: Any) -> None:
-            if event.client is not None:
-                self._bridge.send(event.client.client_id, "command", {"run": run})
-
-    def render(self, old: State, new: State) -> None:
-        for name in new.gallery.keys() - self._models:
-            self._models.add(name)
-            self._add(f"model:{name}", f"Open {name}", "a built-in model")
-
-
-VIEWS = (
-    Place(lambda desk: PaletteView(desk.bridge), 99),
-    Place(lambda desk: SessionView(desk.bridge), 100),
-)
+VIEWS = (Place(lambda desk: SessionView(desk.bridge), 100, Host("session", "top")),)

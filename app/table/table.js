@@ -120,7 +120,7 @@ pgraph.table = (() => {
     const name = cells.input(edit("name"), { label: "name", className: "name" });
     const parent = cells.choice(() => parents(tr.dataset.name), edit("parent"), { label: "parent" });
     const dof = cells.choice(() => dofs(tr.dataset.name), edit("dof"), { label: "DoF" });
-    const constraint = make("button", { onclick: () => pgraph.show("Constraints", tr.dataset.name) });
+    const constraint = make("button", { onclick: () => pgraph.show("Connections", tr.dataset.name) });
     [name, parent, dof, constraint].forEach((cell, i) => tr.children[i + 1].replaceChildren(cell));
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";

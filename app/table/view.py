@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import viser
-
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Payload, Place, audience, count, css
+from ..core.views import Host, Payload, Place, audience, count, css
 from .paste import COPIED, copied
 
 
 class TableView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        bridge.host("table")
 
     def render(self, old: State, new: State) -> None:
         clients = audience(old, new, new.derived is not old.derived)
@@ -51,4 +48,4 @@ def table(state: State) -> Payload:
     return {"rows": rows, "count": count(state)}
 
 
-VIEWS = (Place(lambda desk: TableView(desk.bridge), 10, "bodies", "Bodies", viser.Icon.TABLE),)
+VIEWS = (Place(lambda desk: TableView(desk.bridge), 10, Host("table", "left", "Bodies")),)

@@ -23,6 +23,7 @@ from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
 from .rows import Rows
 
 LISTED = 4
+TOO_LOW = "its error estimate may be too low"  # in notices that put the estimate in question
 LOOKS = 4  # parabolas through the eigenvalue
 NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
 
@@ -227,7 +228,7 @@ def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool)
     return (
         f"{where}: {listed} {'says' if len(began.rows) < 2 else 'say'} nothing new there, so that "
         "more than one motion leads on; it took the one that its velocity or rounding was on, and "
-        "its error estimate may be too low"
+        + TOO_LOW
     )
 
 

@@ -139,7 +139,7 @@ def page(the_page: Any, served: Server, leg: pg.Model) -> Iterator[Any]:
     the_page.keyboard.press("Escape")  # what is half typed or asked goes away
     the_page.evaluate("document.activeElement?.blur()")
     the_page.evaluate("document.querySelector('.pgraph-toasts')?.replaceChildren()")
-    the_page.evaluate("['Digraph', 'Properties'].forEach(pgraph.front)")
+    the_page.evaluate("pgraph.front('Bodies'); pgraph.frame.drawer(false)")
     if the_page.viewport_size != SIZE:
         the_page.set_viewport_size(SIZE)
     for client in served.store.state.clients:

@@ -7,14 +7,14 @@
   const short = (text) => JSON.stringify(text.trim().slice(0, 60));
 
   // -- panels ----------------------------------------------------------------------------------
-  const panels = [...document.querySelectorAll("[data-dock-group]")].filter(shown);
+  const panels = [...document.querySelectorAll(".pgraph-slot:is(.top, .left, .right, .drawer), .pgraph-foot")].filter(shown);
   const boxes = panels.map((el) => [el.innerText.split("\n")[0], el.getBoundingClientRect()]);
   const overlap = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
   boxes.forEach(([name, box], i) => {
     if (box.left < -1 || box.top < -1 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1) found.push(`panel ${name} leaves the window`);
     for (const [other, its] of boxes.slice(i + 1)) if (overlap(box, its)) found.push(`panels ${name} and ${other} overlap`);
   });
-  for (const el of document.querySelectorAll(".mantine-ScrollArea-viewport:has(.pgraph)")) {
+  for (const el of document.querySelectorAll(".pgraph-slot .pane, .pgraph-slot.right")) {
     const wider = el.scrollWidth - el.clientWidth;
     if (wider > 1) found.push(`what is in ${short(el.innerText)} is ${wider} px wider than its panel`);
   }
@@ -55,7 +55,7 @@
   const light = (rgb) => 0.2126 * linear(rgb[0]) + 0.7152 * linear(rgb[1]) + 0.0722 * linear(rgb[2]);
   const dark = document.documentElement.dataset.mantineColorScheme === "dark";
   function paper(el) {
-    let below = dark ? [26, 27, 30] : [255, 255, 255];
+    let below = dark ? [20, 24, 30] : [255, 255, 255];
     for (const one of [...ancestors(el)].reverse()) if (one instanceof HTMLElement) below = over(parsed(getComputedStyle(one).backgroundColor), below);
     const disc = el.closest("g")?.querySelector("circle:not(.outer)"); // a number stands on its node
     const [text, round] = [el, disc].map((one) => one?.getBoundingClientRect());

@@ -23,6 +23,18 @@ def field(page: Any, name: str, k: int = 0) -> Any:
     return page.locator(f'[data-view=properties] [data-field="{name}"] .cell').nth(k)
 
 
+def ask(page: Any, which: str) -> None:
+    """A command of the menu of the model: "new", "open" or "save"."""
+    page.locator("button.model-menu").click()
+    page.locator(f".pgraph-menu:popover-open button.{which}").click()
+    page.locator(f'dialog[data-asked="{which}Question"]').wait_for()
+
+
+def simulate(page: Any) -> None:
+    """Compute the run again, with what stands in the settings."""
+    page.locator("button.play").click(modifiers=["Shift"])
+
+
 def part_field(page: Any, name: str, k: int = 0) -> Any:
     """A cell of the part that is open in the Constraints tab."""
     return page.locator(f'.tie.open [data-field="{name}"] .cell').nth(k)
@@ -78,7 +90,7 @@ def selected_everywhere(page: Any, name: str) -> None:
       [...document.querySelectorAll('table.bodies tr.selected')].map((e) => e.dataset.name),
       [...document.querySelectorAll('svg.digraph g.node.selected')].map((e) => e.dataset.name),
       [...new Set([...document.querySelectorAll('.vectors .selected')].map((e) => e.dataset.name))],
-      [document.querySelector('.properties .heading strong')?.textContent],
+      [document.querySelector('.heading strong')?.textContent],
     ].every((mark) => mark.length === 1 && mark[0] === name)""",
         arg=name,
     )
@@ -218,13 +230,14 @@ def steady(page: Any, served: Server) -> np.ndarray:
 
 
 def within(page: Any, served: Server) -> bool:
-    """Whether all that is drawn of the model is in the 3D view, and not under the playback."""
+    """Whether all that is drawn of the model is in the 3D view."""
     places = page.evaluate(
         """(points) => {
            const box = (what) => document.querySelector(what).getBoundingClientRect();
-           const view = box('canvas:not(.pgraph *)'), bar = box('[data-floating-window]');
+           const view = box('canvas:not(.pgraph *)');
            return points.map((p) => { const [x, y] = pgraph.picking.projected(p) ?? [-1, -1];
-             return x >= view.left && x <= view.right && y >= view.top && y <= bar.top; }); }""",
+             const { left, right, top, bottom } = view;
+             return x >= left && x <= right && y >= top && y <= bottom; }); }""",
         extent(served.store.state).tolist(),
     )  # fmt: skip
     return all(places)

@@ -66,16 +66,6 @@ def test_viser_mutable_sends_and_a_burst_arrives_complete_and_in_order(page, ser
     assert times == [float(k) for k in range(100)]
 
 
-def test_the_image_s_error_handler_mounts_a_host_that_viser_draws_again(page):
-    page.evaluate("""() => {
-      const host = document.querySelector('.pgraph[data-view="table"]');
-      const parent = host.parentElement, html = parent.innerHTML;
-      parent.innerHTML = '<div class="pgraph" data-view="table"></div>'
-        + '<img hidden src="data:," onerror="window.pgraph && pgraph.mount()">';
-    }""")
-    page.wait_for_selector("table.bodies tr[data-name=trunk]")
-
-
 def test_topics_that_come_before_the_script_wait_in_the_inbox(page):
     page.evaluate("""() => {
       const known = window.pgraph; window.pgraph = undefined;
@@ -99,10 +89,7 @@ def test_a_taken_port_gives_the_next_one(served, leg, capsys):
 def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
     page.evaluate(
         """(text) => {
-      const host = document.body.appendChild(document.createElement('div'));
-      Object.assign(host, { className: 'pgraph', hidden: true });
-      Object.assign(host.dataset, { view: 'faulty', ready: '1' });
-      pgraph.view('faulty', { table() { throw new Error(text); } });
+      pgraph.view('export', { table() { throw new Error(text); } });
     }""",
         ON_PURPOSE,
     )
@@ -113,7 +100,7 @@ def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
             served.send(Select(client, "hips"))
         page.wait_for_function("() => pgraph.latest.properties.title === 'hips'")
     finally:
-        page.evaluate("pgraph.view('faulty', {})")
+        page.evaluate("pgraph.view('export', {})")
 
 
 def test_solids_are_drawn_where_they_belong_in_the_frame_that_moves_their_body(page, served):

@@ -21,7 +21,7 @@ from .on_page import typed
 def walker(page: Any, served: Server, compiled: Server) -> Iterator[Any]:
     """The page with the Gait tab of the quadruped with spreading hips in front."""
     opened(page, served, pg.Model.load(pgraph_models.path("quadruped_hips")))
-    page.get_by_role("tab", name="Gait").click()
+    page.get_by_role("tab", name="Scenarios").click()
     page.locator(".walk-on").wait_for()
     yield page
     served.send(StopLive(NOBODY))
@@ -72,18 +72,17 @@ def test_a_trot_is_steered_while_it_plays_then_looked_at_and_kept(walker, served
 
     page.locator(".walk-on").click()
     until(lambda: served.store.state.live is None, "the walk over")
-    export = page.get_by_role("button", name="Export …", exact=True)
-    export.wait_for()
+    until(lambda: served.store.state.run, "the walk as a run")
     end = served.store.state.run.result.t[-1]
     with page.expect_download() as download:
-        export.click()
+        page.locator("button.exports").click()
         page.locator("button.export.csv").click()
     with download.value.path().open(newline="") as file:
         head, *rows = csv.reader(file)
     assert float(rows[-1][0]) == pytest.approx(end)
     page.wait_for_function("pgraph.latest.phases.feet.length === 4")
     agree(page.evaluate("pgraph.latest.phases"), head, rows)
-    page.get_by_role("tab", name="Show").click()
+    page.get_by_role("button", name="Display").click()
     page.locator('[data-what="forces"]').check()
     page.wait_for_function(OVER)  # arrows that no body hides
 
@@ -99,7 +98,7 @@ def agree(shown: dict[str, Any], head: list[str], rows: list[list[str]]) -> None
 
 
 def test_the_gait_tab_goes_with_the_feet_and_says_what_is_out_of_reach(walker, served):
-    page, tab = walker, walker.get_by_role("tab", name="Gait")
+    page, gaits = walker, walker.locator("[data-view=gait]")
     cell = page.locator('[aria-label="walking speed"]')
     typed(cell, "9")
     said = page.locator(".gait .field.slid + .sentence")
@@ -111,15 +110,11 @@ def test_the_gait_tab_goes_with_the_feet_and_says_what_is_out_of_reach(walker, s
 
     walking = served.store.state.model
     opened(page, served, pg.Model.serial(2))
-    until(lambda: tab.count() == 0, "no tab where nothing has feet")
-    page.locator(".properties").wait_for()  # another tab of the panel in front
+    gaits.wait_for(state="hidden")  # where nothing has feet
     bare = walking.replace(scenarios=())
     opened(page, served, bare)
-    until(lambda: tab.count() == 1, "the tab again with the feet")
-    tab.click()
+    gaits.wait_for()
     why = gait(initial(bare))["why"]
     until(lambda: page.locator(".no-gait .why").inner_text() == why, "why it cannot walk")
-    page.locator(".open-walker").click()
-    page.locator(".walk-on").wait_for()
-    opened(page, served, served.store.state.model.replace(scenarios=(), contacts=()))
-    until(lambda: tab.count() == 0, "no tab without feet")
+    opened(page, served, walking.replace(scenarios=(), contacts=()))
+    gaits.wait_for(state="hidden")

@@ -55,7 +55,7 @@ def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
     """Rings and chips of every colour that a body may have: 3 to 1 (WCAG 2.2, 1.4.11)."""
     css = (Path(app.__file__).parent / "core" / "page.css").read_text()
     share = float(re.findall(r"--body, transparent\) (\d+)%", css)[0]) / 100
-    ink, paper = (rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "paper"))
+    ink, paper = (rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "panel"))
     chains = [0 if k % 6 == 0 else k for k in range(60)]  # ten of six bodies
     trunk = [*range(6), 6, 6]
     for color in {*shapes.branch_colors(chains), *shapes.branch_colors(trunk)}:

@@ -14,13 +14,10 @@ from pgraph_app.server import Server
 
 from .chromium import LEAST, LOOKS, SMALL
 from .conftest import LIMIT, SIZE, opened, until
-from .on_page import choose_body, frames, row, typed
+from .on_page import ask, choose_body, frames, row, simulate, typed
 
-TABS = (  # what is in front below the table, and below the model
-    ("Digraph", "Properties"), ("Constraints", "Pose"), ("Operators", "Show"), ("Plots", "Gait"),
-    ("Report", "Properties"),
-)  # fmt: skip
-ASKED = ("new", "open", "save", "keys")  # buttons that ask or tell something
+TABS = ("Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Matrices", "Events", "Compare")
+ASKED = ("new", "open", "save")  # of the menu of the model
 
 
 def faults(page: Any) -> list[str]:
@@ -51,8 +48,8 @@ def walked(page: Any, served: Server, compiled: Server) -> Any:
     model = pg.Model.load(pgraph_models.path("quadruped_hips"))
     short = tuple(s.model_copy(update={"t_end": 0.1}) for s in model.scenarios)
     opened(page, served, model.replace(scenarios=short, name="walked"))
-    page.locator("button.simulate").click()
-    page.locator(".summary dd").first.wait_for()
+    simulate(page)
+    page.locator("[data-view=trust] .lines dd").first.wait_for()
     choose_body(page, "shoulder_neck_head")
     plots = (("q", "shoulder_neck_head"), ("energy", ""))
     for client in served.store.state.clients:
@@ -72,19 +69,19 @@ def theme(page: Any, dark: bool) -> None:
 
 
 def all_tabs_in_order(page: Any) -> None:
-    for below_table, below_model in TABS:
-        page.evaluate("(tabs) => tabs.forEach(pgraph.front)", [below_table, below_model])
-        in_order(page, f"{below_table}, {below_model}")
-    page.evaluate("pgraph.front('Digraph')")
-    page.get_by_role("button", name="Step through").click()
-    page.locator(".steps button.next").first.click()
-    in_order(page, "the seven steps")
-    page.locator(".steps").get_by_role("button", name="Close").click()
+    for tab in TABS:
+        page.evaluate("(tab) => pgraph.front(tab)", tab)
+        in_order(page, tab)
+    page.evaluate("pgraph.frame.drawer(false); pgraph.front('Bodies')")
     for which in ASKED:
-        page.locator(f"button.{which}").click()
+        ask(page, which)
         in_order(page, which)
         page.keyboard.press("Escape")
-    shows(page, "!document.querySelector('.asked:not(:empty), dialog.pgraph-keys')")
+    for opens in ("button.keys", "button.search-all", "button.method", "button.exports"):
+        page.locator(opens).click()
+        in_order(page, opens)
+        page.keyboard.press("Escape")
+    shows(page, "!pgraph.overlaid()")
     page.evaluate("pgraph.toast('a notice'); pgraph.toast('another', true)")
     cell = row(page, "lumbar").locator("input.name")
     typed(cell, "thorax")
@@ -96,18 +93,6 @@ def all_tabs_in_order(page: Any) -> None:
 def test_every_tab_is_in_order_in_one_size_and_theme(walked):
     sized(walked, 1280, 800)
     all_tabs_in_order(walked)
-    shows(  # the outcome is read without scrolling
-        walked,
-        """() => {
-      const lines = [...document.querySelectorAll('.summary > dd')];
-      const panel = lines[0].closest('.mantine-ScrollArea-viewport').getBoundingClientRect();
-      const ends = lines.map((one) => one.getBoundingClientRect().bottom);
-      return lines.length >= 2 && Math.max(...ends) <= panel.bottom;
-    }""",
-    )
-    alone = walked.locator("[data-dock-strip]:has(> [role=tab]:only-of-type)")
-    assert alone.count() == 2  # a panel of one tab has no tabs
-    assert not any(one.is_visible() for one in alone.all())
 
 
 @pytest.mark.nightly
@@ -119,29 +104,24 @@ def test_every_tab_is_in_order_in_all_sizes_and_themes(walked, size, dark):
     all_tabs_in_order(walked)
 
 
-FITS = """() => { const box = (e) => e.getBoundingClientRect();
-  const one = (s) => document.querySelector(s), button = one('button.simulate');
-  const view = box(one('canvas:not(.pgraph *)')), bar = box(one('[data-floating-window]'));
-  const frame = box(button.closest('.mantine-ScrollArea-viewport'));
-  const tops = [...document.querySelectorAll('.file.bar button')].map((e) => box(e).y);
-  const shown = [...document.querySelectorAll('.transport > *')].filter((e) => e.offsetWidth);
-  const low = innerHeight < 640, mids = shown.map((e) => box(e).y + box(e).height / 2);
-  return bar.left >= view.left - 1 && bar.right <= view.right + 1
-    && shown.every((e) => box(e).left >= bar.left && box(e).right <= bar.right)
-    && box(button).bottom <= frame.bottom && box(button).top >= frame.top
-    && Math.max(...tops) - Math.min(...tops) < 4
-    && Math.abs(bar.x + bar.width / 2 - view.x - view.width / 2) < 2
-    && (!low || (Math.max(...mids) - Math.min(...mids) < 6 && bar.height < 50)); }"""
+FITS = """() => { const box = (s) => document.querySelector(s).getBoundingClientRect();
+  const inside = (one) => one.width > 0 && one.left >= -1 && one.top >= -1
+    && one.right <= innerWidth + 1 && one.bottom <= innerHeight + 1;
+  const needed = ['button.play', 'select.tall', 'input.scrub', '.transport .time', '.verdict',
+    'button.undo', 'button.search-all', 'button.model-menu'];
+  const view = box('canvas:not(.pgraph *)'), foot = box('.pgraph-foot');
+  return needed.every((s) => inside(box(s))) && view.bottom <= foot.top + 1
+    && view.width >= 0.3 * innerWidth; }"""
 
 
 def test_what_is_needed_first_is_in_sight_in_a_small_window(page):
-    """Simulate without scrolling; the playback within the 3D view; a question within the window."""
-    for size in ((1280, 800), (853, 533), (640, 400)):
+    """Play, time and trust without scrolling; the 3D view above them; questions within the window."""
+    for size in ((1280, 800), (900, 700), (853, 533), (640, 480), (390, 844)):
         sized(page, *size)
         shows(page, FITS)
-    for size in ((640, 400), (390, 844)):
+    for size in ((640, 480), (390, 844)):
         sized(page, *size)
-        page.locator("button.new").click()
+        ask(page, "new")
         dialog = page.get_by_role("dialog", name="New model")
         dialog.locator('.gallery [data-model="quadruped"]').wait_for()
         inside = dialog.bounding_box()
@@ -161,66 +141,42 @@ def test_themes_are_legible(page):
         in_order(page, scheme)
 
 
-UPPER = """(edge) => { const region = document.querySelector(`[data-dock-region=${edge}]`);
-  const [upper, divider, lower] = region?.querySelector('[data-dock-scroll]')?.children ?? [];
-  if (!lower) return { height: NaN };  // while it is drawn anew
-  const content = upper.querySelector('.mantine-ScrollArea-content');
-  return { height: upper.offsetHeight, lower: lower.offsetHeight, content: content.offsetHeight,
-    y: divider.getBoundingClientRect().y + 2, said: Number(divider.ariaValueNow) }; }"""
+VIEW = "document.querySelector('canvas:not(.pgraph *)').getBoundingClientRect().toJSON()"
 
 
-def test_docks_are_as_high_as_their_content_until_a_person_says(page, served):
-    upper = lambda: page.evaluate(UPPER, "left")  # noqa: E731
-    opened(page, served, pg.Model.serial(16))
-    halved = lambda at: abs(at["height"] - at.get("lower", 0)) < 30  # noqa: E731
-    until(lambda: halved(upper()), "more rows than a half holds")
-    opened(page, served, pg.Model.serial(1))
-    until(lambda: upper()["height"] < 0.35 * SIZE["height"], "a short panel of a short table")
-    short = upper()
-    assert short["height"] >= short["content"]
-    splitter = page.get_by_role("separator", name="height of the table")
-    frames(page, 5)
-    short, middle = upper(), splitter.bounding_box()["x"] + 100
-    page.mouse.move(middle, short["y"])
+def test_panels_are_resized_closed_and_enlarged_and_the_view_has_the_rest(page):
+    view = lambda: page.evaluate(VIEW)  # noqa: E731
+    left, right = page.locator("aside.left"), page.locator("aside.right")
+    drawer = page.locator("section.drawer")
+    before = view()
+    assert before["x"] == pytest.approx(left.bounding_box()["width"], abs=1)
+    assert before["right"] == pytest.approx(right.bounding_box()["x"], abs=1)
+    edge = left.locator(".edge").bounding_box()
+    page.mouse.move(edge["x"] + 2, edge["y"] + 90)
     page.mouse.down()
-    page.mouse.move(middle, short["y"] + 90, steps=3)
+    page.mouse.move(edge["x"] + 42, edge["y"] + 90, steps=3)
     page.mouse.up()
-    until(lambda: abs(short["height"] + 90 - upper()["height"]) < 3, "as dragged")
-    held = upper()
-    assert held["said"] == pytest.approx(held["height"], abs=1)
-    opened(page, served, pg.Model.serial(10))
-    assert upper()["height"] == held["height"]  # a person's height stays
-    splitter.press("ArrowUp")
-    until(lambda: abs(held["height"] - 16 - upper()["height"]) < 2, "a step of a key")
-    splitter.dblclick()
-    until(lambda: upper()["height"] > 250, "as high as ten rows ask for")
-
-    page.locator("[data-dock-region-collapse=left]").press("Enter")
-    back = page.get_by_role("button", name="Expand panels")
-    back.wait_for()
-    left = "document.querySelector('canvas:not(.pgraph *)').getBoundingClientRect().left < 60"
-    shows(page, left)
-    back.press("Enter")
-    splitter.wait_for()
-    until(lambda: upper()["height"] > 200, "the dock as it was")
-
-    playback = page.locator(".transport .play")  # a tab is enlarged to the right dock and back
-    for tab, view in (("Digraph", "digraph"), ("Plots", "plots")):
-        page.evaluate("(tab) => pgraph.front(tab)", tab)
-        host = page.locator(f'.pgraph[data-view="{view}"]')
-        docked = host.bounding_box()["width"]
-        page.get_by_role("button", name=f"enlarge {tab.lower()}").click()
-        large = host.bounding_box()
-        right = page.locator("[data-dock-region=right]").bounding_box()["x"]
-        assert large["width"] > 1.3 * docked
-        assert large["x"] < 10
-        assert large["x"] + large["width"] <= right + 1
-        playback.click(trial=True)  # not covered
-        if tab == "Plots":
-            page.keyboard.press("Escape")
-        else:
-            page.get_by_role("button", name=f"close large {tab.lower()}").click()
-        assert host.bounding_box()["width"] == pytest.approx(docked, abs=1)
+    until(lambda: abs(view()["x"] - before["x"] - 40) < 4, "a wider left panel")
+    left.locator(".edge").dblclick(position={"x": 2, "y": 90})
+    until(lambda: view()["x"] == before["x"], "as at first")
+    for key, name, side in (("b", "x", left), ("i", "right", right)):
+        page.keyboard.press(f"Control+{key}")
+        side.wait_for(state="hidden")
+        assert view()["width"] > before["width"]
+        page.keyboard.press(f"Control+{key}")
+        side.wait_for()
+        assert view()[name] == before[name]
+    page.locator("button.plots").click()
+    drawer.wait_for()
+    until(lambda: view()["bottom"] <= drawer.bounding_box()["y"] + 1, "the results below the view")
+    drawer.get_by_role("button", name="Larger").click()
+    until(lambda: drawer.bounding_box()["x"] == 0, "over the model, too")
+    page.locator("button.play").click(trial=True)  # not covered
+    page.keyboard.press("Escape")
+    until(lambda: drawer.bounding_box()["x"] > 0, "in its place")
+    drawer.get_by_role("button", name="Close the results").click()
+    drawer.wait_for(state="hidden")
+    until(lambda: view()["height"] == before["height"], "the whole view")
 
 
 def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
@@ -242,7 +198,7 @@ def test_notices_are_of_one_kind_are_closed_and_are_read_whole(page):
     page.evaluate("pgraph.send('Download')")
     page.locator(".pgraph-toast", has_text="leg.json").wait_for()
     assert not page.locator(".mantine-Notification-root").first.is_visible()
-    above = """() => { const y = document.querySelector("[data-floating-window]")
+    above = """() => { const y = document.querySelector(".pgraph-foot")
       .getBoundingClientRect().y; return [...document.querySelectorAll(".pgraph-toast")]
       .every((one) => one.getBoundingClientRect().bottom < y); }"""
     shows(page, above)

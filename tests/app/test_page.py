@@ -13,6 +13,7 @@ from pgraph_app.run.update import SetScenario
 
 from .conftest import NOBODY, opened, until
 from .on_page import (
+    ask,
     at_rest,
     client_of,
     cut_off,
@@ -44,7 +45,7 @@ ENDLESS = """<mujoco><compiler><lengthrange mode="all" inttotal="1e9"/></compile
 
 
 def no_question(page: Any) -> None:
-    page.wait_for_function("!document.querySelector('.asked:not(:empty), dialog.pgraph-keys')")
+    page.wait_for_function("!document.querySelector('dialog:modal')")
 
 
 def test_one_selection_is_shown_by_table_digraph_pgraph_properties_and_3d(page, served):
@@ -90,12 +91,10 @@ def test_a_second_page_has_its_own_selection_and_sees_the_edits(page, open_page,
 
 def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     for which in ("new", "open", "save"):  # Escape closes a question
-        for _ in range(2):
-            page.locator(f"button.{which}").click()
-            page.locator(".asked:not(:empty)").wait_for()
-            page.keyboard.press("Escape")
-            no_question(page)
-    page.locator("button.new").click()
+        ask(page, which)
+        page.keyboard.press("Escape")
+        no_question(page)
+    ask(page, "new")
     answer = page.locator(".asked[data-asked=newQuestion] input[type=text]").first
     for text in ("0", "x", ""):
         typed(answer, text)
@@ -110,7 +109,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     page.locator("button.undo").click()
     row(page, "trunk").wait_for()
 
-    page.locator("button.open").click()
+    ask(page, "open")
     page.locator('.gallery [data-model="fig1_tree"]').click()
     page.wait_for_function("pgraph.latest.table.rows.length === 7")
     vector = page.locator(".vectors button.entry span:first-child")
@@ -119,16 +118,15 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     good, bad = tmp_path / "good.json", tmp_path / "bad.json"
     good.write_text(leg.to_json())
     bad.write_text('{"bodies": 3')
-    page.locator("button.open").click()
+    ask(page, "open")
     page.locator('.ask input[type="file"]').set_input_files(bad)
     notice(page, "bad.json")
     assert len(names(served)) == 7
-    if not page.locator(".ask input[type=file]").count():
-        page.locator("button.open").click()
+    ask(page, "open")
     page.locator('.ask input[type="file"]').set_input_files(good)
     row(page, "shank").wait_for()
 
-    page.locator("button.save").click()
+    ask(page, "save")
     assert page.get_by_label("name of the model").count() == 0  # it has one
     path = page.locator(".asked input[type=text]").last
     typed(path, str(tmp_path / "no such folder" / "mine.json"))
@@ -137,7 +135,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     until(lambda: (tmp_path / "mine.json").exists(), "the file")
     until(lambda: pg.Model.load(tmp_path / "mine.json") == leg, "all of it")
     no_question(page)
-    page.locator("button.save").click()
+    ask(page, "save")
     with page.expect_download() as download:
         page.locator("button.download").first.click()
     assert json.loads(Path(download.value.path()).read_text()) == json.loads(leg.to_json())
@@ -145,7 +143,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     page.wait_for_function("() => pgraph.latest.toolbar.unnamed")
     page.keyboard.press("Escape")
     no_question(page)
-    page.locator("button.save").click()
+    ask(page, "save")
     name = page.get_by_label("name of the model")
     assert name.input_value() == "serial 3"
     name.fill("moon rover")
@@ -230,22 +228,21 @@ def test_keys_palette_and_menus_lead_everywhere(page, served):
     until(lambda: sheet.count() == 0, "the sheet closed")
     for words, sign in (
         ("Show plots", '[role="tab"][title="Plots"][aria-selected="true"]'),
-        ("Stability map", '[role="tab"][title="Report"][aria-selected="true"]'),
-        ("Show the pose", '[role="tab"][title="Pose"][aria-selected="true"]'),
-        ("New model", '.asked[data-asked="newQuestion"]'),
+        ("Stability map", '[role="tab"][title="Accuracy"][aria-selected="true"]'),
+        ("thigh", 'tr.selected[data-name="thigh"]'),
+        ("New model", 'dialog[data-asked="newQuestion"]'),
     ):
-        page.locator("input.search").click()  # from a field, too
+        row(page, "trunk").locator("input.name").click()  # from a field, too
         page.keyboard.press("Control+k")
-        box = page.get_by_placeholder("Search commands...")
-        box.wait_for()
+        box = page.get_by_label("search bodies and commands")
         box.fill(words)
-        page.get_by_text(words, exact=True).locator("visible=true").first.wait_for()
+        page.locator("[role=option]").filter(has_text=words).first.wait_for()
         page.keyboard.press("Enter")
         page.locator(sign).first.wait_for()
-        box.wait_for(state="hidden")
-    page.locator("button.new").click()  # which closes its question
+        box.wait_for(state="detached")
+    page.keyboard.press("Escape")
     no_question(page)
-    page.evaluate("['Digraph', 'Properties'].forEach(pgraph.front)")
+    page.evaluate("pgraph.frame.drawer(false)")
 
     row(page, "shank").locator("td.number").click(button="right")
     menu = page.get_by_role("menu")
@@ -314,12 +311,12 @@ def test_nothing_of_the_model_before_is_left_on_the_page(page, served):
     model = pg.Model.serial(3).replace(forces=(zebra,), constraints=(tie,), scenarios=(own,))
     opened(page, served, model)
     served.send(SetScenario(client_of(served), 1, "zebra run"))
-    page.get_by_role("tab", name="Scenario").click()
+    page.get_by_role("tab", name="Scenarios").click()
     page.wait_for_function(
         "document.querySelectorAll('.drives .tie').length === 1"
         " && document.querySelectorAll('.switch').length === 1"
     )
-    page.get_by_role("tab", name="Operators").click()
+    page.get_by_role("tab", name="Matrices").click()
     value = page.locator('[data-view="operators"] .value')
     until(lambda: "3 × 3" in value.inner_text(), "the mass matrix of three bodies")
     row(page, "2").locator("td.number").click()

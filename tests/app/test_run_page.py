@@ -10,7 +10,18 @@ from pgraph_app.report.update import SetReport
 from pgraph_app.server import Server
 
 from .conftest import opened, until
-from .on_page import choose_body, chosen, client_of, field, notice, place, refused, row, typed
+from .on_page import (
+    choose_body,
+    chosen,
+    client_of,
+    field,
+    notice,
+    place,
+    refused,
+    row,
+    simulate,
+    typed,
+)
 
 
 @pytest.fixture
@@ -26,36 +37,38 @@ def rods(page: Any, served: Server, compiled: Server) -> Any:
 def simulated(page: Any, served: Server) -> Any:
     """A run more, shown."""
     before = served.store.state.last_run
-    page.locator("button.simulate").click()
+    simulate(page)
     until(lambda: served.store.state.last_run is not before, "a run")
-    page.locator(".summary dd").first.wait_for()
+    page.locator("[data-view=trust] .lines dd").first.wait_for()
     return served.store.state.last_run.result
 
 
 def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods, served):
     page, before = rods, served.store.state.last_run
     rest = until(lambda: place(page, "/bodies/2"), "the second rod")
+    page.locator("button.method").click()
     duration = page.get_by_label("duration", exact=True).first
     typed(duration, "-1")
     refused(page, "duration")
-    page.locator("button.simulate").click()
+    page.keyboard.press("Escape")
+    simulate(page)
     notice(page, "duration", "-1")
     assert served.store.state.last_run is before
     assert page.evaluate("document.activeElement.ariaLabel") == "duration"
     duration.fill("1")
     result = simulated(page, served)  # which takes what is being typed
     assert result.t[-1] == pytest.approx(1.0)
-    summary = page.locator(".summary")
-    assert "Energy drift" in summary.inner_text()
-    assert "Cost" not in summary.inner_text()  # but unfolded
-    summary.locator(".more > summary").click()
-    assert "Cost" in summary.inner_text()
+    trust = page.locator("[data-view=trust]")
+    assert trust.get_attribute("data-level") == "good"
+    assert "Energy drift" in trust.inner_text()
+    assert "Cost" not in trust.inner_text()  # but in the report
+    trust.get_by_role("button", name="Report").click()
+    assert "Cost" in page.locator(".summary").inner_text()
 
     start = place(page, "/bodies/2")
-    page.locator("button.play").click()
     until(lambda: place(page, "/bodies/2") != start, "the rod to move")
     page.locator("button.play").click()
-    until(lambda: not served.store.state.playback.playing, "a pause")
+    until(lambda: not served.store.state.playback.moves, "a pause")
     scrub = "(e) => { e.value = 0.5; e.dispatchEvent(new Event('input')); }"
     page.locator("input.scrub").evaluate(scrub)
     until(lambda: served.store.state.playback.time == 0.5, "the middle")
@@ -73,12 +86,13 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     page.locator("button.loop").click()
     page.locator("select.speed").select_option("1")
 
+    page.get_by_role("tab", name="Compare").click()
     page.locator("button.ghost").click()
     until(lambda: served.store.state.ghost is not None, "the run as a ghost")
     page.locator("button.ghost").click()
     until(lambda: served.store.state.ghost is None, "no ghost")
     with page.expect_download() as download:
-        page.get_by_role("button", name="Export …", exact=True).click()
+        page.locator("button.exports").click()
         page.locator("button.export.csv").click()
     text = download.value.path().read_text()
     assert text.splitlines()[0].startswith("t [s],")
@@ -86,42 +100,41 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
 
     choose_body(page, "1")
     typed(field(page, "mass"), "7")
-    until(lambda: page.locator("button.play").is_disabled(), "nothing to play")
+    until(lambda: page.locator("button.play.stale").count() == 1, "a run of before the edit")
     page.locator("button.undo").click()
-    until(lambda: page.locator("button.play").is_enabled(), "the run again")
+    until(lambda: page.locator("button.play.stale").count() == 0, "the run again")
 
 
 def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     page = rods
-    page.locator("button.live").click()
+    page.locator(".modes .live").click()
+    page.locator("button.play").click()
     until(lambda: served.store.state.t_end > 0.2, "a live run")
     choose_body(page, "2")
     typed(field(page, "mass"), "5")
     until(lambda: served.store.state.run.result.mechanism.model.body("2").mass == 5, "the edit")
     page.locator("button.play").click()
     until(lambda: not served.store.state.live.running, "a pause")
-    page.locator("button.stop").click()
-    page.locator(".after").wait_for()
+    page.locator(".modes .run").click()
+    until(lambda: served.store.state.live is None, "the run joined")
     assert served.store.state.run.result.t[-1] > 0.2
 
+    page.locator("button.method").click()
     for label, text in (("duration", "3600"), ("step", "0.0001")):
         typed(page.get_by_label(label, exact=True), text)
     until(lambda: served.store.state.request.step == 1e-4, "a long run's settings")
-    page.locator("button.simulate").click()
+    page.keyboard.press("Escape")
+    simulate(page)
     until(lambda: served.store.state.job, "the run under way")
-    page.get_by_title("Stop the simulation").click()
+    page.get_by_role("button", name="cancel", exact=True).click()
     until(lambda: served.store.state.job is None, "the run cancelled")
-    page.wait_for_function(
-        "[...document.querySelectorAll('[data-view=run]')].some((one) =>"
-        " one.textContent.includes('cancelled'))"
-    )
-    page.locator("button.simulate").wait_for()
+    page.locator("[data-view=trust]").filter(has_text="cancelled").wait_for()
 
 
 def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, served):
     page = rods
     result = simulated(page, served)
-    page.get_by_role("tab", name="Plots").click()
+    page.locator("button.plots").click()
     row(page, "1").locator("td").first.click()
     page.locator('.chip-button[data-kind="q"][data-of="1"]').click()
     page.locator('.chip-button[data-kind="energy"]').click()
@@ -136,7 +149,7 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     page.locator("figure.plot .remove").first.click()
     until(lambda: page.locator("figure.plot").count() == 1, "one chart")
 
-    page.get_by_role("tab", name="Operators").click()
+    page.get_by_role("tab", name="Matrices").click()
     value = page.locator('[data-view="operators"] .value')
     until(lambda: "2 × 2" in value.inner_text(), "the mass matrix")
     page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
@@ -144,7 +157,7 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     chosen(page.get_by_label("operator", exact=True), "S")
     page.wait_for_function("document.querySelector('[data-view=operators] [aria-label=operator]')"
                            ".value === 'S'")  # fmt: skip
-    page.get_by_role("tab", name="Digraph").click()
+    page.get_by_role("tab", name="Compare").click()
     idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
     until(idle, "nothing computed out of view")
 
@@ -152,7 +165,7 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
 def test_a_report_is_measured_shown_and_enlarged(rods, served):
     page = rods
     served.send(SetReport(client_of(served), 1, "t_end", "0.05"))
-    page.get_by_role("tab", name="Report").click()
+    page.evaluate("pgraph.front('Accuracy')")
     page.locator("button.precision").click()
     page.locator(".outcome .figure svg").wait_for()
     assert page.locator(".outcome .advice").inner_text()
@@ -169,7 +182,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     store = served.store
     tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
     opened(page, served, pg.Model.serial(2).add(tie).replace(name="tied"))
-    page.get_by_role("tab", name="Constraints").click()
+    page.get_by_role("tab", name="Connections").click()
     page.locator(".tie button.when").click()
     switch = page.locator(".switch")
     switch.wait_for()
@@ -190,8 +203,9 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     when("above -1")
     typed(value, "0.5")
     when("above 0.5")
-    page.locator("button.simulate").click()
-    page.locator(".scenario .log .fall").first.click()
+    simulate(page)
+    page.evaluate("pgraph.front('Events')")
+    page.locator("[data-view=events] .fall").first.click()
     event = store.state.run.result.events[0]
     assert (event.contact, event.after) == ("tie", "off")
     until(lambda: store.state.playback.time == pytest.approx(event.t), "the time of the event")

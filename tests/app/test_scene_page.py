@@ -141,7 +141,6 @@ def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
 
 
 def test_sliders_and_cells_pose_the_mechanism(page, served, leg):
-    page.get_by_role("tab", name="Pose").click()
     cells = page.locator(".joint .cell")
     until(lambda: cells.count() == 4, "four numbers")
     cells.first.click()
@@ -165,15 +164,14 @@ def test_sliders_and_cells_pose_the_mechanism(page, served, leg):
     assert served.store.state.model.body("trunk").q == (-1.0,)
     served.send(HomePose(NOBODY))
 
-    page.get_by_role("tab", name="Properties").click()  # no slider of another model is ever there
-    page.locator(".joint").first.wait_for(state="detached")
     opened(page, served, leg.edit("thigh", dof=2))
-    page.get_by_role("tab", name="Pose").click()
     until(lambda: cells.count() == 5, "five numbers")
+    choose_body(page, "thigh")
+    until(lambda: cells.count() == 2, "those of the body")
 
 
 def test_marks_gizmo_and_solids_are_drawn_and_cleared(page, served):
-    page.get_by_role("tab", name="Show").click()
+    page.get_by_role("button", name="Display").click()
     for what, name in (
         ("names", "/bodies/2/names"), ("links", "/bodies/2/links"), ("coms", "/bodies/2/coms"),
         ("frames", "/bodies/3/frames"), ("inertias", "/inertias"),
@@ -185,9 +183,9 @@ def test_marks_gizmo_and_solids_are_drawn_and_cleared(page, served):
         drawn(page, name, there=False)
     assert page.locator('[data-what="cones"]').count() == 0  # nothing touches anything
 
-    page.get_by_role("tab", name="Properties").click()
+    page.keyboard.press("Escape")
     choose_body(page, "thigh")
-    page.get_by_role("tab", name="Show").click()
+    page.get_by_role("button", name="Display").click()
     page.locator("select.gizmo").select_option("com")
     drawn(page, "/grip/control")
     before = served.store.state.model

@@ -10,6 +10,7 @@ from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, opened, settled, until
 from .on_page import (
+    ask,
     choose_body,
     copied,
     field,
@@ -219,7 +220,7 @@ def test_the_clipboard_carries_rows_and_names_what_it_refuses(chain: Any, served
     paste(page, "wing\tground\t1\n")  # with no row in focus, as in an empty table
     until(lambda: names(served)[-1] == "wing", "a row on the ground")
 
-    page.get_by_role("button", name="New", exact=True).click()
+    ask(page, "new")
     page.locator(".asked[data-asked=newQuestion] input[type=text]").first.focus()
     paste(page, "name\tparent\tmass\nhip\tnowhere\t3\n")
     page.wait_for_function("document.body.textContent.includes(\"'nowhere'\")")

@@ -18,7 +18,8 @@ from pgraph_app.model.derived import derive
 from pgraph_app.model.update import LONG, sent
 from pgraph_app.model.worker import answer
 from pgraph_app.run import FREE_RUN, Run
-from pgraph_app.run.view import hints, kept, summary
+from pgraph_app.run.trust import summary
+from pgraph_app.run.view import hints, kept
 from pgraph_core.show.animation import between
 
 from .store import ME, OTHER, after, begun, do, notice, reply, seven, until

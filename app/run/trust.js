@@ -1,0 +1,47 @@
+// How far the run can be trusted: a seal, what it rests on, and what went wrong. All of the outcome
+// is at the head of the accuracy report.
+(() => {
+  const { make, text, icon } = pgraph;
+  const SIGNS = { good: "check", rough: "warn", unknown: "unknown", failed: "close", busy: "dots" };
+
+  function build(host) {
+    host.replaceChildren(
+      make("div", { className: "verdict" }, text("span", "seal"), text("span", "said"), text("span", "spring"),
+        make("button", { className: "link", textContent: "Report", title: "How the error was estimated, and how it depends on the step", onclick: () => pgraph.front("Accuracy") })),
+      make("progress", { max: 1, hidden: true }), text("p", "muted more"), make("dl", { className: "lines" }));
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector), { level, said, why, lines, fraction, report } = data.trust;
+    host.dataset.level = level;
+    $(".seal").hidden = !level;
+    $(".seal").replaceChildren(...(level ? [icon(SIGNS[level], 12)] : []));
+    $(".said").textContent = $(".said").title = said;
+    $(".link").hidden = !report;
+    $(".more").hidden = !why;
+    $(".more").textContent = $(".more").title = why;
+    const bar = $("progress");
+    bar.hidden = fraction === undefined;
+    if (fraction === null || fraction === undefined) bar.removeAttribute("value");
+    else bar.value = fraction;
+    $(".lines").replaceChildren(...lines.flatMap(([what, value, good, about]) => [make("dt", { textContent: what, title: about }), make("dd", { textContent: value, className: good ? "" : "bad", title: about })]));
+  }
+
+  function outcome(host, data) {
+    const line = ([what, value, good]) => [make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, folded(value))];
+    host.hidden = data.summary === null;
+    const key = JSON.stringify(data.summary);
+    if (host.dataset.key === key) return;
+    host.dataset.key = key;
+    host.replaceChildren(make("dl", { className: "summary" }, ...(data.summary ?? []).flatMap(line)));
+  }
+  // A long list is one line until it is asked for.
+  function folded(value) {
+    const items = value.split("; ");
+    if (items.length < 4) return value;
+    return make("details", {}, make("summary", { textContent: `${items.length} in all` }), ...items.map((item) => make("div", { textContent: item })));
+  }
+
+  pgraph.view("trust", { build, run: draw });
+  pgraph.view("outcome", { run: outcome });
+})();

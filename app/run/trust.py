@@ -1,0 +1,179 @@
+"""How far a run can be trusted: a verdict in three levels, and all lines of its outcome."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pgraph_core.analysis.singular import TOO_LOW
+from pgraph_core.integrators import METHODS
+from pgraph_core.model.scenario import AUTO, METHOD_NAMES
+
+from ..core.state import Run, State
+from ..core.views import Payload
+
+POOR = 1e-2  # relative error or drift above which a run is rough
+FIRST_ORDER = 0.2  # the same for methods of first order, such as the steps of contacts
+WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
+FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
+Line = tuple[str, str, bool]  # what, value, whether it is good
+
+
+def trust(
+    state: State, job: Payload | None, kernels: Payload | None, live: Payload | None
+) -> Payload:
+    """What stands at the right of the time panel: level, sentence, reason, lines, progress."""
+    if state.job is not None:
+        job, waits = job or {}, kernels is not None
+        said = "Preparing" if waits else "Computing"
+        return _told(
+            "busy", said, kernels["text"] if kernels and waits else "", fraction=job.get("fraction")
+        )
+    if live is not None:
+        return _told("", f"Live, {live['text']}", state.run_problem)
+    run = state.plotted
+    if state.run_problem:
+        return _told(
+            "failed", "Not simulated" if run is None else "Last run failed", state.run_problem
+        )
+    if kernels is not None:
+        return _told("busy", "Preparing", kernels["text"], fraction=kernels["fraction"])
+    if run is None:
+        why = f"Play computes {state.request.t_end:g} s of motion." if state.model.bodies else ""
+        return _told("", "No run yet", why)
+    if state.earlier is not None:
+        return _told(
+            "unknown",
+            "Model changed",
+            "This run is of the model before your last edits. Play computes it again.",
+            report=True,
+        )
+    level, said, why = verdict(run)
+    return _told(level, said, why, _lines(run), report=True)
+
+
+def _told(
+    level: str, said: str, why: str = "", lines: list[Any] | None = None, **more: Any
+) -> Payload:
+    return {"level": level, "said": said, "why": why, "lines": lines or [], "report": False, **more}
+
+
+def verdict(run: Run) -> tuple[str, str, str]:
+    """(level, sentence, reason) of a run: "good", "rough", "unknown" or "failed"."""
+    result = run.result
+    if not result.status.ok and not run.ended:
+        return "failed", "Stopped early", result.message or result.status.value
+    if math.isnan(float(result.error_estimate)):
+        return "unknown", "Accuracy unknown", "No error was estimated for this run."
+    if not math.isfinite(float(result.error_estimate)):
+        return "unknown", "Accuracy unknown", f"The error is {result.accuracy}."
+    doubts = [notice for notice in result.notices if TOO_LOW in notice]
+    if doubts:
+        return "unknown", "Accuracy unknown", doubts[0]
+    amount = felt(run)
+    bad = [f"{what.lower()} {value}" for what, value, good in summary(run) if not good]
+    if bad:
+        return "rough", f"Rough: {amount}", bad[0]
+    return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
+
+
+def felt(run: Run) -> str:
+    """The error estimate in lengths and angles: "about 3 mm, 0.2°", "within 1 µm"."""
+    kinds = {motion.kind for body in run.model.bodies for motion in body.sequence}
+    error = float(run.result.error_estimate)
+    turns, slides = kinds - {"translate"}, kinds & {"translate", "free"}
+    small, parts = True, list[str]()
+    if slides or not turns:
+        small &= error < FEWEST_METRES
+        parts.append(length(max(error, FEWEST_METRES)))
+    if turns:
+        degrees = math.degrees(error)
+        small &= degrees < FEWEST_DEGREES
+        parts.append(f"{float(f'{max(degrees, FEWEST_DEGREES):.0e}'):g}°")
+    return f"{'within' if small else 'about'} {', '.join(parts)}"
+
+
+def length(metres: float) -> str:
+    """A length with one digit, in m, mm or µm."""
+    scale, unit = next(u for u in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")) if metres >= 0.95 * u[0])
+    return f"{float(f'{metres / scale:.0e}'):g} {unit}"
+
+
+def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
+    """(what, value, whether it is good, all of it) of the three lines below the verdict."""
+    result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
+    found = []
+    if "Error estimate" in lines:
+        value, good = lines["Error estimate"]
+        found.append(("Estimated error", value.partition(",")[0], good, value))
+    if "Energy drift" in lines:
+        value, good = lines["Energy drift"]
+        order = ", first order" if _order(result) == 1 else ""
+        found.append(
+            ("Energy drift", f"{100 * float(result.energy_drift):.2g} %{order}", good, value)
+        )
+    if "Constraint drift" in lines and not lines["Constraint drift"][1]:
+        value, good = lines["Constraint drift"]
+        found[1:2] = [("Constraint drift", value.partition(",")[0], good, value)]
+    method, step = str(result.header.get("method")), result.header.get("step")
+    size = f", {1e3 * step:g} ms" if isinstance(step, float) else ""
+    name = METHOD_NAMES.get(method, method).partition(" (")[0]
+    auto = ", automatic" if run.request.method == AUTO else ""
+    found.append((f"Method{auto}", f"{name}{size}", True, lines.get("Method", ("", True))[0]))
+    return found
+
+
+def _order(result: Any) -> int | None:
+    method = METHODS.get(str(result.header.get("method")))
+    return None if method is None else method.order
+
+
+def outcome(state: State) -> list[Line] | None:
+    """What the last run was worth; of an edited model, that it is of an earlier one."""
+    if state.live is not None or state.plotted is None:
+        return None
+    if state.earlier is None:
+        return summary(state.plotted)
+    text = "of the model before your last edits; play again, or undo"
+    return [("This run is", text, False), *summary(state.plotted)]
+
+
+def summary(run: Run) -> list[Line]:
+    """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
+    result = run.result
+    drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
+    estimated = not math.isnan(estimate)
+    most = FIRST_ORDER if _order(result) == 1 else POOR
+    lines = [
+        ("Status", run.ended or result.message or result.status.value, result.status.ok),
+        ("Method", str(result.header.get("why", "")), True),
+        (
+            "Error estimate",
+            f"{result.accuracy}{why(estimate, most)}" if estimated else "",
+            estimate < most,
+        ),
+        ("Energy drift", f"{drift:.2g} of its range{why(drift, most)}", drift < most),
+    ]
+    if run.model.constraints and len(result.constraint_drift):
+        position, velocity = result.constraint_drift.max(axis=0)
+        value = f"{position:.2g} m, {velocity:.2g} m/s"
+        lines.append(("Constraint drift", value, bool(position < POOR)))
+    lines.append(("Cost", cost(result), True))
+    lines += [("Note", text, True) for text in result.notices]
+    return [line for line in lines if line[1] and not line[1].startswith("nan")]
+
+
+def why(error: float, most: float) -> str:
+    """What to do about an error or a drift that is large; nothing where it is not."""
+    if error < POOR:
+        return ""
+    usual = "usual for a method of first order" if error < most else f"above {most:g}"
+    return f": {usual}; a smaller step makes it smaller"
+
+
+def cost(result: Any) -> str:
+    """'250 steps, 1000 evaluations, 12.3 ms'."""
+    counters = dict(result.counters).items()
+    counts = [f"{int(n)} {WORDS.get(name, name.replace('_', ' '))}" for name, n in counters if n]
+    seconds = sum(float(s) for s in dict(result.timing).values())
+    return ", ".join([*counts, f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"])
