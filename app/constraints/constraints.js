@@ -129,7 +129,7 @@
       if (!picking) { document.activeElement?.blur(); pgraph.front("Bodies"); }
     } else if (picking && !data.picking) pgraph.front("Connections");
     picking = Boolean(data.picking);
-    if (called !== null && data.called !== called) pgraph.front("Connections");
+    if (called !== null && data.called > called) pgraph.front("Connections"); // a page that comes back counts from 0
     called = data.called;
   }
 

@@ -153,6 +153,7 @@ window.pgraph = (() => {
       if (topic === "time") shown();
       if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
+      if (topic === "playback") latest.time = data.moment;
       remember(topic, data);
       if (resuming !== null && topic !== "reply") { late.add(topic); return; }
       hear(topic);

@@ -27,7 +27,7 @@ pgraph.forms = (() => {
   }
 
   // The column of labels: as wide as the widest with its unit; where that is too wide, the unit goes below.
-  const MOST = 96, ruler = document.createElement("canvas").getContext("2d");
+  const MOST = 84, ruler = document.createElement("canvas").getContext("2d");
   function widest(box, groups) {
     const family = getComputedStyle(box).fontFamily;
     const width = (text, size) => { ruler.font = `${size}px ${family}`; return text ? ruler.measureText(text).width : 0; };
@@ -105,9 +105,7 @@ pgraph.forms = (() => {
     }
     el.pgraphButtons = texts;
     for (const old of line.querySelectorAll(":scope > button.own")) old.remove();
-    line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => make("button", {
-      className: "action own", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField),
-    })));
+    line.querySelector(":scope > .grid").after(...field.buttons.map((b, i) => pgraph.button("own", b.text, b.title, () => box.pgraphAsk.press(el.pgraphField.buttons[i], el.pgraphField))));
   }
   function label(box, el, field) {
     const what = el.querySelector(".what");
@@ -253,7 +251,7 @@ pgraph.forms = (() => {
   function fillCell(input, field, cell) {
     const { name, at, index } = cell;
     input.setAttribute("aria-label", [field.label, name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
-    if ((cell.span ?? 6 / field.columns) < 3) input.dataset.digits = 5;
+    if ((cell.span ?? 6 / field.columns) < 3) input.dataset.digits = 4;
     else delete input.dataset.digits;
     input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];
     if (field.kind === "choice" || field.kind === "names") cells.choose(input, cell.value);

@@ -15,7 +15,7 @@ pgraph.frame = (() => {
       part("drawer", "section", strip("drawer"), edge("drawer")), part("right", "aside", edge("right")),
       make("footer", { className: "pgraph-foot" }, part("run"), part("time"), part("trust")));
     part("display");
-    const display = make("button", { className: "bare", title: "What is drawn in 3D" }, icon("eye"), "Display");
+    const display = make("button", { className: "bare", title: "What is drawn in 3D" }, icon("eye"), make("span", { textContent: "Display" }));
     slots.view.append(make("div", { className: "pgraph-tools", role: "toolbar", "aria-label": "view" }, pgraph.opens(display, slots.display)));
     const made = hosts.map(([view, slot, tab]) => {
       const host = make("div", { className: "pgraph", "data-view": view });
@@ -35,7 +35,7 @@ pgraph.frame = (() => {
   // -- tabs ---------------------------------------------------------------------------------------
   function strip(slot) {
     const list = make("div", { className: "tabs", role: "tablist", "aria-label": slot === "left" ? "model" : "results", onkeydown: keyed });
-    const box = make("div", { className: "strip" }, list, make("div", { className: "acts" }));
+    const box = make("div", { className: "tab-strip" }, list, make("div", { className: "acts" }));
     if (slot === "drawer") {
       const large = iconButton("large", "Larger", () => { root.dataset.drawer = root.dataset.drawer === "large" ? "open" : "large"; });
       box.append(large, iconButton("close", "Close the results", () => drawer(false)));

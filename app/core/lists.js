@@ -1,8 +1,16 @@
 // Buttons, and keyed lists: what every view is built from.
 
 // A button with a word on it, and one with a picture and an accessible name.
-pgraph.button = (className, textContent, title, onclick) =>
-  pgraph.make("button", { className: `action ${className}`, textContent, title, onclick });
+pgraph.button = (className, textContent, title, onclick) => pgraph.worded(pgraph.make("button", { className: `action ${className}`, title, onclick }), textContent);
+// The word on a button; a cross is drawn, and its title names it.
+pgraph.worded = (made, word) => {
+  if (word === "×") {
+    made.setAttribute("aria-label", made.title);
+    made.classList.add("icon-only");
+  }
+  made.replaceChildren(word === "×" ? pgraph.icon("close") : word);
+  return made;
+};
 // A button that acts when it is pressed, not when it is let go: for what cannot wait.
 pgraph.pressButton = (className, textContent, title, act) => {
   const made = pgraph.button(className, textContent, title, (event) => { if (event.detail === 0) act(); }); // by a key

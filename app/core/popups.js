@@ -8,11 +8,12 @@
   function place(box, { left, right, top, bottom }, end = false) {
     const { offsetWidth: w, offsetHeight: h } = box, below = innerHeight - bottom > h + MARGIN || innerHeight - bottom > top;
     box.style.left = `${Math.max(Math.min(end ? right - w : left, innerWidth - w - MARGIN), MARGIN)}px`;
-    box.style.top = `${Math.max(below ? Math.min(bottom + 4, innerHeight - h - MARGIN) : top - h - 4, MARGIN)}px`;
+    box.style.top = below ? `${Math.max(Math.min(bottom + 4, innerHeight - h - MARGIN), MARGIN)}px` : "auto";
+    box.style.bottom = below ? "auto" : `${Math.min(innerHeight - top + 4, Math.max(innerHeight - h - MARGIN, MARGIN))}px`; // it grows upwards
   }
 
-  // A button that opens `box`; `end`: their right edges are aligned. `opening` is called before.
-  pgraph.opens = (button, box, { end = false, opening = () => {} } = {}) => {
+  // A button that opens `box` at itself or at `anchor`; `end`: their right edges are aligned. `opening` is called before.
+  pgraph.opens = (button, box, { end = false, anchor = button, opening = () => {} } = {}) => {
     box.classList.add("pgraph", "pgraph-popup");
     box.popover = "auto";
     button.popoverTargetElement = box;
@@ -20,7 +21,7 @@
     box.addEventListener("beforetoggle", ({ newState }) => { if (newState === "open") opening(); });
     box.addEventListener("toggle", ({ newState }) => {
       button.setAttribute("aria-expanded", newState === "open");
-      if (newState === "open") place(box, button.getBoundingClientRect(), end);
+      if (newState === "open") place(box, anchor.getBoundingClientRect(), end);
     });
     document.body.append(box);
     return button;

@@ -66,5 +66,5 @@
   }
 
   // The playback's topics move the cursor: both come over the same way as the phases.
-  pgraph.view("phases", { build, phases: draw, time: paint, theme: (host) => setTimeout(() => paint(host), 300), playback: (host) => { pgraph.latest.time = pgraph.latest.playback.moment; paint(host); } });
+  pgraph.view("phases", { build, phases: draw, time: paint, theme: (host) => setTimeout(() => paint(host), 300), playback: paint });
 })();

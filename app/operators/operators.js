@@ -16,7 +16,7 @@
     for (const box of [host, pane(host)]) seen.observe(box);
     pgraph.whileVisible(host, (on) => { if (on) look(); else send("Inspect", { what: "", rows: null, columns: null }); });
   }
-  const pane = (host) => host.closest(".mantine-ScrollArea-viewport") ?? host;
+  const pane = (host) => host.closest(".pane");
   const look = () => send("Inspect", { what, rows: null, columns: null });
 
   function draw(host, data) {

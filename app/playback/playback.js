@@ -10,7 +10,7 @@
     window.addEventListener("pointerup", () => { dragging = false; });
     slider.addEventListener("input", () => { send("Scrub", { time: Number(slider.value) }); told(host, Number(slider.value)); });
     const speed = make("select", { className: "cell speed", title: "Speed of playback", "aria-label": "speed", onchange: () => send("Speed", { speed: Number(speed.value) }) });
-    const plots = make("button", { className: "bare plots", title: "Curves of the run" }, icon("plots"), "Plots");
+    const plots = make("button", { className: "bare plots", title: "Curves of the run" }, icon("plots"), make("span", { textContent: "Plots" }));
     plots.onclick = () => { if (pgraph.frame.isFront("Plots")) pgraph.frame.drawer(false); else pgraph.front("Plots"); };
     host.replaceChildren(make("div", { className: "transport" },
       button("back", "to the start", () => send("Scrub", { time: Number(slider.min) })),

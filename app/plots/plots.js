@@ -1,4 +1,5 @@
-// Plots: chips to choose from, charts that share their time axis, a cursor that follows playback.
+// Plots: quantities to choose from, charts that share their time axis, a cursor that follows playback,
+// and measurements of what is in sight.
 (() => {
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
@@ -6,12 +7,15 @@
   const NOISE = 1e-12; // of the largest value of a plot: what rounding leaves of a zero
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
   const heightOf = (canvas) => canvas.clientHeight || 142;
-  let zoom = null, charts = [], cursor = 0;
+  let zoom = null, charts = [], cursor = 0, measured = false;
 
   function build(host) {
-    host.replaceChildren(
-      make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }),
-      make("div", { className: "muted hint" }), make("div", { className: "charts" }));
+    const chooser = make("div", { className: "signals" }, make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }), make("div", { className: "muted hint" }));
+    const add = make("button", { className: "bare add-plot", title: "Quantities of the selected body and of the run" }, pgraph.icon("add"), make("span", { textContent: "Add plot" }));
+    const measure = pgraph.pictureButton("bare measure", "ruler", "Measure", "Minimum, maximum, mean, RMS, overshoot and frequency of what is in sight", () => { measured = !measured; measure.setAttribute("aria-pressed", measured); paintAll(host); });
+    pgraph.frame.actions("Plots", measure, pgraph.opens(add, chooser, { end: true }));
+    host.pgraphChooser = chooser;
+    host.replaceChildren(make("p", { className: "muted none" }), make("div", { className: "charts" }));
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
   }
 
@@ -23,14 +27,16 @@
       onclick: (event) => send("Plot", { kind, of, on: event.currentTarget.getAttribute("aria-pressed") !== "true" }),
     });
     const heading = (text) => make("span", { className: "muted heading-text", textContent: text });
-    host.querySelector(".of-body").replaceChildren(...(data.body
+    const box = host.pgraphChooser;
+    host.querySelector(".none").textContent = data.hint || "Nothing is plotted yet: add a plot at the right.";
+    box.querySelector(".of-body").replaceChildren(...(data.body
       ? [heading(`${data.body}:`), ...data.of_body.map(chip)]
       : [heading("Select a body to plot its motion and forces.")]));
-    const scene = host.querySelector(".of-scene"), open = scene.querySelector("details")?.open ?? false;
+    const scene = box.querySelector(".of-scene"), open = scene.querySelector("details")?.open ?? false;
     const idle = data.idle.length ? [make("details", { open }, make("summary", { textContent: data.idle_title }), ...data.idle.map(chip))] : [];
     scene.replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip), ...idle] : []));
-    host.querySelector(".hint").textContent = data.hint;
-    host.querySelector(".hint").hidden = !data.hint;
+    box.querySelector(".hint").textContent = data.hint;
+    box.querySelector(".hint").hidden = !data.hint;
   }
 
   function draw(host, data) {
@@ -47,7 +53,9 @@
       return chart;
     });
     host.querySelector(".charts").replaceChildren(...charts.map((c) => c.box));
-    for (const chip of host.querySelectorAll(".chips .chip-button")) {
+    host.querySelector(".none").hidden = charts.length > 0;
+    pgraph.frame.count("Plots", charts.length);
+    for (const chip of host.pgraphChooser.querySelectorAll(".chips .chip-button")) {
       chip.setAttribute("aria-pressed", shown(chip.dataset.kind, chip.dataset.of));
     }
     paintAll(host);
@@ -59,10 +67,9 @@
     const chart = { data, canvas, legend, axes, strip: make("div", { className: "strip" }), hover: null };
     chart.box = make("figure", { className: "plot" },
       make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: data.unit ? ` [${data.unit}]` : "" }), axes, legend,
-        make("button", { className: "picture", textContent: "↓", title: `Save ${data.title} as a picture`, "aria-label": `save a picture of ${data.title}`, onclick: () => save(chart) }),
-        make("button", { className: "remove", textContent: "×", title: `Remove ${data.title}`, "aria-label": `take away ${data.title}`,
-          onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
-      chart.strip, canvas);
+        pgraph.pictureButton("bare picture", "export", `save a picture of ${data.title}`, `Save ${data.title} as a picture`, () => save(chart)),
+        pgraph.pictureButton("bare remove", "close", `take away ${data.title}`, `Remove ${data.title}`, () => send("Plot", { kind: data.kind, of: data.of, on: false }))),
+      chart.strip, canvas, (chart.table = make("table", { className: "measures", hidden: true })));
     let from = null;
     canvas.addEventListener("pointerdown", (event) => { from = event.offsetX; canvas.setPointerCapture(event.pointerId); });
     canvas.addEventListener("pointermove", (event) => { chart.hover = event.offsetX; chart.band = from === null ? null : [from, event.offsetX]; paint(chart); });
@@ -145,7 +152,7 @@
     const color = (i) => style.getPropertyValue(`--s${i % SERIES}`);
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     g.scale(ratio, ratio);
-    g.font = "10.5px system-ui, sans-serif";
+    g.font = `11px ${style.fontFamily}`;
     const view = (chart.extent = extent(chart));
     if (!view) { g.fillStyle = soft; g.fillText(chart.data.none || "no run yet", LEFT, HEIGHT / 2, width - LEFT); legend(chart, []); return; }
     const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
@@ -155,13 +162,39 @@
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
     chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), [4, 3], 0.55));
     chart.data.curves.forEach((c, i) => curve(g, c, x, y, color(i), DASHES[Math.floor(i / SERIES) % DASHES.length]));
-    if (chart.band) { g.fillStyle = "rgba(47,111,208,.15)"; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
+    if (chart.band) { g.fillStyle = `${style.getPropertyValue("--accent")}26`; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
     g.strokeStyle = ink; g.lineWidth = 1;
     g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke();
     g.restore();
     const time = chart.hover === null ? cursor : timeAt(chart, chart.hover);
     const alone = chart.data.curves.length === 1; // then its label says nothing
-    legend(chart, chart.data.curves.map((c, i) => [alone ? "" : c.label, color(i), valueAt(c, time)]));
+    const entries = chart.data.curves.map((c, i) => [alone ? "" : c.label, color(i), valueAt(c, time), Math.floor(i / SERIES)]);
+    const kept = chart.data.ghost.map((c, i) => [`kept ${alone ? "" : c.label}`.trim(), color(i), valueAt(c, time), 1]);
+    legend(chart, [...entries, ...kept]);
+    measures(chart, view);
+  }
+
+  // Of each curve, over the times in sight. The frequency is of crossings of the mean upwards.
+  function measures(chart, { t0, t1 }) {
+    chart.table.hidden = !measured;
+    if (!measured) return;
+    const few = (x) => (Number.isFinite(x) ? Number(x.toPrecision(4)).toString() : "–");
+    const row = ({ label: name, t, y }) => {
+      let [low, high, area, square, span, ups, first, final] = [Infinity, -Infinity, 0, 0, 0, 0, NaN, NaN];
+      const seen = t.map((at, i) => [at, y[i]]).filter(([at]) => at >= t0 && at <= t1);
+      seen.forEach(([at, v], i) => {
+        low = Math.min(low, v); high = Math.max(high, v);
+        if (!i) return;
+        const [before, u] = seen[i - 1], dt = at - before;
+        area += dt * (u + v) / 2; square += dt * (u * u + u * v + v * v) / 3; span += dt;
+      });
+      const mean = area / span;
+      seen.forEach(([at, v], i) => { if (i && seen[i - 1][1] < mean && v >= mean) { ups++; first = Number.isNaN(first) ? at : first; final = at; } });
+      const end = seen.at(-1)?.[1], start = seen[0]?.[1], way = end - start, over = way > 0 ? high - end : end - low;
+      return [name, few(low), few(high), few(mean), few(Math.sqrt(square / span)), Math.abs(way) > 1e-3 * (high - low) ? `${few(100 * over / Math.abs(way))} %` : "–", ups > 1 ? `${few((ups - 1) / (final - first))} Hz` : "–"];
+    };
+    const line = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
+    chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "frequency"]), ...chart.data.curves.map(row).map(line("td")));
   }
 
   function axes(g, view, x, y, width, HEIGHT, { soft, line }) {
@@ -195,8 +228,8 @@
   }
 
   function legend(chart, entries) {
-    chart.legend.replaceChildren(...entries.map(([name, color, value], i) => {
-      const style = ["solid", "dashed", "dotted"][Math.floor(i / SERIES) % DASHES.length];
+    chart.legend.replaceChildren(...entries.map(([name, color, value, dash]) => {
+      const style = ["solid", "dashed", "dotted"][dash % DASHES.length];
       const noise = NOISE * Math.max(...chart.data.curves.flatMap(({ y }) => [Math.max(...y), -Math.min(...y)]));
       const said = value === null ? "" : Math.abs(value) < noise ? "0" : Number(value.toPrecision(4)).toString();
       return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);

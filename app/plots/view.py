@@ -140,4 +140,4 @@ def of_state(state: State, signal: Signal) -> list[Curve]:
     return found
 
 
-VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 49, Host("plots", "drawer", "Plots")),)
+VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 44, Host("plots", "drawer", "Plots")),)

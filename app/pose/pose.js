@@ -34,6 +34,7 @@
     const one = chosen.size === 1, items = rows.map((row, i) => ({ id: row.id, name: row.body, row, again: one || rows[i - 1]?.body === row.body }));
     host.firstChild.hidden = $(".joints").hidden = !rows.length;
     host.classList.toggle("one", one);
+    host.classList.toggle("all", !chosen.size);
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
   }
 
@@ -76,7 +77,7 @@
     slider.min = row.low;
     slider.max = row.high;
     if (!slider.dataset.held) slider.value = row.value;
-    cells.set(line.querySelector(".cell"), Math.abs(row.value) < ROUNDING ? 0 : row.value);
+    cells.set(line.querySelector(".cell"), Math.abs(row.value) < ROUNDING ? 0 : row.shown);
   }
 
   function later(act) {
@@ -92,5 +93,5 @@
     if (act) later(act);
   }
 
-  pgraph.view("joints", { build, joints: draw, time: at, selected: (host) => { if (pgraph.latest.joints) draw(host, pgraph.latest.joints); } });
+  pgraph.view("joints", { build, joints: draw, time: at, playback: at, selected: (host) => { if (pgraph.latest.joints) draw(host, pgraph.latest.joints); } });
 })();

@@ -18,7 +18,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Finite, FromPage, Text, on, on_edit, on_page
-from ..core.state import State, replied, with_client
+from ..core.state import State, display_of, replied, with_client
 from . import Grip, solving
 
 Vector = tuple[Finite, Finite, Finite]
@@ -47,7 +47,8 @@ def joint_moved(state: State, event: MoveJoint) -> State:
     try:
         state.model.body(event.body)
         typed = measured(state, event) if event.serial else "angle"  # a slider's is in SI units
-        value = cells.quantity(event.text, typed, cells.Display())
+        display = display_of(state, client) if serial else cells.Display()
+        value = cells.quantity(event.text, typed, display)
         pose = solving.posed(state, event.body, event.index, value)
         state = replace(
             state, posed=pose, playback=replace(state.playback, playing=False, preview=False)

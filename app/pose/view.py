@@ -12,6 +12,7 @@ import viser
 from pgraph_core.show.bodies import at_rest
 
 from ..core.bridge import Bridge
+from ..core.cells import Display, Quantity
 from ..core.events import Event
 from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, css, watching
@@ -37,13 +38,16 @@ class JointsView:
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())
             another = before.selection != page.selection
+            another = another or before.display != page.display
             if client in watching(old, new, "joints", changed or another):
-                self._bridge.send(client, "joints", joints(new, page.selection))
+                self._bridge.send(client, "joints", joints(new, page.selection, page.display))
 
 
-def joints(state: State, selection: str | None) -> Payload:
+def joints(state: State, selection: str | None, display: Display | None = None) -> Payload:
     """Sliders in number order, and what there is to say."""
     d, names, colors = state.derived, None, state.colors
+    display = display or Display()
+    kinds: dict[str, Quantity] = {"rad": "angle", "m": "length"}
     ids = state.rows.named(state.model, "bodies")
     if d.dof > MOST:
         names = path(state, selection)
@@ -56,7 +60,8 @@ def joints(state: State, selection: str | None) -> Payload:
             "value": c.value,
             "low": c.low,
             "high": c.high,
-            "unit": c.unit,
+            "shown": display.shown(c.value, kinds[c.unit]),
+            "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
             "color": css(colors[d.number[c.body] - 1]),
         }
         for c in coordinates(state, names)

@@ -35,12 +35,16 @@ from .world import world
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
+SHORT = {"link": "Position", "com": "Centre"}  # in place of the label of the field
 STAND_IN = "drawn as a plain rod or box until it has one"
 MOST_SHAPES = 12  # that have a form
 DENSITIES = (
     ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
     ("700", "wood, 700"),
 )  # fmt: skip
+ROLES = {
+    "both": "drawn and touches", "visual": "only drawn", "collision": "only touches",
+}  # fmt: skip
 ROTATIONS = {
     "quaternion": ("rotation", WXYZ),
     "euler": ("rotation_euler", ("roll", "pitch", "yaw")),
@@ -109,6 +113,10 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     inertia = [form.material(), form.follows(form.inertia())]
     state = [form.vector("q", Q_NAMES.get(body.joint, ())),
              form.vector("v", V_NAMES.get(body.joint, ()))]  # fmt: skip
+    shape = form.shape(0)
+    placed = (k for k, row in enumerate(shape) if row["field"] == "shape_position")
+    first = next(placed, len(shape))
+    kind_and_size, look = shape[:first], shape[first:]
     limited = any(body.limits)
     limits = [form.limits(), *([form.vector("limit_restitution")] if limited else [])]
     springs = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
@@ -117,7 +125,8 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     found = [
         group("Joint", joint),
         group("Mass", mass),
-        group("Shape", form.shape(0), True, "none"),
+        group("Shape", kind_and_size),
+        group("Place and look", look, False, ROLES[body.shapes[0].role] if look else ""),
         *(
             group(f"Shape {k + 1}", form.shape(k), False, body.shapes[k].kind)
             for k in range(1, min(len(body.shapes), MOST_SHAPES))
@@ -182,7 +191,8 @@ class _Form:
         pick = "point" if name in ("link", "com", "tip") or name.endswith("_position") else ""
         if name.endswith("_scale"):
             cells = components(cells)
-        return field(name, about.label, cells, unit=self.unit(name), help=about.help, pick=pick)
+        label = SHORT.get(name, about.label)
+        return field(name, label, cells, unit=self.unit(name), help=about.help, pick=pick)
 
     def motions(self) -> list[Payload]:
         """A row for each axis; of a compound joint, for each motion, which can be chosen."""
@@ -277,14 +287,8 @@ class _Form:
         found.append(self.vector(prefix + "position"))
         turn, names = ROTATIONS[self.display.turn]
         found.append(self.vector(prefix + turn, names))
-        roles = [
-            ("both", "drawn and touches"),
-            ("visual", "only drawn"),
-            ("collision", "only touches"),
-        ]
-        found.append(
-            choice(prefix + "role", "Role", shape.role, roles, help=shows("shape_role").help)
-        )
+        found.append(choice(prefix + "role", "Role", shape.role, list(ROLES.items()),
+                            help=shows("shape_role").help))  # fmt: skip
         colour = [cell((), held(self.model, self.body, prefix + "colour", self.display))]
         found.append(field(prefix + "colour", "Colour", colour, kind="text",
                            help=shows("shape_colour").help))  # fmt: skip
@@ -303,9 +307,7 @@ class _Form:
             "from the joint to the tip: shape, tip, centre of mass, inertia, and the joints and "
             "points at the tip go with it"
         )
-        return field(
-            "body_length", "Length to tip", cells, unit=self.display.unit("length"), help=help
-        )
+        return field("body_length", "Length", cells, unit=self.display.unit("length"), help=help)
 
     def material(self) -> Payload:
         """The density that the mass follows from, by number or by material."""

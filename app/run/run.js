@@ -1,7 +1,7 @@
 // What is run: the scenario, the one Play, Run or Live, and the settings of the run.
 (() => {
   const { make, text, cells, send, icon } = pgraph;
-  let mode = "run"; // what Play does where nothing runs: compute and show, or "live"
+  let mode = "run", went = false; // what Play does where nothing runs: compute and show, or "live"; whether a live run was going
 
   // With what stands in the settings, or not at all: what is being typed is taken first, what is refused is reported.
   function asSet(event) {
@@ -43,7 +43,7 @@
     const way = (name, label, about) => make("button", { className: name, textContent: label, title: about, onclick: () => choose(name) });
     const method = make("button", { className: "bare method", title: "Method, duration, step and tolerance of the run" }, icon("sliders"), text("span", "said"));
     host.pgraphRun = { scenario };
-    pgraph.opens(method, settings(host));
+    pgraph.opens(method, settings(host), { anchor: host }); // Play stays free
     host.replaceChildren(
       make("div", { className: "run-line" }, scenario, button, pgraph.pictureButton("stop", "stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
       make("div", { className: "run-line" }, make("div", { className: "modes", role: "group", "aria-label": "how to run" },
@@ -68,7 +68,8 @@
     if (!data) return;
     const $ = (selector) => host.querySelector(selector), box = document.querySelector(".pgraph-popup.settings"), live = going(data.live);
     const { scenario, method, t_end, step, rtol } = host.pgraphRun;
-    if (live) mode = "live";
+    if (live && !went) mode = "live"; // from another page, or by Walk
+    went = live;
     cells.choose(scenario, data.request.scenario);
     cells.choose(method, data.request.method);
     cells.set(t_end, data.request.t_end);

@@ -90,8 +90,7 @@ def _settings(s: pg.Scenario) -> Payload:
         field("t_end", "Duration", [cell((), s.t_end)], unit="s"),
         field("step", "Step", [cell((), s.step)], unit="s",
               help="of every step; empty: as the method chooses"),
-        choice("method", "Method", s.method, METHOD_NAMES.items(),
-               note="kept with the model; what is typed above Simulate is for one run"),
+        choice("method", "Method", s.method, METHOD_NAMES.items()),
     ])  # fmt: skip
 
 

@@ -52,6 +52,7 @@ def chosen(cell: Any, value: str) -> None:
 
 
 def choose_body(page: Any, name: str) -> None:
+    page.evaluate("pgraph.front('Bodies')")
     row(page, name).locator("td.number").click()
     page.wait_for_function("(n) => pgraph.latest.properties.bodies.join() === n", arg=name)
 

@@ -115,7 +115,7 @@ FITS = """() => { const box = (s) => document.querySelector(s).getBoundingClient
 
 
 def test_what_is_needed_first_is_in_sight_in_a_small_window(page):
-    """Play, time and trust without scrolling; the 3D view above them; questions within the window."""
+    """Play, time and trust without scrolling, the 3D view above them, questions in the window."""
     for size in ((1280, 800), (900, 700), (853, 533), (640, 480), (390, 844)):
         sized(page, *size)
         shows(page, FITS)

@@ -50,7 +50,6 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     duration = page.get_by_label("duration", exact=True).first
     typed(duration, "-1")
     refused(page, "duration")
-    page.keyboard.press("Escape")
     simulate(page)
     notice(page, "duration", "-1")
     assert served.store.state.last_run is before
@@ -136,9 +135,11 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     result = simulated(page, served)
     page.locator("button.plots").click()
     row(page, "1").locator("td").first.click()
+    page.locator("button.add-plot").click()
     page.locator('.chip-button[data-kind="q"][data-of="1"]').click()
     page.locator('.chip-button[data-kind="energy"]').click()
     until(lambda: page.locator("figure.plot").count() == 2, "two charts")
+    page.keyboard.press("Escape")
     chart = page.locator("canvas.chart").first
     box = chart.bounding_box()
     chart.click(position={"x": 52 + (box["width"] - 60) / 2, "y": 60})
@@ -183,6 +184,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
     opened(page, served, pg.Model.serial(2).add(tie).replace(name="tied"))
     page.get_by_role("tab", name="Connections").click()
+    page.locator(".tie .line").hover()
     page.locator(".tie button.when").click()
     switch = page.locator(".switch")
     switch.wait_for()

@@ -35,7 +35,9 @@ def rename(page: Any) -> None:
 def bend(page: Any) -> None:
     """The three joints, and that pose as the initial state."""
     page.evaluate("pgraph.send('Select', { body: null })")  # as a click beside the bodies does
-    page.locator('.pgraph[data-view="joints"] .joint .cell').first.click()
+    cells = page.locator('.pgraph[data-view="joints"] .joint .cell')
+    until(lambda: cells.count() == 3, "all joints")
+    cells.first.click()
     for angle, key in (("-1", "Tab"), ("0.7", "Tab"), ("1.3", "Enter")):
         page.keyboard.type(angle)
         page.keyboard.press(key)
@@ -45,6 +47,7 @@ def bend(page: Any) -> None:
 
 def close(page: Any) -> None:
     """A hinge between the rocker, selected, and the ground closes the loop: the cut joint."""
+    row(page, "rocker").locator("td.number").click()
     page.get_by_role("tab", name="Connections").click()
     page.locator("button.add-tie").click()
     page.locator('[data-kind="loops revolute"]').click()

@@ -17,6 +17,7 @@ from pgraph_app.model import Found
 from pgraph_app.model.derived import derive
 from pgraph_app.model.update import LONG, sent
 from pgraph_app.model.worker import answer
+from pgraph_app.playback import Playback
 from pgraph_app.run import FREE_RUN, Run
 from pgraph_app.run.trust import summary
 from pgraph_app.run.view import hints, kept
@@ -393,8 +394,16 @@ def test_nothing_of_a_model_stays_with_another_one(ran, event):
     assert (page.selection, page.selected, page.gizmo, page.plots) == (None, (), "", ())
 
 
+def test_the_first_motion_waits_for_a_page_that_can_show_it(ran):
+    assert ran.playback.preview
+    assert not ran.playback.moves  # no page has said what shape its 3D view has
+    seen = after(ran, do.Viewport(ME, 1.5))
+    assert seen.playback.moves
+    assert seen.playback.time == 0.0
+
+
 def test_a_preview_ends_with_the_run(ran):
-    state = replace(ran, playback=replace(ran.playback, time=0.5, playing=False, preview=True))
+    state = replace(ran, playback=Playback(0.5, preview=True))
     for time, preview in ((0.75, True), (1.0, False)):
         state = after(state, do.Tick(0.25))
         assert (state.playback.time, state.playback.preview) == (time, preview)
