@@ -30,7 +30,7 @@ pgraph.palette = (() => {
       lines = [...new Set(lines.map(([group]) => group))].flatMap((group) => lines.filter((line) => line[0] === group));
       found.replaceChildren(...lines.flatMap((line, i) => [
         ...(line[0] !== lines[i - 1]?.[0] ? [make("h4", { textContent: line[0] })] : []),
-        make("div", { role: "option", onclick: () => run(line), onpointermove: () => mark(i) }, make("span", { textContent: line[1] }), make("span", { className: "about", textContent: line[4] ?? "" }), make("kbd", { textContent: line[2], hidden: !line[2] }))]),
+        make("div", { role: "option", onclick: () => run(line), onpointermove: () => mark(i) }, make("span", { textContent: line[1] }), make("span", { className: "about", textContent: line[4] ?? "", title: line[4] ?? "" }), make("kbd", { textContent: line[2], hidden: !line[2] }))]),
       ...(lines.length ? [] : [make("div", { className: "none", textContent: "Nothing found" })]));
       mark(0);
     };

@@ -251,7 +251,7 @@ def test_keys_palette_and_menus_lead_everywhere(page, served):
     assert served.store.state.model.bodies[-1].parent == "shank"
     page.keyboard.press("Control+z")
     until(lambda: len(names(served)) == 4, "undone")
-    node(page, "thigh").click(button="right")
+    node(page, "thigh").locator("circle").last.click(button="right")
     menu.wait_for()
     page.keyboard.press("Escape")
     until(lambda: menu.count() == 0, "no menu")
