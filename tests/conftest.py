@@ -15,7 +15,7 @@ settings.register_profile("pgraph", deadline=None, derandomize=not explore)
 settings.load_profile("pgraph")
 
 PAGE_THREADS = {"pgraph-live", "pgraph-run", "pgraph-report"}  # they compute for the page
-LIMIT = 120.0  # seconds after which a thread counts as hung; it ends within milliseconds
+LIMIT = 120.0  # [s] time after which a thread counts as hung, usually milliseconds
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

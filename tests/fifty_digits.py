@@ -19,7 +19,7 @@ mp.dps = 50
 
 
 class Row(NamedTuple):
-    """One motion of a joint; the last of a body carries its inertia."""
+    """One motion of a joint. The last one of a body carries its inertia."""
 
     parent: int  # row, -1 for the ground
     S: np.ndarray  # (6, m) axes of motion at the world's origin
@@ -31,7 +31,7 @@ class Row(NamedTuple):
 
 
 def exact(x):
-    """An array of mpmath numbers equal to the given doubles; mpmath numbers are kept."""
+    """Return an array of mpmath numbers equal to the given doubles, keeping mpmath numbers."""
     x = np.asarray(x)
     return x if x.dtype == object else np.vectorize(mp.mpf, otypes=[object])(x.astype(float))
 
@@ -41,7 +41,7 @@ def skew(x):
 
 
 def cross_motion(V):
-    """(6, 6) V ×; minus its transpose acts on forces."""
+    """Return V × (6, 6), whose negated transpose acts on forces."""
     w, v = skew(V[:3]), skew(V[3:])
     return np.block([[w, np.zeros((3, 3), object)], [v, w]])
 
@@ -66,7 +66,7 @@ def spatial_inertia(body, R, p):
 
 
 def rows_of(model, q, v):
-    """Every motion in a state; number order."""
+    """Return every motion in a state, in number order."""
     topology = Topology.of(model)
     q, v = exact(q), exact(v)
     rows: list[Row] = []

@@ -26,7 +26,7 @@ PLACE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pgra
 
 @cache
 def folder(package: str) -> Path | None:
-    """The unpacked wheel of a package; None where it cannot be downloaded."""
+    """Return the unpacked wheel of a package, or None if it cannot be downloaded."""
     version = REGISTRY[package]
     place = PLACE / f"{package}-{version}"
     if not (place / "done").exists():
@@ -45,7 +45,7 @@ def folder(package: str) -> Path | None:
 
 
 def files(package: str, ending: str) -> list[Path]:
-    """The files of a package with this ending; none where it cannot be downloaded."""
+    """Return the files of a package with this ending, [] if it cannot be downloaded."""
     place = folder(package)
     return sorted(place.rglob(f"*{ending}")) if place else []
 

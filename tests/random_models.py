@@ -45,7 +45,7 @@ COMPOUNDS = (
 
 
 def random_model(rng, nb, kinds=KINDS, roots=1, armature=True):
-    """A forest of `nb` bodies; body i hangs on an earlier row, or on the ground."""
+    """Return a forest of `nb` bodies, each attached to an earlier row or the ground."""
     bodies = []
     for i in range(nb):
         parent = "ground" if i < roots else f"b{rng.integers(max(0, i - 4), i)}"

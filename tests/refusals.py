@@ -1,4 +1,4 @@
-"""How the tests judge a refusal: by its facts, not by its wording."""
+"""Checks of refusals by their facts, not by their wording."""
 
 from collections.abc import Callable, Iterable
 from typing import Any

@@ -20,7 +20,7 @@ QUICK = Effort(quick=True)
 
 
 def found(ratio: float = 3.0, cpu: str = "a CPU") -> dict:
-    """What a run of one benchmark gives."""
+    """Return the results of one benchmark."""
     rows = [
         {"case": "stance", "by": by, "per": "call", "seconds": seconds, "low": 1e-6, "high": 2e-6,
          "ratio": part, "agrees": agrees}

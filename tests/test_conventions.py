@@ -28,7 +28,7 @@ SLIDE = ("translate", X)
     ids=str,
 )
 def test_motions_of_a_compound_joint_act_in_order_each_in_the_frame_turned_so_far(motions, q):
-    """R = P_1 P_2 ... R(rotation); translations shift along axes turned by the motions before."""
+    """R = P_1 P_2 ... R(rotation), and translations shift along axes turned by earlier motions."""
     body = pg.Body(name="b", joint="compound", motions=motions, rotation=TURNED, link=LINK, mass=1)
     position, R = pg.Mechanism(pg.Model(bodies=(body,))).pose(np.array(q), "b")
     start = rotation.matrix(TURNED)

@@ -1,4 +1,4 @@
-"""Facts that files in other formats carry: sizes, colours, states and what is left out."""
+"""Facts in files of other formats: sizes, colours, states and omissions."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_a_ball_joint_on_a_turned_body_has_its_pose_in_a_key(mujoco, tmp_path):
 
 
 def test_drags_are_a_fluid_only_if_every_body_has_its_own_box(mujoco, tmp_path):
-    """An inertia box has edges from the moments; a drag on another box is left out."""
+    """An inertia box has edges from the moments. A drag on another box is omitted."""
     bodies = [
         pg.Body(name=n, joint="free", mass=6.0, inertia=np.diag((5.0, 4.0, 3.0))) for n in "ab"
     ]

@@ -110,7 +110,7 @@ def test_a_place_that_cannot_be_written_or_read_is_named(
 
 
 def test_a_file_of_version_1_is_read():
-    """Written by version 1 of the schema; this text never changes."""
+    """Version 1 of the schema wrote this text, which never changes."""
     model = pg.Model.from_json(VERSION_1)
     assert [(b.name, b.parent, b.dof) for b in model.bodies] == [
         ("base", "ground", 6),
@@ -183,7 +183,7 @@ def test_links_in_a_circle_are_refused(tmp_path: Path):
 
 
 def test_a_scenario_states_a_step_or_leaves_it_out():
-    """Files before version 4 without a step mean 1 ms; a step that is stated stays."""
+    """Files before version 4 without a step mean 1 ms. A given step stays."""
     for step, version in ((None, 4), (2e-3, 1)):
         model = MODEL.replace(scenarios=(pg.Scenario(name="s", step=step),))
         text = model.to_json()

@@ -53,7 +53,7 @@ def test_one_that_falls_ends_and_starts_again_while_the_others_go_on():
 
 
 def test_a_robot_that_is_torn_apart_fails_alone_and_among_others():
-    """Hinges turn by 10 rad a step; the last state has no orientation that notices could use."""
+    """Hinges turn by 10 rad per step, and the last state has no orientation for warnings."""
     model = robot()
     one, batch = pg.Stepper(model), pg.BatchStepper(model, 4)
     v = np.zeros((4, 18))

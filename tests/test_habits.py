@@ -1,4 +1,4 @@
-"""What users of other tools write is understood."""
+"""Words of other tools are understood."""
 
 from typing import Any
 

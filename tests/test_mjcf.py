@@ -54,7 +54,7 @@ def read(tmp_path, text=ARM):
 
 
 def loaded(tmp_path, text):
-    """The model of a text, nothing of which is left out."""
+    """Return the model of a text, nothing of which is omitted."""
     model, report = read(tmp_path, text)
     assert report.loaded, report
     return model
@@ -72,7 +72,7 @@ def forward(tmp_path, name="arm.xml"):
 
 
 def written(tmp_path, model):
-    """The model of a written file from which nothing is left out, and MuJoCo's model of it."""
+    """Return the model of a file written without omissions, and MuJoCo's model of it."""
     assert pg.write_mjcf(model, tmp_path / "out.xml").loaded
     return pg.read_mjcf(tmp_path / "out.xml")[0], compiled(tmp_path, "out.xml")[0]
 
@@ -549,7 +549,7 @@ BALL = '<geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoi
     ],
 )  # fmt: skip
 def test_parts_that_differ_are_reported(tmp_path, text, kind, fact):
-    """Contacts are between bodies; masks of a file may leave some of their geoms out."""
+    """Contacts are between bodies, but masks of a file may exclude some of their geoms."""
     text = text if "<mujoco" in text else f"<mujoco><worldbody>{text}</worldbody></mujoco>"
     found = texts(read(tmp_path, text)[1], kind)
     assert (fact.removeprefix("no ") in found) != fact.startswith("no ")

@@ -1,4 +1,4 @@
-"""MJCF files are read as MuJoCo reads them, and what is left out is named."""
+"""MJCF files are read as MuJoCo reads them, and omissions are reported."""
 
 import numpy as np
 import pytest

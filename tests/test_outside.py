@@ -1,5 +1,8 @@
-"""No file outside of the allowed folders is opened, copied or overwritten: every spelling of a path
-by every way into the program. What is opened is heard from Python itself, by an audit hook."""
+"""No file outside of the allowed folders is opened, copied or overwritten.
+
+Every spelling of a path is tried by every way into the program. Python's audit hook reports
+opened files.
+"""
 
 import json
 import os

@@ -34,7 +34,7 @@ SETUP = runpy.run_path(str(ROOT / "setup.py"))
 
 
 def output(*words: str | Path, cwd: Path, code: int = 0, **environment: str) -> str:
-    """Run a command; its standard output, or what it says on the other channel if it fails."""
+    """Run a command and return its standard output, or its standard error if it fails."""
     if words[0] != sys.executable:  # of another environment, which is to see its own packages alone
         environment["PYTHONPATH"] = ""
     done = subprocess.run(
@@ -102,7 +102,7 @@ def brought(file: Path) -> set[str]:
 
 
 def environment_of(packages: set[str], folder: Path) -> Path:
-    """Make an environment that has these packages of ours; return its Python."""
+    """Make an environment with these packages of ours and return its Python."""
     venv.create(folder, with_pip=False)
     (site,) = folder.glob("lib/python*/site-packages")
     for name in packages:

@@ -58,7 +58,7 @@ def test_an_engine_makes_the_motion(name: str, model: str):
 
 @pytest.mark.parametrize(("name", "bound"), [("mujoco", 3.0), ("pinocchio", 1e-2)])
 def test_forces_of_a_stance(name: str, bound: float):
-    """On the quadruped's feet at rest, against ours [N]; MuJoCo's feet are soft."""
+    """Forces on the quadruped's feet at rest equal ours [N], but MuJoCo's feet are soft."""
     engine, model = builder(name), pg.Model.load(pgraph_models.path("quadruped"))
     mech = pg.Mechanism(model)
     q, v = mech.home()

@@ -29,7 +29,7 @@ def schedulers_answer_soon(monkeypatch):
 
 @pytest.fixture(scope="module")
 def pendulum() -> pg.Model:
-    """A mass one metre below its hinge; a parameter that nothing uses."""
+    """Return a mass one metre below its hinge, with an unused parameter."""
     bob = pg.Body(name="my.bob", mass=1.0, inertia=0.01 * np.eye(3), axes=(0, 1, 0),
                   com=(0, 0, -1), tip=(0, 0, -1), q=0.1)  # fmt: skip
     steps = [{"low": (0, 0), "high": (1, 1), "height": 0.02}]

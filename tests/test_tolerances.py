@@ -1,4 +1,4 @@
-"""Numbers of tolerances.py: each has a reason and an interval; no verdict hangs on its value."""
+"""Numbers of tolerances.py have a reason and an interval. No verdict depends on their values."""
 
 import ast
 import json
@@ -82,7 +82,7 @@ def usual():
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 @pytest.mark.parametrize("name", NUMBERS)
 def test_no_verdict_hangs_on_a_number(name, factor, usual):
-    """In Python; kernels keep what they were compiled with."""
+    """The numbers change in Python. Kernels keep those of their compilation."""
     assert differences(usual, verdicts(f"{name}={factor}")) == []
 
 

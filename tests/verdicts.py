@@ -169,7 +169,7 @@ SCENES = (mobilities, assemblies, positions, carrying, runs)
 
 
 def differences(one: Any, other: Any, where: str = "") -> list[str]:
-    """Where two sets of verdicts differ; numbers by more than 1e-6."""
+    """Return the differences of two sets of verdicts, of numbers by more than 1e-6."""
     if isinstance(one, dict):
         return [d for k in one for d in differences(one[k], other.get(k), f"{where} {k}")]
     if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):

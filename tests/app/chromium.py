@@ -11,9 +11,9 @@ FLAGS = (
     "--disable-sync",
 )  # fmt: skip
 LOOKS = (Path(__file__).parent / "looks.js").read_text(encoding="utf-8")  # finds faults of a look
-LEAST, SMALL = 4.5, 8.0  # contrast of text (WCAG 2.2, AA); height of letters [px]
+LEAST, SMALL = 4.5, 8.0  # least contrast of text (WCAG 2.2, AA), least height of letters [px]
 
 
 def browser_path() -> str | None:
-    """The path of an installed browser; None: Playwright's own."""
+    """Return the path of an installed browser, or None for Playwright's own."""
     return next(filter(None, map(shutil.which, BROWSERS)), None)

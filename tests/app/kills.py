@@ -25,7 +25,7 @@ from pgraph_app.session.autosave import Autosave, left_behind
 from .store import ME, do
 
 AS_STARTED = 1.0  # number of a model without edits
-LONGEST = 0.03  # [s] that a process lives at most after its first edit
+LONGEST = 0.03  # [s] longest life of a process after its first edit
 
 
 def numbered(model: pg.Model) -> float:
@@ -81,7 +81,7 @@ class Killed:
             self.said += os.read(self.pipe, 1 << 16)
 
     def kill(self) -> list[tuple[str, float, float]]:
-        """What it said: (b or a, number before, number after)."""
+        """Kill the process and return its messages: (b or a, number before, number after)."""
         os.kill(self.id, signal.SIGKILL)
         _, status = os.waitpid(self.id, 0)
         assert os.WIFSIGNALED(status), "a session ended by itself"

@@ -1,4 +1,4 @@
-"""What is where on the page, and what a person does there."""
+"""Places on the page, and actions of a person there."""
 
 from typing import Any
 
@@ -114,7 +114,7 @@ def focused(page: Any) -> list[str]:
 
 
 def paste(page: Any, text: str) -> None:
-    """What the browser does at Ctrl+V with this on the clipboard."""
+    """Paste as the browser does at Ctrl+V with this text on the clipboard."""
     page.evaluate(
         """(text) => {
       const data = new DataTransfer();
@@ -136,7 +136,7 @@ def copied(page: Any) -> str:
 
 
 def drop(page: Any, name: str, content: str) -> None:
-    """A file dropped on the page; `content` is JavaScript for its parts."""
+    """Drop a file on the page, where `content` is JavaScript for its parts."""
     page.evaluate(
         """([name, content]) => {
       const data = new DataTransfer();
@@ -150,7 +150,7 @@ def drop(page: Any, name: str, content: str) -> None:
 
 
 def notice(page: Any, *parts: str) -> None:
-    """A notice with these parts is on the page; then it is closed."""
+    """Wait for a notice with these parts and close it."""
     page.wait_for_function(
         """(parts) => [...document.querySelectorAll('.pgraph-toast')].some((note) =>
            parts.every((part) => note.textContent.includes(part)) && (note.remove(), true))""",
@@ -179,7 +179,7 @@ def drawn(page: Any, node: str, there: bool = True) -> None:
 
 
 def place(page: Any, node: str) -> list[float] | None:
-    """Where the 3D view has a node [m]; None where it has none."""
+    """Return the position of a node of the 3D view [m], or None."""
     return page.evaluate(
         "(name) => window.__viserMutable.nodeRefFromName[name]?.position.toArray() ?? null", node
     )
@@ -204,7 +204,7 @@ def distance(page: Any) -> float:
 
 
 def at_rest(page: Any) -> np.ndarray:
-    """Where the camera is, once two pictures in a row are drawn from there."""
+    """Return the camera's position, once two consecutive pictures have it."""
     page.wait_for_function("""() => {
       const c = window.__viserMutable.cameraControl, at = c.camera.position, end = at.clone();
       c.getPosition(end, true);
@@ -219,7 +219,7 @@ def at_rest(page: Any) -> np.ndarray:
 
 
 def steady(page: Any, served: Server) -> np.ndarray:
-    """Where the camera is, once it stays there while messages go to the page and back."""
+    """Return the camera's position, once it stays while messages go to the page and back."""
 
     def unmoved() -> bool:
         before = at_rest(page)
@@ -245,7 +245,7 @@ def within(page: Any, served: Server) -> bool:
 
 
 def on_screen(page: Any, point: Any) -> tuple[float, float]:
-    """Where a point of the world is on the page."""
+    """Return the place of a point of the world on the page."""
     return tuple(page.evaluate("(p) => pgraph.picking.projected(p)", np.asarray(point).tolist()))
 
 

@@ -53,12 +53,12 @@ def ran(state: Any, result: Any) -> Any:
 
 
 def reply(state: Any, client: int = ME) -> str:
-    """Return the text beside the cell that the page typed into; '' where all is well."""
+    """Return the text next to the cell that the page typed into, or ""."""
     return state.clients[client].reply.text
 
 
 def notice(state: Any, client: int = ME) -> str:
-    """Return the title and text of the page's notice; '' without one."""
+    """Return the title and text of the page's notice, or ""."""
     shown = state.clients[client].notice
     return f"{shown.title}: {shown.text}" if shown else ""
 
@@ -70,7 +70,7 @@ def built_in(name: str) -> pg.Model:
 
 
 def until(true: Callable[[], Any], what: str, seconds: float = LIMIT) -> Any:
-    """Wait for a truthy value and return it; fail with what did not come."""
+    """Wait for a truthy value and return it. Fail with a description of the missing value."""
     end = time.monotonic() + seconds
     while not (value := true()):
         if time.monotonic() > end:

@@ -99,7 +99,7 @@ def test_a_saved_model_is_not_at_risk_until_the_next_edit(tmp_path, state):
 
 
 def test_each_document_has_a_file_until_its_opening_is_undone(tmp_path, state):
-    """An edited model that another one replaces is kept beside it; Undo and Redo go between."""
+    """An edited model that another one replaces is kept. Undo and Redo switch between both."""
     keeper, now = saver(tmp_path), edited(state, "2")
     keeper.render(state, state)
     keeper.render(state, now)
@@ -142,7 +142,7 @@ def test_a_session_that_was_killed_comes_back_as_one_undo_step(tmp_path, state):
 
 
 def test_all_sessions_of_an_instant_are_offered_and_only_the_one_opened_goes(tmp_path, state):
-    """Those of other models are offered too, the newest killed one of this model is restored."""
+    """Sessions of other models are offered, the newest killed one of this model is restored."""
     for k in range(30):
         path = leave(tmp_path, k, given="serial" if k % 3 else "other", ended=k % 2 == 0)
         os.utime(path, ns=(10**18 + k // 10, 10**18 + k // 10))

@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, limits and loops in their tab (interface 1.6; D12-D18)."""
+"""Constraints, contacts, forces, limits and loops in their tab."""
 
 from dataclasses import replace
 
@@ -284,7 +284,7 @@ def reported(state):
 
 
 def test_redundant_rows_are_named_with_a_sufficient_kind():
-    """As a line the pin has no redundant row and leaves the same freedom."""
+    """A pin that becomes a line has no redundant row and leaves the same freedom."""
     model = built_in("slider_crank")
     line = shown(reported(begun(model)))["mobility"]["lines"][0]
     assert (line["constraint"], line["bad"]) == ("pin", False)
@@ -334,10 +334,9 @@ def test_servos_as_they_are_added_hold_an_arm_and_its_gripper(turned, scale):
     ("on_leg", "driven"), [(False, "left right"), (False, "right"), (True, "left right")]
 )
 def test_servos_of_a_closed_mechanism_hold_the_weight_on_its_loops(on_leg, driven):
-    """A beam of 33 kg on two sliding rods of 1 kg, joined by points; a guide keeps it upright.
+    """A guide keeps a beam of 33 kg upright on two sliding rods of 1 kg, joined by points.
 
-    The beam is free or hangs on a leg. Where one rod alone has a servo, the other hangs on the
-    beam.
+    The beam is free or hangs on a leg. If only one rod has a servo, the other hangs on the beam.
     """
     rod = {"joint": "prismatic", "axes": (0, 0, 1), "mass": 1.0, "inertia": np.eye(3) * 0.01}
     apart = (("left", -1.0), ("right", 1.0))

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.quick
 
 
 def crosses(segment, box) -> bool:
-    """Whether a level or upright segment, or a short slanted one, meets a box (by samples)."""
+    """True if a segment meets a box (by samples)."""
     (x0, y0), (x1, y1) = segment
     low_x, low_y, high_x, high_y = box
     steps = [i / 50 for i in range(51)]

@@ -110,7 +110,7 @@ def test_a_message_above_the_limit_closes_the_connection(server):
 
 
 def raw_socket(server):
-    """Return a websocket that sends what it is told to, frame by frame."""
+    """Return a websocket that sends given frames."""
     made = socket.create_connection(("127.0.0.1", server.port), timeout=LIMIT)
     heads = {
         "Host": f"127.0.0.1:{server.port}", "Upgrade": "websocket", "Connection": "Upgrade",

@@ -1,4 +1,4 @@
-"""What an edit touches on the page: the rows and signs that it changes, and nothing else."""
+"""An edit changes its rows and signs on the page, and nothing else."""
 
 from itertools import pairwise
 from typing import Any
@@ -34,7 +34,7 @@ LINKED = """() => {
 
 
 def edit(page: Any, served: Server, body: str, field: Any, text: str) -> set[str]:
-    """What an edit touches, once it is in the table and in the digraph."""
+    """Make an edit and return what it changes, once it is in the table and the digraph."""
     before = served.store.state.derived
     served.send(Edit(NOBODY, 1, body, field, (), text))
     until(lambda: served.store.state.derived is not before, "an edited model")
@@ -74,9 +74,9 @@ def test_an_edit_touches_only_what_it_changes(page: Any, served: Server):
 
 
 def test_a_body_that_comes_again_compiles_no_shader_again(page: Any, served: Server):
-    """A copy makes the 3D view anew; its shaders took software GL more than a second.
+    """A copy redraws the 3D view, whose shaders took software GL more than a second.
 
-    What is drawn for the first time may come late, so a single round may link a program.
+    First drawings may be late, so a single round may link a program.
     """
     page.evaluate(LINKED)
     me, linked = client_of(served), []

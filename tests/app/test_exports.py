@@ -104,7 +104,7 @@ MARKS = {"/forces": "points", "/cones": "batched_positions", "/footprints": "bat
 
 
 def test_an_animation_shows_forces_and_footprints_where_the_page_does(walk):
-    """No arrow is longer than the largest force; feet leave more prints, on the ground."""
+    """No arrow is longer than the largest force, and feet leave more prints on the ground."""
     pictures = drawn(walk, "forces", "cones", "footprints")
     assert all(set(MARKS) == set(picture) for picture in pictures[1:])
     assert len(pictures[-1]["/footprints"]) > len(pictures[0]["/footprints"])

@@ -34,7 +34,7 @@ def model_of(name: str) -> pg.Model:
 
 @pytest.fixture
 def figure(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
-    """Opens a text as a page from a file, offline; nothing may be loaded or thrown."""
+    """Open a text as a page from a file, offline. Nothing may be loaded or thrown."""
     with contextlib.ExitStack() as pages:
         faults: list[str] = []
 
@@ -77,7 +77,7 @@ AT_NIGHT = [pytest.param(name, marks=pytest.mark.nightly) for name in ("double",
 @of_these_sources
 @pytest.mark.parametrize("case", ["pendulum", "loop", *AT_NIGHT])
 def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> None:
-    """As the model is and with changed fields, also at a step that does not divide the time."""
+    """The model may have changed fields, and the step need not divide the time."""
     name, scenario, fields = CASES[case]
     model = model_of(name)
     html = page(recorded(model, scenario), fields)
@@ -181,7 +181,7 @@ def _hits(shown: Any, x: float, y: float) -> bool:
 
 @of_these_sources
 def test_a_view_that_is_lost_comes_back(figure: Any) -> None:
-    """It stays above the ground; Fit view, Reset and the key F bring the mechanism back."""
+    """The view stays above the ground. Fit view, Reset and the key F show the mechanism again."""
     shown = figure(page(recorded(model_of("pendulum"))))
     ready(shown)
     box = shown.locator("canvas").bounding_box()
@@ -258,7 +258,7 @@ def test_a_browser_that_lacks_something_shows_the_recorded_run(figure, before, s
 @of_these_sources
 @pytest.mark.parametrize("how", ["torques", "switches", "scenario"])
 def test_what_the_kernels_of_a_page_lack_stays_behind(figure: Any, how: str) -> None:
-    """Torques from Python; switches of the scenario after its first step, or of the call."""
+    """Cases: torques from Python, switches of the scenario after its first step, or of the call."""
     model = model_of("pendulum" if how == "torques" else "four_bar")
     if how == "torques":
         run = pg.simulate(model, t_end=1.0, tau=lambda t, q, v: -v)
@@ -339,7 +339,7 @@ def test_a_field_without_a_rule_takes_some_values_unasked() -> None:
 
 
 def given_of(html: str) -> Any:
-    """What a page's figure is given."""
+    """Return the data of a page's figure."""
     start = html.index('id="figure">') + len('id="figure">')
     return json.loads(html[start : html.index("</script>", start)])
 

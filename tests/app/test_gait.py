@@ -40,7 +40,7 @@ def walked(state, motion, seconds):
 
 @pytest.fixture(scope="module")
 def trotted():
-    """A second of the trot, a change of speed, a second more; over."""
+    """Return a second of the trot, a change of speed, and another second."""
     state = walked(after(ready(), do.Walk(ME)), motion := Motion(), 1.0)
     state = walked(after(state, do.SetWalk(ME, 1, "speed", "0.9")), motion, 1.0)
     state = after(state, do.StopLive(ME))

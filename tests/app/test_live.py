@@ -107,7 +107,7 @@ def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
 
 
 def test_stop_acts_before_the_parts_are_joined(live):
-    """What was computed stays in view and plays; another run may be asked for at once."""
+    """Computed motion stays in view and plays. Another run may be requested at once."""
     state = fed(live, found := parts(live, 4))
     over = after(state, do.StopLive(ME))
     assert over.going is None
@@ -237,7 +237,7 @@ def test_the_mouse_pulls_a_body_towards_it(live):
 
 
 def test_pictures_wait_for_the_pages_and_the_newest_is_drawn(live):
-    """A worker follows every part; a page that has not shown its last picture gets none."""
+    """A worker follows every part. A page that has not shown its last picture gets none."""
     store, drawn, taken = Store(live), [], []
 
     class Watch:

@@ -1,6 +1,6 @@
-"""How the page looks, as far as a test can say: nothing covered, cut off, too faint or too small.
+"""Look of the page: nothing is covered, cut off, too faint or too small.
 
-One size and one theme here; all scenes, sizes, zooms and themes at night.
+Ordinary tests take one size and one theme, nightly ones all scenes, sizes, zooms and themes.
 """
 
 from typing import Any

@@ -301,7 +301,7 @@ def test_work_that_ends_behind_another_window_is_told_in_the_title(page, topic):
 
 
 def test_nothing_of_the_model_before_is_left_on_the_page(page, served):
-    """Not in what is hidden either; what was half typed is not put into a body of the same name."""
+    """Hidden parts are empty too, and half-typed text does not enter a body of the same name."""
     zebra = pg.Force(name="zebra", kind="servo", body="2", kp=1.0)
     own = pg.Scenario(
         name="zebra run", t_end=1.0, forces=(zebra.model_copy(update={"name": "zebra drive"}),),

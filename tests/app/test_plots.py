@@ -41,7 +41,7 @@ def test_every_signal_is_its_column_of_the_result(run, quadruped):
 
 
 def test_one_component_of_many_bodies_is_one_chart_as_figs_11_and_12(run):
-    """Every body in one chart, in its own column of the run; the others' components on demand."""
+    """Every body is in one chart with its own column of the run, other components on demand."""
     names = list(run.mechanism.names)
     signal = data.Signal("angular_acceleration.z", data.MANY.join(names))
     found = data.curves(run, signal)

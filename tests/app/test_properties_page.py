@@ -335,7 +335,7 @@ def test_a_loop_is_closed_and_a_contact_edited_by_clicks(bench, served):
 
 
 def rows_of_all_kinds() -> pg.Model:
-    """Three rows of each kind of list; those of points and shapes are alike."""
+    """Return a model with three rows of each kind of list, equal ones of points and shapes."""
     ball = pg.Shape(kind="sphere", radius=0.1)
     motions = tuple(("rotate", axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
     bodies = (

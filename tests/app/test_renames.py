@@ -171,7 +171,7 @@ def test_shapes_and_motions_follow_too():
 
 
 def test_shapes_of_several_bodies_are_those_that_were_seen():
-    """One person types for the second shape of two bodies; another takes out a first one."""
+    """One person types for the second shape of two bodies while another removes a first one."""
     ball, box = pg.Shape(kind="sphere", radius=0.1), pg.Shape(kind="box", size=(1.0, 1.0, 1.0))
     two = tuple(pg.Body(name=name, shapes=(box, ball)) for name in "ab")
     start = begun(pg.Model(bodies=(*two, pg.Body(name="c"))), ME, OTHER)

@@ -179,7 +179,7 @@ def test_a_report_is_measured_shown_and_enlarged(rods, served):
 
 
 def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compiled):
-    """A tie of the second rod opens at a force; the log has it, and a click goes there."""
+    """A tie of the second rod opens at a force. The log has the event, and a click goes there."""
     store = served.store
     tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
     opened(page, served, pg.Model.serial(2).add(tie).replace(name="tied"))

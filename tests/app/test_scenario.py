@@ -26,7 +26,7 @@ def after(state, *happened):
 
 @pytest.fixture
 def slider():
-    """2 kg on a rail along x at 3 m/s, without gravity; two points may hold it."""
+    """Return 2 kg on a rail along x at 3 m/s without gravity, with two points that may hold it."""
     body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=2.0, v=(3.0,))
     held = tuple(
         pg.Constraint(name=n, kind="point", body="b", active=False) for n in ("lock", "other")
@@ -96,7 +96,7 @@ def test_a_cut_at_a_time(slider):
 
 
 def test_a_latch_opens_at_a_force(slider):
-    """50 N, reached at 0.5 s under 100 N/s; then a = 50 t."""
+    """50 N are reached at 0.5 s under 100 N/s. Then a = 50 t."""
     state = after(slider, do.NewScenario(ME), given("constraints", "on", 0))
     state = after(state, do.AddSwitch(ME, "lock"), *switch(0, what="force"), given("t_end", "1"))
     state = after(state, *motor("0 0; 1 100"))

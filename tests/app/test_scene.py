@@ -312,7 +312,7 @@ class Drawn:
 @pytest.mark.parametrize("kind", [SeparateBodies, BatchedBodies])
 @pytest.mark.parametrize("opacity", [0.0, 0.25, 1.0])
 def test_what_is_transparent_is_so_among_faded_bodies_too(kind, opacity):
-    """The opacity of a shape and that of all bodies are multiplied; what is at 0 is not drawn."""
+    """The opacities of a shape and of all bodies are multiplied. Opacity 0 is not drawn."""
     solid = pg.Shape(kind="box", size=(1, 1, 1), colour="#00ff00")
     veil = pg.Shape(kind="box", size=(2, 2, 2), colour="#00ff00", opacity=opacity)
     body = pg.Body(name="a", shapes=(solid, veil))

@@ -36,13 +36,13 @@ from .on_page import (
 
 
 def circle(page: Any, name: str) -> tuple[float, float]:
-    """Where the circle of a node is on the page."""
+    """Return the place of a node's circle on the page."""
     box = node(page, name).locator("circle").last.bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
 def drag(page: Any, name: str, to: str, *, shift: bool = False) -> str:
-    """Drag one node onto another; the sentence that is read before it is dropped."""
+    """Drag one node onto another and return the sentence shown before the drop."""
     page.mouse.move(*circle(page, name))
     page.mouse.down()
     page.mouse.move(*circle(page, to), steps=4)
@@ -366,7 +366,7 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
 
 
 def test_a_tip_is_picked_and_two_ends_are_measured_in_the_view(page, served):
-    """Two boxes side by side: corners snap; the numbers are the model's own."""
+    """Corners of two adjacent boxes snap, and the numbers are the model's own."""
     shape = pg.Shape(kind="box", size=(0.2, 0.4, 0.6))
     first = pg.Body(name="a", joint="weld", shape=shape, mass=1.0)
     second = pg.Body(name="b", joint="weld", link=(1, 0, 0), shape=shape, mass=1.0, tip=(0, 0, 0.1))

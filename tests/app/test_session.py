@@ -53,7 +53,7 @@ def random_event(rng: random.Random, state: State) -> Event:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed):
-    """150 per seed; a refused one changes nothing, every other is one step."""
+    """Of 150 edits per seed, refused ones change nothing and every other is one step."""
     rng = random.Random(seed)
     start = built_in("quadruped")
     state = begun(start, ME, OTHER)

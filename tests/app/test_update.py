@@ -309,7 +309,7 @@ def test_the_constraint_column_names_contacts_and_limits():
 
 
 def test_a_long_file_is_read_as_an_errand_and_a_bad_one_is_refused_there(state):
-    """So that other pages do not wait; small files open within the event."""
+    """Other pages need not wait. Small files open within the event."""
     good = pg.Model.serial(3).to_json()
     for text, opens in ((good, True), (good.replace('"1"', "1"), False)):
         sent = after(state, do.OpenText(ME, "long", text + " " * LONG))

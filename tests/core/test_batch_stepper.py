@@ -24,7 +24,7 @@ WIDE = LANE_WIDTH + 2  # one full lane and a rest
 
 
 def pendulum() -> pg.Model:
-    """A rod of one metre on a sprung hinge; a stiffness of 1e12 N m/rad is too much for rk4."""
+    """Return a rod of one metre on a sprung hinge. 1e12 N m/rad is too stiff for rk4."""
     rod = pg.Body(
         name="rod", mass=1.0, tip=(1, 0, 0), com=(0.5, 0, 0), inertia=np.eye(3) / 12,
         axes=(0, 1, 0), stiffness=1.0, damping=0.1,
@@ -138,7 +138,7 @@ def sunk():
 
 
 def walking(name):
-    """Pushed walks, in other phases and with other gaits; some fall. Damped joints are stiff."""
+    """Pushed walks in different phases and gaits, some of which fall. Damped joints are stiff."""
     model = built_in("quadruped" if name == "bound" else "quadruped_hips").model
     for leg in ("left_radius", "right_tibia", "lumbar"):
         model = model.edit(leg, kind="body", damping=[0.02])
@@ -167,7 +167,7 @@ def touching(law, method):
 
 
 def remembering(method):
-    """Memory of implicit methods; the instance at rest stays so."""
+    """Return instances with memory of implicit methods. The one at rest stays so."""
     start = np.array([[1.0], [0.5], [0.0], [-1.0]])
     act = go(("reset", start[::-1]), 7, ("reset", start), *[1] * 40)
     return pendulum().replace(gravity=(0, 0, 0)), 4, act, {"again": 1, "method": method}
@@ -278,7 +278,7 @@ def test_accelerations_follow_the_numbers_of_each_instance(case):
 
 
 def test_an_instance_that_fails_stays_is_named_and_goes_on_after_a_reset():
-    """A spring that rk4 cannot step; the neighbours take the steps that they take alone."""
+    """rk4 cannot step one spring. The neighbours take the steps that they take alone."""
     given = {"bodies.rod.stiffness.0": [1.0, 1e12, 2.0]}
     batch = pg.BatchStepper(pendulum(), 3, set=given)
     assert batch.step(n=100).tolist() == [True, False, True]
@@ -310,7 +310,7 @@ def test_a_notice_about_the_start_lists_its_instances():
 
 
 def test_angles_that_lanes_cannot_take_are_taken_alone():
-    """m g c cos q from the angle's exact sine, by a Stepper of each; also where a step ends far."""
+    """m g c cos q comes from the angle's exact sine, by a Stepper of each instance."""
     model, given = pendulum(), {"bodies.rod.mass": np.linspace(0.8, 1.2, SIZE)}
     far = np.array([1.0, -1.5e10, 2e16, 3e20, 0.5])[:, None]
     fast = np.array([1.0, 2e8, 1e19, 4e7, -1e12])[:, None]  # rad/s: turned far by the first step
@@ -333,7 +333,7 @@ def test_angles_that_lanes_cannot_take_are_taken_alone():
 
 
 def test_servos_in_lanes_have_targets_of_their_own():
-    """To 1e-9; a servo with a limit that is not reached is stepped one by one."""
+    """The error is 1e-9. Servos with a limit, even if not reached, are stepped one by one."""
     targets, given = np.linspace(-1.0, 1.0, SIZE), np.linspace(0.0, 2.0, SIZE)[:, None]
     servo = {"name": "hold", "body": "rod", "kp": 20.0, "kd": 1.0, "target": 0.2}
     servos = pg.Servo(**servo), pg.Servo(**servo, torque_limit=1e9)
@@ -428,7 +428,7 @@ def test_bad_batches_and_calls_are_refused(model, given, match):
 )  # fmt: skip
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_snapshot_goes_on_in_another_process(way, law):
-    """With threads of its own; soft contacts are compiled there."""
+    """The process has its own threads and compiles soft contacts."""
     model, size = (box(law=law), 2) if law else (pg.Model.serial(2), 4 * LANE_WIDTH)
     batch = pg.BatchStepper(model, size, threads=2, step=2e-4)
     batch.step(n=700)

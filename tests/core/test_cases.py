@@ -58,7 +58,7 @@ def worst(found, expected):
 
 @pytest.mark.parametrize("length", [1e-9, 1.0, 1e9])
 def test_pendulums_of_all_scales_are_the_same(length):
-    """A quarter of the period later it passes the lowest point; no threshold has a unit."""
+    """After a quarter of the period it passes the lowest point. No threshold has a unit."""
     _, reference = case("pendulum_scales")
     period = reference["period"][reference["L"].index(length)]
     model = pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN)

@@ -49,7 +49,7 @@ def test_auto_chooses_a_method_that_suits_and_gives_the_reason(make, options, me
     ],
 )
 def test_a_notice_names_the_rate_that_is_too_fast_for_a_step(method, drive, begins, facts):
-    """A spring of 10 Hz needs a smaller step; a damper that settles at once a stiff method."""
+    """A spring of 10 Hz needs a smaller step, a fast damper a stiff method."""
     slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, **drive)
     model = pg.Model(bodies=[slider], gravity=(0, 0, 0))
     options = {"t_end": 2.0, "step": 0.05, "method": method, "estimate": False}

@@ -122,7 +122,7 @@ def test_a_cart_that_is_pushed_late_hits_its_limit(method):
 
 @pytest.mark.parametrize("way", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 1e-3}], ids=str)
 def test_a_latch_holds_where_it_closed_when_something_else_comes_near(way):
-    """A bead is caught in the air at 0.2 s and let go at 1.0 s; another one lands meanwhile."""
+    """A bead is caught in the air at 0.2 s and released at 1.0 s while another one lands."""
     rail = {"joint": "prismatic", "axes": ((0, 0, 1),)}
     beads = (ball(name="b", place=(0, 0, 3.0), **rail), ball(name="c", place=(1, 0, 1.1), **rail))
     latch = pg.Constraint(name="latch", kind="point", body="b", active=False)

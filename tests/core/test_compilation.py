@@ -101,7 +101,7 @@ def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
 
 
 def test_a_kernel_depends_on_every_engine_module_that_python_loads_for_it():
-    """Python's own list of loaded modules is the oracle; packages' own files hold no code."""
+    """Python's own list of loaded modules is the oracle. `__init__` files hold no code."""
     code = "import sys, {0}; print(*[m for m in sys.modules if m.startswith('{1}')])"
     engine = "pgraph_core.engine"
     for name in ("tree.dynamics", "stepping.run"):

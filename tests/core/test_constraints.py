@@ -123,7 +123,7 @@ def with_random_constraints(s, rng):
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=60)
 def test_points_of_any_tree_equal_the_dense_pseudo_inverse(seed):
-    """All joint kinds, welded bodies and several trees; where Ω's rank is beyond doubt."""
+    """The trees have all joint kinds, welded bodies and several roots, with a clear rank of Ω."""
     s = random_case(seed, most=8)
     model = with_random_constraints(s, np.random.default_rng(seed))
     op = operators_at(model, s.q, s.v)
@@ -146,7 +146,7 @@ L, M_CRANK, M_COUPLER, G = 0.5, 0.8, 1.7, 9.81
 
 
 def parallelogram():
-    """Two equal cranks and a coupler; its far end is held to the second crank's."""
+    """Return two equal cranks and a coupler, closed at the second crank's end."""
     crank = {"axes": (0, 1, 0), "mass": M_CRANK, "com": (0, 0, -L / 2)}
     slim = M_CRANK * L**2 / 12 * np.diag([1, 1, 1e-6])
     coupler = pg.Body(
@@ -187,7 +187,7 @@ def test_omitted_points_and_inactive_constraints():
 
 
 def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
-    """The first call of a mechanism warns at the line that made it; none of our own calls does."""
+    """The first call of a mechanism warns at the line that made it. Our own calls never do."""
     mech = built_in("four_bar")
     q, v = mech.home()
     with warnings.catch_warnings():

@@ -20,7 +20,7 @@ def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:
 
 
 def alike(one: pg.Mechanism, other: pg.Mechanism) -> bool:
-    """As `same`, to 1e-14: norms are rounded in two ways; the axis of a ball means nothing."""
+    """Compare to 1e-14, because norms are rounded in two ways. The axis of a ball is ignored."""
     pairs = list(zip(one.packed.system, other.packed.system))
     ball = one.packed.system.rows[:, at.KIND] >= at.BALL
     for const in (mech.packed.system.const for mech in (one, other)):

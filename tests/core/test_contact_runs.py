@@ -39,7 +39,7 @@ def column(count: int) -> pg.Model:
 
 
 def test_forces_between_every_two_bodies_are_read_by_their_names():
-    """Of more than twenty bodies a contact is one entry."""
+    """A contact of more than twenty bodies is one entry."""
     run = pg.simulate(column(3), t_end=0.02, step=1e-3)
     weight = G * np.array([0, 0, 0, 0, 0, 1.0])
     for k, (a, b) in enumerate((("b2", "b1"), ("b1", "b0"), ("b0", "ground")), start=1):

@@ -37,7 +37,7 @@ def ball(radius, height, gravity, e) -> pg.Model:
 
 
 def true_error(mech, run, q=None, v=None):
-    """Largest difference of q from a far finer run; nan where that would cost too much."""
+    """Return the largest difference of q from a far finer run, nan if that costs too much."""
     span = {"t_start": run.t[0], "t_end": run.t[-1], "t_eval": run.t, "max_steps": 50_000}
     fine = pg.simulate(mech, q, v, **span, method="dop853", rtol=1e-14, estimate=False)
     if not fine.status.ok:
@@ -99,7 +99,7 @@ def incline(v0, **options):
 
 
 def overdamped(stiffness, damping, q, v, **options):
-    """A slider on a spring whose damper settles it within some steps; then it creeps."""
+    """Return a slider on a spring whose damper settles it within some steps, then it creeps."""
     w = np.sqrt(damping**2 / 4 - stiffness)
     fast = -damping / 2 - w
     slow = stiffness / fast
@@ -332,7 +332,7 @@ def test_the_estimate_leaves_the_run_as_it_is():
 
 
 def test_a_pulse_of_a_torque_function_that_no_step_meets_is_reported():
-    """1 ms of a second, within a step of the adaptive default; not a jump that steps have met."""
+    """The pulse lasts 1 ms of a second, within a step of the adaptive default."""
 
     short = lambda t, q, v: np.array([1e3 if 0.5034 < t < 0.5044 else 0.0])  # noqa: E731
     step = lambda t, q, v: np.array([np.sin(30 * t) + 5.0 * (t > 0.3)])  # noqa: E731
@@ -455,7 +455,7 @@ def test_an_error_above_one_per_cent_of_the_motion_is_a_notice(size, start):
 
 
 def test_vibrations_that_implicit_steps_take_out_are_named():
-    """1 kg on a spring of 1e9 N/m swings by 9.8 nm; at steps that show it, nothing is said."""
+    """1 kg on a spring of 1e9 N/m swings by 9.8 nm. Steps that resolve it give no warning."""
     for step, t_end, missing in ((1e-2, 1.0, True), (2e-6, 1e-3, False)):
         scene = slider((0, 0, 1), G, stiffness=1e9)
         run = pg.simulate(scene, t_end=t_end, step=step, **RADAU5)

@@ -47,7 +47,7 @@ def blamed(run, *names):
 
 @pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
 def test_a_motion_into_a_limit_names_both(options):
-    """q = 2 t, and a limit at 1 rad: no motion fits; t = 0.5 s is where they part."""
+    """q = 2 t and a limit at 1 rad contradict each other from t = 0.5 s on."""
     body = pg.Body(name="b", mass=1.0, inertia=np.eye(3), limits=((-1.0, 1.0),))
     model = pg.Model(bodies=(body,), constraints=({"body": "b", **TO_TWO},))
     run = pg.simulate(model, t_end=1.0, **options)
@@ -77,7 +77,7 @@ def test_limits_that_hold_are_not_noticed():
 
 
 def test_a_model_in_which_nothing_moves_is_noticed():
-    """A hinge about the vertical, which is the default; not one that hangs at rest."""
+    """A hinge about the vertical, the default, is noticed, but not one that hangs at rest."""
     still = pg.simulate(hinge(axes=((0, 0, 1),)), t_end=0.5)
     assert any("moves" in text for text in still.notices)
     (told,) = pg.simulate(hinge(axes=((0, 1, 0),)).edit("b", mass=0), t_end=0.5).notices[-1:]

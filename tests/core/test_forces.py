@@ -1,4 +1,4 @@
-"""Forces over a run: the energy ledger closes; prescribed motions have closed forms."""
+"""Forces over a run: the energy ledger closes, prescribed motions have closed forms."""
 
 import numpy as np
 import pytest

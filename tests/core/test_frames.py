@@ -1,4 +1,4 @@
-"""Fig. 7: frames updated along Pgraph equal the absolute ones; naive increments drift."""
+"""Fig. 7: frames updated along Pgraph equal the absolute ones, naive increments drift."""
 
 import numpy as np
 import pytest

@@ -26,7 +26,7 @@ def told(run, key):
 @pytest.mark.parametrize("kind", ["servo", "motor"])
 @pytest.mark.parametrize(("apart", "frames"), [(2.5e-3, 31), (1.3e-3, None), (0.0155, 31)])
 def test_rk4_keeps_its_accuracy_where_tables_bend_inside_steps(apart, kind, frames):
-    """A step of 1e-3 s at 25 rad/s, to the power of 4; the estimate says so."""
+    """The error is that of a step of 1e-3 s at 25 rad/s to the power of 4, as estimated."""
     mech = driven(apart, kind=kind)
     run = pg.simulate(mech, method="rk4", step=1e-3, t_end=0.3, frames=frames)
     exact = pg.simulate(mech, method="dop853", rtol=1e-13, t_end=0.3, t_eval=run.t)
@@ -56,7 +56,7 @@ def pendulum(friction, speed):
 @pytest.mark.parametrize("friction", [0.1, 3.0, 100.0])
 @pytest.mark.parametrize(("step", "speed"), [(1e-2, 1.0), (1e-3, 5.0), (1e-2, 1000.0)])
 def test_radau5_solves_a_pendulum_with_joint_friction(friction, step, speed):
-    """Where friction holds, the joint creeps by less than the regularisation."""
+    """A joint held by friction creeps by less than the regularisation."""
     run = pg.simulate(
         pendulum(friction, speed), t_end=1.0, method="radau5", step=step, estimate=False
     )

@@ -46,7 +46,7 @@ def right_or_told(run, exact):
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("frequency", [1.0, 7.0])
 def test_a_limit_that_is_reached_at_grazing_speed(options, short, restitution, frequency):
-    """At sqrt(2 short) of the largest speed; on the way back it is a sine from there."""
+    """The speed is sqrt(2 short) of the largest one. The way back is a sine from there."""
     limit = 1.0 - short
     body = oscillator(frequency, limits=((None, limit),), limit_restitution=(restitution,))
     run = pg.simulate(pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=4.0 / frequency, **options)

@@ -37,7 +37,7 @@ def moving(name: str) -> tuple[pg.Mechanism, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("way", ["in one step", "by the null space"])
 @pytest.mark.parametrize("name", NAMES)
 def test_torques_come_back_without_the_part_that_the_constraints_take(name, way, monkeypatch):
-    """Of all joints, with weights, of a few motors alone, and none in free motion."""
+    """Motors may be in all joints, with weights, or in a few. Free motion needs no torque."""
     if way == "by the null space":
         monkeypatch.setattr(inverse, "_at_once", lambda *_: None)
     mech, q, v = moving(name)

@@ -72,7 +72,7 @@ def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
 
 
 def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
-    """Facets in one plane are one face; hollows are filled."""
+    """Coplanar facets are one face, and hollows are filled."""
     box, hole = trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(radius=0.2)
     trimesh.util.concatenate((box, hole)).export(tmp_path / "part.obj")
     solid = solids.convex_hull(tmp_path / "part.obj", scale=2)

@@ -61,7 +61,7 @@ def stiff_pendulum(k):
 
 
 def swing(reference, k):
-    """The reference's θ over time; from k = 1e8 on by the limit of a rigid rod."""
+    """Return the reference's θ over time, from k = 1e8 on by the limit of a rigid rod."""
     name = f"k=1e{round(np.log10(k))}"
     if name in reference["undamped"]:
         return np.array(reference["undamped"][name]["r_theta_rdot_thetadot"])[:, 1]
@@ -71,7 +71,7 @@ def swing(reference, k):
 
 @pytest.mark.parametrize("k", [1e3, 1e6, 1e9, 1e12])
 def test_radau_swings_right_however_stiff(k):
-    """At steps of its own choice; `test_verify` has given ones."""
+    """The method chooses its steps. `test_verify` has given ones."""
     t, reference = case("stiff_spring_pendulum")
     mech, q = stiff_pendulum(k)
     done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", rtol=1e-8)
@@ -82,7 +82,7 @@ def test_radau_swings_right_however_stiff(k):
 
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_steps_too_wide_for_an_explicit_method_are_reported(method):
-    """The limit is that of the method; a run 20 % above it fails or knows its error."""
+    """The limit is that of the method. A run 20 % above it fails or knows its error."""
     mech, q = stiff_pendulum(1e6)
     q = q + np.array([0.0, 1e-9])
     limit = pg.integrators.METHODS[method].limit / 1e3

@@ -22,7 +22,7 @@ def pair(seed):
 
 
 def order(one, other, of):
-    """Where `other`'s coordinates ("q") or freedoms ("v") stand in those of `one`."""
+    """Return the indices of `other`'s coordinates ("q") or freedoms ("v") in those of `one`."""
     sizes = [len(getattr(one.model.body(name), of)) for name in one.names]
     places = dict(zip(one.names, np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])))
     return np.concatenate([places[name] for name in other.names])

@@ -74,7 +74,7 @@ def test_propagation_operator_of_a_long_chain_is_the_sum_of_links():
 @given(seeds)
 @settings(max_examples=20)
 def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
-    """Eqs. (17), (21) with a of R4, for every joint kind; central differences of 1e-4 s."""
+    """Eqs. (17), (21) with a of R4 hold for every joint kind, by central differences of 1e-4 s."""
     (s, op), h = random_operators(seed, most=6), 1e-4
     q_end = [moved(s.model, s.q, step * s.v + step**2 / 2 * s.vdot) for step in (-h, h)]
     ends = zip(q_end, (s.v - h * s.vdot, s.v + h * s.vdot))

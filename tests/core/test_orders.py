@@ -21,7 +21,7 @@ METHODS = {  # order, duration [s] and steps of trees, steps of the loop and of 
 
 
 def assert_order(order, model, method, counts, t_end, reference=None, **options):
-    """The slope of the log error over the steps is the order within 0.3; returns the runs."""
+    """Assert that the slope of log error over log step is the order within 0.3. Return the runs."""
     mech, options = pg.Mechanism(model), {"t_end": t_end, "frames": 2, **options}
     fine = pg.simulate(reference or mech, method="dop853", rtol=1e-14, **options).q[-1]
     runs = [pg.simulate(mech, method=method, step=t_end / n, **options) for n in counts]
@@ -105,7 +105,7 @@ def test_energy_of_semi_implicit_euler_does_not_creep():
 
 
 def test_a_tumbling_body_keeps_its_angular_momentum():
-    """About its centre of mass, in world axes; only gravity acts, and has no torque there."""
+    """It is constant about the centre of mass in world axes, where gravity has no torque."""
     body = tumbling_body().bodies[0].model_copy(update={"com": (0.0, 0.0, 0.0)})
     mech = pg.Mechanism(pg.Model(bodies=(body,)))
     run = pg.simulate(mech, t_end=2.0, method="rk4", step=1e-3, frames=50)

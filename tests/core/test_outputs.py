@@ -1,4 +1,4 @@
-"""Outputs equal the motion's own derivatives and weights; edits keep them consistent."""
+"""Outputs equal the motion's own derivatives and weights, and edits keep them consistent."""
 
 import numpy as np
 import pytest

@@ -97,7 +97,7 @@ NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in LONG if nam
 
 
 def error(state):
-    """Largest error of θ'', relative to the largest θ''; the oracle's own is checked."""
+    """Return the largest error of θ'' relative to the largest θ'', checking the oracle's own."""
     model, _, q, v, tau, *_ = state
     expected = fifty_digits.forward_dynamics(model, q, v, tau)
     again = fifty_digits.inverse_dynamics(model, q, v, expected)
@@ -108,7 +108,7 @@ def error(state):
 
 @pytest.mark.parametrize("name", [*SHORT, *NIGHTLY])
 def test_forward_dynamics_to_fifty_digits(name):
-    """1e-13, or 10 eps x mass ratio where that is larger; also with all frames turned."""
+    """The bound is 1e-13, or 10 eps x mass ratio if larger, also with all frames turned."""
     state, *bounds = (LONG | SHORT)[name]
     assert error(state(1)) < bounds[0]
     assert error(turned(state(0))) < bounds[-1]

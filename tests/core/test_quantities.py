@@ -38,7 +38,7 @@ def test_momentum_of_a_free_mechanism_is_kept_without_gravity():
 
 
 def test_friction_stops_a_sliding_block_where_coulomb_says():
-    """x = v0² m / (2 f); regularisation creeps 1e-3 m/s · f/m in the last moment."""
+    """x = v0² m / (2 f). Regularisation creeps 1e-3 m/s · f/m in the last moment."""
     block = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=2.0, friction=4.0, v=(1,))
     mech = pg.Mechanism(pg.Model(bodies=(block,)))
     run = pg.simulate(mech, t_end=1.0, step=1e-4)

@@ -41,7 +41,7 @@ def answers():
 
 
 def test_another_process_gives_the_same_bits():
-    """With another hash seed; and batches on one thread and two."""
+    """The process has another hash seed, and batches run on one thread and two."""
     code = "import json; from tests.core.test_reruns import answers; print(json.dumps(answers()))"
     command, env = [sys.executable, "-c", code], {**os.environ, "PYTHONHASHSEED": "1"}
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=env)

@@ -78,7 +78,7 @@ def test_loops_hold_whatever_stabilises_them(stabilise):
 
 @pytest.mark.parametrize("seed", [1, 17])
 def test_loops_of_any_joints_keep_their_energy_and_close(seed):
-    """From rest, with one point held; a Python torque of zero changes nothing."""
+    """The tree starts at rest with one point held. A Python torque of zero changes nothing."""
     s = random_case(seed, most=6, kinds=("revolute", "spherical", "prismatic", "free"))
     point = pg.Constraint(name="held", body=s.topology.names[-1], point=(0.1, 0.2, -0.1))
     mech = pg.Mechanism(with_joints(s, q=s.q).replace(constraints=(point,)))
@@ -123,7 +123,7 @@ def test_a_servo_holds_its_target_within_its_limit():
 
 
 def test_initial_states_may_be_given_by_names():
-    """The same bits as by arrays; bodies that are not named start where the scenario has them."""
+    """The bits are those of arrays. Bodies that are not named start as in the scenario."""
     model = pg.Model.load(pgraph_models.path("double_pendulum"))
     start = pg.simulate(model, scenario="swing", t_end=0.01)
     named = pg.simulate(model, q={"lower": 0.2}, v={"upper": [1.0]}, scenario="swing", t_end=0.5)

@@ -1,4 +1,4 @@
-"""What is shorter than a step: spikes and corners of tables, and inputs that follow with a lag."""
+"""Features shorter than a step: spikes and corners of tables, and inputs with a lag."""
 
 import math
 
@@ -179,7 +179,7 @@ def test_the_estimate_counts_the_rounding_of_the_times_of_spikes(late, width, im
 
 @pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4", "gauss6"])
 def test_a_stepper_meets_spikes(method):
-    """As `simulate`, to the last bit, in steps of any number at once."""
+    """The bits are those of `simulate` for any number of steps at once."""
     t, value = spike(0.0123, 1e-7, 1.0)
     mech, step = slider(motor(t, value)), 0.01
     run = pg.simulate(mech, t_end=0.05, step=step, method=method, estimate=False)
@@ -196,7 +196,7 @@ def test_a_stepper_meets_spikes(method):
 @pytest.mark.parametrize("options", FIXED + CHOSEN)
 @pytest.mark.parametrize("lag", [1e-6, 1e-4, 1e-2, 1.0])
 def test_a_lag_shorter_than_the_step_is_resolved(options, lag):
-    """A constant motor from rest: v = t - lag (1 - exp(-t / lag)); its impulse lacks 1 N x lag.
+    """A constant motor from rest gives v = t - lag (1 - exp(-t / lag)), 1 N x lag less impulse.
 
     No step is wider than half of a lag when the transient begins, which gives a method of first
     order the size of its impulse, and the others its value.
@@ -259,7 +259,7 @@ def test_a_new_input_of_a_stepper_follows_with_its_lag(lag, method):
 
 @pytest.mark.parametrize("lag", [0.0, 1e-4])
 def test_instances_of_a_batch_meet_spikes(lag):
-    """Those in lanes too, before, at and after the spike."""
+    """The steps before, at and after the spike are those of single runs, in lanes too."""
     t, value = spike(0.0123, 1e-6, 1.0)
     mech = slider(motor(t, value, lag=lag))
     many = pg.BatchStepper(mech, 9, method="rk4", step=0.01)

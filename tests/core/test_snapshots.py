@@ -31,7 +31,7 @@ def words(snapshot, kind):
 
 
 def try_all(make, most):
-    """Restore and step with each word forged, at most so many of them; the number refused."""
+    """Restore and step with each of at most `most` words forged. Return the number refused."""
     stepper = make()
     kind = type(stepper).__name__
     stepper.step(n=40)

@@ -226,7 +226,7 @@ def test_a_restitution_that_is_only_near_is_reported(held, feet, law):
 
 
 def test_a_mesh_much_smaller_than_its_hull_is_reported(tmp_path):
-    """A cup. Hull 'convex' states that it is meant."""
+    """A cup is reported unless hull 'convex' states the intention."""
     trimesh = pytest.importorskip("trimesh")
     profile = [[0, 0], [0.5, 0], [0.5, 1], [0.45, 1], [0.45, 0.05], [0, 0.05]]
     trimesh.creation.revolve(np.array(profile), sections=24).export(tmp_path / "cup.stl")

@@ -34,7 +34,7 @@ def stiff():
 
 
 def exact(k, t):
-    """(θ, r) of the stiff pendulum by SciPy; from 1e8 on the rod is rigid to 1e-7."""
+    """Return (θ, r) of the stiff pendulum by SciPy. From 1e8 on the rod is rigid to 1e-7."""
 
     def slope(_, y):
         theta, r, dtheta, dr = y
@@ -68,7 +68,7 @@ def test_no_cell_is_bounded_wrong_and_silent(stiff):
 
 
 def test_every_verdict_has_its_numbers(stiff):
-    """RK4 grows where a step is ten rates or more, within ten steps; 2.83 is its limit."""
+    """RK4 grows within ten steps if rate times step is ten or more. Its limit is 2.83."""
     for cell in stiff.cells:
         assert isinstance(cell.status, Verdict)
         assert cell.text

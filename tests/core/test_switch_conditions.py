@@ -183,7 +183,7 @@ def test_conditions_begin_on_the_side_of_each_start():
 
 @pytest.mark.parametrize("options", SETTINGS)
 def test_conditions_are_found_from_every_distance(options):
-    """A slider swings within ±1 m; the first crossing of a bound has a closed form."""
+    """A slider swings within ±1 m. The first crossing of a bound has a closed form."""
     spring = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=1.0, stiffness=100.0)
     latch = pg.Constraint(name="latch", kind="point", body="b", active=False)
     mech = pg.Mechanism(pg.Model(bodies=(spring,), constraints=(latch,), gravity=(0, 0, 0)))
@@ -200,7 +200,7 @@ def test_conditions_are_found_from_every_distance(options):
 
 
 def test_a_landing_switches_a_latch():
-    """A ball falls 0.5 m, while nothing looks at its contact; landing, it passes 12 N."""
+    """A ball falls 0.5 m while its contact is not evaluated, and exceeds 12 N when it lands."""
     switch = pg.Switch(constraint="latch", active=True, when={"force": "floor", "above": 12.0})
     model = resting(0.6)
     run = pg.simulate(model, t_end=0.6, switches=[switch])

@@ -7,7 +7,7 @@ import pgraph_models
 
 
 def test_pieces_of_a_walk_by_events_are_one_run():
-    """Event-driven contacts need runs; two pieces end where one run ends."""
+    """Event-driven contacts need runs. Two pieces end where one run ends."""
     model = pg.Model.load(pgraph_models.path("quadruped_hips"))
     mech, step = pg.Mechanism(model), 2.5e-4
     walk = pg.Walk(mech, "trot", method="rk4", step=step)

@@ -104,7 +104,7 @@ def pose(position=(0.0, 0.0, 0.0), rotation: Rotation | None = None) -> np.ndarr
 
 
 def random_solid(rng: np.random.Generator, kind: str, size: float = 1.0) -> Solid:
-    """Of about `size`."""
+    """Return a random solid of about `size`."""
     x = size * rng.uniform(0.1, 0.5, 3)
     match kind:
         case "sphere":

@@ -1,4 +1,4 @@
-"""Scenes with constraints: loops, gears, rolling, skates, driven joints, clutches; servos too."""
+"""Scenes with constraints: loops, gears, rolling, skates, driven joints, clutches, servos."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def slider_crank(rng: Rng) -> KnownRun:
         return down, r * np.cos(q) + along, r * np.sin(q) + across
 
     def mass(q: complex) -> Any:
-        """Kinetic energy is half of it times the crank's speed squared; analytic in q."""
+        """Return the effective mass of the crank's kinetic energy, analytic in q."""
         cos = np.cos(np.arcsin(-r / rod * np.sin(q)))
         turn = -r / rod * np.cos(q) / cos
         along = -r * np.sin(q) + 0.5 * turn * r * np.sin(q)
@@ -225,7 +225,7 @@ def servo(rng: Rng) -> KnownRun:
     one = np.array([[0, 1, 0, 0], [-1, -2 * zeta, 1, 0], [0, 0, 0, 1], [0.0, 0, 0, 0]])
 
     def known(t: Array) -> Array:
-        """By matrix exponentials in times of 1/w; the target is a line between knots."""
+        """Return the motion by matrix exponentials in units of 1/w, for linear targets."""
         ends = np.append(knots, np.inf)
         values_, slopes = values + push * size, np.append(np.diff(values) / np.diff(knots), 0.0)
         found, y = np.zeros(len(t)), np.zeros(2)

@@ -1,8 +1,8 @@
-"""The judge of the fuzz test: which runs are wrong and do not say so.
+"""Judge of the fuzz test, which finds silently wrong runs.
 
-Random scenes over scales of mass, length, time and stiffness, each run by default and by two other
-settings, and compared with what is known of them. A run is *wrong and silent* if its error is more
-than ten times what it says of itself, and neither its status nor a notice says anything.
+Random scenes over scales of mass, length, time and stiffness run by default and by two other
+settings, and are compared with known motions. A run is silently wrong if its error is more than ten
+times its estimate, without a failed status or a warning.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from . import bound_scenes, smooth_scenes, touching_scenes
 from .scene import KnownRun, Rng
 
 FRAMES = 101
-HONEST = 10.0  # times the error estimate: an error within it was said
+HONEST = 10.0  # largest error of a right run relative to its estimate
 MOST = 300_000  # steps of a run: more take minutes
 FINEST = {"method": "dop853", "rtol": 1e-13}
 
@@ -54,9 +54,9 @@ class Find(NamedTuple):
     setting: dict[str, Any]
     verdict: str  # "right", "told", "silent", "refused", "unjudged"
     error: float  # true largest error of q over the motion's size
-    estimate: float  # what the run says, over the same size
+    estimate: float  # estimated error over the same size
     says: str  # the last notice, or the message
-    number: int = -1  # of the scene
+    number: int = -1  # number of the scene
 
 
 def hunt(count: int, seed: int = 0, first: int = 0) -> Iterator[Find]:
@@ -76,7 +76,7 @@ def judged(scene: KnownRun, rng: np.random.Generator) -> Iterator[Find]:
 
 
 def finest(mech: Mechanism, scene: KnownRun) -> Callable[[Array], Array]:
-    """A far finer run as the motion; nan where there is none, or it does not know its own error."""
+    """Return a far finer run as the motion, nan if there is none or its error is unknown."""
 
     def known(t: Array) -> Array:
         options: dict[str, Any] = {"t_eval": t, "max_steps": MOST, **FINEST, **scene.given}

@@ -1,4 +1,4 @@
-"""A scene of the hunt: a model and a run of it whose motion is known; settings to run it by."""
+"""A scene of the fuzz test: a model with a known motion, and settings of its runs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Rng = np.random.Generator
 Known = Callable[[Array], Array]  # q (n, nq) at times (n,)
 NO_KNOTS = np.zeros(0)
 NONE = np.zeros((3, 3))  # inertia of a point mass
-ROUNDED = 1e-11  # of the motion: rounding of closed forms, and of ours
-INTEGRATED = 1e-9  # of the motion: of equations that SciPy integrates
-SOLVED = 1e-8  # of the motion: to which impulses are solved
+ROUNDED = 1e-11  # rounding of closed forms and runs, relative to the motion
+INTEGRATED = 1e-9  # error of SciPy's integration, relative to the motion
+SOLVED = 1e-8  # error of the solution of impulses, relative to the motion
 SMOOTH: tuple[dict[str, Any], ...] = (
     {"method": "dopri5", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-10},
     {"method": "dop853", "rtol": 1e-4}, {"method": "radau5", "rtol": 1e-6},
@@ -39,7 +39,7 @@ class KnownRun(NamedTuple):
     t_end: float
     known: Known | None  # None: a far finer run knows
     others: tuple[dict[str, Any], ...] = SMOOTH  # settings besides the default
-    floor: float = ROUNDED  # of the motion: an error below it is none
+    floor: float = ROUNDED  # negligible error relative to the motion
     given: Mapping[str, Any] = {}  # options of every run
 
 
@@ -61,7 +61,7 @@ def without_gravity(*bodies: Body, **fields: Any) -> Model:
 def integrated(
     rate: Callable[[float, Array], Any], start: Sequence[float], t: Array, knots: Array = NO_KNOTS
 ) -> Array:
-    """(n, len(start)) of y' = rate(t, y) at times t by SciPy, to 1e-12; stopped at `knots`."""
+    """Return y of y' = rate(t, y) at times t (n, len(start)) by SciPy to 1e-12, with `knots`."""
     from scipy.integrate import solve_ivp
 
     stops = np.unique(np.concatenate((t[:1], knots[(knots > t[0]) & (knots < t[-1])], t[-1:])))

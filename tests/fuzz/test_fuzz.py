@@ -44,7 +44,7 @@ def test_the_judge_finds_a_wrong_closed_form():
 
 @pytest.mark.nightly
 def test_2000_scenes():
-    """Three runs each; new scenes every night, of a seed that is printed."""
+    """Each scene has three runs. Scenes are new every night, from a printed seed."""
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if EXPLORE else 0
     finds = list(hunt(2000, seed))
     print(f"seed {seed}:\n{told(finds, 0.0)}")

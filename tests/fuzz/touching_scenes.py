@@ -238,7 +238,7 @@ def soft_meeting(rng: Rng) -> KnownRun:
 
 
 def brick(rng: Rng) -> KnownRun:
-    """A flat box on a slope, pushed: it stays, slides to a stop, or slides on; near or far."""
+    """Return a pushed flat box on a slope that stays, slides to a stop, or slides on."""
     m, g, mu = scale(rng, 1e-9, 1e9), scale(rng, 1e-1, 1e2), scale(rng, 1e-2, 2.0)
     a = scale(rng, 1e-6, 1e4)
     high = a * scale(rng, 1e-2, 1.0) * min(1.0, 0.3 / mu)

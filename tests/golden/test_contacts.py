@@ -43,7 +43,7 @@ def case(n):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_distance_equals_golden(kind):
-    """Where a capsule's line is inside a box, MuJoCo's box-capsule contact is another measure."""
+    """MuJoCo's measure differs if a capsule's line is inside a box."""
     cases = np.flatnonzero(NUMBERS["pairs"][:, 0] == KINDS.index(kind))
     for n in cases:
         scene, kinds, radii = case(n)

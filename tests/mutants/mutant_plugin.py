@@ -156,7 +156,7 @@ class Run:
         return [n for s, n in sorted(taken, key=lambda x: (cost[files[x[1]]], files[x[1]], *x))]
 
     def start(self, k: int, items: list[pytest.Item]) -> int:
-        """Fork a child that runs tests against mutant k until one fails; return its process id."""
+        """Fork a child that runs tests against mutant k until one fails. Return its process id."""
         if pid := os.fork():
             return pid
         try:

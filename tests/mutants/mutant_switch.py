@@ -56,7 +56,7 @@ def forget() -> None:
 
 
 def mutant(k: int) -> bool:
-    """Record that the site of mutant k is executed; return whether the mutant is active."""
+    """Record that the site of mutant k is executed. Return True if the mutant is active."""
     BLOCK[START + k] = 1
     return struct.unpack_from("<q", BLOCK)[0] == k
 

@@ -213,7 +213,7 @@ def _with(node: ast.expr, **fields: object) -> ast.expr:
 
 
 def rewritten(text: str, sites: list[tuple[int, Site]]) -> str:
-    """Return the source with switches for the numbered sites; line numbers do not change."""
+    """Return the source with switches for the numbered sites, with the same line numbers."""
     lines = text.encode().splitlines(keepends=True)
     for k, site in sorted(sites, key=lambda item: (item[1].line, item[1].column), reverse=True):
         (row, column), (last, end) = (site.line - 1, site.column), (site.end[0] - 1, site.end[1])

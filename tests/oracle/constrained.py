@@ -51,7 +51,7 @@ def active_constraints(op: Operators, active: Iterable[str] | None = None) -> li
 def constraint_rows(
     op: Operators, held: Iterable[Constraint], t: float = 0.0
 ) -> tuple[Array, Array]:
-    """J (m, nv) and J'θ' of constraints; rows of points: linear velocities apart (R11)."""
+    """Return J (m, nv) and J'θ' of constraints, for points the linear velocities (R11)."""
     rows = _rows(op, held, t)
     J = np.vstack([np.zeros((0, op.nv)), *(r.J for r in rows)])
     return J, np.concatenate([np.zeros(0), *(r.drift for r in rows)])

@@ -22,9 +22,9 @@ from pgraph_core.rotation import Array, unit_vector
 
 
 class Rows(NamedTuple):
-    """The rows of one constraint; angular ones times a length, so that residuals are lengths."""
+    """The rows of one constraint, angular ones times a length, so that residuals are lengths."""
 
-    residual: Array  # (m,) position level; 0 for a row that only velocities obey
+    residual: Array  # (m,) position level, 0 for rows of velocities alone
     J: Array  # (m, nv)
     drift: Array  # (m,) J'θ', and what a prescribed motion adds: rows ask J θ'' + drift = 0
     speed: Array  # (m,) rows ask J θ' = speed
@@ -32,7 +32,7 @@ class Rows(NamedTuple):
 
 
 def rows_of(op: Operators, c: Constraint, length: float, t: float = 0.0) -> Rows:
-    """The rows of a constraint at the state of `op`; `length` [m] stands for one radian."""
+    """Return the rows of a constraint at the state of `op`, with `length` [m] per radian."""
     return _KINDS[c.kind](_Pair(op, c, length, t))
 
 
@@ -49,7 +49,7 @@ def radius_of_gyration(op: Operators) -> float:
 
 
 def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
-    """The two points in their bodies' frames; one left out is where the other is at home."""
+    """Return the two points in their bodies' frames, by default coincident at home."""
     body, other = map(op.topology.number, c.pair)
     point = np.array(op.model.point_of(c))
     given = getattr(c, "other_point", None)
@@ -93,7 +93,7 @@ class _Pair:
 
     @cached_property
     def here(self) -> _End:
-        """What is of `other` at the place of `point`."""
+        """Material point of `other` at the place of `point`."""
         return _End(self.op, self.b, self.x_a)
 
     @cached_property
@@ -151,7 +151,7 @@ class _Pair:
         return Rows(residual, about @ J, drift, np.zeros(len(a)), _wrench(torque=about))
 
     def slipping(self, arm: Array, rate: Array, w: Array, gap: float) -> Rows:
-        """The velocity of what is at `point` + arm, along w fixed in `other`; rate: of the arm."""
+        """Return the velocity at `point` + arm along w fixed in `other`, with the arm's `rate`."""
         J, _, bias = self.relative()
         turn, omega, turn_bias = self.spin()
         J = J - np.cross(arm, turn.T).T
@@ -181,7 +181,7 @@ class _Pair:
 
 
 def _positions(op: Operators, name: str) -> list[float]:
-    """q by degree of freedom; nan for those of balls."""
+    """Return q by degree of freedom, nan for those of balls."""
     number = op.topology.number(name)
     start = sum(len(body.q) for body in op.bodies[: number - 1])
     found: list[float] = []
@@ -294,7 +294,7 @@ def _motion(p: _Pair) -> Rows:
 
 
 def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[float, float, float]:
-    """q, q', q'' of a prescribed motion at a time; a table is a spline at rest at its ends."""
+    """Return q, q', q'' of a prescribed motion. A table is a spline at rest at its ends."""
     match q_of_t:
         case Sine(mean=mean, amplitude=size, frequency=w, phase=phase):
             angle = w * t + phase

@@ -14,7 +14,7 @@ from pgraph_core.rotation import Array, unit_vector
 
 
 class Load(NamedTuple):
-    """What a force on bodies does in a state."""
+    """Effect of a force on bodies in a state."""
 
     tau: Array  # (nv,) generalised force
     energy: float  # stored in its spring [J]
