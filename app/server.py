@@ -58,7 +58,7 @@ class Server:
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
         workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
         work = [worker(self.send) for worker in workers]
-        keeps = filter(None, [self._autosave])  # first: what a page is told to be done is on disk
+        keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
         self.store.together = bridge.together
         self.store.start(page.views, (*keeps, *work))

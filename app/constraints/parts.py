@@ -244,7 +244,7 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
 
 
 def knots(value: Any) -> str:
-    """Return a number, or the text of a table over time, such as "0 1; 2 3"."""
+    """Return a number, or the text of a table over time with `;` between its lines."""
     if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
         return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
     data = value if isinstance(value, dict) else value.model_dump()
@@ -260,7 +260,7 @@ def _flat(value: Any) -> list[float]:
 
 
 def table_of(text: str, width: int) -> dict[str, Any]:
-    """Parse a table over time from "t value; t value" or from pasted rows. Raises Refusal."""
+    """Parse a table over time from the text of `knots` or from pasted rows. Raises Refusal."""
     rows = [row for row in text.replace("\n", ";").split(";") if row.strip()]
     found = [[number(x) for x in row.replace(",", " ").split()] for row in rows]
     if not found or any(len(row) != 1 + width for row in found):

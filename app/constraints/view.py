@@ -53,7 +53,7 @@ class ConstraintsView:
 
 
 def _seen(page: Client) -> tuple[Any, ...]:
-    """What of a page decides on what its tab shows."""
+    """Return the client state that this tab depends on."""
     return (page.picking, page.opened, page.listed, page.called, page.display)
 
 
@@ -76,7 +76,7 @@ def constraints(state: State, page: Client) -> Payload:
 
 
 def _list(state: State, page: Client, part: Part) -> Payload:
-    """One line each: name, kind, between what; the opened one with all its fields."""
+    """Return one line per part (name, kind, bodies), and all fields of the opened one."""
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
     number = state.rows.named(state.model, part)
     lines = [
@@ -133,7 +133,7 @@ def _limits(state: State, page: Client) -> list[Payload]:
 
 
 def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> str:
-    """'-1.5 to 1.5 rad'; an open side says so."""
+    """Return a range such as "-1.5 to 1.5 rad", with "open" for an infinite end."""
     low, high = ("open" if x is None else f"{display.shown(x, of):.4g}" for x in pair)
     return f"{low} to {high} {display.unit(of)}"
 
@@ -171,7 +171,7 @@ def _picking(picking: Picking | None) -> Payload | None:
 def form(
     state: State, display: Display, part: Part, item: Any, among: Sequence[Any] = ()
 ) -> list[Payload]:
-    """All fields that matter to a part; to one of a scenario, those of the scenario are `among`."""
+    """Return the relevant fields of a part, with `among` as the parts of its scenario."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
@@ -220,7 +220,7 @@ def _field(
 
 
 def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
-    """A body: a drop-down of names, and a button to click it instead; `at`: sites too."""
+    """Return a drop-down of bodies with a button to pick one, and of sites for `at`."""
     if name == "at":
         sites = [site.name for site in model.sites]
         return field(name, about(item, name).label, [cell((), item.at)], kind="names",
@@ -239,7 +239,7 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
 
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
-    """A number or a vector; what is left out shows what it comes to."""
+    """Return a number or a vector, showing the default of a field that is not given."""
     shows, of = about(item, name), parts.quantity_of(item, name)
     value, implied = cells.get(name), False
     if value is None:

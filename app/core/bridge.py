@@ -1,10 +1,10 @@
 """Both directions between Python and our script in the page.
 
-This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
-a client's own connection, the event of a buffer of messages, a handle's uuid,
-`window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer,
-and `__viserSceneTree` (in bridge.js), the `websockets.asyncio.server.serve` it calls and the kinds
-of its messages. `tests/app/test_bridge.py` and `test_door.py` have a test for each.
+Only this file and `door.py` use names that viser 1.1.1 does not document. These are
+`RunJavascriptMessage`, a client's own connection, the event of a message buffer, a handle's uuid
+and `window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer. There are also
+`__viserSceneTree` (in bridge.js), `websockets.asyncio.server.serve` and the kinds of messages.
+`tests/app/test_bridge.py` and `test_door.py` have a test for each.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ CORE_SCRIPTS = (
 CORE_STYLES = ("page", "frame", "popups", "notes", "cells", "forms", "shortcuts")
 
 Receive = Callable[[int, str], None]
-PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one
+PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of pictures, and a page's acknowledgement
 MOST_BEHIND = 2  # pictures that a page has not shown yet
 PATIENCE = 1.0  # [s] between pictures for a page that does not answer: it holds up nobody
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
-    """A viser server that refuses other sites' pages; on a taken port, the next free one."""
+    """Start a viser server that refuses other sites' pages, on the next free port."""
     with guarded(host, token), quiet():
         server = viser.ViserServer(host=host, port=port, label="Pgraph", verbose=False)
         woken_in_its_loop(server._websock_server)
@@ -95,7 +95,7 @@ class Bridge:
         self._push(client, "uplink", uplink._impl.uuid)
 
     def send(self, client_id: int, topic: str, data: Any) -> None:
-        """`data` to the views that listen to `topic` on one page; gone pages are ignored."""
+        """Send `data` to the views that listen to `topic` on one page, ignoring closed pages."""
         client = self.server.get_clients().get(client_id)
         if client is None:
             self._behind.pop(client_id, None)
@@ -114,10 +114,10 @@ class Bridge:
 
     @contextlib.contextmanager
     def together(self, each: bool) -> Iterator[None]:
-        """What is sent meanwhile to all pages goes out at the end; if `each`, to single ones too.
+        """Batch outgoing messages to all pages, and if `each` also per-page ones.
 
-        The loop is then woken once. Each time, the thread that sends gives Python's lock away,
-        and where many want it that costs more than what it sends.
+        The loop is woken once. Each wake-up releases Python's lock, which costs more than the
+        message if many threads compete for it.
         """
         with contextlib.ExitStack() as stack:
             stack.enter_context(self.server.atomic())
@@ -126,7 +126,7 @@ class Bridge:
             yield
 
     def ready(self) -> bool:
-        """Whether every page has shown the pictures it got, or got none for a while."""
+        """True if every page has shown its pictures, or got none for a while."""
         late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]
         if not late:
             return True
@@ -134,7 +134,7 @@ class Bridge:
         return all(page not in pages or now - self._heard[page] > PATIENCE for page in late)
 
     def _push(self, client: viser.ClientHandle, topic: str, data: Any) -> None:
-        """On the client's own connection; it may arrive before our script, hence the inbox."""
+        """Send on the client's own connection, to an inbox because our script may arrive later."""
         message = json.dumps([topic, data], allow_nan=False)  # ASCII: safe inside a script
         source = f"(window.pgraphInbox ??= []).push({message}); window.pgraph?.drain();"
         client._websock_connection.queue_message(RunJavascriptMessage(source=source))

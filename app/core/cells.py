@@ -259,7 +259,7 @@ def button(text: str, event: str, title: str = "", /, **fields: Any) -> Payload:
 
 
 def group(title: str, fields: Iterable[Payload], is_open: bool = True, state: str = "") -> Payload:
-    """Fields under a title that folds them away; `state` says what they hold while folded."""
+    """Return fields under a title that folds them, with `state` as their summary when folded."""
     return {"title": title, "open": is_open, "state": state, "fields": list(fields)}
 
 
@@ -297,7 +297,7 @@ def _together(one: Payload, others: list[Payload]) -> Payload:
 # -- rows ------------------------------------------------------------------------------------------
 # A list that was not changed since the model was opened counts its rows from 0. Rows keep their
 # numbers whatever is put in, taken out, moved or renamed; what is put in gets a new one. Pages
-# speak of rows by numbers: what is typed into one is meant of it wherever it is by then.
+# use row numbers: text typed into a row belongs to that row, even if it has moved by then.
 
 Key = tuple[Any, ...]  # ("bodies",), ("contacts", number of a contact, "points")
 LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names

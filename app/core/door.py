@@ -1,6 +1,6 @@
-"""Who may connect, what a page may send, and how much of it: the threat model is docs/security.md.
+"""Admission of connections and messages of pages, by the threat model of docs/security.md.
 
-viser takes any of its own messages from any page: it would open a public tunnel, keep uploads and
+viser accepts any of its own messages from any page: it would open a public tunnel, keep uploads and
 set any attribute of a handle. Only the kinds that our page sends pass, with plain, short values.
 """
 
@@ -26,10 +26,10 @@ import websockets.asyncio.server
 from websockets.frames import Opcode
 from websockets.http11 import Response
 
-LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
+LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] limit on a page's message (viser's is 50 MB)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "pgraph_token"  # and the port: a browser keeps one jar for all ports of a host
-PASS = (  # what the page sends; the rest is dropped
+PASS = (  # kinds of messages that pages send. All others are dropped
     "GuiUpdateMessage",
     "ViewerCameraMessage",
     "ScenePointerMessage",
@@ -42,11 +42,11 @@ PASS = (  # what the page sends; the rest is dropped
 MESSAGES = (300.0, 600.0)  # a second for one page, and at once
 BYTES = (32e6, 64e6)  # the same in bytes
 EXTRA = (100.0, 1000.0)  # pings and parts of messages: a browser makes 130 parts of 16 MB
-AT_ONCE = 16 * 1024  # [bytes] that are read of a connection before others have their turn
-MOST_CONNECTIONS = 256  # at a time; a page needs one, and a few more while it loads
+AT_ONCE = 16 * 1024  # [bytes] read from a connection before others have their turn
+MOST_CONNECTIONS = 256  # limit on connections (a page needs one, and more while it loads)
 CONTROL = (Opcode.PING, Opcode.PONG, Opcode.CLOSE)
-LONGEST_TEXT = 500  # of a value that is not typed by a person
-MOST_NUMBERS = 64  # in a list of a message
+LONGEST_TEXT = 500  # limit on the length of values that no person types
+MOST_NUMBERS = 64  # limit on the numbers in a list of a message
 HEADERS = {
     "Content-Security-Policy": (  # viser's page runs its own inline scripts and ours by Function
         "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: "
@@ -85,7 +85,7 @@ log = logging.getLogger(__name__)
 
 
 def token_for(host: str, wanted: str = "auto") -> str | None:
-    """The secret that the address must carry; "auto": none where only this machine can connect."""
+    """Return the secret of the address. "auto" needs none if only this machine can connect."""
     on = wanted == "on" or (wanted == "auto" and host not in LOOPBACK)
     return secrets.token_urlsafe(16) if on else None
 
@@ -95,7 +95,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
     """While a viser server is made: the `serve` it calls checks requests and messages."""
     module = websockets.asyncio.server
     plain = module.serve
-    pages: dict[bytes, bytes] = {}  # as viser sends it: as we do
+    pages: dict[bytes, bytes] = {}  # viser's pages and our versions of them
     connected: set[_Bounded] = set()
 
     def serve(handler: Callable[[Any], Any], at: str, port: int, **options: Any) -> Any:
@@ -131,7 +131,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
 
 
 def ours(response: Response, known: dict[bytes, bytes]) -> None:
-    """Viser's page says that ours is loading; what was made of it is kept in `known`."""
+    """Turn viser's page into ours with its loading screen, cached in `known`."""
     if not response.headers.get("Content-Type", "").startswith("text/html"):
         return
     body = bytes(response.body)
@@ -147,7 +147,7 @@ def ours(response: Response, known: dict[bytes, bytes]) -> None:
 
 
 def cookie_for(named: str) -> str:
-    """The cookie of a server by the `Host` that its page is asked for. Raises ValueError."""
+    """Return the name of a server's cookie for a requested `Host`. Raises ValueError."""
     return f"{COOKIE}_{urlsplit(f'//{named}').port or 80}"
 
 
@@ -184,7 +184,7 @@ class _Bounded(websockets.asyncio.server.ServerConnection):
         self._connected, self._extra = connected, Budget(*EXTRA)
 
     def connection_made(self, transport: Any) -> None:
-        transport.max_size = AT_ONCE  # the name in asyncio; 256 kB by default
+        transport.max_size = AT_ONCE  # asyncio's attribute, 256 kB by default
         super().connection_made(transport)
         self._connected.add(self)
         if len(self._connected) > MOST_CONNECTIONS:
@@ -253,7 +253,7 @@ CUT = Budget(0.1, 5.0)  # lines of the log on connections that are cut
 
 
 def faults(raw: bytes | str) -> str | None:
-    """Why a message may not pass; None if it may."""
+    """Return the reason why a message may not pass, or None."""
     if isinstance(raw, str):
         return "text"
     try:
@@ -288,7 +288,7 @@ def _kinds() -> dict[str, tuple[Any, set[str]]]:
 
 
 def _plain(value: Any, depth: int) -> bool:
-    """Whether it is a finite number, a short text, or a short list of these."""
+    """True for a finite number, a short text, or a short list of these."""
     if isinstance(value, (list, tuple)):
         return (
             depth > 0

@@ -1,4 +1,4 @@
-"""Views: each draws its part of the state, and only what changed; where each is on the page.
+"""Views, which draw changes of their part of the state, and their places on the page.
 
 A feature lists its own in `VIEWS` of its `view.py`.
 """
@@ -64,7 +64,7 @@ class Desk:
 
 @dataclass(frozen=True)
 class Host:
-    """Where a view stands on the page: its slot, and the tab within "left" or "drawer".
+    """Place of a view on the page: its slot, and the tab within "left" or "drawer".
 
     Hosts of a slot stand in the order of their places, unless they have their own.
     """
@@ -76,7 +76,7 @@ class Host:
 
 
 class Place:
-    """A view and its hosts; without hosts it draws in 3D only, or nothing.
+    """A view and its hosts. Without hosts it draws in 3D only, or nothing.
 
     Views are made, and drawn after each event, by increasing `order`.
     """

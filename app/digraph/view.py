@@ -14,7 +14,7 @@ from ..core.state import State
 from ..core.views import Host, Payload, Place, audience, css
 from ..pose.solving import home, shown_q
 
-SAMPLE = 0.3  # [rad, m] that joints move in a frame update where nothing has moved yet
+SAMPLE = 0.3  # [rad, m] sample motion of joints in a frame update from the initial state
 
 
 class DigraphView:
@@ -62,7 +62,7 @@ def digraph(state: State) -> Payload:
 
 
 def walk(state: State, what: str) -> Payload:
-    """What a page steps through, step by step: Fig. 4, Fig. 8, or nothing."""
+    """Return the steps that a page walks through: Fig. 4, Fig. 8, or none."""
     if what == "pgraph":
         d = state.derived
         dof = [state.model.body(name).dof for name in d.names]
@@ -92,17 +92,17 @@ def sampled(model: pg.Model) -> np.ndarray:
 class Step(NamedTuple):
     """One step, and what it does to Pgraph, jdof and the stack of separation bodies SBS."""
 
-    step: str  # its number in Fig. 4; two where one leads straight to the other
+    step: str  # its number in Fig. 4, or two consecutive numbers
     text: str
-    body: int  # i after it; 0 is the ground
+    body: int  # i after it, 0 for the ground
     adds: tuple[int, int] | None = None  # the new entries of Pgraph and jdof
     push: int | None = None  # SBn that goes onto SBS, after the pull
     pull: bool = False
-    tip: int = 0  # TBn, where a tip body was met
+    tip: int = 0  # TBn at a tip body
 
 
 def seven_steps(parent: Sequence[int], dof: Sequence[int]) -> list[Step]:
-    """The steps for bodies 1..n in depth-first numbers; several roots start at the ground (R20)."""
+    """Return the steps for bodies 1..n in depth-first numbers, from the ground if many roots."""
     left: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k in range(len(parent), 0, -1):
         left[parent[k - 1]].append(k)  # the left child last, so that pop() takes it

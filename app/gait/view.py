@@ -35,7 +35,7 @@ FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
 class GaitView:
-    """How to walk, below the scenarios of a model with feet."""
+    """Settings of a walk, below the scenarios of a model with feet."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -80,13 +80,13 @@ def gait(state: State) -> Payload:
         "laws": [[name, text] for name, (text, _, _) in LAWS.items()],
         "live": state.going is not None,
         "busy": state.job is not None,
-        "problem": "" if state.run is not None else state.run_problem,  # else it is told there
+        "problem": "" if state.run is not None else state.run_problem,  # else the run shows it
     }
 
 
 MOST = 64  # discs, the last ones
 COLOR, OPACITY = (8, 34, 110), 0.9
-WIDE, THICK = 0.055, 0.004  # of the model's size
+WIDE, THICK = 0.055, 0.004  # size of footprints relative to the model
 
 
 class FootprintsView:
@@ -132,7 +132,7 @@ def discs(state: State, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 OFTEN = 0.15  # [s] between two pictures of a live run
-WINDOW = 60.0  # [s] of motion that a live run sends
+WINDOW = 60.0  # [s] longest motion of a live run that is sent
 
 
 class PhasesView:
@@ -141,7 +141,7 @@ class PhasesView:
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
         self._sent = 0.0  # when a picture of the live run was sent
-        self._told: object = None  # what everybody has
+        self._told: object = None  # data that all pages have
         self._window = Window()
 
     def render(self, old: State, new: State) -> None:
@@ -166,7 +166,7 @@ class Window:
 
     def __init__(self) -> None:
         self._first: Change | None = None
-        self._left = 0  # how many are before the window
+        self._left = 0  # number of changes before the window
         self._last: dict[str, Change] = {}  # the last of each foot that are
 
     def of(self, falls: tuple[Change, ...], start: float) -> list[Change]:
@@ -181,11 +181,11 @@ class Window:
 
 
 def phases(falls: tuple[Change, ...], state: State, window: Window | None = None) -> Payload:
-    """Feet, and the changes of each as [foot, time, phase]; those in a window, or all."""
+    """Return feet and their changes as [foot, time, phase], all or those in a window."""
     start = max(state.t_start, state.t_end - WINDOW)
     shown = falls if window is None else window.of(falls, start)
     feet = list(dict.fromkeys(change.foot for change in shown))
-    if window is None:  # what never touches comes last
+    if window is None:  # feet that never touch come last
         touched = {change.foot for change in shown if PHASES[change.phase] != SWING}
         feet.sort(key=lambda foot: foot not in touched)
     number = {foot: k for k, foot in enumerate(feet)}

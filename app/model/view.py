@@ -50,13 +50,13 @@ def toolbar(state: State, client: int) -> Payload:
 
 
 def counts(model: pg.Model) -> dict[str, int]:
-    """How many parts the tabs of the model hold."""
+    """Return the numbers of parts in the tabs of the model."""
     tied = len(model.constraints) + len(model.contacts) + len(model.forces)
     return {"Bodies": len(model.bodies), "Connections": tied, "Scenarios": len(model.scenarios)}
 
 
 def unsaved(state: State) -> bool:
-    """Whether the model was edited since it was opened or saved."""
+    """True if the model was edited since it was opened or saved."""
     edited = bool(state.undo) and state.undo[-1].document == state.document
     return edited and state.saved != (state.document, state.model)
 
@@ -68,7 +68,7 @@ def _left(kept: Kept) -> str:
 
 
 def gallery(state: State) -> list[tuple[str, str]]:
-    """The built-in models, with a sentence each; those that walk first."""
+    """Return the built-in models with a sentence each, walking ones first."""
     said = pgraph_models.about()
     names = sorted(state.gallery, key=lambda name: ('"gait"' not in state.gallery[name], name))
     return [(name, said.get(name, "")) for name in names]

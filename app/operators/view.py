@@ -47,7 +47,7 @@ class OperatorsView:
 
 
 def operator(state: State, part: Inspected) -> Payload:
-    """The part of an operator in view, or why there is none; and what the model counts."""
+    """Return the shown part of an operator, or the reason why there is none, and counts."""
     payload = {"what": part.what, "facts": facts(state), "titles": TITLES}
     problem = available(state, part.what)
     if not problem:
@@ -82,30 +82,30 @@ TITLES = {
     "M": "mass matrix M", "J": "Jacobian J of the tips", "eps_phi": "ε_φ", "Phi": "Φ",
     "S": "adjacency S",
 }  # fmt: skip
-WORDS = {  # what an entry says; the equation of the paper
+WORDS = {  # meaning of an entry, equation of the paper
     "M": "the inertia that one motion feels when another speeds up, eq. (25)",
     "J": "how fast a tip moves for each motion at unit speed, eq. (20)",
     "eps_phi": "carries a velocity from a body to the next one on it, eq. (13)",
     "Phi": "carries a velocity from a body to all that hang on it, eq. (16)",
     "S": "which body hangs on which, eq. (1)",
 }
-MOST = 96  # cells a side; of larger operators a cell is a block
+MOST = 96  # cells per side. In larger operators a cell is a block
 LARGE = 200  # bodies above which Φ, whose entries grow with the square, is not made
 SPATIAL = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
 
 
 class Picture(NamedTuple):
-    """The part of an operator that is in view; a cell is a block of `step` rows and columns."""
+    """Shown part of an operator, whose cells are blocks of `step` rows and columns."""
 
     shape: tuple[int, int]
     rows: tuple[int, int]
     columns: tuple[int, int]
     step: tuple[int, int]
-    cells: list[tuple[int, int, float]]  # row, column, value; of a block its largest
+    cells: list[tuple[int, int, float]]  # row, column, (largest) value
 
 
 def available(state: State, what: str) -> str:
-    """Why an operator cannot be shown now; "" where it can."""
+    """Return the reason why an operator cannot be shown now, or ""."""
     n = len(state.derived.names)
     if what == "Phi" and n > LARGE:
         return f"Φ of {n} bodies has too many entries; it is shown up to {LARGE} bodies."
@@ -157,7 +157,7 @@ def _step(span: tuple[int, int]) -> int:
 
 
 def labels(state: State, what: str) -> tuple[list[str], list[str]]:
-    """What the rows and the columns of an operator belong to."""
+    """Return the labels of the rows and the columns of an operator."""
     d = state.derived
     motions = [
         name if body.dof == 1 else f"{name} {i + 1}"

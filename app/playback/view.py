@@ -1,4 +1,4 @@
-"""The playback bar; while something moves, only the time is sent."""
+"""The playback bar. During motion only the time is sent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PlaybackView:
 
 
 def settings(state: State) -> tuple[object, ...]:
-    """What changes seldom: everything but the time, and the end of a run that grows."""
+    """Return the rarely changing data, without the time and the end of a growing run."""
     live = state.going
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
     return replace(state.playback, time=0.0), span

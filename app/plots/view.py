@@ -30,7 +30,7 @@ from . import (
 )
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
-LIVE_SPAN = 15.0  # [s] of a live run that are plotted at least
+LIVE_SPAN = 15.0  # [s] least plotted span of a live run
 CARRIED = ("constraint_force", "constraint_torque", "contact_force")
 NOTHING = "Nothing to plot yet: press Simulate, or Live."
 EMPTY = "There is no body yet: add one to the table."
@@ -52,7 +52,7 @@ class PlotsView:
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
-        """Whether a live run has grown long enough to be drawn again."""
+        """True if a live run has grown enough to be drawn again."""
         if new.live is None or old.live is None or new.live.parts is old.live.parts:
             return False
         late = time.perf_counter() - self._drawn > LIVE_EVERY
@@ -62,7 +62,7 @@ class PlotsView:
 
 
 def fresh(old: State, new: State) -> bool:
-    """Whether there is another run to plot, or another ghost."""
+    """True if there is another run to plot, or another ghost."""
     if (old.live is None) != (new.live is None) or new.ghost is not old.ghost:
         return True
     if new.live is not None and old.live is not None:
@@ -71,7 +71,7 @@ def fresh(old: State, new: State) -> bool:
 
 
 def signals(state: State, client: Client) -> Payload:
-    """What can be plotted: of the selected body, and of the run."""
+    """Return the signals of the selected body and of the run."""
     name, several = client.selection, [n for n in client.selected if n in state.derived.number]
     of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
     if len(several) > 1:
@@ -90,7 +90,7 @@ def signals(state: State, client: Client) -> Payload:
 
 
 def plots(state: State, client: Client) -> Payload:
-    """The charts of one page; with the curves of the ghost."""
+    """Return the charts of one page, with the curves of the ghost."""
     return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
 
 
@@ -115,7 +115,7 @@ def chart(state: State, signal: Signal) -> Payload:
 
 
 def missing(state: State, signal: Signal) -> str:
-    """Why a chart is empty; nothing where it may have curves."""
+    """Return the reason why a chart is empty, or ""."""
     if state.plotted is None:
         return "no run yet"
     known = of_scene(state.plotted.result)
@@ -126,7 +126,7 @@ def missing(state: State, signal: Signal) -> str:
 
 
 def of_state(state: State, signal: Signal) -> list[Curve]:
-    """The curves of the run that is played; of a live one, the last stretch."""
+    """Return the curves of the played run, or of the last stretch of a live one."""
     if state.plotted is None:
         return []
     if state.live is None:

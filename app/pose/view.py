@@ -20,7 +20,7 @@ from ..properties.body_cells import euler_of
 from .solving import coordinates
 from .update import Gripped
 
-MOST = 100  # sliders; of more joints only those on the way to the selected body
+MOST = 100  # limit on sliders, beyond which only the selected body's path has them
 
 
 class JointsView:
@@ -76,7 +76,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
 
 
 def hint(state: State, rows: list[Payload]) -> str:
-    """What to say where there are no sliders, or not all."""
+    """Return the hint for missing sliders."""
     if state.derived.dof > MOST:
         more = f"{state.derived.dof} degrees of freedom are too many to list: "
         return more + ("shown is the way from the ground to the selection." if rows
@@ -94,13 +94,13 @@ def path(state: State, selection: str | None) -> frozenset[str]:
     return frozenset(found)
 
 
-PACE = 0.04  # [s] between the places that are told while it is dragged
-LARGE = 0.3  # of the grain of the model
+PACE = 0.04  # [s] interval of messages during a drag
+LARGE = 0.3  # size of the gizmo relative to the grain of the model
 WORD = {"link": "joint", "com": "centre of mass", "rotation": "orientation"}
 
 
 class Gizmo(NamedTuple):
-    """What is drawn on one page, in the frame that the vector is fixed to."""
+    """A gizmo of one page, in the frame of its vector."""
 
     body: str
     what: str
@@ -110,7 +110,7 @@ class Gizmo(NamedTuple):
 
 
 class Gizmos:
-    """Follows each page's selection; tells where it is dragged, and where it is let go."""
+    """Gizmos that follow each page's selection and report drags and releases."""
 
     def __init__(self, server: viser.ViserServer, send: Callable[[Event], None]):
         self._server = server
@@ -118,7 +118,7 @@ class Gizmos:
         self._drawn: dict[int, Gizmo] = {}  # by client
 
     def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, rebuilt: bool) -> None:
-        """Draw what pages move, with the bodies at these poses; `rebuilt`: another model."""
+        """Draw the gizmos of pages for bodies at these poses, all again if `rebuilt`."""
         for client in self._drawn.keys() - state.clients.keys():
             del self._drawn[client]
         for client, page in state.clients.items():

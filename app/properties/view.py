@@ -35,9 +35,9 @@ from .world import world
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
-SHORT = {"link": "Position", "com": "Centre"}  # in place of the label of the field
+SHORT = {"link": "Position", "com": "Centre"}  # short labels of fields
 STAND_IN = "drawn as a plain rod or box until it has one"
-MOST_SHAPES = 12  # that have a form
+MOST_SHAPES = 12  # limit on shapes with a form
 DENSITIES = (
     ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
     ("700", "wood, 700"),
@@ -74,7 +74,7 @@ def chosen(client: Client) -> tuple[str, ...]:
 
 
 def properties(state: State, names: tuple[str, ...], display: Display | None = None) -> Payload:
-    """What the panel shows of these bodies; the model itself where there are none."""
+    """Return the properties of these bodies, or of the model without any."""
     display = display or Display()
     known = [name for name in names if name in state.derived.number]
     if not known:
@@ -154,7 +154,7 @@ class _Form:
         return field(name, shows(name).label, [cell((), self.body.name)], kind="text")
 
     def cells(self, name: str, names: tuple[str, ...] = ()) -> list[Payload]:
-        """A cell a number; x, y, z go without saying, other components are named."""
+        """Return one cell per number, with names for components other than x, y, z."""
         value = self.value(name)
         if not isinstance(value, (tuple, list)):
             return [cell((), self.shown(value, name, ()))]
@@ -170,7 +170,7 @@ class _Form:
         return shown(value, quantity_of(self.body, name, index), self.display)
 
     def unit(self, name: str) -> str:
-        """The units of a field's cells; those of a joint follow its motions."""
+        """Return the units of a field's cells, which follow the motions of a joint."""
         given = shows(name).unit
         turning, _, sliding = given.partition(", ")
         if sliding:
@@ -195,7 +195,7 @@ class _Form:
         return field(name, label, cells, unit=self.unit(name), help=about.help, pick=pick)
 
     def motions(self) -> list[Payload]:
-        """A row for each axis; of a compound joint, for each motion, which can be chosen."""
+        """Return a row for each axis, or for each selectable motion of a compound joint."""
         body = self.body
         if body.joint != "compound":
             several = len(body.axes) > 1
@@ -324,7 +324,7 @@ SLIM, WIDE = 0.02, 1.5  # radius of gyration over the body's length: beyond, it 
 
 
 def implausible(body: pg.Body) -> str:
-    """What is wrong with a radius of gyration for a body as long as this one."""
+    """Return the remark on a radius of gyration that does not fit the body's length."""
     ends = [body.tip_point, body.com, *(s.position for s in body.shapes)]
     sizes = [s.size or ((s.length or 0.0) + 2 * (s.radius or 0.0),) for s in body.shapes]
     length = max([math.hypot(*end) for end in ends] + [math.hypot(*size) for size in sizes])
@@ -335,11 +335,11 @@ def implausible(body: pg.Body) -> str:
     return f"; far too {size} for a body of {length:.3g} m: is the mass or the inertia meant?"
 
 
-NOISE = 1e-12  # of the largest entry: what rounding leaves of a zero
+NOISE = 1e-12  # rounding of a zero relative to the largest entry
 
 
 def without_noise(rows: Any) -> Any:
-    """A matrix of numbers whose rounding errors read 0; formulas stay."""
+    """Return a matrix with 0 in place of rounding errors, keeping formulas."""
     numbers = [abs(x) for row in rows for x in row if not isinstance(x, str)]
     least = NOISE * max(numbers, default=0.0)
     return [[x if isinstance(x, str) or abs(x) > least else 0.0 for x in row] for row in rows]

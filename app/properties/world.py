@@ -122,7 +122,7 @@ WorldField = Literal[
 ]  # fmt: skip
 
 
-STEP = ("low", "low", "high", "high", "height")  # what the numbers of a ground step are
+STEP = ("low", "low", "high", "high", "height")  # fields of the numbers of a ground step
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[s
 
 @dataclass(frozen=True)
 class EditParameter(FromPage):
-    """The value of the parameter in a row; without a row it may be a new one."""
+    """Edit the value of the parameter in a row, or add one without a row."""
 
     serial: int
     name: Text
@@ -274,7 +274,7 @@ def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
 
 
 def parameter_removed(model: pg.Model, name: str) -> pg.Model:
-    """The model without a parameter; cells that used it keep their numbers."""
+    """Return the model without a parameter. Cells that used it keep their numbers."""
     left = {key: x for key, x in model.parameters.items() if key != name}
     formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
     return model.replace(parameters=left, formulas=formulas)

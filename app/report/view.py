@@ -77,7 +77,7 @@ def reports(state: State) -> Payload:
 
 
 def result(report: Report, current: bool) -> Payload:
-    """What came out, in words and rows."""
+    """Return the result in words and rows."""
     found = (precision if report.kind == "precision" else stability)(report.result)
     if report.result.t_end < report.asked * (1 - 1e-9):
         found["title"] += f" of {report.asked:g} s"
@@ -109,7 +109,7 @@ def precision(study: Any) -> Payload:
 
 
 def stability(found: Any) -> Payload:
-    """What needs attention, a line for each method and verdict."""
+    """Return the problems, a line for each method and verdict."""
     axis, rows = found.axis.replace("_", " "), []
     for (method, verdict), cells in found.troubles().items():
         first = cells[0]
@@ -128,7 +128,7 @@ def stability(found: Any) -> Payload:
 
 
 def compared_with(references: Sequence[str]) -> list[str]:
-    """What the runs of a map were compared with: a line a source, with how well it is known."""
+    """Return one line per source of references with its accuracy."""
     groups: dict[str, list[str]] = {}
     for text in references:
         source, _, known = text.rpartition(KNOWN)

@@ -1,4 +1,4 @@
-"""How far a run can be trusted: a verdict in three levels, and all lines of its outcome."""
+"""Trust in a run: a verdict in three levels, and all lines of its outcome."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ POOR = 1e-2  # relative error or drift above which a run is rough
 FIRST_ORDER = 0.2  # the same for methods of first order, such as the steps of contacts
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
-Line = tuple[str, str, bool]  # what, value, whether it is good
+Line = tuple[str, str, bool]  # label, value, True if it is good
 
 
 def trust(
     state: State, job: Payload | None, kernels: Payload | None, live: Payload | None
 ) -> Payload:
-    """What stands at the right of the time panel: level, sentence, reason, lines, progress."""
+    """Return level, sentence, reason, lines and progress for the right of the time panel."""
     if state.job is not None:
         job, waits = job or {}, kernels is not None
         said = "Preparing" if waits else "Computing"
@@ -129,7 +129,7 @@ def _order(result: Any) -> int | None:
 
 
 def outcome(state: State) -> list[Line] | None:
-    """What the last run was worth; of an edited model, that it is of an earlier one."""
+    """Return the lines on the last run, which may be one of an earlier model."""
     if state.live is not None or state.plotted is None:
         return None
     if state.earlier is None:
@@ -164,7 +164,7 @@ def summary(run: Run) -> list[Line]:
 
 
 def why(error: float, most: float) -> str:
-    """What to do about an error or a drift that is large; nothing where it is not."""
+    """Return the advice on a large error or drift, or ""."""
     if error < POOR:
         return ""
     usual = "usual for a method of first order" if error < most else f"above {most:g}"

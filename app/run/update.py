@@ -22,8 +22,8 @@ from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
-MOST_FRAMES = 36_000  # of a live run, ten minutes of pictures: older ones are dropped
-TOGETHER, TWICE = 32, 2  # parts that are joined into one; how often that is done
+MOST_FRAMES = 36_000  # limit on the frames of a live run (ten minutes), older ones are dropped
+TOGETHER, TWICE = 32, 2  # number of parts joined into one, and levels of joining
 MOST_FALLS = 36_000  # and of the changes of feet
 
 # -- settings ----------------------------------------------------------------------------------
@@ -60,7 +60,7 @@ class SetRun(FromPage):
 @on_typed(SetRun)
 def request_edited(state: State, event: SetRun) -> State:
     changed = {event.field: _value(event.field, event.text)}
-    if event.field == "method":  # what the other kind of method was given is not meant of this one
+    if event.field == "method":  # settings of the other kind of method do not apply
         was, now = (method in ADAPTIVE for method in (state.request.method, event.text))
         changed |= {} if was == now else {"step": None}
         changed |= {} if now or event.text == AUTO else {"rtol": None}
@@ -89,7 +89,7 @@ def _value(field: str, text: str) -> float | str | None:
 
 
 def idle(state: State) -> bool:
-    """Whether nothing is being simulated."""
+    """True if no simulation is running."""
     return state.job is None and state.going is None
 
 
@@ -104,7 +104,7 @@ class Continue(FromPage):
 
 
 def asked(state: State, before: Any, gait: pg.Gait | None = None) -> State:
-    """A simulation under way; from the end of `before` if given, by another gait if given."""
+    """Start a simulation, optionally from the end of `before` or with another gait."""
     job = Job(
         state.jobs + 1, state.model, state.request, before=before, gait=gait, framed=state.framed
     )
@@ -127,7 +127,7 @@ def cancel(state: State, event: Cancel) -> State:
 @dataclass(frozen=True)
 class Progress(Event):
     collapses = True
-    id: int  # of the job
+    id: int  # id of the job
     fraction: float
 
 
@@ -252,10 +252,10 @@ def go_live(state: State) -> State:
 
 @dataclass(frozen=True)
 class Advanced(Event):
-    """The live run advanced by a part; `pace` is its speed over the speed asked for."""
+    """The live run advanced by a part, with `pace` relative to the requested speed."""
 
     collapses = True
-    id: int  # of the live run
+    id: int  # id of the live run
     part: Any
     pace: float
 
@@ -301,7 +301,7 @@ def at_its_end(state: State, live: Live) -> State:
 class Stuck(Event):
     """The live run cannot go on."""
 
-    id: int  # of the live run
+    id: int  # id of the live run
     text: str
     fell: float | None = None  # [s]
 
@@ -333,9 +333,9 @@ def stopped(state: State, how: str = "stopped by hand") -> State:
 
 @dataclass(frozen=True)
 class Joined(Event):
-    """What a live run that is over computed is a run like any other."""
+    """The parts of a finished live run were joined into a run."""
 
-    id: int  # of the live run
+    id: int  # id of the live run
     run: Run | None
     framed: int = 0  # `State.framed` when it was stopped
     problem: str = ""  # why there is no run

@@ -76,7 +76,7 @@ def run(state: State) -> Payload:
 
 
 def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
-    """Of the step and the tolerance: what stands where nothing is typed, what it is, if it acts."""
+    """Return placeholder, value and activity of the step and the tolerance."""
     called = METHOD_NAMES[request.method]
     if request.method == AUTO:
         step = "Step size; empty: the method chooses"
@@ -97,7 +97,7 @@ def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
 
 
 def kept(state: State) -> str:
-    """What the scenario itself says, where the run is asked for otherwise."""
+    """Return the scenario's own settings if the run differs from them."""
     request = state.request
     for s in state.model.scenarios:
         own = Request(s.name, s.t_end, s.step, s.method)
@@ -109,7 +109,7 @@ def kept(state: State) -> str:
 
 
 def kernels(state: State) -> Payload | None:
-    """The compiler's progress; nothing once it is done."""
+    """Return the compiler's progress, or None once it is done."""
     k = state.kernels
     if k.ready:
         if not k.problem:
@@ -127,13 +127,13 @@ def job(state: State) -> Payload | None:
     if not state.kernels.ready:
         return {"text": "waits until the fast code is compiled", "fraction": None}
     fraction = state.job.fraction
-    if not fraction:  # it loads its kernels
+    if not fraction:  # kernels are loading
         return {"text": "starting ...", "fraction": None}
     return {"text": f"{100 * fraction:.0f} %", "fraction": fraction}
 
 
 def live(state: State) -> Payload | None:
-    """How far the live run is, and how fast compared with the clock."""
+    """Return the time of the live run, and its speed relative to the clock."""
     if state.live is None:
         return None
     if not state.live.parts:
@@ -177,7 +177,7 @@ def measures(run: Run) -> dict[str, str]:
 
 
 class ExportView:
-    """Makes the file in a thread and sends it to the page that asked; one at a time for a page."""
+    """Makes files in a thread and sends them to their pages, one at a time per page."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -214,7 +214,7 @@ class ExportView:
 
 
 def made(asked: Exporting) -> tuple[str, bytes]:
-    """(suffix, content) of the file that is asked for."""
+    """Return (suffix, content) of the requested file."""
     match asked.what:
         case "csv":
             return "csv", table(asked.run)

@@ -29,8 +29,8 @@ from . import (
     waits_of,
 )
 
-MOST_EVENTS = 200  # of the log
-PARTS = ("form", "start", "drives", "kinds", "switches", "switchable")  # of a scenario
+MOST_EVENTS = 200  # limit on shown events of the log
+PARTS = ("form", "start", "drives", "kinds", "switches", "switchable")  # parts of the tab
 
 
 class ScenarioView:
@@ -53,7 +53,7 @@ class ScenarioView:
 
 
 def scenario(state: State, display: Display) -> Payload:
-    """Everything the tab shows; of a free run only that it is one."""
+    """Return everything the tab shows, which is little for a free run."""
     model, name = state.model, state.request.scenario
     listed = [[s.name, s.name] for s in model.scenarios]
     found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
@@ -116,7 +116,7 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
 
 
 def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
-    """What is active at the start; nothing where the model has no constraint and no contact."""
+    """Return the parts active at the start, [] without constraints and contacts."""
     found = []
     for name in ("constraints", "contacts"):
         own = getattr(s, name) is None

@@ -88,7 +88,7 @@ class CameraView:
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
         selected: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        """Set a camera; it is set again for another shape of the view, until a person moves it."""
+        """Set a camera, and again after each change of the view's shape until a person moves it."""
         self._views[handle.client_id] = which, selected
         self._followed.pop(handle.client_id, None)  # the page goes along from here on
         self._bridge.send(handle.client_id, "framed", which)
@@ -161,7 +161,7 @@ def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
 
 
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """Whether a page has the whole model in its picture, and not from far away."""
+    """True if a page shows the whole model, and not from far away."""
     corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
     if page.aspect is None or not holds(handle, state, page, corners, page.covered).all():
         return False
@@ -197,7 +197,7 @@ def holds(
     handle: viser.ClientHandle, state: State, page: Client, positions: np.ndarray,
     covered: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
-    """(n,) which positions (n, 3) a page has in its picture; none where it looks vertically."""
+    """Return a mask (n,) of positions (n, 3) in a page's picture, all False in vertical views."""
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)

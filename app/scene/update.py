@@ -1,4 +1,4 @@
-"""What the 3D view shows, and problems with mesh files (pure)."""
+"""Contents of the 3D view, and problems with mesh files (pure)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Showable = Literal[
 
 @dataclass(frozen=True)
 class Show(FromPage):
-    """A switch of the 3D view; "follow", the camera, belongs to one page."""
+    """Switch an overlay of the 3D view. "follow", the camera, belongs to one page."""
 
     what: Showable
     on: bool
@@ -55,7 +55,7 @@ class Viewport(FromPage):
     """The page's 3D view has this width over height."""
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
-    covered: Annotated[float, Field(ge=0, le=1)] = 0.0  # of its height, from the bottom
+    covered: Annotated[float, Field(ge=0, le=1)] = 0.0  # covered share of its height at the bottom
     turned: bool = False  # whether a person moved the camera since it was set
 
 

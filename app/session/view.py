@@ -1,4 +1,4 @@
-"""What one page is told alone: its selection, its theme, answers, notices and downloads."""
+"""Messages to single pages: selection, theme, answers, notices and downloads."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SessionView:
             self._bridge.send(client, "renamed", new.renamed)  # after what shows the new names
 
     def _others(self, old: State, new: State) -> None:
-        """Where everybody else is, to each page; again only where somebody moved."""
+        """Send each page the selections of the others, if they changed."""
         for client in new.clients:
             told = None if client not in old.clients else others(old, client)
             if told != (now := others(new, client)):
