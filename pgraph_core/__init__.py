@@ -140,7 +140,7 @@ _SAME = {  # other programs' names: ours
     "load": "Model.load", "run": "simulate", "solve": "simulate", "System": "Model",
     "MultibodySystem": "Model", "Link": "Body", "RigidBody": "Body", "Run": "Result",
 }  # fmt: skip
-_NEAR = {  # what is near, in another form
+_NEAR = {  # related names of ours
     "read": "Model.load", "open": "Model.load", "from_file": "Model.load",
     "Simulation": "simulate", "Simulator": "Stepper", "World": "Model", "Robot": "Model Mechanism",
     "Joint": "Body", "FreeJoint": "Body", "Damper": "Spring", "Torque": "Motor",

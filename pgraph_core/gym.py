@@ -34,8 +34,8 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "pgraph/QuadrupedPush-v0": {"push": True},
 }
 PLACE = "pgraph_models.quadruped_env"
-Reward = Callable[[Array, Array], Any]  # of (observation, action), one or one per row
-Ended = Callable[[Array], Any]  # of an observation, one or one per row
+Reward = Callable[[Array, Array], Any]  # function of (observation, action), one or one per row
+Ended = Callable[[Array], Any]  # function of an observation, one or one per row
 Start = Callable[[np.random.Generator], tuple[Any, Any]]  # (q, v) of an episode
 
 for _name, _options in ENVIRONMENTS.items():
@@ -60,15 +60,15 @@ def make(
     max_episode_steps: int | None = None,
     **options: Any,
 ) -> Any:
-    """An environment of a model; with `num_envs` a vector environment over one `BatchStepper`.
+    """Return an environment of a model, with `num_envs` a vector one over one `BatchStepper`.
 
     An action holds the inputs of the model's motors, servos and actuators, within their limits, or
-    the torques of all joints where the model has none. It acts for `dt` [s]. The observation
-    holds the model's outputs in order, or q and v where it has none. `reward` and `ended` are
-    functions of (observation, action) and of the observation, by default 0 and never; vector
-    environments call them with one row per instance. An episode also ends where the run fails.
-    `start(rng)` gives the (q, v) of an episode, by default those of the model. `options` are those
-    of `Stepper` or `BatchStepper`. Raises InputError.
+    the torques of all joints if the model has none. It acts for `dt` [s]. The observation holds
+    the model's outputs in order, or q and v if the model has none. `reward` and `ended` are
+    functions of (observation, action) and of the observation, by default 0 and never. Vector
+    environments call them with one row per instance. An episode also ends if the run fails.
+    `start(rng)` returns the (q, v) of an episode, by default those of the model. `options` are
+    those of `Stepper` or `BatchStepper`. Raises InputError.
     """
     task = Task(mechanism_of(model, "gym.make"), dt, reward, ended, start)
     if num_envs is not None:
@@ -83,7 +83,7 @@ def make(
 
 
 class Task:
-    """What an environment of a model observes, does and is rewarded for."""
+    """Observations, actions and rewards of an environment of a model."""
 
     def __init__(
         self,
@@ -140,7 +140,7 @@ class Task:
         return np.concatenate(rows, axis=-1).astype(np.float32)
 
     def state(self, rng: np.random.Generator) -> tuple[Any, Any]:
-        """(q, v) at which an episode starts; None for the model's."""
+        """Return the (q, v) at which an episode starts, None for the model's."""
         return (None, None) if self.start is None else self.start(rng)
 
     def checked(self, action: Any, space: Any) -> Array:
@@ -150,7 +150,7 @@ class Task:
 
 
 class ModelEnv(gymnasium.Env):
-    """One instance of a model; see `make`."""
+    """Environment of one instance of a model, see `make`."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own protocol)
 
@@ -194,7 +194,7 @@ class Many(Protocol):
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """(rewards, whether each has ended); those `over` start again after it."""
+        """Return rewards and a mask of ends. Instances that are `over` then start again."""
         ...
 
     def observed(self) -> Array:
@@ -203,14 +203,14 @@ class Many(Protocol):
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
-    """Many instances in one batch; one that has ended is started by the next step."""
+    """Environments in one batch. The step after the end of an episode starts another one."""
 
     metadata = {  # noqa: RUF012 (gymnasium's own protocol)
         "render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP
     }  # fmt: skip
 
     def __init__(self, many: Many, num_envs: int, observation: Any, action: Any, most: float):
-        """`observation` and `action` are the spaces of one; an episode has `most` steps."""
+        """Make environments with the spaces of one instance and `most` steps per episode."""
         self.many, self.num_envs, self._most = many, num_envs, most
         self.single_observation_space, self.single_action_space = observation, action
         self.observation_space = gymnasium.vector.utils.batch_space(observation, num_envs)
@@ -260,7 +260,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 
 class Instances:
-    """Instances of a model in a `BatchStepper`; see `make`. Motors and servos can be driven."""
+    """Instances of a model in a `BatchStepper` with driven motors and servos, see `make`."""
 
     def __init__(self, task: Task, size: int, options: dict[str, Any]):
         of_batch = {k: options.pop(k) for k in ("threads", "set") if k in options}

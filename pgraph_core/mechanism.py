@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
-HINTED = TRIED["Mechanism"]  # what other programs have as a method
+HINTED = TRIED["Mechanism"]  # methods of other programs
 
 
 @cache

@@ -105,14 +105,14 @@ SAME, NEAR = _table(_SAME), _table(_NEAR)
 
 
 def ours(name: str, known: Iterable[str]) -> str:
-    """Return the known name that another program's `name` stands for; "" if there is not one."""
+    """Return the known name that another program's `name` stands for, or ""."""
     names = set(known)
     found = [each for each in SAME.get(name, ()) if each in names]
     return found[0] if name not in names and len(found) == 1 else ""
 
 
 def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-    """Return arguments under our names; empty where none is to be renamed, or two say the same."""
+    """Return arguments under our names, {} if none is renamed or two have the same meaning."""
     names = list(known)
     pairs = [(ours(name, names) or name, value) for name, value in given.items()]
     changed = [name for name, _ in pairs] != list(given)
@@ -120,16 +120,16 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
 
 
 def chosen(value: Any, known: Iterable[str]) -> str:
-    """Return the choice that a word of another program stands for; "" if there is none."""
+    """Return the choice that a word of another program stands for, or ""."""
     word = value.lower() if isinstance(value, str) else ""
     names = list(known)
     return next((x for x in CHOICES.get(word, (word,)) if x in names and x != value), "")
 
 
 def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
-    """Return the known name that another program's `name` is near to; "" if there is none.
+    """Return the known name related to another program's `name`, or "".
 
-    `alike`: or that is spelt alike.
+    With `alike`, a name of similar spelling counts too.
     """
     names = list(known)
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
@@ -139,7 +139,7 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
 
 
 def synonym(name: Any, known: Iterable[str]) -> str:
-    """Return '; did you mean revolute?' for a choice by a word of other programs."""
+    """Return the hint "did you mean revolute?" for a choice by a word of other programs."""
     listed = list(known)
     word = name.lower() if isinstance(name, str) else ""
     found = chosen(name, listed) or next((x for x in NEAR_CHOICES.get(word, ()) if x in listed), "")

@@ -23,7 +23,7 @@ from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
 from .rows import Rows
 
 LISTED = 4
-TOO_LOW = "its error estimate may be too low"  # in notices that put the estimate in question
+TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
 LOOKS = 4  # parabolas through the eigenvalue
 NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
 

@@ -175,7 +175,7 @@ class Instances:
         return [Law(self.codes, {"": ends}), Law(self.kind, {"": kinds}), everything]
 
     def step(self, n: int) -> None:
-        """n steps of all instances that run; `given` acts."""
+        """Take n steps of all running instances with `given` torques."""
         self.control["fresh"][self.codes == at.RUNNING] = 0
         most = max(BETWEEN // len(self.codes), 1)
         while n > 0:
@@ -304,7 +304,7 @@ class TreeLanes(Instances):
         self._cut = bool(np.any((lags > 0.0) & (lags < 2.0 * (plan.step or 0.0))))
 
     def step(self, n: int) -> None:
-        """n steps of all instances that run; `given` acts."""
+        """Take n steps of all running instances with `given` torques."""
         for i in self._in_lanes(n, None).tolist():
             self.control["fresh"][i] = 0
             self._part(n, 0, i, i + 1)

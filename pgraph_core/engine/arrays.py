@@ -259,7 +259,7 @@ class Guard(NamedTuple):
     geometry: Any
     ground: Any
     candidates: Any
-    poses: Any  # of POSE, one a shape
+    poses: Any  # records of POSE, one per shape
     search: Any
     found: Any  # records of CONTACT
     limits: Any  # records of LIMIT: limits, then conditions

@@ -56,14 +56,14 @@ from .sentences import GROUND, PAIR, all_problems, in_our_words
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
-EVERY = "*"  # in a contact: every body that has a shape
+EVERY = "*"  # every body that has a shape, in a contact
 
 
 # -- declaring fields ------------------------------------------------------------------------------
 
 
 class About(NamedTuple):
-    """What a form shows of a field."""
+    """Description of a field for forms."""
 
     label: str
     unit: str = ""  # "length" and "angle" follow the page's units
@@ -113,7 +113,7 @@ PLAIN = frozenset((float, int, str))  # most of what a description holds
 
 
 def listed(value: Any) -> Any:
-    """Lists and NumPy arrays as tuples, NumPy scalars as numbers; other values unchanged."""
+    """Turn lists and NumPy arrays into tuples, NumPy scalars into numbers, and keep the rest."""
     kind = type(value)
     if kind in PLAIN:
         return value
@@ -128,14 +128,14 @@ def listed(value: Any) -> Any:
 
 
 def _ordered(value: Any) -> Any:
-    """As `listed`; a set, which has no first entry, is refused."""
+    """Return `listed`. Refuses sets, which have no order."""
     if isinstance(value, (set, frozenset)):
         raise ValueError("a set has no order")
     return listed(value)
 
 
 def _inertia(value: Any) -> Any:
-    """Return a matrix; three numbers are its diagonal."""
+    """Return a matrix, also from three numbers as its diagonal."""
     value = _ordered(value)
     if (
         isinstance(value, tuple)
@@ -239,7 +239,7 @@ def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
 
 
 def name_problem(name: str) -> str:
-    """What is wrong with the name of a part: it must show as what it is, in a table and a file."""
+    """Return the problem of the name of a part, which must be visible in tables and files."""
     if not name.strip():
         return f"must be text that is not empty; given {shown(name)}"
     if name != name.strip():
@@ -365,12 +365,12 @@ class Frozen(_Base):
     def copy(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, update: Mapping[str, Any] | None = None, deep: bool = False
     ) -> Self:
-        """As `model_copy`: validated, which pydantic's own is not."""
+        """Return `model_copy`, which is validated, unlike pydantic's own copy."""
         return self.model_copy(update=update, deep=deep)
 
     @classmethod
     def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
-        """As the class: validated."""
+        """Return a validated instance, as the class does."""
         return cls(**values)
 
     @classmethod
@@ -383,14 +383,14 @@ class Frozen(_Base):
         return super().model_copy(update=update)
 
     def __copy__(self) -> Self:
-        """The same fields; what is cached next to them may not be true of the copy's."""
+        """Copy the fields, but no cached values, which may not fit the copy."""
         copy = super().__copy__()
         for name in vars(copy).keys() - type(self).model_fields.keys():
             object.__delattr__(copy, name)
         return copy
 
     def __eq__(self, other: object) -> bool:
-        """Equal fields; what is cached next to them does not count."""
+        """Compare the fields, ignoring cached values."""
         if not isinstance(other, Frozen) or type(self) is not type(other):
             return NotImplemented
         mine, others = vars(self), vars(other)
@@ -461,20 +461,20 @@ def refuse_no_direction(**axes: Vec3 | None) -> None:
 
 
 def _validated_once(value: Any, validate: Callable[[Any], Any]) -> Any:
-    """A part that was validated is taken as it is; a copy of it with other fields is not."""
+    """Accept a validated part unchanged, but validate a copy with other fields."""
     if not isinstance(value, Frozen) or "checked" not in vars(value):
         value = validate(value)
         vars(value)["checked"] = True  # not a field: `__copy__` leaves it out
     return value
 
 
-Once = WrapValidator(_validated_once)  # of a part inside another
+Once = WrapValidator(_validated_once)  # validator of a part inside another
 
 
 class Described(Frozen):
     """A part with a name of its own: refused with every problem found, as sentences."""
 
-    WORD: ClassVar[str] = ""  # what sentences call it; "": the class's name
+    WORD: ClassVar[str] = ""  # its word in sentences, "" for the class's name
     # field -> fields that mean nothing without it: not reported where it is refused itself
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
@@ -496,7 +496,7 @@ class Described(Frozen):
 
     @classmethod
     def word(cls) -> str:
-        """What sentences call a part of this class."""
+        """Return the word for a part of this class in sentences."""
         return cls.WORD or cls.__name__.lower()
 
     @classmethod
@@ -511,7 +511,7 @@ class OfKinds(Described):
     The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
     """
 
-    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # of each class that names a part
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # kinds of each class that names a part
     # field -> its value in files where it has no meaning: older ones give it to every kind
     NOTHING: ClassVar[Mapping[str, Any]] = {}
     ABOUT: ClassVar[str] = ""  # of a kind: one line for who chooses
@@ -539,24 +539,24 @@ class OfKinds(Described):
 
     @property
     def pair(self) -> tuple[str, str]:
-        """The names of `body` and `other`; 'ground' for a kind without the second."""
+        """The names of `body` and `other`, "ground" for a kind without the second."""
         own = type(self).model_fields
         body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
         return body, other
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """Names of the bodies that it acts on, each once; the ground is none."""
+        """Names of the bodies that it acts on, each once, without the ground."""
         return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @classmethod
     def own_kind(cls) -> str:
-        """The kind that this class is; "" for a class of several."""
+        """Return the kind of this class, or "" for a class of several."""
         return _own_kind(cls)
 
     @classmethod
     def class_for(cls, data: Any) -> type[OfKinds]:
-        """The class for the fields of a part, or for a part; the first one for no known kind."""
+        """Return the class of a part or of its fields, the first one for an unknown kind."""
         if isinstance(data, cls):
             return type(data)
         kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -694,7 +694,7 @@ class OnSum(OfSums):
 
 
 def whole(value: Any) -> int | None:
-    """A whole number of Python or NumPy as an int; None for other values, True included."""
+    """Return a whole number of Python or NumPy as an int, or None, also for booleans."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
 
 
@@ -704,7 +704,7 @@ def fields_of(part: Frozen) -> dict[str, Any]:
 
 
 def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]:
-    """What is wrong with `data` as a `kind`, one Problem a field; none where it is valid."""
+    """Return the problems of `data` as a `kind`, one per field, [] if it is valid."""
     if isinstance(data, kind):
         return []
     if isinstance(data, Described):

@@ -25,9 +25,9 @@ from .options import FINER, SAME
 from .plan import RunPlan, fastest_rate, fastest_swings
 from .recording import Recording
 
-MORE = 1.25  # times the steps of a run: what a finer one takes at least
+MORE = 1.25  # least number of steps of a finer run relative to the run
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up
-VISIBLE = 0.01  # of the motion: an error that a person sees in a graph
+VISIBLE = 0.01  # error that is visible in a graph, relative to the motion
 EPS = float(np.finfo(float).eps)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
@@ -39,7 +39,7 @@ UNKNOWN = (
 class Estimate(NamedTuple):
     """The error of q at the times of a plan, the largest so far."""
 
-    error: Array | None = None  # (n,) [rad, m]; inf from where it is not known on
+    error: Array | None = None  # (n,) [rad, m], inf once it is unknown
     notices: tuple[str, ...] = ()
     why: str = ""  # there is none
 
@@ -67,7 +67,7 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
 
 
 def _estimated(record: Recording, plan: RunPlan) -> Estimate:
-    """Return the difference from a finer run; `plan` has the times that were recorded."""
+    """Return the difference from a finer run, where `plan` has the recorded times."""
     n = len(plan.times)
     if n < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(np.zeros(n))
@@ -130,7 +130,7 @@ def _left_open(record: Recording, n: int) -> Array | float:
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
     """Return a sentence on an error that is not known to the end, or that is large."""
     known = int(np.isfinite(error).sum())
-    digits = 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)  # so that times differ
+    digits = 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)  # enough to tell times apart
     if known < len(t):
         return (
             f"the error is not known from t = {t[known]:.{digits}g} s on, where a finer run goes "
@@ -212,7 +212,7 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     plan = replace(plan, parts=2 * plan.parts, way=way)
     if given is None:
         return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
-    frames = plan.times[: 0 if len(plan.method.tableau.dense) else None]  # that end steps
+    frames = plan.times[: 0 if len(plan.method.tableau.dense) else None]  # frames that end steps
     ends = np.union1d(plan.corners, frames)
     wide = np.diff(ends) > SAME * float(np.ptp(plan.times)) / steps
     halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
@@ -236,7 +236,7 @@ def _no_wider(plan: RunPlan, widest: float) -> RunPlan:
 
 
 def _until_its_end(record: Recording) -> RunPlan:
-    """Return the plan of a run with the times that it recorded; an event may have ended it."""
+    """Return the plan of a run with its recorded times, since an event may have ended it."""
     plan, n = record.planned, record.done
     if not record.ended.over:
         return plan

@@ -40,7 +40,7 @@ class Limit(NamedTuple):
     at_q: int
     sign: float
     value: float  # the bound itself times the sign
-    size: float  # what gaps are small against [rad, m]
+    size: float  # scale of gaps [rad, m]
 
 
 class ContactPoint(NamedTuple):

@@ -18,7 +18,7 @@ from .recording import Recording
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
-ORDER_1 = 2.0  # times the difference to a run at half the step: the error of a method of order 1
+ORDER_1 = 2.0  # error of a first-order method relative to the difference from half the step
 
 
 class Approach(NamedTuple):
@@ -97,7 +97,7 @@ class LimitGap(NamedTuple):
 
 
 def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
-    """Yield the limits of joints and tendons; those of lengths between points are left out."""
+    """Yield the limits of joints and tendons, but not of lengths between points."""
     ints, floats, terms, factors = tables.limit_blocks
     for name, block, values in zip(tables.limits, ints, floats):
         if block[at.B_TYPE] != at.T_SPAN:

@@ -18,7 +18,7 @@ from .options import steps_between
 from .plan import RunPlan
 from .recording import Recording
 
-FIRST = 0.125 ** np.arange(3.0)  # of a first step: ends near one that all runs share
+FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 
 
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
@@ -26,7 +26,7 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
 
     It records the times at which steps of both runs end.
     """
-    frames, half = np.append(0.0, np.cumsum(plan.substeps)), 0.5 / parts  # in steps of the plan
+    frames, half = np.append(0.0, np.cumsum(plan.substeps)), 0.5 / parts  # [steps of the plan]
     shared = frames[_shared(plan)]
     near = (shared[:-1, None] + half * FIRST).ravel()
     ends = np.unique(np.concatenate((shared, near, shared[1:] - half)))

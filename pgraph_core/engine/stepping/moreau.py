@@ -125,13 +125,13 @@ from .state import copied, size_of_state
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
-BOUND_ROUNDS = 5  # in which torques against turning find the normal impulses that bound them
-ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
-MOST_PARTS = 2000  # of a step, two for each impact that is located: a bound on its cost
-DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
-BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
-AHEAD = 1e-3  # of a bound of a length: a step's forces bring it there from no farther
-WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
+BOUND_ROUNDS = 5  # rounds of torsional friction and the normal impulses that bound it
+ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
+MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
+DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
+BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
+AHEAD = 1e-3  # distance from a bound of a length that a step's forces cover, relative to it
+WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
@@ -173,7 +173,7 @@ def moreau_jean(run, h):
         stuck = w == 0.0 and not changed(stages[at.TRIAL], stages[at.CANDIDATE], nq, nv)
         tally.cuts += 1
         done += w
-    if parts == MOST_PARTS:  # what is left was taken at once, as a time step without location
+    if parts == MOST_PARTS:  # the rest was taken at once, as a time step without location
         tally.crowded += 1
         if tally.crowded == 1:
             tally.crowded_time = t + done
@@ -394,11 +394,11 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
 
 @sweep
 def span_reaches(scene, i, w, v):
-    """Whether a length may pass its bound within a part of width w, in whose middle it is now.
+    """True if a length may pass its bound within a sub-step of width w, from its middle.
 
-    If so its block gets the speed at which it may go on: to be at the bound when the part ends, or
-    to move along it there. A speed u across it makes it longer by w² u² / (8 length) in half a
-    part, and turns it; so what swings on a length that is held keeps its energy.
+    Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
+    move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
+    and turns it. So a body that swings on a held length keeps its energy.
     """
     data = opened(scene)
     blocks, work, linear = data.blocks, data.work, data.space.linear
@@ -422,9 +422,9 @@ def span_reaches(scene, i, w, v):
 
 @part
 def lands_together(contacts, n, count):
-    """Whether another point between the shapes of point n is closed: an impact takes both.
+    """True if another point between the shapes of point n is closed, so an impact takes both.
 
-    Corners that arrive together do so to what earlier steps left of a symmetry.
+    Corners that arrive together do so up to the asymmetry that earlier steps left.
     """
     this = contacts.found[n]
     for m in range(count):
@@ -438,7 +438,7 @@ def lands_together(contacts, n, count):
 
 @part
 def carried(contacts, n):
-    """Whether contact point n pushed in the last step: what stands and turns drifts off."""
+    """True if contact point n pushed in the last step. Standing, rotating bodies drift off."""
     k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
     return k >= 0 and contacts.kept[k].value[0] > 0.0
 
@@ -497,7 +497,7 @@ def warm_start(scene, first, m):
 
 @sweep
 def solve(scene, m, first, ledger):
-    """Impulses; what they take goes into the ledger, how they were found into the tally."""
+    """Solve the impulses. Records their loss in the ledger and the solver's report in the tally."""
     data = opened(scene)
     tally = contacts_at(data.links.contacts).tally[0]
     solve_impulses(scene, m, first)
@@ -517,7 +517,7 @@ def solve(scene, m, first, ledger):
 
 @sweep
 def bounded_anew(scene, first):
-    """Bound what resists turning by the normal impulses found; whether a bound has changed."""
+    """Bound torsional friction by the normal impulses. Returns True if a bound has changed."""
     data = opened(scene)
     blocks, slots, lam = data.blocks, data.space.slots, data.space.vectors[LAMBDA]
     contacts = contacts_at(data.links.contacts)
@@ -580,7 +580,7 @@ def book(scene, first, t, h, last):
         for c in range(3):
             d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
             force = add_scaled(force, lam[r + c] / h, d)
-        if n >= found.shape[0]:  # of the contact point before
+        if n >= found.shape[0]:  # belongs to the previous contact point
             if last:
                 set_xyz(kept[count - 1].turn, scale(whole, (lam[r], lam[r + 1], lam[r + 2])))
             note_turn(opened(scene).links.contacts, n - found.shape[0], force)
@@ -605,7 +605,7 @@ def book(scene, first, t, h, last):
             place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
         if place_in >= 0:
             push = scale(whole, (lam[r], lam[r + 1], lam[r + 2]))
-            if tally.share < BRIEF and found[n].held[0] > 0.0:  # it goes on as before an impact
+            if tally.share < BRIEF and found[n].held[0] > 0.0:  # continues as before an impact
                 push = xyz(found[n].held)
             keep_point(kept[place_in], found[n], push)
             push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
@@ -639,7 +639,7 @@ def note_span(scene, i, force):
 
 @part
 def goes_on_sliding(lam, mu, closing, slip):
-    """1 where a point slides fast, or slips with all the friction that its cone has; else 0.
+    """Return 1 if a point slides fast, or slips with the full friction of its cone, else 0.
 
     `closing` is its normal velocity without impulses.
     """
@@ -664,7 +664,7 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 @part
 def log_depth(tally, depth, thickness, pair, t):
-    """Note how deep two things of some thickness penetrate [m]; of points, the depth as it is."""
+    """Record the penetration of two shapes of some thickness [m], of points the depth itself."""
     tally.penetration = max(tally.penetration, depth)
     share = depth / thickness if thickness > 0.0 else depth
     if share > tally.deepest:
@@ -676,7 +676,7 @@ def log_depth(tally, depth, thickness, pair, t):
 
 @part
 def thickness_at(contacts, n):
-    """Thickness of the thinner of the two at contact point n; their size, if they have none [m]."""
+    """Return the thickness of the thinner shape at contact point n, or the shapes' size [m]."""
     a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
     thick = 2.0 * thinner(contacts, a, b)
     return thick if thick > 0.0 else smaller_size(contacts, a, b)
@@ -748,7 +748,7 @@ def push_out(scene, first, h, q):
 
 @sweep
 def spans_beyond(scene, first, q):
-    """By how much a length is beyond its bound at q, at most [m]; each gap goes into its block."""
+    """Return the largest excess of a length over its bound at q [m], writing gaps to blocks."""
     data = opened(scene)
     blocks, vectors = data.blocks, data.space.vectors
     active = blocks.active
