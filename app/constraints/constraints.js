@@ -7,7 +7,7 @@
       make("div", { className: "top" },
         button("primary add-tie", "+ Add", "A constraint, contact, force, limit or loop", () => choose(host)),
         button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); }),
-        make("span", { className: "filter" }), make("span", { className: "spring" }), forms.units(false)),
+        make("span", { className: "filter" })),
       make("div", { className: "chooser", hidden: true }),
       make("div", { className: "report" }),
       make("div", { className: "lists" }));
@@ -33,7 +33,6 @@
   function draw(host, data) {
     const box = host.querySelector(".ties");
     filter(box.querySelector(".filter"), data);
-    forms.showUnits(box.querySelector(".units"), data.display);
     const assemble = box.querySelector(".assemble");
     assemble.disabled = data.assembling || !data.lists[0].items.length;
     report(box.querySelector(".report"), data.mobility);
@@ -60,9 +59,8 @@
   const open = (part, name) => send("OpenPart", { part, name });
 
   function section(box, list) {
-    if (!box.querySelector("h4")) box.append(make("h4", { textContent: list.title }), make("div", { className: "empty" }));
-    box.querySelector(".empty").textContent = list.items.length ? "" : "none";
-    box.querySelector(".empty").hidden = list.items.length > 0;
+    if (!box.querySelector("h4")) box.append(make("h4", { textContent: list.title }));
+    box.hidden = !list.items.length;
     pgraph.keyed(box, list.items, () => tie(list.part), (el, item) => fill(el, list.part, item));
   }
 
@@ -112,7 +110,8 @@
     const lines = data.limits.map(({ body, text }) => make("div", { className: "tie" }, make("div", { className: "line" },
       make("button", { className: "title", title: "edit in the properties of the body", onclick: () => send("Select", { body }) },
         make("strong", { textContent: body }), make("span", { className: "between", textContent: text })))));
-    box.replaceChildren(make("h4", { textContent: "Joint limits" }), ...(lines.length ? lines : [make("div", { className: "empty", textContent: "none" })]));
+    box.hidden = !lines.length;
+    box.replaceChildren(make("h4", { textContent: "Joint limits" }), ...lines);
   }
 
   // -- picking: a banner over the page; the tab makes room for the digraph and comes back --------

@@ -284,9 +284,10 @@ window.pgraph = (() => {
       if (halfTyped && !typing.classList.contains("waiting")) return; // the browser's own undo
       event.preventDefault();
       event.stopPropagation();
+      pgraph.cells.clear();
       pgraph.send(event.shiftKey || key === "y" ? "Redo" : "Undo");
     } else if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    else if (event.key === "Escape") { if (!pgraph.overlaid() && !pgraph.frame.smaller()) pgraph.send("Select", { body: null }); }
+    else if (event.key === "Escape") { if (!pgraph.cells.clear() && !pgraph.overlaid() && !pgraph.frame.smaller()) pgraph.send("Select", { body: null }); }
     else if (event.key === " " && !event.target.closest?.("button, dialog")) {
       event.preventDefault();
       if (event.shiftKey) pgraph.simulate(); else pgraph.play();

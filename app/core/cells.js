@@ -13,7 +13,7 @@ pgraph.cells = (() => {
     const few = Number(cell.dataset.digits ?? 7), rounded = (count) => String(Number(x.toPrecision(count)));
     // in a narrow cell the zeros before them, and a sign, take their room
     const text = few < 7 && x !== 0 && Math.abs(x) < 1 ? rounded(Math.max(2, few + (x > 0) + Math.floor(Math.log10(Math.abs(x))))) : rounded(few);
-    const small = x !== 0 && Math.abs(x) < 1e-3 && text.length > 7;
+    const small = x !== 0 && Math.abs(x) < 1e-3 && text.length > (few < 7 ? 6 : 7);
     return text.includes("e") ? String(Number(x.toPrecision(3))) : small ? x.toExponential(few < 7 && x < 0 ? 1 : 2).replace(/\.?0+e/, "e") : text;
   };
 
@@ -116,6 +116,14 @@ pgraph.cells = (() => {
     }
   }
 
+  // Refused text and notices go. Returns whether there were any.
+  function clear() {
+    const refused = document.querySelectorAll(".pgraph .cell.refused"), notes = document.querySelectorAll(".pgraph-toast:not(.good)");
+    refused.forEach(revert);
+    notes.forEach((note) => note.remove());
+    return refused.length + notes.length > 0;
+  }
+
   function noteOf(cell) {
     const note = (cell.closest("tr, .field, .ask") ?? cell.parentElement).nextElementSibling;
     return note?.classList.contains("sentence") ? (note.querySelector("td") ?? note) : null;
@@ -213,7 +221,7 @@ pgraph.cells = (() => {
     });
   }
 
-  return { set, reply, again, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
+  return { set, reply, again, clear, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);
 pgraph.on("opened", pgraph.cells.forget);

@@ -265,27 +265,26 @@ pgraph.forms = (() => {
   }
 
   // Units and forms of this page alone; the file has radians and metres.
-  function units(show) {
+  function units() {
     const toggle = (what, a, b) => make("button", {
       className: "action", "data-unit": what, title: "shown and typed in; files hold radians and metres",
       onclick: (event) => pgraph.send("SetDisplay", { what, value: event.target.textContent === a ? b : a }),
     });
     const box = make("span", { className: "units" }, toggle("angle", "rad", "deg"), toggle("length", "m", "mm"));
-    if (show) {
-      box.append(make("select", { className: "cell", "aria-label": "orientation as", title: "how orientations are shown",
-        onchange: (event) => pgraph.send("SetDisplay", { what: "turn", value: event.target.value }) },
-      ...[["quaternion", "quaternion"], ["euler", "roll pitch yaw"], ["axis", "axis and angle"]].map(([value, textContent]) => make("option", { value, textContent }))),
-      make("select", { className: "cell", "aria-label": "inertia about", title: "about which point the inertia is shown",
-        onchange: (event) => pgraph.send("SetDisplay", { what: "about", value: event.target.value }) },
-      ...[["com", "inertia: com"], ["origin", "inertia: origin"]].map(([value, textContent]) => make("option", { value, textContent }))));
-    }
+    box.append(make("select", { className: "cell", "aria-label": "orientation as", title: "how orientations are shown",
+      onchange: (event) => pgraph.send("SetDisplay", { what: "turn", value: event.target.value }) },
+    ...[["quaternion", "quaternion"], ["euler", "roll pitch yaw"], ["axis", "axis and angle"]].map(([value, textContent]) => make("option", { value, textContent }))),
+    make("select", { className: "cell", "aria-label": "inertia about", title: "about which point the inertia is shown",
+      onchange: (event) => pgraph.send("SetDisplay", { what: "about", value: event.target.value }) },
+    ...[["com", "inertia: centre"], ["origin", "inertia: origin"]].map(([value, textContent]) => make("option", { value, textContent }))));
     return box;
   }
   function showUnits(box, display) {
     box.querySelector('[data-unit="angle"]').textContent = display.angle;
     box.querySelector('[data-unit="length"]').textContent = display.length;
     const [turn, about] = box.querySelectorAll("select");
-    if (turn) { turn.value = display.turn; about.value = display.about; }
+    turn.value = display.turn;
+    about.value = display.about;
   }
 
   return { draw, units, showUnits };

@@ -77,7 +77,10 @@ def signals(state: State, client: Client) -> Payload:
     if len(several) > 1:
         name, of = f"{len(several)} bodies", of_several(state.model, several)
     scene = of_scene(state.plotted.result) if state.plotted is not None else []
-    apart = idle(state.plotted.result) if state.plotted is not None else set()
+    parts = [] if state.plotted is None else [state.plotted.result]
+    if state.live is not None:
+        parts = list(state.live.parts)
+    apart = set[str].intersection(*map(idle, parts)) if parts else set[str]()
     rest = [s for s in scene if s.kind.startswith("contact_") and s.of in apart]
     return {
         "body": name,

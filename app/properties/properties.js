@@ -21,7 +21,7 @@
   }
 
   function build(host) {
-    host.replaceChildren(make("div", { className: "properties" }, make("div"), make("details", { className: "display" }, make("summary", {}, "Units", make("span", { className: "state" })), forms.units(true))));
+    host.replaceChildren(make("div", { className: "properties" }, make("div"), make("details", { className: "display" }, make("summary", {}, "Units", make("span", { className: "state" })), forms.units())));
   }
 
   function draw(host, data) {

@@ -33,9 +33,10 @@ from .length import end_of
 from .world import world
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
-Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
+Q_NAMES = {"free": (*XYZ, *(f"q{x}" for x in WXYZ)), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
-SHORT = {"link": "Position", "com": "Centre"}  # short labels of fields
+# short labels of fields
+SHORT = {"link": "Position", "com": "Centre", "q": "Position", "v": "Velocity"}
 STAND_IN = "drawn as a plain rod or box until it has one"
 MOST_SHAPES = 12  # limit on shapes with a form
 DENSITIES = (

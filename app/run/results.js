@@ -24,7 +24,7 @@
   const FILES = [["html", "HTML", "A page that plays the run in 3D in any browser"], ["live", "Living figure", "A page in which the reader runs the model and changes its masses"],
     ["png", "Picture", "PNG of the pose shown, from the standard view"], ["svg", "SVG", "The same for print: sharp at every size"],
     ["mp4", "Film", "MP4 of the run, which any player shows"], ["gif", "GIF", "The run as a small film for slides and mails"],
-    ["csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["npz", "NPZ", "The run with its model, to open in Python"]];
+    ["csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["npz", "NPZ", "The run with its model, to open in Python; with meshes a zip, to be unpacked first"]];
   const MODELS = [["", "Model as JSON", "With mesh files a zip of that and them"], [".urdf", "Model as URDF", ""], [".xml", "Model as MJCF", ""]];
   const runs = () => Boolean(pgraph.latest.run?.summary);
   const items = () => [
@@ -32,10 +32,15 @@
     ...MODELS.map(([suffix, label, about]) => [label, "", () => send("Download", suffix ? { suffix } : {}), { className: "model-file", about }])];
   function exporter(host) {
     const open = make("button", { className: "bare outlined exports", title: "The run as a page, a picture, a film or a table; the model as a file" }, pgraph.icon("export"), text("span", "", "Export"));
-    host.replaceChildren(pgraph.menuButton(open, "export", items, { end: true }));
+    const bar = make("progress", { max: 1 }), cancel = pgraph.button("cancel", "Cancel", "Stop making the file", () => send("CancelExport"));
+    host.replaceChildren(make("span", { className: "making", hidden: true }, text("span", "", "Film"), bar, cancel), pgraph.menuButton(open, "export", items, { end: true }));
+  }
+  function making(host, data) {
+    host.querySelector(".making").hidden = data === null;
+    if (data) host.querySelector("progress").value = data.fraction;
   }
 
   pgraph.commands("Export", () => items().filter(Boolean).map(([label, , act, { about }]) => [`Export: ${label}`, "", act, about]));
   pgraph.view("compare", { build, run: draw });
-  pgraph.view("export", { build: exporter });
+  pgraph.view("export", { build: exporter, making });
 })();

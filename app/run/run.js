@@ -93,7 +93,7 @@
   // What the button does now.
   function button(el, { job, live, stale, empty, kernels }) {
     const playing = pgraph.latest.playback?.playing && !job, bar = el.querySelector("progress");
-    const word = job ? job.text : playing ? "Pause" : stale && !live ? "Run again" : "Play";
+    const word = job ? (job.fraction ? `Cancel ${job.text}` : "Cancel") : playing ? "Pause" : stale && !live ? "Run again" : "Play";
     if (el.dataset.icon !== (playing ? "pause" : job ? "stop" : "play")) {
       el.dataset.icon = playing ? "pause" : job ? "stop" : "play";
       el.querySelector("svg").replaceWith(icon(el.dataset.icon, 14));

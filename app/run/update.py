@@ -212,6 +212,18 @@ def export(state: State, event: Export) -> State:
 
 
 @dataclass(frozen=True)
+class CancelExport(FromPage):
+    """Stop making the file that was asked for last."""
+
+
+@on(CancelExport)
+def export_cancelled(state: State, event: CancelExport) -> State:
+    asked = state.exporting
+    mine = asked is not None and asked.client == event.client
+    return replace(state, exporting=None) if mine else state
+
+
+@dataclass(frozen=True)
 class Compiling(Event):
     """The compiler has done `done` of `total` kernels."""
 

@@ -6,6 +6,8 @@ import math
 import re
 import tempfile
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +30,7 @@ from ..scene.overlays import Overlays
 from . import FREE_RUN, Request
 from .trust import outcome, trust
 
+OFTEN = 0.2  # [s] between reports of how far a film is
 OPEN = 8  # masses that the reader of a living figure may change
 PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
 
@@ -181,40 +184,56 @@ class ExportView:
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        self._busy: set[int] = set()  # pages whose file is being made
+        self._making: dict[int, Exporting] = {}  # by page; another one or none: it is cancelled
 
     def render(self, old: State, new: State) -> None:
-        asked = new.exporting
-        if asked is not None and asked is not old.exporting:
+        asked, before = new.exporting, old.exporting
+        if asked is None and before is not None and self._making.get(before.client) is before:
+            del self._making[before.client]
+        if asked is not None and asked is not before:
             threading.Thread(
                 target=self._send, args=(asked,), name="pgraph-export", daemon=True
             ).start()
 
     def _send(self, asked: Exporting) -> None:
-        handle = self._bridge.server.get_clients().get(asked.client)
+        client, told = asked.client, 0.0
+        handle = self._bridge.server.get_clients().get(client)
         if handle is None:
             return
-        if asked.client in self._busy:
+        if client in self._making:
             text = "The file asked for before is still being made; ask again when it has come."
-            self._refuse(asked.client, text)
+            self._refuse(client, text)
             return
+        self._making[client] = asked
+
+        def progress(fraction: float) -> bool:
+            nonlocal told
+            if time.monotonic() - told > OFTEN:
+                told = time.monotonic()
+                self._bridge.send(client, "making", {"fraction": float(fraction)})
+            return self._making.get(client) is asked
+
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
-        self._busy.add(asked.client)
         try:
-            suffix, content = made(asked)
+            suffix, content = made(asked, progress)
         except Exception as error:  # shown on the page: the session goes on
-            self._refuse(asked.client, f"{type(error).__name__}: {error}")
+            self._refuse(client, f"{type(error).__name__}: {error}")
             return
         finally:
-            self._busy.discard(asked.client)
-        handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
+            if self._making.get(client) is asked:
+                del self._making[client]
+            self._bridge.send(client, "making", None)
+        if content:
+            handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
 
     def _refuse(self, client: int, text: str) -> None:
         self._bridge.send(client, "notice", {"title": "Not exported", "text": text, "bad": True})
 
 
-def made(asked: Exporting) -> tuple[str, bytes]:
-    """Return (suffix, content) of the requested file."""
+def made(
+    asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True
+) -> tuple[str, bytes]:
+    """Return (suffix, content) of the requested file; no content if it was cancelled."""
     match asked.what:
         case "csv":
             return "csv", table(asked.run)
@@ -223,7 +242,7 @@ def made(asked: Exporting) -> tuple[str, bytes]:
         case "live":
             return "live.html", living(asked.run)
         case "png" | "svg" | "mp4" | "gif":
-            return asked.what, drawn(asked)
+            return asked.what, drawn(asked, progress)
     return "html", animation(asked.run, asked.shown)
 
 
@@ -267,16 +286,16 @@ def living(run: Run) -> bytes:
         return page(run.result).encode()
 
 
-def drawn(asked: Exporting) -> bytes:
+def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
     """A picture of what is shown, or a film of the run, as they are drawn without a page."""
     run = asked.run.result
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"run.{asked.what}")
         if asked.what in ("mp4", "gif"):
-            run.to_film(path)
+            run.to_film(path, progress=progress)
         else:
             run.to_image(path, t=float(np.clip(asked.time, run.t[0], run.t[-1])))
-        return path.read_bytes()
+        return path.read_bytes() if path.exists() else b""
 
 
 def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:

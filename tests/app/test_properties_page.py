@@ -55,6 +55,7 @@ def unfold(page: Any, view: str) -> None:
 def test_an_impossible_inertia_is_refused_with_its_offer_and_repaired(bench, served):
     choose_body(bench, "2")
     before = model(served)
+    unfold(bench, "properties")
     field(bench, "inertia", 8).focus()
     bench.keyboard.type("1")  # said while it is typed
     bench.wait_for_selector(".offer")
@@ -120,6 +121,7 @@ def test_one_parameter_drives_two_links_and_units_never_reach_the_file(bench, se
         choose_body(bench, name)
         typed(field(bench, "link"), "=rod")
         until(lambda n=name: any(f.name == n for f in model(served).formulas), "a formula")
+    bench.locator("details.display summary").click()
     bench.locator('[data-view=properties] [data-unit="length"]').click()
     bench.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
     typed(field(bench, "com", 1), "5")
