@@ -84,12 +84,12 @@
 
   function fill(el, part, item) {
     el.classList.toggle("open", item.form !== null);
-    el.classList.toggle("off", item.active === false);
+    el.classList.toggle("off", item.active === false && !item.scenario);
     const box = el.querySelector('input[type="checkbox"]');
-    if (box) { box.checked = item.active; box.setAttribute("aria-label", `${item.name} acts`); }
+    if (box) { Object.assign(box, { checked: item.active, indeterminate: Boolean(item.scenario), title: item.scenario || "acts" }); box.setAttribute("aria-label", `${item.name} acts`); }
     el.querySelector("strong").textContent = item.name;
     el.querySelector(".between").textContent = item.between;
-    el.querySelector(".kind").textContent = item.kind;
+    el.querySelector(".kind").textContent = item.scenario || item.kind;
     el.querySelector(".title").title = `${item.name}: ${item.between}`;
     el.querySelector(".title").setAttribute("aria-expanded", String(item.form !== null));
     let form = el.querySelector(".form");

@@ -43,7 +43,7 @@ class ConstraintsView:
     def render(self, old: State, new: State) -> None:
         changed = new.derived is not old.derived or any(
             getattr(old, part) is not getattr(new, part)
-            for part in ("mobility", "mobility_asked", "errands")
+            for part in ("mobility", "mobility_asked", "errands", "request")
         )
         for client, now in new.clients.items():
             before = old.clients.get(client)
@@ -75,6 +75,16 @@ def constraints(state: State, page: Client) -> Payload:
     }
 
 
+def _switched(state: State, part: Part, item: Any) -> str:
+    """Return what the chosen scenario makes of a part, where that is not as in the model."""
+    name = state.request.scenario
+    scenario = next((s for s in state.model.scenarios if s.name == name), None)
+    listed = getattr(scenario, part, None) if part in ("constraints", "contacts") else None
+    if listed is None or (item.name in listed) == item.active:
+        return ""
+    return f"{'on' if item.name in listed else 'off'} in {name}"
+
+
 def _list(state: State, page: Client, part: Part) -> Payload:
     """Return one line per part (name, kind, bodies), and all fields of the opened one."""
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
@@ -87,6 +97,7 @@ def _list(state: State, page: Client, part: Part) -> Payload:
             "between": between(x),
             "bodies": [n for n in _bodies(x) if n in state.derived.number],
             "active": getattr(x, "active", None),
+            "scenario": _switched(state, part, x),
             "form": form(state, page.display, part, x) if page.opened == (part, x.name) else None,
         }
         for x in items

@@ -21,6 +21,7 @@
 
   function draw(host, data) {
     answered();
+    host.classList.toggle("all", !pgraph.latest.selected?.length); // its place, before it is looked at
     if (!pgraph.inView(host)) return;
     const $ = (selector) => host.querySelector(selector);
     $(".home").hidden = $(".use").hidden = !data.posed;
@@ -34,7 +35,6 @@
     const one = chosen.size === 1, items = rows.map((row, i) => ({ id: row.id, name: row.body, row, again: one || rows[i - 1]?.body === row.body }));
     host.firstChild.hidden = $(".joints").hidden = !rows.length;
     host.classList.toggle("one", one);
-    host.classList.toggle("all", !chosen.size);
     pgraph.keyed($(".joints"), items, joint, (line, item) => fill(line, item, data.selected));
   }
 
@@ -93,5 +93,5 @@
     if (act) later(act);
   }
 
-  pgraph.view("joints", { build, joints: draw, time: at, playback: at, selected: (host) => { if (pgraph.latest.joints) draw(host, pgraph.latest.joints); } });
+  pgraph.view("joints", { build, joints: draw, time: at, playback: at, selected: (host) => draw(host, pgraph.latest.joints ?? { rows: [] }) });
 })();

@@ -261,7 +261,7 @@ class _Form:
         what, text = ("it", name) if self.body.derived else ("mass, centre, inertia and tip", ALL)
         source = "the shapes" if self.body.shapes else "a rod along the body, its shape from now on"
         title = f"let {what} follow from {source}"
-        derive = button("derive", "", title, field="derived", index=[], text=text)
+        derive = button("From shape", "", title, field="derived", index=[], text=text)
         return {**row, "buttons": [*row["buttons"], derive]}
 
     def shape(self, at: int) -> list[Payload]:

@@ -121,7 +121,7 @@ def test_one_parameter_drives_two_links_and_units_never_reach_the_file(bench, se
         choose_body(bench, name)
         typed(field(bench, "link"), "=rod")
         until(lambda n=name: any(f.name == n for f in model(served).formulas), "a formula")
-    bench.locator("details.display summary").click()
+    unfold(bench, "properties")
     bench.locator('[data-view=properties] [data-unit="length"]').click()
     bench.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
     typed(field(bench, "com", 1), "5")

@@ -66,7 +66,7 @@ def test_a_page_that_comes_back_has_all_that_a_person_had_on_it(page, served):
 
     row(page, "shank").locator("td.number").click()
     page.wait_for_function("() => pgraph.latest.properties.bodies.join() === 'shank'")
-    page.locator("details.display summary").click()
+    page.evaluate("document.querySelector('details.display').open = true")
     page.locator('[data-view=properties] [data-unit="length"]').click()
     page.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
     field(page, "link", 1).fill("-3")
