@@ -2,8 +2,9 @@
 
 Only this file and `door.py` use names that viser 1.1.1 does not document. These are
 `RunJavascriptMessage`, a client's own connection, the event of a message buffer, a handle's uuid
-and `window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer. There are also
-`__viserSceneTree` (in bridge.js), `websockets.asyncio.server.serve` and the kinds of messages.
+and `window.__viserMutable`, whose `sendMessage` only complains without a connection and whose
+scene's `onBeforeRender` gets three.js's renderer. There are also `__viserSceneTree` (in
+bridge.js), `websockets.asyncio.server.serve` and the kinds of messages.
 `tests/app/test_bridge.py` and `test_door.py` have a test for each.
 """
 

@@ -35,6 +35,16 @@
   pgraph.toast = (text, good = false) => tell("", text, good);
   pgraph.on("notice", ({ title, text, bad }) => tell(title, text, !bad));
 
+  // -- a lost connection: viser then replaces how it sends by a function that only complains -------
+  const LOST = 2; // seconds in a row without it
+  let without = 0;
+  setInterval(() => {
+    without = String(window.__viserMutable?.sendMessage).includes("not connected") ? without + 1 : 0;
+    const sign = document.querySelector(".pgraph-lost"), on = without > LOST && "table" in pgraph.latest;
+    if (on && !sign) document.body.append(make("div", { className: "pgraph pgraph-lost", role: "alert", textContent: "Connection lost. Trying again; what you typed is kept. If it does not come back, start pgraph again and reload." }));
+    else if (!on) sign?.remove();
+  }, 1000);
+
   // -- what viser says: of downloads, of software GL, which is told once in a browser -------------
   const SLOW = "This browser draws without the graphics card: the 3D view is slow. Its settings have a switch for hardware acceleration.";
   function mirror(theirs) {

@@ -86,6 +86,20 @@ def test_a_taken_port_gives_the_next_one(served, leg, capsys):
         second.stop()
 
 
+def test_a_page_says_that_its_connection_is_lost(browser, leg):
+    own = serve(leg, port=0, open_browser=False)
+    page = browser.new_page()
+    try:
+        page.goto(own.url)
+        page.wait_for_selector("table.bodies tr[data-name]")
+        assert page.locator(".pgraph-lost").count() == 0
+        own.stop()
+        page.locator(".pgraph-lost").wait_for()
+    finally:
+        page.close()
+        own.stop()
+
+
 def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
     page.evaluate(
         """(text) => {

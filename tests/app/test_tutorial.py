@@ -35,6 +35,7 @@ def rename(page: Any) -> None:
 def bend(page: Any) -> None:
     """The three joints, and that pose as the initial state."""
     page.evaluate("pgraph.send('Select', { body: null })")  # as a click beside the bodies does
+    page.locator('.pgraph[data-view="joints"]').evaluate("(one) => one.scrollIntoView()")
     cells = page.locator('.pgraph[data-view="joints"] .joint .cell')
     until(lambda: cells.count() == 3, "all joints")
     cells.first.click()
