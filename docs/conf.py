@@ -11,6 +11,7 @@ from pathlib import Path
 
 from docutils.nodes import SkipNode
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.ext.napoleon import Config, NumpyDocstring
 
 from pgraph_app.cli.main import main as pgraph
 
@@ -117,15 +118,17 @@ def shown_output(output):
 
 
 def as_text(app, what, name, obj, options, lines):
-    """Docstrings are plain text: indented pieces are code, and only backticks are markup."""
+    """Make a docstring markup: indented text after a blank line is code, * and | are characters."""
     text, code = [], False
-    for line in lines:
+    for before, line in zip(["", *lines], lines):
         indented = line.startswith("    ")
-        if indented and not code:
+        if indented and not code and before in ("", "Fields:"):
             text += ["", "::", ""]
-        code = indented or (code and not line)
+            code = True
+        code = code and (indented or not line)
         text.append(line if code else re.sub(r"([|*])", r"\\\1", line))
-    lines[:] = text
+    sections = what not in ("attribute", "property", "data")
+    lines[:] = NumpyDocstring(text, Config(), app, what).lines() if sections else text
 
 
 def write_math(writer, node):

@@ -34,11 +34,16 @@ def _derivatives() -> Any:
 
 @explained
 class Mechanism(Dynamics):
-    """A model numbered depth-first and packed for the kernels.
+    """A model numbered depth-first and packed for the compiled kernels.
 
-    q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground. Nothing is
-    kept of a state: every answer is a function of its arguments.
-    Raises InputError for arrays of the wrong length or with numbers that are not finite.
+    q (nq,), v (nv,) and tau (nv,) are in number order, with names in `names`. Body 0 is the ground.
+    A mechanism keeps no state: every answer depends on its arguments only. Methods raise InputError
+    for arrays of the wrong length or with numbers that are not finite.
+
+    Example: the angular acceleration of two rods at rest.
+
+        mech = pg.Mechanism(pg.Model.serial(2))
+        vdot = mech.forward_dynamics(q=[0.1, 0.2], v=[0, 0])
     """
 
     def __dir__(self) -> Iterable[str]:
@@ -58,11 +63,33 @@ class Mechanism(Dynamics):
     def assemble(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
     ) -> tuple[Array, Array, Assembly]:
-        """(q, v, report): the state near (q, v) that meets its constraints, in the mass metric.
+        """Find the state nearest to (q, v) that meets the constraints.
 
-        All coordinates may move, those that you set too; a `pg.Motion` in the model holds one.
-        `active` names constraints, the model's active ones by default. Raises InputError that
-        names the constraints that cannot be met, and by how much they miss.
+        The distance is measured with the mass matrix. All coordinates may move, including those
+        that you set; a `pg.Motion` in the model holds one.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Configuration to start from, by default the initial one [rad, m].
+        v : (nv,) array, optional
+            Velocity to start from, by default the initial one [rad/s, m/s].
+        active : sequence of str, optional
+            Names of the constraints to meet, by default the active ones of the model.
+
+        Returns
+        -------
+        q : (nq,) array
+            The assembled configuration.
+        v : (nv,) array
+            The velocity that is consistent with it.
+        report : Assembly
+            The changes that were made, and the remaining errors.
+
+        Raises
+        ------
+        InputError
+            If constraints cannot be met. The message names them and says by how much they miss.
         """
         return assemble(self, q, v, active)
 
@@ -71,8 +98,24 @@ class Mechanism(Dynamics):
     ) -> Mobility:
         """Return degrees of freedom, redundant rows and singular positions at q.
 
-        Printing the result shows a report. `v` selects a branch at a singular position. Raises
-        InputError if the constraints cannot be met.
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Configuration, by default the initial one.
+        v : (nv,) array, optional
+            Velocity that selects a branch at a singular position.
+        active : sequence of str, optional
+            Names of constraints, by default the active ones of the model.
+
+        Returns
+        -------
+        Mobility
+            Printing it shows a report.
+
+        Raises
+        ------
+        InputError
+            If the constraints cannot be met.
         """
         return mobility(self, q, v, active)
 
@@ -85,15 +128,34 @@ class Mechanism(Dynamics):
         weights: Array | Mapping[str, float] | None = None,
         contacts: Sequence[str] | None = None,
     ) -> Array:
-        """τ (nv,) [N m, N] that gives v' with every active constraint imposed.
+        """Return the torques that give v' while all active constraints hold.
 
-        In addition to the passive forces; the inverse of `constrained_dynamics`. Of the torques
-        that do it, those of least Σ weights τ². `actuated`: names of bodies whose joints carry
-        torques, by default all. `weights`: > 0, (nv,) or by name of body. `contacts`: names of
-        contacts that carry at q; their forces stay within the friction cones, and leave the
-        torques as small as they can. Prescribed motions bring their own forces.
-        Raises InputError where q, v or v' break a constraint, or where no torque of these joints
-        gives the motion: what is left of the equations is above 1e-9 of the forces at hand.
+        This is the inverse of `constrained_dynamics`. The torques act in addition to the passive
+        forces of the model; prescribed motions bring their own forces. If several sets of torques
+        give the motion, the one with the least Σ weights τ² is returned.
+
+        Parameters
+        ----------
+        q, v, vdot : (nq,), (nv,) and (nv,) arrays
+            State and acceleration, which must satisfy the constraints.
+        actuated : sequence of str, optional
+            Names of the bodies whose joints carry torques, by default all.
+        weights : (nv,) array or dict, optional
+            Positive weights of the torques, in number order or by name of body.
+        contacts : sequence of str, optional
+            Names of the contacts that carry load at q. Their forces stay within the friction cones
+            and make the torques as small as possible.
+
+        Returns
+        -------
+        (nv,) array
+            Torques [N m] and forces [N].
+
+        Raises
+        ------
+        InputError
+            If q, v or v' violate a constraint, or if no torque of these joints gives the motion.
+            Then more than 1e-9 of the forces in the equations is left over.
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
@@ -103,39 +165,86 @@ class Mechanism(Dynamics):
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ, (nv, nv) each, of `forward_dynamics`.
+        """Return the derivatives of `forward_dynamics` with respect to q, v and τ.
 
-        Exact to rounding, about 1e-16 of the largest entry times the condition of M, springs and
-        dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
-        Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
+        They are exact to rounding: about 1e-16 of the largest entry times the condition number of
+        M. The contribution of springs between bodies comes from differences and is good to 1e-11.
+
+        Parameters
+        ----------
+        q, v : (nq,) and (nv,) arrays
+            State.
+        tau : (nv,) array, optional
+            Torques, by default zero.
+
+        Returns
+        -------
+        by_q, by_v, by_tau : (nv, nv) arrays
+            ∂v'/∂q, ∂v'/∂v and ∂v'/∂τ. The columns of the first belong to displacements along v, a
+            rotation vector in body axes for a ball joint, and not to entries of q.
         """
         return _derivatives()(self, q, v, tau)
 
     def linearise(
         self, q: Array | None = None, v: Array | None = None, scenario: str | None = None
     ) -> Linearisation:
-        """x' = drift + A x + B δτ about (q, v) in independent coordinates, with eigenvalues, modes.
+        """Linearise the equations of motion about a state: x' = drift + A x + B δτ.
 
-        About the initial state (of the scenario) unless q is given, at rest unless v is given;
-        with all forces and active constraints of a run at t = 0. Soft and penalty contacts are
-        springs and dampers here; rigid contacts and limits that are shut have no slope: `notices`
-        names them, and says where (q, v) is no equilibrium (`drift` is x' there). Rows that bind
-        velocities alone reduce the velocities only. Conservative mechanisms at rest have
-        eigenvalues ±iω from two symmetric problems, good to 1e-12 on a chain of 1000. Raises
-        InputError where the constraints cannot be met.
+        x holds independent coordinates and velocities. All forces and active constraints of a run
+        at t = 0 are included. Soft and penalty contacts act as springs and dampers. Closed rigid
+        contacts and limits have no slope and are named in `notices` of the result, which also says
+        if the state is no equilibrium. Constraints of velocities alone reduce the velocities only.
+        The eigenvalues of a conservative mechanism at rest are ±iω from two symmetric problems,
+        good to 1e-12 on a chain of 1000 bodies.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Configuration, by default the initial one of the scenario or of the model.
+        v : (nv,) array, optional
+            Velocity, by default zero if q is given.
+        scenario : str, optional
+            Name of a scenario.
+
+        Returns
+        -------
+        Linearisation
+            A, B and drift with eigenvalues and modes. Its `state_space` fits SciPy and
+            python-control.
+
+        Raises
+        ------
+        InputError
+            If the constraints cannot be met.
         """
         from .analysis.linear import linearise  # compiled for lanes
 
         return linearise(self, q, v, scenario)
 
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
-        """Return q (nq,) of an equilibrium near q, by default near the initial state.
+        """Find an equilibrium near q.
 
-        All forces of a run at t = 0 act, with the active constraints and the limits of joints.
-        Contacts and limits of tendons and springs are ignored, so bodies may end inside the ground.
-        If every force has an energy, it only decreases during the search, and the result is stable
-        unless the start is an equilibrium already. Raises InputError if none is found, naming the
-        joint that moves on.
+        All forces of a run at t = 0 act, with active constraints and joint limits. Contacts and
+        limits of tendons and springs are ignored, so bodies may end inside the ground. If all
+        forces have an energy, the search only decreases it: the result is stable unless the start
+        was an equilibrium.
+
+        Parameters
+        ----------
+        q : (nq,) array, optional
+            Configuration to start from, by default the initial one.
+        scenario : str, optional
+            Name of a scenario.
+
+        Returns
+        -------
+        (nq,) array
+            The configuration [rad, m].
+
+        Raises
+        ------
+        InputError
+            If no equilibrium is found. The message names the joint that moves on.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 
@@ -149,14 +258,34 @@ class Mechanism(Dynamics):
         scenario: str | None = None,
         starts: int = 32,
     ) -> Array:
-        """q (nq,) near q, the initial state by default, with bodies and sites at their targets.
+        """Find a configuration near q in which bodies and sites are at their targets.
 
-        A target is a place (3,) of the body's origin in the world [m], a pair of a place and a
-        rotation, (3, 3) or a quaternion [w, x, y, z], or {"place": ..., "rotation": ..., "point":
-        ...} with what is wanted; `point` is the body's point that goes to the place, in its axes.
-        Joint limits and active constraints hold. The search starts at q and, until the targets are
-        met, at `starts` - 1 random places within the limits, the same in each call. Raises
-        InputError naming the targets that are missed, and by how much at best.
+        Joint limits and active constraints hold. The search starts at q. If it fails, it starts
+        again from random configurations within the limits, the same ones in each call.
+
+        Parameters
+        ----------
+        targets : dict
+            Targets by name of body or site. A target is a place (3,) of the origin in the world
+            [m], a pair of a place and a rotation ((3, 3) or a quaternion [w, x, y, z]), or a
+            dictionary with some of "place", "rotation" and "point". "point" is the point of the
+            body, in its axes, that goes to the place.
+        q : (nq,) array, optional
+            Configuration to start from, by default the initial one.
+        scenario : str, optional
+            Name of the scenario whose initial state and active constraints count.
+        starts : int
+            Largest number of starts.
+
+        Returns
+        -------
+        (nq,) array
+            The configuration [rad, m].
+
+        Raises
+        ------
+        InputError
+            If targets are missed. The message names them and the smallest distances reached.
         """
         from .analysis.targets import inverse_kinematics
 

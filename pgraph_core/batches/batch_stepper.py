@@ -57,24 +57,43 @@ SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of i
 )
 @explained
 class BatchStepper(Portable):
-    """`size` instances of a mechanism, stepped together: trees, loops and contacts.
+    """Steps many instances of a mechanism together: trees, loops and contacts.
+
+    Every instance has its own state and takes the steps that it would take alone in a `Stepper`,
+    bit for bit, whatever its neighbours and the number of threads. Free trees that differ in their
+    bodies, and in the targets of servos without a limit, are stepped in SIMD lanes and agree to
+    rounding. An instance that fails stays at its last good state, is named in `failures`, and takes
+    no further steps until it is reset.
+
+    Parameters
+    ----------
+    mechanism : Mechanism or Model
+        The system to step.
+    size : int
+        Number of instances.
+    step, method, scenario, forces, stabilise, switches :
+        As in `Stepper`, the same for all instances.
+    tau : (nv,) or (size, nv) array, or callable, optional
+        Torques in every step, or a function of (t, q, v) compiled by `numba.njit`.
+    threads : int, optional
+        Number of threads, by default one for each core.
+    set : dict, optional
+        Numbers of the description that differ between instances: a path (see `sweep`) with one
+        value per instance. Further values wait for `reset(numbers=...)`. Each instance is
+        `Model.edit` of its numbers, which changes no others.
+
+    Raises
+    ------
+    InputError
+        If arguments do not fit.
+
+    Examples
+    --------
+    Sixty-four robots with trunks of 8 to 12 kg:
 
         batch = pg.BatchStepper(mech, 64, set={"bodies.trunk.mass": np.linspace(8, 12, 64)})
         for _ in range(1000):
             batch.step(-5 * batch.q - 0.1 * batch.v)
-
-    Each instance has its own state, and with `set` its own numbers of the description: a path (see
-    `sweep`) with one value for each instance, or more, which wait for `reset(numbers=...)`. An
-    instance is `Model.edit` of these: nothing else follows. All else is as of `Stepper`; `tau` is
-    an array (nv,) or (size, nv), or a function of (t, q, v) compiled by `numba.njit`.
-
-    An instance takes the steps that it would take alone in a `Stepper`, bit for bit, whatever its
-    neighbours and the number of `threads` (all cores by default). Free trees that differ in their
-    bodies, and in the targets of servos without a limit, are stepped in SIMD lanes, equal to
-    rounding. An instance that fails stays at its last good state, is named in `failures`, and takes
-    no further steps until it is reset.
-
-    Raises InputError for arguments that do not fit.
     """
 
     mech: Mechanism

@@ -50,11 +50,29 @@ INITIAL = "initial state"  # a keyframe of this name is that
 
 @explained
 def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
-    """(model, report) of an MJCF file, read by MuJoCo.
+    """Read an MJCF file by means of MuJoCo.
 
-    `roots` are folders that included files and meshes may lie in, besides the nearest folder above
-    the file with a package.xml, or its own. Raises FileError or ModelError, and MissingPackage
-    without MuJoCo.
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    roots : iterable of paths
+        Folders in which included files and meshes may lie, besides the nearest folder above the
+        file with a package.xml, or its own.
+
+    Returns
+    -------
+    model : Model
+        The model.
+    report : Report
+        Omissions and doubts. Printing it shows a list of sentences.
+
+    Raises
+    ------
+    FileError, ModelError
+        If the file cannot be read.
+    MissingPackage
+        If MuJoCo is not installed.
     """
     path = Path(path)
     files = _Files(path, Folders(path, roots))

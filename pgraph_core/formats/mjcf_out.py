@@ -44,12 +44,29 @@ WORLD = "world"
 
 @explained
 def write_mjcf(model: Model, path: str | Path) -> Report:
-    """Write the model as an MJCF file and report the parts that the format cannot hold.
+    """Write a model as an MJCF file.
 
-    It holds trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors, servos
-    and springs. Meshes from elsewhere are copied to `meshes` next to the file. Raises FileError,
-    and ModelError for free joints inside the tree, which MJCF does not have. Then nothing is
-    written.
+    The format holds trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors,
+    servos and springs. Meshes from other folders are copied to `meshes` next to the file.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    path : str or path
+        The file, with the suffix .xml or .mjcf.
+
+    Returns
+    -------
+    Report
+        The parts that the format cannot hold.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ModelError
+        If a free joint is inside the tree, which MJCF does not allow. Then nothing is written.
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():

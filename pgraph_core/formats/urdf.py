@@ -87,13 +87,36 @@ def read_urdf(
     base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> tuple[Model, Report]:
-    """(model, report) of a URDF file, or of a xacro file that makes one.
+    """Read a URDF file, or a xacro file that makes one.
 
-    `roots` are folders in which `package://` and other mesh files may lie, besides the nearest
-    folder above the file with a package.xml, or its own. `base`: whether the root link is welded
-    to the ground or floats. `arguments`: values for the arguments of a xacro file, which is a
-    program: read only those that you trust. Raises FileError or ModelError, naming line and
-    element, InputError, and MissingPackage for a xacro file without the package xacro.
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    roots : iterable of paths
+        Folders in which `package://` and other mesh files may lie, besides the nearest folder above
+        the file with a package.xml, or its own.
+    base : {"fixed", "free"}
+        Whether the root link is welded to the ground or floats.
+    arguments : dict, optional
+        Values for the arguments of a xacro file. Such a file is a program: read only those that you
+        trust.
+
+    Returns
+    -------
+    model : Model
+        The model.
+    report : Report
+        Omissions and doubts. Printing it shows a list of sentences.
+
+    Raises
+    ------
+    FileError, ModelError
+        If the file cannot be read. The message names line and element.
+    InputError
+        If arguments do not fit.
+    MissingPackage
+        If a xacro file needs the package xacro.
     """
     if base not in ("fixed", "free"):
         text = f"must be 'fixed' or 'free'; given {shown(base)}"

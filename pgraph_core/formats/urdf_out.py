@@ -27,10 +27,28 @@ TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
 @explained
 def write_urdf(model: Model, path: str | Path) -> Report:
-    """Write the model as a URDF file and report the parts that the format cannot hold.
+    """Write a model as a URDF file.
 
-    Meshes from elsewhere are copied to `meshes` next to the file. Raises FileError, and ModelError
-    for ball joints, which URDF does not have. Then nothing is written.
+    Meshes from other folders are copied to `meshes` next to the file.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    path : str or path
+        The file, with the suffix .urdf.
+
+    Returns
+    -------
+    Report
+        The parts that the format cannot hold.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ModelError
+        If the model has a ball joint, which URDF lacks. Then nothing is written.
     """
     path = named(path, ".urdf")
     if not path.parent.is_dir():

@@ -672,13 +672,27 @@ ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
 
 @explained
 def joined(runs: Sequence[Result], /) -> Result:
-    """One run from several that each begin where the one before ended, on the last one's mechanism.
+    """Join runs that each begin where the one before ended.
 
-    The frame at which two runs meet is kept once, as the later one has it: a body that was changed
-    in between, or an impact, shows there. Work, dissipation and the error estimate go on adding
-    up, as do counters and times; errors add up where the motion does not amplify them.
+    The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
+    once, as the later run has it, so that a changed body or an impact shows there. Work,
+    dissipation, counters, times and error estimates are summed. A sum of errors holds where the
+    motion does not amplify them.
 
-    Raises InputError if there is no run, or if two do not meet in time or differ in size.
+    Parameters
+    ----------
+    runs : sequence of Result
+        The runs in order.
+
+    Returns
+    -------
+    Result
+        One run.
+
+    Raises
+    ------
+    InputError
+        If there is no run, or if two runs do not meet in time or differ in size.
     """
     if not len(runs):
         raise InputError(Problem("joined", "runs", "needs one run at least; given none"))

@@ -57,52 +57,80 @@ def simulate(
     progress: Callable[[float], Any] | bool | None = None,
     estimate: bool | None = None,
 ) -> Result:
-    """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
+    """Simulate a mechanism, or a model, from `t_start` to `t_end`.
 
-    Starts at (q, v), by default at the initial state of the scenario or of the model. Each is an
-    array (nq,), (nv,) in the order of `mech.names`, or {body: value or values}, a dictionary or a
-    row of pandas, which leaves the others there. A list is refused where the model lists its bodies
-    in another order.
+    Parameters
+    ----------
+    mechanism : Mechanism or Model
+        The system to simulate.
+    q, v : array or dict, optional
+        Initial configuration (nq,) and velocity (nv,) in the order of `mech.names`, or values by
+        name of body, as a dictionary or a row of pandas. Coordinates that are not named keep the
+        values of the scenario or of the model. A list is refused if the model lists its bodies in
+        another order.
+    t_start, t_end : float
+        Time at the start and at the end [s].
+    method : str, optional
+        Name of an integration method; "auto" chooses. With rigid contacts or joint limits it takes
+        "moreau_jean" (time stepping), or with `rtol` "dop853" or "dopri5", which go from event to
+        event like "rk4" and "semi_implicit_euler". Event-driven runs always project onto the
+        constraints.
+    step : float, optional
+        Step [s]. Without `rtol` all steps have this width. Otherwise it is the largest step.
+    rtol, atol : float, optional
+        Tolerances of an adaptive method, by default 1e-8 and 0. The error of each step stays below
+        `rtol` times the mechanism's own scales (a radian, its length, its highest speeds) plus
+        `atol`.
+    max_steps : int
+        Largest number of adaptive steps.
+    tau : array, dict or callable, optional
+        Torques (nv,) or by name of body, or a function f(t, q, v) that is called at every stage. A
+        function compiled by `numba.njit` costs a hundredth of a Python function. A pulse shorter
+        than a step is missed: give `step`, or a `pg.Motor` with a table, at whose knots steps end.
+    frames : int, optional
+        Number of evenly spaced states to record, about 1000 by default.
+    t_eval : array, optional
+        Times to record instead of `frames` [s].
+    scenario : str, optional
+        Name of a scenario of the model. Other arguments override its fields.
+    forces : sequence of Force
+        Forces that act in addition to those of the model, with names of their own.
+    inputs : dict, optional
+        Inputs by name of motor, servo or actuator in place of the model's: numbers or a `pg.Table`
+        over time.
+    stabilise : {"project", "baumgarte", None}
+        How the drift of constraints is removed.
+    switches : sequence of tuple, optional
+        (t, name of a constraint, True or False) switches it on or off at t, between two steps. A
+        frame at t shows the state after it.
+    events : callable or sequence of callable
+        Functions f(t, q, v) whose zeros are located within steps, to rounding, and listed in
+        `run.user_events`. An attribute `direction` of 1 or -1 selects rising or falling zeros. One
+        with `terminal = True` ends the run with `Status.STOPPED`.
+    progress : callable or bool, optional
+        Function of the completed fraction; the run stops if it returns False. True shows a bar in a
+        terminal or notebook (tqdm).
+    estimate : bool, optional
+        Whether to estimate the error from a second run at half the step or a tighter tolerance,
+        which doubles the time. By default all runs do but those with a Python function `tau`, which
+        may have a memory. Without an estimate it is nan, and `message` says so.
 
-    Torques and forces: `tau` is an array (nv,), {body: value or values}, or a function f(t, q, v)
-    that is called at every stage; compiled by `numba.njit` it costs a hundredth of a Python
-    function. What it does between two stages, as a pulse shorter than a step, is not seen: give
-    `step`, or a `pg.Motor` with a table, at whose knots steps end. `forces` act in addition to
-    those of the model, under names of their own. `inputs`, by
-    name of a motor, servo or actuator, are numbers or a `pg.Table` over time in place of the
-    model's: {"knee": 0.5}. `scenario` names a scenario of the model; other arguments override its
-    fields.
+    Returns
+    -------
+    Result
+        The recorded motion. A numerical failure is a `Status` of it, not an exception.
 
-    Output: `frames` evenly spaced states, or the states at the times `t_eval`; by default about
-    a thousand.
+    Raises
+    ------
+    InputError
+        If arguments do not fit.
 
-    Steps: with a `step` [s] and no `rtol`, every step has that width. With `rtol`, or neither,
-    an adaptive method keeps the error of each step below `rtol` times the mechanism's own scales
-    (a radian, its length, its highest speeds) plus `atol`, by default 1e-8 and 0; `step` is then
-    the largest step, and `max_steps` the largest number of them.
+    Examples
+    --------
+    A double pendulum that swings for two seconds:
 
-    Constraints: `stabilise` keeps them by "project", "baumgarte" or not at all (None). `switches`
-    are (t, name of a constraint, True or False): the constraint is switched on or off at t,
-    between two steps; a frame at t shows the state after it.
-
-    `events` are functions f(t, q, v) whose zeros are located within steps, to rounding: see
-    `run.user_events`. With an attribute `direction` of 1 or -1 only rising or falling ones count;
-    one with `terminal = True` ends the run there with `Status.STOPPED`.
-
-    Rigid contacts and joint limits are handled by time stepping ("moreau_jean"), the choice of
-    "auto" without `rtol`, or from event to event by "dop853" and "dopri5", its choices with
-    `rtol`, and by "rk4" and "semi_implicit_euler". Event-driven runs always project.
-
-    `progress(fraction)` is called now and then; the run stops if it returns False. True shows a
-    bar, in a terminal or a notebook (tqdm).
-
-    The error is estimated from a finer run of the same motion, at half the step or a tighter
-    tolerance, which takes about twice the time; `estimate=False` leaves it out. A Python function
-    `tau` is called again for it with `estimate=True` only, since it may remember; without, the
-    estimate is nan and the run's `message` says so.
-
-    Returns a Result. Raises InputError for arguments that do not fit; a numerical failure is a
-    `Status` of the result.
+        run = pg.simulate(pg.Model.serial(2), t_end=2.0)
+        print(run.q[-1], run.error_estimate)
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")

@@ -54,23 +54,43 @@ FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an
 )
 @explained
 class Stepper(Portable):
-    """A mechanism that is stepped from outside: nothing is built between steps.
+    """Steps a mechanism one call at a time, with nothing built between steps.
+
+    The states are those of `simulate` with the same method and step, bit for bit.
+
+    Parameters
+    ----------
+    mechanism : Mechanism or Model
+        The system to step.
+    step : float, optional
+        Width of the steps [s], by default that of the scenario, else 1e-3.
+    method : str
+        Name of a method of fixed steps. "auto" takes that of the scenario if it is one, else
+        "moreau_jean" with contacts or joint limits, else "rk4". Rigid contacts and limits always
+        get "moreau_jean".
+    scenario, forces, inputs, stabilise :
+        As in `simulate`.
+    tau : (nv,) array or callable, optional
+        Torques in every step, or a function f(t, q, v), as in `simulate`.
+    switches : sequence, optional
+        Give () for a scenario that switches constraints later on, and call `switch` instead.
+    q, v : array or dict, optional
+        Initial state, by default that of the scenario or of the model.
+    t_start : float
+        Time at the start [s].
+
+    Raises
+    ------
+    InputError
+        If arguments do not fit, or if the initial state cannot meet the constraints.
+
+    Examples
+    --------
+    `q` and `v` are views that follow the steps: keep `st.q.copy()`.
 
         st = pg.Stepper(mech, step=1e-3)
         while st.t < 2.0:
             st.step(tau=-5 * st.q - 0.1 * st.v)
-
-    `q` and `v` are views that follow the steps: keep `st.q.copy()`. The states are those of
-    `simulate` with the same method and step, bit for bit. `step` [s] is that of the scenario by
-    default, else 1e-3. `method` is one of the fixed-step methods; "auto" is that of the scenario if
-    it is such a one, which rigid contacts and limits allow of moreau_jean alone; else moreau_jean
-    where contacts or joint limits are declared, else rk4. `tau` is an array (nv,) or a function
-    f(t, q, v), as of `simulate`, and acts in every step. `scenario`, `forces` and `stabilise` are
-    those of `simulate`. Constraints are switched by `switch`: for a scenario that switches some
-    later on, say so by `switches=()`.
-
-    Raises InputError for arguments that do not fit, and for an initial state in which the
-    constraints cannot be met.
     """
 
     mech: Mechanism

@@ -85,18 +85,47 @@ def stability_map(
     threads: int | None = None,
     progress: Callable[[float], Any] | None = None,
 ) -> StabilityMap:
-    """A verdict on every value of `axis`, method and step, from runs of `t_end` [s].
+    """Judge every combination of a value of `axis`, a method and a step.
 
-    Without `axis` it is the first that the model has: stiffness, damping, ..., mass, ...; without
-    `values` those of the axis and the model's own. Methods that are right most often come
-    first.
-    Each cell runs at its step and at half of it and is compared with a reference, two far finer
-    runs by different methods: OK means that its error is at most `target` [rad, or of the
-    mechanism's length]. (q, v) is the initial state, by default that of `scenario` or the model.
-    `budget` limits the evaluations of the dynamics, times elementary motions, of a run.
-    If `progress(fraction)` returns False, the map ends with the cells so far.
+    Each cell runs at its step and at half of it, and is compared with two far finer runs by
+    different methods. OK means that its error is at most `target`.
 
-    Raises InputError for arguments that do not fit, with the choices.
+    Parameters
+    ----------
+    mech : Mechanism or Model
+        The system to run.
+    q, v : array or dict, optional
+        Initial state, by default that of the scenario or of the model.
+    axis : str, optional
+        Quantity to vary, such as "stiffness", "damping" or "mass", by default the first that the
+        model has.
+    values : iterable of float, optional
+        Values of the axis, by default its own list with the value of the model.
+    methods, steps : iterable, optional
+        Names of methods and widths of steps [s]. By default the methods that are right most often
+        come first.
+    t_end : float, optional
+        Duration of the runs [s].
+    target : float
+        Largest error [rad, or relative to the mechanism's length].
+    scenario, stabilise :
+        As in `simulate`.
+    budget : int
+        Largest number of evaluations of the dynamics, times elementary motions, of a run.
+    threads : int, optional
+        Number of threads, by default one for each core.
+    progress : callable, optional
+        Function of the completed fraction. If it returns False, the map ends with the cells so far.
+
+    Returns
+    -------
+    StabilityMap
+        Printing it shows a table. `advice` recommends a method and a step.
+
+    Raises
+    ------
+    InputError
+        If arguments do not fit. The message lists the choices.
     """
     given = mech if isinstance(mech, Model) else mechanism_of(mech, CALL).model
     model, duration = in_scenario(given, scenario)

@@ -85,19 +85,59 @@ def work_precision(
     longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
-    """Measure error against run time of `methods` on the motion that `simulate` computes.
+    """Measure error against run time of several methods on one motion.
 
-    Adaptive methods run at `tolerances` (1e-2 .. 1e-12), the others at `steps` [s]
-    (h0 2^-k, k = 0 .. 8). `fixed` runs all at steps. Errors are dimensionless, over `frames` times
-    (docs/accuracy.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default
-    the finest run possible, whose own error is estimated and printed. `quantity` is "position",
-    "velocity" or "force" (of constraints). `peers` are names of other engines ("mujoco",
-    "pinocchio", "exudyn", "sundials", "scipy").
+    The motion is the one that `simulate` computes. Errors are dimensionless (docs/accuracy.md).
+    Failed runs stay in the table.
 
-    Times are processor times of whole calls on a built mechanism without an estimate, and of their
-    steps. `clock="wall"` includes time taken by other programs. Runs of more than `longest` seconds
-    are skipped, and failed runs stay in the table. If `progress(fraction)` returns False, the study
-    ends with the finished rows and `cancelled` set. Raises InputError.
+    Parameters
+    ----------
+    mech : Mechanism or Model
+        The system to run.
+    q, v : array or dict, optional
+        Initial state, by default that of the scenario or of the model.
+    t_end : float, optional
+        Duration [s], by default that of the scenario, else 1.
+    methods : sequence of str, optional
+        Names of methods.
+    steps : sequence of float, optional
+        Steps of the methods of fixed steps [s], by default h0 2^-k for k = 0 .. 8.
+    tolerances : sequence of float, optional
+        Tolerances of adaptive methods, by default 1e-2 .. 1e-12.
+    fixed : bool
+        Whether adaptive methods run at fixed `steps` too.
+    reference : Result, tuple, Case or Reference, optional
+        Motion to compare with, a tuple of times and configurations. By default it is the finest run
+        possible, with an estimate of its error.
+    rounds : int
+        Number of repetitions of each measurement.
+    clock : {"processor", "wall"}
+        Clock for whole calls on a built mechanism. "wall" includes time taken by other programs.
+    quantity : {"position", "velocity", "force"}
+        Quantity to compare; "force" is that of constraints.
+    scenario, tau, stabilise :
+        As in `simulate`.
+    target : float, optional
+        Error at which the methods are ranked.
+    frames : int
+        Number of times at which motions are compared.
+    peers : sequence of str
+        Other engines to run: "mujoco", "pinocchio", "exudyn", "sundials" and "scipy".
+    longest : float
+        Runs that would take longer are skipped [s].
+    progress : callable, optional
+        Function of the completed fraction. If it returns False, the study ends with the finished
+        rows and `cancelled` set.
+
+    Returns
+    -------
+    Study
+        The table of measurements.
+
+    Raises
+    ------
+    InputError
+        If arguments do not fit.
     """
     call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)

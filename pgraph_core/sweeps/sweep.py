@@ -158,28 +158,57 @@ def sweep(
 ) -> Sweep:
     """Run a model at many values of its fields, and measure each run.
 
-    `set` maps paths to values: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0"
-    or a parameter's name. Each point is `Model.edit` of these numbers and changes no others: a
-    body of another mass keeps its inertia. `samples` "grid" combines all values. "latin", "sobol"
-    and "random" take `n` points, with each path given as (low, high) or as a frozen distribution
-    of `scipy.stats`.
+    A sweep that takes longer than a second runs in several processes. In a script without `if
+    __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric that
+    cannot be pickled, such as a lambda. The table does not depend on where it is computed. A failed
+    point keeps its reason.
 
-    `metric` is a name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
-    `Result.columns`, or energy_drift, error_estimate, t_end, steps), a function of a run that
-    returns a number, or several in a list or dict. `options` go to `simulate`. The error is only
-    estimated with `estimate=True` or for a metric that needs it.
+    Parameters
+    ----------
+    model : Model or Mechanism
+        The model to vary.
+    set : dict
+        Values by path: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0" or the
+        name of a parameter. Each point is `Model.edit` of these numbers and changes no others: a
+        body of another mass keeps its inertia.
+    metric : str, callable, list or dict
+        A name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
+        `Result.columns`, or energy_drift, error_estimate, t_end or steps), a function of a run that
+        returns a number, or several of these.
+    scenario : str, optional
+        Name of the scenario to run.
+    samples : {"grid", "latin", "sobol", "random"}
+        "grid" combines all values. The others take `n` points, with each path given as (low, high)
+        or as a frozen distribution of `scipy.stats`.
+    n, seed : int
+        Number of points and seed of the samples.
+    workers : int, optional
+        Number of processes, by default one for each core.
+    scheduler : optional
+        Address of a Dask cluster to run on.
+    out : str or path, optional
+        File (.csv or .parquet) to write at the end. Until then `out` + ".part" holds the finished
+        points.
+    resume : bool
+        Whether to continue from an existing ".part" file, which is an error otherwise.
+    progress : callable or bool, optional
+        Function of the completed fraction; the sweep stops with the finished points if it returns
+        False. True shows a bar in a terminal or notebook (tqdm).
+    **options
+        Arguments of `simulate`. The error is estimated only with `estimate=True` or for a metric
+        that needs it.
 
-    A sweep that takes longer than a second runs in `workers` processes, all cores by default, or on
-    a Dask cluster at the address `scheduler`. The table does not depend on where it is computed. In
-    a script without `if __name__ == "__main__":` it runs in this process alone, with a warning, as
-    does a metric that cannot be pickled, such as a lambda.
+    Returns
+    -------
+    Sweep
+        A table with a row for each point.
 
-    `out` (.csv, .parquet) is written at the end. Until then a file `out` + ".part" holds the
-    finished points. `resume=True` continues from it. Otherwise an existing one is an error. A
-    failed point keeps its reason. If `progress(fraction)` returns False, the sweep stops with the
-    finished points. `progress=True` shows a bar in a terminal or notebook (tqdm).
-
-    Raises InputError, FileError.
+    Raises
+    ------
+    InputError
+        If arguments do not fit.
+    FileError
+        If `out` cannot be written or continued.
     """
     base = model.model if isinstance(model, Mechanism) else model
     if not isinstance(base, Model):
