@@ -198,10 +198,24 @@ class Dynamics(Portable):
         return system.q.copy(), system.v.copy()
 
     def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
-        """(q, v, reset): the state (q, v) of another mechanism, by names and kinds of joints.
+        """Carry the state of another mechanism over to this one.
 
-        A joint that the other has under the same name, with the same kinds of motions, keeps its
-        coordinates, whatever its parent; the joints named in `reset` take the model's initial ones.
+        Joints with the same name and the same kinds of motions keep their coordinates, whatever
+        their parents. Other joints take the initial values of the model.
+
+        Parameters
+        ----------
+        other : Mechanism
+            The other mechanism.
+        q, v : arrays
+            Its configuration and velocity.
+
+        Returns
+        -------
+        q, v : (nq,) and (nv,) arrays
+            The state of this mechanism.
+        reset : tuple of str
+            Names of the joints that took initial values.
         """
         return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
 
@@ -433,9 +447,23 @@ class Dynamics(Portable):
         wrench: Sequence[float] | Array,
         point: Sequence[float] | Array | None = None,
     ) -> Array:
-        """Return `external` (nb, 6) of one wrench (6,) [torque, force] on a body. Sums are allowed.
+        """Return the argument `external` for one wrench on a body. Several may be added.
 
-        The wrench is in world axes, at `point` in the body's axes, its `tip` unless given.
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        name : str
+            Name of the body.
+        wrench : (6,) sequence
+            [torque, force] in world axes [N m, N].
+        point : (3,) sequence, optional
+            Where it acts, in the axes of the body, by default at its `tip` [m].
+
+        Returns
+        -------
+        (nb, 6) array
+            [torque, force] on all bodies at their origins.
         """
         number = self.topology.number(name)
         external, wrench = np.zeros((self.nb, 6)), finite("wrench", wrench, 6)
@@ -469,9 +497,25 @@ class Dynamics(Portable):
         *,
         frame: str = "world",
     ) -> Array:
-        """J (6, nv), eq. (20): V = [angular, linear] of `point` of a body or site is J v.
+        """Return the Jacobian of a point of a body or site, eq. (20).
 
-        `point` is in its axes. `frame` is "world", or "body" for V in the axes of the body or site.
+        The velocity [angular, linear] of the point is J v.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+        name : str
+            Name of the body or site.
+        point : (3,) sequence
+            The point in its axes [m].
+        frame : {"world", "body"}
+            Axes of the velocity: those of the world, or those of the body or site.
+
+        Returns
+        -------
+        (6, nv) array
+            J.
         """
         q = position(self.packed, q)
         found = self._jacobian(q, *self._on_body(name, finite("point", point, 3)))
@@ -502,7 +546,9 @@ class Dynamics(Portable):
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
-        """J' v (6,): V' of `point` of a body or site is J v' + J' v (R6)."""
+        """Return J' v (6,), so that the acceleration of a point of a body or site is J v' + J' v
+        (R6).
+        """
         q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
         place = self._place(*self._on_body(name, finite("point", point, 3)))
         with self._lock:
@@ -510,7 +556,9 @@ class Dynamics(Portable):
         return bias
 
     def tip_jacobian(self, q: Array) -> Array:
-        """J (6 n_t, nv), eqs. (18)-(20), one block row a tip body, at the bodies' `tip` points."""
+        """Return J (6 n_t, nv) of the `tip` points of all tip bodies, eqs. (18)-(20), in the order
+        of `tips`.
+        """
         q = position(self.packed, q)
         points = [self.model.body(self.names[tip - 1]).tip_point for tip in self.tips]
         found = [self._jacobian(q, int(tip), point) for tip, point in zip(self.tips, points)]

@@ -42,12 +42,14 @@ REACH = 0.98  # largest reach of a step, relative to the stretched leg
 
 @explained
 class Controller(Portable):
-    """Torques (nv,) of a gait from (t, q, v), within limits, without memory or look-ahead.
+    """The joint torques of a gait, a function of (t, q, v) without memory or look-ahead.
 
-    It is given to `simulate` as `tau`, or made there of a scenario's gait. Its numbers for the
-    mechanism are those of the model it is made for: to see what a wrong mass does, give a
-    controller of one model to runs of another with the same joints. Raises InputError for a model
-    that cannot walk on the gait's feet, and for a speed that its legs cannot reach.
+    Give it to `simulate` as `tau`, or let a scenario with a gait make one. It computes with the
+    numbers of the model that it is made for. To study a wrong mass, give the controller of one
+    model to runs of another model with the same joints. Torques stay within their limits.
+
+    Raises InputError for a model that cannot walk on the feet of the gait, and for a speed that its
+    legs cannot reach.
     """
 
     def __init__(self, mech: Mechanism | Model, gait: Gait):

@@ -134,10 +134,11 @@ def underfoot(
     slope: float | None = None,
     steps: Sequence[Step] | None = None,
 ) -> Model:
-    """The model on different ground: the given properties change for all contacts with the ground.
+    """Return the model on different ground.
 
-    A law comes with the stiffness and damping of a paw's sole: with "penalty" explicit methods can
-    take steps of 0.25 ms, while "soft" needs an implicit method, "radau5".
+    The given properties replace those of all contacts with the ground. A law brings the stiffness
+    and damping of a paw's sole. With "penalty", explicit methods can take steps of 0.25 ms; "soft"
+    needs an implicit method, "radau5".
     """
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:

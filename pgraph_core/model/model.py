@@ -158,10 +158,25 @@ class Model(World):
         self, path: str | Path, /, *, what: Literal["view", "digraph"] = "view",
         size: tuple[int, int] | None = None, view: str = "start", dark: bool = False,
     ) -> None:  # fmt: skip
-        """Write a picture of the mechanism before it moves, or of its digraph: .png or .svg.
+        """Draw the mechanism before it moves, or its digraph. No screen is needed.
 
-        `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
-        "isometric". No screen is needed. Raises InputError, FileError.
+        Parameters
+        ----------
+        path : str or path
+            The file to write, with the suffix .png or .svg.
+        what : {"view", "digraph"}
+            What to draw.
+        size : (int, int), optional
+            Width and height in pixels.
+        view : {"start", "front", "side", "top", "isometric"}
+            Direction of the view.
+        dark : bool
+            Whether to draw on a dark background.
+
+        Raises
+        ------
+        InputError, FileError
+            If arguments do not fit, or the file cannot be written.
         """
         from ..show import pictures  # with its kernels, which a description has no need of
         from ..show.notebook import numbered
@@ -205,9 +220,9 @@ class Model(World):
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Parts of the file that act on the motion and are not in the model, a sentence each.
+        """Sentences on the parts of the file that affect the motion and are missing in the model.
 
-        Empty for files of Pgraph. Edits keep them, and each run has a notice of them.
+        It is empty for files of Pgraph. Edits keep it, and every run repeats it as notices.
         """
         return vars(self).get(LOST, ())
 
@@ -432,11 +447,38 @@ class Model(World):
         axis: Sequence[float] | None = None,
         other_axis: Sequence[float] | None = None,
     ) -> Self:
-        """A new model in which `parent` carries `body` too: a loop, cut at that joint.
+        """Return a new model in which a second body carries `body`: a loop, cut at that joint.
 
-        What is left of it is a constraint of the joint's kind, at `point` of the body (its tip)
-        and where that is in the initial state. `joint` and `axis` are those of the body's own
-        joint unless given. Raises ModelError for joints that no constraint stands for.
+        The cut becomes a constraint of the joint's kind.
+
+        Parameters
+        ----------
+        body, parent : str
+            Names of the body and of its second parent.
+        joint : str, optional
+            Kind of the second joint, by default that of the body's own joint.
+        name : str, optional
+            Name of the constraint.
+        point, other_point : (3,) sequence, optional
+            The place of the joint in the axes of the body, by default its tip, and in those of the
+            parent, by default where that point is in the initial state [m].
+        axis, other_axis : (3,) sequence, optional
+            The axis of the joint in the axes of both bodies, by default that of the body's own
+            joint.
+
+        Returns
+        -------
+        Model
+            The model with the loop.
+
+        Raises
+        ------
+        ModelError
+            If no constraint stands for the joint.
+
+        Examples
+        --------
+            loop = model.close_loop("coupler", "rocker")
         """
         if not isinstance(parent, str):
             text = f"must be the name of a body or 'ground'; given {shown(parent)}"
@@ -499,9 +541,24 @@ class Model(World):
         return model
 
     def add(self, part: Part, /, *, after: str | None = None) -> Self:
-        """A new model with one more body, constraint, contact, force, scenario, site or output.
+        """Return a new model with one more part.
 
-        It is the last of its kind, or stands next after the one called `after`. Raises ModelError.
+        Parameters
+        ----------
+        part : Body, Constraint, Contact, Force, Scenario, Site or Output
+            The part to add.
+        after : str, optional
+            Name of the part of the same kind that it follows. By default it becomes the last.
+
+        Returns
+        -------
+        Model
+            The model with the part.
+
+        Raises
+        ------
+        ModelError
+            If the part does not fit the model.
         """
         if not isinstance(part, Part):
             given = f"given {shown(part)} ({type(part).__name__})"
@@ -517,10 +574,24 @@ class Model(World):
         return self._with((), **{key: (*parts[:at], part, *parts[at:])})
 
     def edit_all(self, changes: Mapping[str, Mapping[str, Any]], /) -> Self:
-        """A new model with several bodies edited at once: all changes, or none and the reasons.
+        """Return a new model with several bodies edited at once.
 
-        `changes` is by present name; `parent` in it speaks of names as they will be. Otherwise as
-        `edit`, one body a time. Raises ModelError.
+        Either all changes are made or none. Otherwise the rules of `edit` apply.
+
+        Parameters
+        ----------
+        changes : dict
+            Changed fields by present name of the body. A `parent` in them is given by its new name.
+
+        Returns
+        -------
+        Model
+            The changed model.
+
+        Raises
+        ------
+        ModelError
+            If a change does not fit. The message has all reasons.
         """
         for name in changes:
             self.body(name)
@@ -589,10 +660,28 @@ class Model(World):
         return self._with([*told, *notices], bodies=bodies, **kept)
 
     def duplicate(self, name: str | Iterable[str], /, *, subtree: bool = True) -> Self:
-        """A new model with body `name` once more, and with what acts on it: a second leg.
+        """Return a new model with a second copy of a body and of what acts on it, such as a second
+        leg.
 
-        The copies hang where the originals do, in the rows below them, under free names: femur_2;
-        of a subtree all bodies that it carries are copied. Raises ModelError.
+        The copies have the same parents as the originals, stand in the rows below them, and get
+        free names such as femur_2.
+
+        Parameters
+        ----------
+        name : str or iterable of str
+            Name of the body, or of several.
+        subtree : bool
+            Whether the bodies that it carries are copied too.
+
+        Returns
+        -------
+        Model
+            The model with the copies.
+
+        Raises
+        ------
+        ModelError
+            If there is no such body.
         """
         given = [name] if isinstance(name, str) else list(name)
         if not given:
@@ -602,13 +691,29 @@ class Model(World):
         return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))
 
     def mirror(self, name: str, /, plane: Literal["x", "y", "z"] = "z") -> Self:
-        """A new model with the branch of body `name` reflected: a right leg from a left one.
+        """Return a new model with a mirror image of a branch, such as a right leg of a left one.
 
-        The plane goes through the origin of the parent of `name` and is normal to this axis of
-        the parent's frame at q = 0. Names change sides: left_femur, right_femur. Joints are such
-        that equal coordinates are mirrored poses, but for balls and free joints, whose turns are
-        axial vectors. What has no mirror image in this model is not copied, and `notices` says so.
-        Raises ModelError.
+        Names change sides: left_femur, right_femur. Equal coordinates are mirrored poses, except
+        for balls and free joints, whose rotations are axial vectors. Parts without a mirror image
+        are not copied, and `notices` names them.
+
+        Parameters
+        ----------
+        name : str
+            Name of the body at the root of the branch.
+        plane : {"x", "y", "z"}
+            Normal of the mirror, an axis of the parent's frame at q = 0. The mirror goes through
+            the origin of the parent.
+
+        Returns
+        -------
+        Model
+            The model with the image.
+
+        Raises
+        ------
+        ModelError
+            If the branch cannot be mirrored.
         """
         if plane not in ("x", "y", "z"):
             text = f"must be 'x', 'y' or 'z', the axis that it is normal to; given {shown(plane)}"
@@ -623,9 +728,19 @@ class Model(World):
         return self._with(notices, **parts)
 
     def move(self, name: str | Iterable[str], /, to: int) -> Self:
-        """A new model with body `name` in row `to` (from 0): the order of left children.
+        """Return a new model with a body in another row, which changes the order of left children.
 
-        Several keep their order and stand together, the first of them in row `to`.
+        Parameters
+        ----------
+        name : str or iterable of str
+            Name of the body. Several bodies keep their order and stand together.
+        to : int
+            Row of the first of them, from 0.
+
+        Returns
+        -------
+        Model
+            The model in the new order.
         """
         names = [name] if isinstance(name, str) else list(name)
         moved = {each: self.body(each) for each in names}
@@ -638,9 +753,10 @@ class Model(World):
         return self._with((), bodies=(*rest[:row], *block, *rest[row:]))
 
     def replace(self, **fields: Any) -> Self:
-        """A new model with other `gravity`, `up`, `ground`, `constraints`, `contacts`, ...
+        """Return a new model with other `gravity`, `up`, `ground`, `constraints`, `contacts` or the
+        like.
 
-        Gravity that points down along the old `up` points down along a new one too.
+        If `up` changes, gravity that pointed down points down along the new axis too.
         """
         if "up" in fields and self.gravity == DOWN[self.up]:
             fields = {"gravity": None, **fields}

@@ -162,9 +162,9 @@ class Result(EqualByFields, Hinting):
 
     @property
     def relative_error(self) -> Array:
-        """(n,) `error_at` over the motion: the farthest that a joint turns or moves from its start.
+        """(n,) `error_at` relative to the largest displacement of a joint from its start.
 
-        Where nothing moves, over 1.5e-8 of the mechanism's length.
+        Where nothing moves, it is relative to 1.5e-8 of the mechanism's length.
         """
         packed = self.mechanism.packed
         return self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)
@@ -233,12 +233,28 @@ class Result(EqualByFields, Hinting):
         return f"no body is named {name!r}{hint} choose one of {choices(joints)}"
 
     def at(self, t: Any) -> tuple[Array, Array, Any]:
-        """(q, v, error) at a time, or an array of times [s], between recorded frames.
+        """Interpolate the state between recorded frames.
 
-        q (nq,) and v (nv,), or (n, nq) and (n, nv); `error` is the estimated largest error of q
-        [rad, m]: that of the run at the next frame (`error_at`) and of interpolation. It is nan if
-        the run made no estimate, and inf after the time until which the error is known. Raises
-        InputError for times outside of the run.
+        Parameters
+        ----------
+        t : float or (n,) array
+            Times within the run [s].
+
+        Returns
+        -------
+        q : (nq,) or (n, nq) array
+            Configuration.
+        v : (nv,) or (n, nv) array
+            Velocity.
+        error : float or (n,) array
+            Estimated largest error of q, of the run at the next frame (`error_at`) and of the
+            interpolation [rad, m]. It is nan without an error estimate, and inf after the time
+            until which the error is known.
+
+        Raises
+        ------
+        InputError
+            If a time is outside of the run.
         """
         frames = (self.t, self.q, self.v, self.vdot)
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
@@ -260,10 +276,26 @@ class Result(EqualByFields, Hinting):
         return dataset(columns_of(self))
 
     def plot(self, *names: str) -> Any:
-        """A matplotlib figure of columns over time, by default of all coordinates.
+        """Plot columns over time with Matplotlib, by default all coordinates.
 
-        A name is that of a column or how several begin: "knee", "v", "energy", "contact_force".
-        Raises InputError for unknown names.
+        Parameters
+        ----------
+        names : str
+            Names of columns, or the beginnings of several: "knee", "v", "energy", "contact_force".
+
+        Returns
+        -------
+        Figure
+            A Matplotlib figure.
+
+        Raises
+        ------
+        InputError
+            If no column has such a name.
+
+        Examples
+        --------
+            run.plot("knee", "energy").savefig("knee.png")
         """
         columns, picked = columns_of(self), dict[str, Column]()
         for name in names or ("q",):
@@ -274,11 +306,24 @@ class Result(EqualByFields, Hinting):
         return _show().figure(self.t, picked, self.mechanism.model.name)
 
     def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
-        """Write the run as an animation in 3D: one HTML file that needs nothing else.
+        """Write the run as a 3D animation in one HTML file that needs nothing else.
 
-        `live`: as a figure in which the reader runs the mechanism, pulls on it, and changes what
-        `open` names, PATH or PATH=low:high, as in "bodies.lower.mass=0.2:5"; docs/gallery.md.
-        Raises InputError for fields that cannot be left open, FileError for other suffixes.
+        Parameters
+        ----------
+        path : str or path
+            The file to write.
+        live : bool
+            Whether readers can run the mechanism and pull on it (docs/gallery.md).
+        open : iterable of str
+            Fields that readers can change in a live figure, PATH or PATH=low:high, such as
+            "bodies.lower.mass=0.2:5".
+
+        Raises
+        ------
+        InputError
+            If a field cannot be left open.
+        FileError
+            If the file has another suffix or cannot be written.
         """
         if Path(path).suffix.lower() not in (".html", ".htm"):
             text = "is no page: give a name that ends in .html"
@@ -292,10 +337,25 @@ class Result(EqualByFields, Hinting):
         self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
         view: str = "start", dark: bool = False,
     ) -> None:  # fmt: skip
-        """Write a picture in 3D at the time `t` [s], by default at the start: .png or .svg.
+        """Draw the mechanism in 3D at one time of the run. No screen is needed.
 
-        `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
-        "isometric". No screen is needed. Raises InputError, FileError.
+        Parameters
+        ----------
+        path : str or path
+            The file to write, with the suffix .png or .svg.
+        t : float, optional
+            Time [s], by default the start.
+        size : (int, int)
+            Width and height in pixels.
+        view : {"start", "front", "side", "top", "isometric"}
+            Direction of the view.
+        dark : bool
+            Whether the background is dark.
+
+        Raises
+        ------
+        InputError, FileError
+            If arguments do not fit, or the file cannot be written.
         """
         from ..show import pictures  # with its kernels
 
@@ -315,11 +375,32 @@ class Result(EqualByFields, Hinting):
         speed: float = 1.0, view: str = "start", dark: bool = False,
         progress: Callable[[float], Any] | None = None,
     ) -> None:  # fmt: skip
-        """Write a film of the run as .mp4 (H.264) or .gif. `speed=0.5` plays at half speed.
+        """Write a film of the run.
 
-        `size` is (width, height) in pixels, `view` as in `to_image`. `progress(fraction)` is
-        called after each frame. Nothing is written if it returns False. Raises InputError,
-        FileError, and MissingPackage with the package to install.
+        Parameters
+        ----------
+        path : str or path
+            The file to write, .mp4 (H.264) or .gif.
+        speed : float
+            Playback speed: 0.5 plays at half speed.
+        fps : float
+            Pictures per second.
+        size : (int, int)
+            Width and height in pixels.
+        view : {"start", "front", "side", "top", "isometric"}
+            Direction of the view.
+        dark : bool
+            Whether the background is dark.
+        progress : callable, optional
+            Function of the completed fraction, called after each frame. Nothing is written if it
+            returns False.
+
+        Raises
+        ------
+        InputError, FileError
+            If arguments do not fit, or the file cannot be written.
+        MissingPackage
+            If a package has to be installed first.
         """
         options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
         from ..show import pictures

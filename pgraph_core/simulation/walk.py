@@ -24,10 +24,11 @@ EDGE = 1e-6  # s in which a push comes and goes
 
 @explained
 class Walk(Portable):
-    """A walking mechanism, stepped piece by piece with changes in between.
+    """A walk that is simulated piece by piece, with changes in between.
 
-    A page plays while it computes, with `walk = Walk(mech, scenario="trot")`:
+    A page plays the walk while it is computed:
 
+        walk = Walk(mech, scenario="trot")
         part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
         show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
         walk.change(speed=0.9)           # any field of the gait, whose clock and heading continue
@@ -36,8 +37,8 @@ class Walk(Portable):
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
     A piece continues where the last one ended, at absolute times, so the same changes at the same
-    times give the same bits. The controller has no memory, so (t, q, v, gait) is the whole state.
-    A fall is reported in the piece's warnings, and `fell` stays true.
+    times give the same bits. The controller has no memory: (t, q, v, gait) is the whole state. A
+    fall is reported in the warnings of the piece, and `fell` stays true.
     """
 
     def __init__(
