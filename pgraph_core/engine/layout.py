@@ -112,8 +112,8 @@ T_TURN = 10  # resistance to turning at a contact point: torques along DIR, with
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 
 # curves: float64 (nk, 5): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
-# there on, s = t - knot; before the first knot s = 0; the last piece goes on for ever (constant
-# where it ends a table). With B_KNOTS = SINE the only row is mean, amplitude, frequency [rad/s],
+# there on, s = t - knot; the first piece holds for all times before it and the last one for all
+# after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean, amplitude, frequency [rad/s],
 # phase: mean + amplitude sin(frequency t + phase)
 SINE = -1
 

@@ -248,13 +248,13 @@ def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
         case Polynomial(coefficients=c):
             return ((0.0, *c, *(0.0,) * (4 - len(c))),)
         case Table(t=t, value=value):
-            last = (t[-1], value[-1], 0.0, 0.0, 0.0)
+            first, last = ((t[k], value[k], 0.0, 0.0, 0.0) for k in (0, -1))
             if len(t) == 1:
                 return (last,)
             from scipy.interpolate import CubicSpline
 
             pieces = CubicSpline(t, value, bc_type="clamped").c[::-1].T
-            return (*((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
+            return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
 
 
 def _velocity(e: Endpoints, c: Velocity) -> list[Block]:

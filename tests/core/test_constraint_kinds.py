@@ -149,3 +149,20 @@ def test_a_gear_between_rotors_without_lengths(options):
     exact = 0.5 * push / (1 + ratio**2) * run.t**2
     np.testing.assert_allclose(run.q, np.column_stack((exact, ratio * exact + offset)), atol=1e-9)
     assert np.isfinite(run.error_estimate)
+
+
+@pytest.mark.parametrize("curve", [*CURVES, pg.Polynomial(coefficients=(0.3,))])
+@pytest.mark.parametrize("begin", [-4.0, -1.0, 0.25])
+def test_motions_hold_for_all_times(curve, begin):
+    """A polynomial and a sine before t = 0 too; a table is constant before its first knot."""
+    at = np.linspace(begin, begin + 4.0, 9)
+    start = prescribed(curve, begin)
+    body = pg.Body(name="b", joint="prismatic", q=start[:1], v=start[1:2])
+    drive = pg.Motion(name="m", body="b", q_of_t=curve)
+    model = pg.Model(bodies=(body,), constraints=(drive,))
+    run = pg.simulate(model, t_start=begin, t_end=begin + 4.0, t_eval=at)
+    known = np.array([prescribed(curve, t) for t in at])
+    size = np.abs(known).max()
+    assert run.q[:, 0] == pytest.approx(known[:, 0], abs=1e-9 * size)
+    assert run.v[:, 0] == pytest.approx(known[:, 1], abs=1e-9 * size)
+    assert run.vdot[:-1, 0] == pytest.approx(known[:-1, 2], abs=1e-9 * size)

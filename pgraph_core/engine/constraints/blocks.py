@@ -299,8 +299,6 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
     while k < last and t >= curves[k + 1, 0]:
         k += 1
     s = t - curves[k, 0]
-    if s < 0.0:
-        return curves[k, 1] if order == 0 else 0.0
     if order == 0:
         return curves[k, 1] + s * (curves[k, 2] + s * (curves[k, 3] + s * curves[k, 4]))
     if order == 1:
