@@ -113,8 +113,8 @@ T_TURN = 10  # resistance to turning at a contact point: torques along DIR, with
 
 # curves: float64 (nk, 5): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
 # there on, s = t - knot; the first piece holds for all times before it and the last one for all
-# after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean, amplitude, frequency [rad/s],
-# phase: mean + amplitude sin(frequency t + phase)
+# after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean,
+# amplitude, frequency [rad/s], phase: mean + amplitude sin(frequency t + phase)
 SINE = -1
 
 # active: int64 (nb + 1,): the number of active blocks, then their indices

@@ -180,7 +180,8 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps, record.steps.divided > 0)
     ahead = plan.onward() if record.met else plan
-    if ahead.tolerance is None and (ahead.impulses or record.user is not None):
+    rubs = (plan.drives.table["friction"] > 0.0).any()
+    if ahead.tolerance is None and (ahead.impulses or rubs or record.user is not None):
         finer = offset_plan(finer, ahead, 2)
     first = _again(record, finer)
     if given is None or given.fixed:
