@@ -20,7 +20,7 @@ from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
 from .grazing import limits_on_coordinates, undecided
-from .offset import apart, offset_plan
+from .offset import apart, may_jump, offset_plan
 from .options import FINER, SAME
 from .plan import RunPlan, fastest_rate, fastest_swings
 from .recording import Recording
@@ -78,7 +78,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     rows, length, q = record.mech.packed.rows, plan.length, record.out.q[:n]
     turned, moved = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
-    if ahead.tolerance is None and _pushed(record):
+    if ahead.tolerance is None and may_jump(record, ahead):
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1))
         if not isinstance(third, str):
             turned, moved = np.maximum((turned, moved), apart(record, third, n))
@@ -102,11 +102,6 @@ def _rounding(record: Recording, t: Array) -> Array:
     far, fastest = (float(np.abs(x[:n]).max(initial=0.0)) for x in (out.q, out.v))
     later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
     return EPS * (far + late * (fastest + later))
-
-
-def _pushed(record: Recording) -> bool:
-    """Return whether a contact or limit of time stepping has pushed, so that forces jumped."""
-    return record.scene.touching is not None and record.scene.touching.tally["force"] > 0.0
 
 
 def _left_open(record: Recording, n: int) -> Array | float:
@@ -180,8 +175,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps, record.steps.divided > 0)
     ahead = plan.onward() if record.met else plan
-    rubs = (plan.drives.table["friction"] > 0.0).any()
-    if ahead.tolerance is None and (ahead.impulses or rubs or record.user is not None):
+    if ahead.tolerance is None and (ahead.impulses or may_jump(record, ahead)):
         finer = offset_plan(finer, ahead, 2)
     first = _again(record, finer)
     if given is None or given.fixed:

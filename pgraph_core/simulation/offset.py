@@ -21,6 +21,17 @@ from .recording import Recording
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 
 
+def may_jump(record: Recording, plan: RunPlan) -> bool:
+    """Return whether forces may have jumped within steps.
+
+    Those of joint friction and of functions may. Those of contacts and limits of time stepping do
+    where one has pushed.
+    """
+    touching = record.scene.touching
+    pushed = touching is not None and touching.tally["force"] > 0.0
+    return pushed or record.user is not None or bool((plan.drives.table["friction"] > 0.0).any())
+
+
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     """Return the finer plan with given steps a `parts`-th as wide as those of `plan`, and half off.
 
