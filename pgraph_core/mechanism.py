@@ -267,8 +267,8 @@ class Mechanism(Dynamics):
         ----------
         targets : dict
             Targets by name of body or site. A target is a place (3,) of the origin in the world
-            [m], a pair of a place and a rotation ((3, 3) or a quaternion [w, x, y, z]), or a
-            dictionary with some of "place", "rotation" and "point". "point" is the point of the
+            [m], or a pair of a place and a rotation, (3, 3) or a quaternion [w, x, y, z]. A
+            dictionary has some of "place", "rotation" and "point". "point" is the point of the
             body, in its axes, that goes to the place.
         q : (nq,) array, optional
             Configuration to start from, by default the initial one.

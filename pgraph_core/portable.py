@@ -272,7 +272,7 @@ TRIED = {kind: {*SAME.get(kind, ()), *MEANT_BY[kind]} for kind in MEANT_BY}  # n
 
 
 def _elsewhere(kind: str, name: str) -> str:
-    """What to write in place of an attribute that a class of ours does not have; "" for others."""
+    """Return a hint on what replaces an attribute that a class of ours lacks, "" for others."""
     if name.startswith("_"):
         return ""
     if hint := MEANT_BY.get(kind, {}).get(name):
@@ -291,7 +291,7 @@ def _elsewhere(kind: str, name: str) -> str:
 
 
 def _of_this(value: Any, name: str) -> str:
-    """What a value has in place of an attribute: a part by that name, or a name like it."""
+    """Return a hint on a part of a value by this name, or on a similar name."""
     if name.startswith("_"):
         return ""
     own = vars(value)

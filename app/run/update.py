@@ -213,7 +213,7 @@ def export(state: State, event: Export) -> State:
 
 @dataclass(frozen=True)
 class CancelExport(FromPage):
-    """Stop making the file that was asked for last."""
+    """Stop making the last requested file."""
 
 
 @on(CancelExport)

@@ -233,7 +233,7 @@ class ExportView:
 def made(
     asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True
 ) -> tuple[str, bytes]:
-    """Return (suffix, content) of the requested file; no content if it was cancelled."""
+    """Return (suffix, content) of the requested file, without content if it was cancelled."""
     match asked.what:
         case "csv":
             return "csv", table(asked.run)

@@ -1,4 +1,4 @@
-"""What a scene is, as kernels take it: named tuples of arrays, and their kinds.
+"""The scene as kernels take it: named tuples of arrays, and their kinds.
 
 A *scene* is what never changes during a run, and the workspaces, in one tuple behind one address
 (`compiler.address`), so that every method takes the same, and a sweep one argument instead of all

@@ -335,7 +335,7 @@ class Body(Described):
         )
 
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
-        """As of any part; one that only names others keeps its numbers."""
+        """Return a copy with changed fields, which keeps its records if only names changed."""
         if ("shape" in update) != ("shapes" in update):
             update = {**update, **self._shapes_after(update)}
         copy = super().unchecked_copy(update)

@@ -158,9 +158,9 @@ def sweep(
 ) -> Sweep:
     """Run a model at many values of its fields, and measure each run.
 
-    A sweep that takes longer than a second runs in several processes. In a script without `if
-    __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric that
-    cannot be pickled, such as a lambda. The table does not depend on where it is computed. A failed
+    A sweep that takes longer than a second runs in several processes. In a script without
+    `if __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric
+    that cannot be pickled, such as a lambda. The table does not depend on where it is computed. A failed
     point keeps its reason.
 
     Parameters
@@ -172,9 +172,9 @@ def sweep(
         name of a parameter. Each point is `Model.edit` of these numbers and changes no others: a
         body of another mass keeps its inertia.
     metric : str, callable, list or dict
-        A name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
-        `Result.columns`, or energy_drift, error_estimate, t_end or steps), a function of a run that
-        returns a number, or several of these.
+        A name such as "max knee", a function of a run that returns a number, or several of these.
+        Names are final, max, min, mean, rms, peak or range of a column of `Result.columns`, and
+        energy_drift, error_estimate, t_end and steps.
     scenario : str, optional
         Name of the scenario to run.
     samples : {"grid", "latin", "sobol", "random"}

@@ -47,7 +47,7 @@ SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of 
 SAG = 0.2  # largest bend of the path in a sub-step, in half thicknesses of the thinner shape
 ARRIVED = 1e-12  # distance of a time from the end that counts as the end, relative to the sub-step
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
-CARRIED = -2  # in place of -1 (ground): arrived softly and no longer followed
+CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the ground)
 
 
 @part
