@@ -160,8 +160,8 @@ def sweep(
 
     A sweep that takes longer than a second runs in several processes. In a script without
     `if __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric
-    that cannot be pickled, such as a lambda. The table does not depend on where it is computed. A failed
-    point keeps its reason.
+    that cannot be pickled, such as a lambda. The table does not depend on where it is computed. A
+    failed point keeps its reason.
 
     Parameters
     ----------
