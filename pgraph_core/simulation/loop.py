@@ -31,8 +31,8 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
-from .options import FINER, FIXED_RTOL
-from .plan import RunPlan, Way, keep
+from .options import FINER, FIXED_RTOL, MOST_CHOSEN, RTOL
+from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
@@ -263,6 +263,23 @@ class Steps:
     def fraction(self) -> float:
         """Fraction of the run that is done, 0 to 1."""
         return float(min(1.0, (self.control["time"] - self.times[0]) / self.control["span"]))
+
+    def crawl(self) -> str:
+        """Return a sentence on a run that is to take more than MANY_STEPS at its widths so far.
+
+        It is not asked for before √MANY_STEPS steps, which a transient at the start may take.
+        """
+        n, given = int(self.counters["steps"]), self.tolerance
+        if given is None or given.fixed or n * n < MANY_STEPS or n <= MANY_STEPS * self.fraction():
+            return ""
+        count, t = n / max(self.fraction(), 1.0 / MOST_CHOSEN), float(self.control["time"])
+        width = (t - float(self.times[0])) / n
+        what = f"rtol={RTOL:g}, the default" if given.rtol < RTOL else "a larger rtol"
+        stiff = "" if self.plan.method.implicit else ", or method='radau5' if it is stiff"
+        return (
+            f"at t = {t:.4g} s the run takes steps of {width:.2g} s, {count:.2g} in all: give "
+            f"{what}{stiff}. A tolerance near rounding gains no digits"
+        )
 
     def notices(self) -> list[str]:
         """A notice of the fixed steps that were divided."""

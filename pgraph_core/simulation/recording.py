@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -64,6 +65,7 @@ class Recording:
     user: UserTorque | None = None  # caller of a torque function
     watch: Watch | None = None  # conditions of switches, then a user's events
     events: ContactEvents | None = None  # decisions at events of contact points
+    _crawls = ""  # the warning that the run would take very many steps
     met = ""  # description of the run until something came near
 
     def __init__(
@@ -333,6 +335,7 @@ class Recording:
             if code != at.RUNNING:
                 self.fail(code)
                 return
+            self._note_crawl()
             faster = CHUNK / (time.perf_counter() - began)
             budget = max(1, min(MOST_STEPS, int(budget * min(4.0, faster))))
             if progress is not None and _stops(progress(self.steps.fraction())):
@@ -340,6 +343,13 @@ class Recording:
                 text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"
                 self.ended.stop(Status.CANCELLED, text)
                 return
+
+    def _note_crawl(self) -> None:
+        """Warn at once, and once, of a run that would take very many steps."""
+        if self.coarser is None and not self._crawls and (text := self.steps.crawl()):
+            self._crawls = text
+            self.ended.notices.append(text)
+            warnings.warn(text, stacklevel=2)
 
     def fail(self, code: int) -> None:
         """End the run for a kernel's status code. Raises what a user's function raised."""

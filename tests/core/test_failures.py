@@ -1,5 +1,7 @@
 """Runs that fail at once, absurd numbers, and models in which nothing moves."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,45 @@ def test_a_start_in_degrees_is_noticed():
     for body, q in ((far, [90.0]), (model.bodies[0], [1.5]), (model.bodies[0], [31.4])):
         quiet = pg.simulate(pg.Model(bodies=[body]), q=q, t_end=0.01).notices
         assert not any("radians" in text for text in quiet)
+
+
+def heavy_tip(count, ratio):
+    """A chain whose last body has `ratio` times the mass of the others."""
+    bodies = [
+        pg.Body(
+            name=f"b{k}", parent=f"b{k - 1}" if k else "ground", link=(float(k > 0), 0, 0),
+            com=(1, 0, 0), axes=((0, 1, 0),), mass=ratio if k == count - 1 else 1.0,
+            inertia=np.eye(3) * 0.01, q=(0.3,),
+        )
+        for k in range(count)
+    ]  # fmt: skip
+    return pg.Model(bodies=tuple(bodies))
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        (heavy_tip(8, 1e6), {"method": "dop853", "rtol": 1e-13}),
+        (heavy_tip(5, 1e8), {"method": "dopri5", "rtol": 1e-13}),
+        (
+            pg.Model(bodies=(pg.Body(name="b", inertia=np.eye(3), stiffness=(1e14,), q=(0.1,)),)),
+            {"method": "dop853"},
+        ),
+    ],
+)
+def test_a_run_that_crawls_says_so_early_and_proposes_a_setting(
+    model: pg.Model, options: dict[str, Any]
+):
+    with pytest.warns(UserWarning, match="rtol"):
+        run = pg.simulate(model, t_end=100.0, max_steps=20_000, frames=11, **options)
+    assert not run.status.ok
+    (text,) = (text for text in run.notices if "in all" in text)
+    assert "radau5" in text
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e6])
+def test_a_run_of_reasonable_steps_is_not_called_slow(ratio, recwarn):
+    run = pg.simulate(heavy_tip(4, ratio), t_end=5.0, rtol=1e-8, estimate=False)
+    assert run.status.ok
+    assert not any("in all" in text for text in run.notices)
+    assert not recwarn.list
