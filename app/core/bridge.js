@@ -71,6 +71,7 @@ window.pgraph = (() => {
   // frame takes a core for a fifth of a second or more. A frame that shows what the one before it
   // showed is drawn ever more rarely.
   const RARELY = 16e3; // [ms]
+  const NEUTRAL = 7; // of three.js: hues as they are given (Khronos PBR Neutral)
   let asked = true, watchedScene = null;
   const ownMaterials = []; // acts before each frame, on materials that viser may have made again
   function drawChanges(scene) {
@@ -78,6 +79,7 @@ window.pgraph = (() => {
     watchedScene = scene;
     scene.onBeforeRender = (gl) => {
       delete scene.onBeforeRender;
+      gl.toneMapping = NEUTRAL;
       gl.debug.checkShaderErrors = false; // to ask waits for the compiler
       const draw = gl.render, keep = (program) => { if (!program.pgraphKept) { program.pgraphKept = true; program.usedTimes++; } };
       let last = null, drawn = 0, pause = 500;
@@ -195,6 +197,7 @@ window.pgraph = (() => {
         for (const one of [material ?? []].flat()) change(one);
       }));
     },
+    frame(act) { ownMaterials.push(act); }, // before each frame
     turned([x, y, z]) {
       const [w, a, b, c] = window.__viserSceneTree?.getState()[""]?.wxyz ?? [1, 0, 0, 0];
       const [u, v, t] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];

@@ -15,7 +15,6 @@ from typing import Any, Literal
 import pgraph_core as pg
 from pgraph_core.model.model import PARTS
 from pgraph_core.model.parameters import evaluated
-from pgraph_core.show.shapes import Color
 
 Quantity = Literal["angle", "length", "mass", "number"]
 ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*", re.ASCII)
@@ -313,7 +312,6 @@ class Rows:
     """The numbers of the rows of every list that was changed."""
 
     known: Mapping[Key, tuple[int, ...]] = field_(default_factory=dict)
-    colors: Mapping[int, Color] = field_(default_factory=dict)  # by number of a body
     given: Mapping[Key, int] = field_(default_factory=dict)  # numbers below were given to a row
 
     def of(self, key: Key, count: int) -> tuple[int, ...]:

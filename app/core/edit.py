@@ -16,11 +16,9 @@ from typing import Any
 import pgraph_core as pg
 from pgraph_core.errors import counted
 from pgraph_core.model.model import TOLD
-from pgraph_core.show.shapes import Color, colors_beside
 
 from ..gait import Walking
 from ..model import Step
-from ..model.derived import derive
 from ..plots import MANY
 from ..run import FREE_RUN, Live, Run, first_request
 from .cells import LISTS, Key, Refusal, Rows, names_of
@@ -155,8 +153,6 @@ def showing(
     else:
         back = earlier and (earlier.model, earlier.rows)
         rows = followed(state.rows, state.model, model, changed, at, back)
-        if state.model.bodies is not model.bodies:
-            rows = replace(rows, colors=_painted(state, rows, model))
     clients = {
         key: _named(_follows(client, state.model, model), names)
         for key, client in state.clients.items()
@@ -391,7 +387,7 @@ def followed(
     a, b = old.ground.steps, new.ground.steps
     if a != b:
         put(("ground", "steps"), len(a), _kept(a, b, at))
-    return Rows(known, rows.colors, given)
+    return Rows(known, given)
 
 
 def _kept(old: Sequence[Any], new: Sequence[Any], at: int | None) -> Places:
@@ -451,15 +447,3 @@ def _of_scenario(old: pg.Scenario, new: pg.Scenario, at: int | None) -> Inner:
 
 
 INNER: Mapping[str, Any] = {"bodies": _of_body, "contacts": _of_contact, "scenarios": _of_scenario}
-
-
-def _painted(state: State, found: Rows, new: pg.Model) -> Mapping[int, Color]:
-    """Bodies that are there keep their colours; new ones get others."""
-    rows, old = state.rows, state.model
-    if [(x.name, x.parent) for x in old.bodies] == [(x.name, x.parent) for x in new.bodies]:
-        return rows.colors
-    a, b = state.derived, derive(new)
-    before, after = rows.named(old, "bodies"), found.named(new, "bodies")
-    had = dict(zip((before[name] for name in a.names), state.colors)) | dict(rows.colors)
-    now = colors_beside(b.parent, [had.get(after[name]) for name in b.names])
-    return had | {after[name]: color for name, color in zip(b.names, now)}

@@ -10,7 +10,6 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.animation import between
-from pgraph_core.show.shapes import Color
 
 from ..constraints import MobilityReport, Picking
 from ..gait import Change, Walking
@@ -65,7 +64,6 @@ class Client:
     selected: tuple[str, ...] = ()  # all selected bodies in the table's order
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
-    covered: float = 0.0  # share of its 3D view that panels cover, from the bottom
     turned: bool = False  # whether a person moved its camera since it was set
     reply: Reply | None = None
     notice: Notice | None = None
@@ -78,7 +76,7 @@ class Client:
     walk: str = ""  # stepped figure: "pgraph" (Fig. 4), "frames" (Fig. 8) or ""
     sees: frozenset[str] = frozenset()  # the views of hidden tabs that it has in sight
     gallery: int = 0  # how often it asked for the pictures of the models
-    follow: bool = False  # whether its camera goes along
+    follow: bool = True  # whether its camera goes along with what travels
     view: tuple[int, str] = (0, "")  # how often a view was asked for, and which
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
@@ -139,15 +137,6 @@ class State:
     def derived(self) -> Derived:
         """Data derived from the model."""
         return derive(self.model)
-
-    @property
-    def colors(self) -> tuple[Color, ...]:
-        """Of the bodies, by number: each keeps its own whatever else is put in or taken out."""
-        own, d = self.rows.colors, self.derived
-        if not own:
-            return d.colors  # of the model as it was opened: a hue for each branch
-        number = self.rows.named(self.model, "bodies")
-        return tuple(own.get(number[name], color) for name, color in zip(d.names, d.colors))
 
     @property
     def renamed(self) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from pgraph_core.errors import counted
-from pgraph_core.show.shapes import Color
+from pgraph_core.show.shapes import hue_of
 
 from .bridge import Bridge
 from .cells import Payload as Payload
@@ -37,9 +37,9 @@ def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
     ]  # fmt: skip
 
 
-def css(color: Color) -> str:
-    """A colour as the page writes it."""
-    return "#{:02x}{:02x}{:02x}".format(*color)
+def hue(branch: int) -> str:
+    """The hue of a branch, as the style of each theme has it."""
+    return f"var(--branch-{hue_of(branch)})"
 
 
 def count(state: State) -> str:

@@ -1,9 +1,9 @@
-// The digraph as SVG, and the Pgraph and jdof vectors above it; every entry selects its body.
+// The digraph as a drawn tree, and the Pgraph and jdof vectors below it; every entry selects its body.
 pgraph.digraph = (() => {
   const { make } = pgraph;
   const NS = "http://www.w3.org/2000/svg";
   const RADIUS = 11, CORNER = 6;
-  const LEAST = 150, LEGIBLE = 0.9, MOST = 420; // [px] of the picture, and the scale of its letters
+  const SPLIT = 1600; // [px] of the window from which the tree is drawn at first
   const svg = (tag, attributes = {}, ...children) => {
     const el = document.createElementNS(NS, tag);
     for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
@@ -21,8 +21,12 @@ pgraph.digraph = (() => {
     const canvas = svg("svg", { class: "graph digraph", role: "group", "aria-label": "digraph of the bodies" });
     const card = make("div", { className: "card", hidden: true });
     host.pgraphSteps = make("div", { className: "steps", hidden: true });
-    host.replaceChildren(make("div", { className: "vectors" }), host.pgraphSteps,
-      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), tools(canvas), card, make("div", { className: "drag-hint", hidden: true })), foot());
+    host.replaceChildren(
+      make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), pgraph.pictureButton("fit bare", "fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
+        card, make("div", { className: "drag-hint", hidden: true })),
+      host.pgraphSteps,
+      make("h4", {}, "Pgraph and jdof", make("button", { className: "link walk", textContent: "How it is built", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
+      make("div", { className: "vectors" }));
     pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k), label });
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);
@@ -33,11 +37,19 @@ pgraph.digraph = (() => {
     canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
     canvas.addEventListener("focusout", () => hover(host, 0));
     pgraph.steps.build(host.pgraphSteps, host);
-    fillPanel(host, canvas);
+    host.pgraphSteps.append(legend());
+    toggle(pgraph.choices.get().graph ?? innerWidth >= SPLIT);
+  }
+  // The drawn tree, beside the gutter of the table.
+  function toggle(on = document.documentElement.dataset.graph === undefined) {
+    if (on) document.documentElement.dataset.graph = "";
+    else delete document.documentElement.dataset.graph;
+    document.querySelector(".acts .graph")?.setAttribute("aria-pressed", on);
+    pgraph.choices.set({ graph: on });
   }
 
   // What the signs mean.
-  function foot() {
+  function legend() {
     const sign = (text, ...shapes) => make("span", {}, svg("svg", { class: "graph sign", viewBox: "-10 -10 20 20" }, ...shapes), text);
     const circle = (r, kind = "") => svg("g", { class: `node ${kind}` }, svg("circle", { r, class: kind === "outer" ? "outer" : "" }));
     return make("div", { className: "legend muted" },
@@ -46,31 +58,6 @@ pgraph.digraph = (() => {
       sign("constraint to the ground", svg("g", { class: "loop" }, svg("path", { class: "mark", d: hatch(0, -3) }))),
       sign("loop", svg("g", { class: "loop" }, svg("path", { d: "M-10 0 h20" }))),
       make("span", { textContent: "Drag a node onto its new parent, with Shift onto a second one.", className: "how" }));
-  }
-  function tools(canvas) {
-    const { button } = pgraph;
-    return make("div", { className: "tools" }, button("fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
-      button("walk", "Step through", "The seven steps that make Pgraph, and a frame update", () => pgraph.steps.toggle()));
-  }
-
-  // The picture takes the height that the rest leaves in the scrolling panel around it, which is
-  // another element once the panel was moved.
-  function fillPanel(host, canvas) {
-    let known = null;
-    const resize = () => {
-      let panel = host.parentElement;
-      while (panel && !["scroll", "auto"].includes(getComputedStyle(panel).overflowY)) panel = panel.parentElement;
-      if (!panel) return;
-      if (panel !== known) { if (known) watch.unobserve(known); watch.observe(panel); known = panel; }
-      const rest = host.offsetHeight - canvas.clientHeight + 14;
-      const data = host.graph?.data; // rather scroll than letters that nobody reads
-      const needed = data?.kind === "tree" ? Math.min(LEGIBLE * data.height, MOST) : 0;
-      canvas.style.height = `${Math.max(panel.clientHeight - rest, needed, LEAST)}px`;
-    };
-    host.fillPanel = resize;
-    const watch = new ResizeObserver(resize);
-    for (const el of host.children) if (!el.contains(canvas)) watch.observe(el);
-    window.addEventListener("resize", resize);
   }
 
   function draw(host, data) {
@@ -83,19 +70,20 @@ pgraph.digraph = (() => {
     data.parent.forEach((p, i) => children[p].push(i + 1));
     const kind = (k) => (tips.has(k) ? " tip" : separation.has(k) ? " separation" : "");
     const { parts, part } = keeping(before?.parts);
-    const graph = host.graph = { data, children, parts, reachable: 1, nodes: [ground(data, part)], edges: [null], entries: data.names.map(() => []), marked: [] };
+    const tree = data.kind === "tree"; // of more bodies the gutter of the table is the digraph
+    host.classList.toggle("large", !tree);
+    const graph = host.graph = { data, children, parts, reachable: 1, nodes: tree ? [ground(data, part)] : [], edges: [null], entries: data.names.map(() => []), marked: [] };
     graph.entries.unshift([]);
-    const right = clear(data);
-    data.names.forEach((_, i) => {
-      graph.nodes.push(node(data, i + 1, kind(i + 1), right[i + 1] + RADIUS + 7, part));
-      graph.edges.push(edge(data, i + 1, part));
-    });
+    for (let k = 1; tree && k <= data.names.length; k++) {
+      graph.nodes.push(node(data, k, kind(k), part));
+      graph.edges.push(edge(data, k, part));
+    }
     vectors(host.querySelector(".vectors"), graph, part);
-    arrange(canvas, [...graph.edges.slice(1), ...loops(data, part), ...graph.nodes]);
-    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) pgraph.beforePicture("digraph size", () => { host.fillPanel(); canvas.fit(); });
+    arrange(canvas, [...graph.edges.slice(1), ...(tree ? loops(data, part) : []), ...graph.nodes]);
+    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) pgraph.beforePicture("digraph size", () => canvas.fit());
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
-    if (again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
+    if (graph.nodes[again] && again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
     hover(host, known ? data.names.indexOf(known.names[(before.hovered ?? 0) - 1]) + 1 : 0);
     pgraph.steps.redrawn(host);
   }
@@ -137,24 +125,15 @@ pgraph.digraph = (() => {
       graph.entries[k].push(made);
       return made;
     };
-    const names = () => make("div", { className: "entry names" }, make("span", { textContent: "Pgraph" }), make("span", { textContent: "jdof" }));
-    arrange(box, [part(["names"], names), ...data.pgraph.map(entry)]);
-  }
-
-  // In lanes: right of which x a row is clear of the lines that pass it.
-  function clear(data) {
-    const right = [...data.x];
-    data.parent.forEach((p, i) => { for (let j = p; j <= i; j++) right[j] = Math.max(right[j], data.x[p]); });
-    return right;
+    arrange(box, data.pgraph.map(entry));
   }
 
   function edge(data, k, part) {
     const p = data.parent[k - 1], x0 = data.x[p], y0 = data.y[p], x1 = data.x[k], y1 = data.y[k];
-    const tree = data.kind === "tree";
-    const d = tree ? `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}` : `M${x0} ${y0} V${y1 - 22} L${x1} ${y1}`;
-    return part(["edge", k, data.names[k - 1], d, tree && data.dof[k - 1]], () => {
-      const g = svg("g", { class: "edge", "data-edge": data.names[k - 1] }, svg("path", { d }));
-      if (tree) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, data.dof[k - 1]));
+    const d = `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}`, dof = data.dof[k - 1];
+    return part(["edge", k, data.names[k - 1], d, dof, data.colors[k - 1]], () => {
+      const g = svg("g", { class: "edge", "data-edge": data.names[k - 1], style: `--body: ${data.colors[k - 1]}` }, svg("path", { d }));
+      if (dof !== 1) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, dof)); // one is ordinary
       return g;
     });
   }
@@ -164,7 +143,7 @@ pgraph.digraph = (() => {
     return data.loops.map(({ name, kind, body, other }, i) => {
       const x = data.x[body || other], y = data.y[body || other];
       const grounded = body === 0 || other === 0;
-      const d = grounded ? hatch(...(data.kind === "tree" ? [x, y + RADIUS + 4] : [x - 8, y + RADIUS - 5])) : rounded(data.routes[i]);
+      const d = grounded ? hatch(x, y + RADIUS + 4) : rounded(data.routes[i]);
       return part(["loop", i, name, kind, grounded, d], () => {
         const lines = grounded ? [svg("path", { class: "mark", d })] : [svg("path", { class: "reach", d }), svg("path", { class: "line", d })];
         return svg("g", { class: "loop", "data-loop": name }, titled(`${name} (${kind})`), ...lines);
@@ -196,8 +175,8 @@ pgraph.digraph = (() => {
       svg("path", { d: hatch(x, y) }), written("label muted", x + 14, y + 4, "ground")));
   }
 
-  function node(data, k, kind, right, part) {
-    const name = data.names[k - 1], tree = data.kind === "tree", place = [data.x[k], data.y[k], tree ? data.x[k] + RADIUS + 5 : right];
+  function node(data, k, kind, part) {
+    const name = data.names[k - 1], place = [data.x[k], data.y[k], data.x[k] + RADIUS + 5];
     const g = part(["node", k, kind, name, data.colors[k - 1], ...place], () => drawn(data, k, kind, ...place));
     if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
     return g;
@@ -216,6 +195,7 @@ pgraph.digraph = (() => {
   const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);
 
   // -- what is marked: the selection, and under the pointer the path to the root ---------------
+  const parts = (graph, j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]].filter(Boolean);
   function mark(host, selection) {
     const graph = host.graph;
     if (!graph) return;
@@ -223,13 +203,13 @@ pgraph.digraph = (() => {
     const number = (name) => graph.data.names.indexOf(name) + 1;
     const k = number(selection), first = number(pgraph.latest.constraints?.picking?.first);
     const all = new Set([k, first, ...(pgraph.latest.selected ?? []).map(number)].filter(Boolean));
-    graph.marked = [...all].flatMap((j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]]);
+    graph.marked = [...all].flatMap((j) => parts(graph, j));
     for (const el of graph.marked) el.classList.add("selected");
     reachable(graph, k || 1);
     if (!k) return;
     pgraph.beforePicture("digraph place", () => {
       graph.entries[k][0]?.scrollIntoView({ block: "nearest" });
-      host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+      if (graph.nodes[k]) host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
     });
   }
   // One node takes part in the order of tabs; arrows lead to the others.
@@ -245,11 +225,10 @@ pgraph.digraph = (() => {
     const graph = host.graph, card = host.querySelector(".card");
     if (!graph || graph.hovered === k) return;
     graph.hovered = k;
-    for (const el of graph.path ?? []) el.classList.remove("path", "hovered");
+    for (const el of graph.path ?? []) el.classList.remove("path");
     const way = path(graph.data, k);
-    graph.path = way.flatMap((j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]]);
+    graph.path = way.flatMap((j) => parts(graph, j));
     for (const el of graph.path) el.classList.add("path");
-    for (const el of k ? [graph.nodes[k], ...graph.entries[k]] : []) el.classList.add("hovered");
     card.hidden = !k;
     if (k) told(host, card, graph.data, k);
   }
@@ -261,7 +240,6 @@ pgraph.digraph = (() => {
       make("div", { textContent: `mass ${Number(data.masses[k - 1].toPrecision(4))} kg` }),
       ...(data.sites[k - 1].length ? [make("div", { textContent: `sites: ${data.sites[k - 1].join(", ")}` })] : []));
     const circle = host.graph.nodes[k].querySelector("circle:last-of-type").getBoundingClientRect();
-    card.classList.toggle("right", data.kind === "lanes");
     card.classList.remove("low");
     const own = card.getBoundingClientRect();
     card.classList.toggle("low", circle.left < own.right && circle.right > own.left && circle.top < own.bottom + 8);
@@ -300,5 +278,5 @@ pgraph.digraph = (() => {
 
   pgraph.view("digraph", { build, digraph: draw, selection: mark,
     selected: (host) => mark(host, pgraph.latest.selection), constraints: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
-  return { svg };
+  return { svg, toggle };
 })();

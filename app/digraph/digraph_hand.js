@@ -12,12 +12,12 @@ pgraph.digraphHand = (host, canvas, graph) => {
     const data = host.graph?.data;
     if (!data) return;
     view.all = all;
-    canvas.style.width = data.kind === "tree" && !all ? `max(100%, ${Math.ceil(LEGIBLE * data.width)}px)` : "";
+    canvas.style.width = all ? "" : `max(100%, ${Math.ceil(LEGIBLE * data.width)}px)`;
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
     const whole = Math.min(w / data.width, h / data.height, 1.15);
-    view.scale = data.kind === "lanes" ? Math.max(Math.min(w / data.width, 1), 0.8) : Math.max(whole, all ? SMALLEST : LEGIBLE);
-    view.x = data.kind === "tree" ? (data.width - w / view.scale) / 2 : -4;
-    if (data.kind === "tree" && data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
+    view.scale = Math.max(whole, all ? SMALLEST : LEGIBLE);
+    view.x = (data.width - w / view.scale) / 2;
+    if (data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
     view.y = Math.min(0, (data.height - h / view.scale) / 2);
     view.moved = false;
     apply();
@@ -47,10 +47,7 @@ pgraph.digraphHand = (host, canvas, graph) => {
   }
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    if (host.graph?.data.kind === "tree" || event.ctrlKey) { zoom(event, Math.exp(-event.deltaY / 500)); return; }
-    view.y += event.deltaY / view.scale; // lanes are a list: the wheel goes down it
-    view.moved = true;
-    apply();
+    zoom(event, Math.exp(-event.deltaY / 500));
   }, { passive: false });
   canvas.addEventListener("dblclick", () => canvas.fit(true));
   new ResizeObserver(() => { if (view.moved) apply(); else canvas.fit(view.all); }).observe(canvas);

@@ -78,8 +78,8 @@ pgraph.steps = (() => {
     entries.forEach((el, i) => el.classList.toggle("fresh", i === grown - 1 && Boolean(now.adds)));
     entries[Math.max(grown - 1, 0)]?.scrollIntoView({ block: "nearest" });
     const seen = new Set(graph.data.pgraph.slice(0, grown));
-    graph.nodes.forEach((g, k) => g.classList.toggle("unmet", k > 0 && !seen.has(k) && k !== now.body));
-    for (const k of stack) graph.nodes[k]?.classList.add("stacked");
+    graph.data.names.forEach((_, i) => { if (!seen.has(i + 1) && i + 1 !== now.body) mark(graph, i + 1, "unmet"); });
+    for (const k of stack) mark(graph, k, "stacked");
     current(box, now.body);
   }
 
@@ -103,20 +103,23 @@ pgraph.steps = (() => {
     box.querySelectorAll("tbody tr").forEach((tr, i) => tr.classList.toggle("now", i === box.at));
     box.querySelector("tr.now")?.scrollIntoView({ block: "nearest" });
     box.host.querySelectorAll(".vectors button.entry").forEach((el, i) => el.classList.toggle("fresh", i === box.at));
-    for (const k of now.P) graph.nodes[k]?.classList.add("carried");
+    for (const k of now.P) mark(graph, k, "carried");
     current(box, now.number);
   }
 
   function current(box, k) {
     const graph = box.host.graph;
-    graph.nodes[k]?.classList.add("current");
-    if (graph.data.x[k] !== undefined) box.host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
+    mark(graph, k, "current");
+    pgraph.gutter.node(k)?.scrollIntoView?.({ block: "nearest" });
+    if (graph.nodes[k]) box.host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
   }
   function clear(box) {
     for (const name of ["pending", "fresh", "unmet", "stacked", "carried", "current"]) {
-      for (const el of box.host.querySelectorAll(`.${name}`)) el.classList.remove(name);
+      for (const el of document.querySelectorAll(`.pgraph:is([data-view="table"], [data-view="digraph"]) .${name}`)) el.classList.remove(name);
     }
   }
+  // A node of the gutter and of the drawn tree.
+  function mark(graph, k, name) { for (const node of [graph.nodes[k], pgraph.gutter.node(k)]) node?.classList.add(name); }
   // The digraph was redrawn: its marks are gone.
   function redrawn(host) { for (const box of boxes) if (box.host === host && box.data?.kind) go(box, box.at); }
 

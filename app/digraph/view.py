@@ -11,7 +11,7 @@ import pgraph_core as pg
 
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Host, Payload, Place, audience, css
+from ..core.views import Host, Payload, Place, audience, hue
 from ..pose.solving import home, shown_q
 
 SAMPLE = 0.3  # [rad, m] sample motion of joints in a frame update from the initial state
@@ -52,7 +52,7 @@ def digraph(state: State) -> Payload:
         "joints": [body.joint for body in bodies],
         "sites": [[s.name for s in state.model.sites if s.body == name] for name in d.names],
         "masses": [body.mass for body in bodies],
-        "colors": [css(color) for color in state.colors],
+        "colors": [hue(k) for k in d.branches],
         "tips": sorted(d.tips),
         "separation": sorted(d.separation),
         "pgraph": d.pgraph,

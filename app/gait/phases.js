@@ -53,7 +53,7 @@
     const fill = (foot, until) => {
       const now = last[foot];
       if (!now || now[2] === SWING || until <= from || now[1] >= to) return;
-      box(now[2] === SLIP ? ink("--warn") : data.colors[foot], x(now[1]), x(until) - x(now[1]), foot);
+      box(now[2] === SLIP ? ink("--warn") : ink(data.colors[foot].slice(4, -1)), x(now[1]), x(until) - x(now[1]), foot);
     };
     data.feet.forEach((_, foot) => box(ink("--field-hover"), 0, wide, foot));
     for (const change of data.changes) {

@@ -11,7 +11,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import with_model
 from ..core.events import FromPage, Text, on, on_typed
-from ..core.state import State, with_client
+from ..core.state import State
 from ..run import Request
 from ..run.update import Continue, GoLive, Simulate, asked, go_live, idle
 from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
@@ -37,6 +37,8 @@ def live(state: State, event: GoLive) -> State:
     """The live run of a scenario: a walk if it has a gait."""
     if not idle(state):
         return state
+    if event.here:
+        return go_live(state, here=True)
     asked = state.request.scenario
     scenario = next((s for s in state.model.scenarios if s.name == asked), None)
     if scenario is None or scenario.gait is None:
@@ -69,12 +71,12 @@ def set_gait(state: State) -> pg.Gait | None:
 
 
 def begun(state: State, client: int) -> State | None:
-    """A live run of the gait, with the ground forces shown and the camera following."""
+    """A live run of the gait, with the ground forces shown."""
     offer = offered(state.model, state.walking)
     if offer is None:
         return None
     state = replace(state, request=requested(state.model, offer), shown=state.shown | SHOWN)
-    return go_live(with_client(state, client, follow=True))
+    return go_live(state)
 
 
 def requested(model: pg.Model, offer: Offer) -> Request:

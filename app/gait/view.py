@@ -14,7 +14,7 @@ from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Host, Payload, Place, audience, css
+from ..core.views import Host, Payload, Place, audience, hue
 from . import (
     LAWS,
     Change,
@@ -190,10 +190,10 @@ def phases(falls: tuple[Change, ...], state: State, window: Window | None = None
         feet.sort(key=lambda foot: foot not in touched)
     number = {foot: k for k, foot in enumerate(feet)}
     body = {contact.name: contact.body for contact in state.model.contacts}
-    color = dict(zip(state.derived.names, map(css, state.colors)))
+    color = dict(zip(state.derived.names, map(hue, state.derived.branches)))
     return {
         "feet": feet,
-        "colors": [color.get(body.get(foot, ""), "currentColor") for foot in feet],
+        "colors": [color.get(body.get(foot, ""), "var(--ink-3)") for foot in feet],
         "phases": list(PHASES if has_feet(state.model) else TOUCHING),
         "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }

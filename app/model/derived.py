@@ -11,7 +11,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.digraph import Layout, layout
-from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to_wxyz
+from pgraph_core.show.shapes import branches, children_of, reach, to_wxyz
 from pgraph_core.show.stage import depth
 from pgraph_core.topology import Loop, loops_of
 
@@ -35,7 +35,7 @@ class Derived:
     constraints: Mapping[str, tuple[str, ...]]  # body name -> names of what touches it
     loops: tuple[Loop, ...]  # constraints drawn in addition to the tree
     layout: Layout
-    colors: tuple[Color, ...]
+    branches: tuple[int, ...]
     positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
     wxyz: np.ndarray  # (nb, 4) orientations at home
     center: np.ndarray  # (3,) what the camera looks at [m]
@@ -85,7 +85,7 @@ def _derived(model: pg.Model) -> Derived:
         constraints=touching(model),
         loops=loops,
         layout=_layout(parent, tuple(map(len, names)), ends),
-        colors=tree.colors,
+        branches=tree.branches,
         positions=np.asarray(positions, dtype=float),
         wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
         center=center,
@@ -100,7 +100,7 @@ class Tree(NamedTuple):
     children: tuple[tuple[int, ...], ...]
     pgraph: tuple[int, ...]
     jdof: tuple[int, ...]
-    colors: tuple[Color, ...]
+    branches: tuple[int, ...]
 
 
 @lru_cache(maxsize=16)
@@ -108,7 +108,7 @@ def _tree(parent: tuple[int, ...], dof: tuple[int, ...]) -> Tree:
     pgraph = pg.pgraph_of(parent)
     jdof = pg.jdof_of(pgraph, dof)
     walk = tuple(pgraph.tolist()), tuple(jdof.tolist())
-    return Tree(children_of(parent), *walk, branch_colors(parent))
+    return Tree(children_of(parent), *walk, branches(parent))
 
 
 _layout = lru_cache(maxsize=16)(layout)

@@ -67,7 +67,6 @@ pgraph.picking = (() => {
     const another = !data || !aim || aim.asks !== data.asks || String(aim.measured) !== String(data.measured);
     aim = data;
     document.body.classList.toggle("pgraph-aiming", Boolean(aim));
-    document.querySelector(".view-measure")?.setAttribute("aria-pressed", String(aim?.wants === "measure"));
     if (another) banner();
     if (!aim) { layer?.remove(); layer = null; return; }
     if (!layer) { layer = pgraph.digraph.svg("svg", { class: "pgraph-marks", "aria-hidden": "true" }); document.body.append(layer); cancelAnimationFrame(frame); follow(); }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.analysis.targets import nearest
 from pgraph_core.joints import Motion
 from pgraph_core.model.fields import fields_of
 from pgraph_core.paper import frames
@@ -152,6 +153,27 @@ def posed(state: State, name: str, index: int, value: float) -> Pose:
     q = np.concatenate((q[: place.start], moved(body, q[place], index, value), q[place.stop :]))
     if any(c.active for c in model.constraints):
         q = closed(state, body, index, q)
+    return pose_at(state, q)
+
+
+def dragged(
+    state: State, name: str, point: Sequence[float], target: Sequence[float]
+) -> Pose:  # fmt: skip
+    """Return the pose with a body's point (3,) as near to a place (3,) [m] as possible.
+
+    Free joints of other bodies do not move, so that an animal stays where it is. Raises
+    PgraphError where the loops cannot be closed.
+    """
+    body = state.model.body(name)
+    if not state.kernels.ready:
+        raise _cannot(body, "the fast code that closes loops is still being compiled")
+    mech = pg.Mechanism(state.model)
+    still = np.zeros(mech.nv, bool)
+    for other, joint in mech.joints.items():
+        still[joint.v] = joint.v.stop - joint.v.start == 6 and other != name
+    q = nearest(mech, shown_q(state), name, point, target, still)
+    if any(c.active for c in state.model.constraints):
+        q, _, _ = mech.assemble(q, np.zeros(mech.nv))
     return pose_at(state, q)
 
 

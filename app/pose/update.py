@@ -166,6 +166,29 @@ def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
+class DragBody(FromPage):
+    """The mouse brings a body's `point`, in its axes, towards `target`, in the world's [m]."""
+
+    body: Text
+    point: Vector
+    target: Vector
+    collapses = True
+
+
+@on(DragBody)
+def body_dragged(state: State, event: DragBody) -> State:
+    """The pose nearest to it, with loops closed and limits kept."""
+    if event.body not in state.model.row:
+        return state
+    try:
+        pose = solving.dragged(state, event.body, event.point, event.target)
+    except pg.PgraphError as error:
+        return replace(state, pose_problem=str(error))
+    playback = replace(state.playback, playing=False, preview=False)
+    return replace(state, posed=pose, playback=playback, pose_problem="")
+
+
+@dataclass(frozen=True)
 class Pull(FromPage):
     """The mouse pulls on a body's `point`, in its axes, towards `target`, in the world's [m]."""
 

@@ -15,7 +15,7 @@ from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
 from ..core.events import Event
 from ..core.state import Client, State
-from ..core.views import Host, Payload, Place, css, watching
+from ..core.views import Host, Payload, Place, hue, watching
 from ..properties.body_cells import euler_of
 from .solving import coordinates
 from .update import Gripped
@@ -45,7 +45,7 @@ class JointsView:
 
 def joints(state: State, selection: str | None, display: Display | None = None) -> Payload:
     """Sliders in number order, and what there is to say."""
-    d, names, colors = state.derived, None, state.colors
+    d, names = state.derived, None
     display = display or Display()
     kinds: dict[str, Quantity] = {"rad": "angle", "m": "length"}
     ids = state.rows.named(state.model, "bodies")
@@ -62,7 +62,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
             "high": c.high,
             "shown": display.shown(c.value, kinds[c.unit]),
             "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
-            "color": css(colors[d.number[c.body] - 1]),
+            "color": hue(d.branches[d.number[c.body] - 1]),
         }
         for c in coordinates(state, names)
     ]

@@ -27,7 +27,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.state import Client, State
-from ..core.views import Host, Payload, Place, audience, css
+from ..core.views import Host, Payload, Place, audience, hue
 from .body_cells import ALL, MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
 from .length import end_of
 from .world import world
@@ -90,7 +90,7 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
         "bodies": known,
         "ids": [ids[state.model.row[name]] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
-        "color": css(state.colors[number - 1]),
+        "color": hue(state.derived.branches[number - 1]),
         "subtitle": "An edit changes all of them" if several else text,
         "parent": None if several else bodies[0].parent,
         "groups": shapes_by_number(merged(forms), state.rows, state.model, known)

@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show import shapes
+from pgraph_core.show.bodies import extent, looks
 
 from ..gait import Change, changes
 from ..scene import SHOWN_AT_FIRST
 
+TRAVELS = 1.0  # a picture of all of a longer way shows the model at less than half its size
 FREE_RUN = ""  # the scenario of a run that has none
 
 
@@ -69,6 +72,25 @@ class Run:
         acting = largest[(largest > 0) & np.isfinite(largest)]
         return float(np.quantile(acting, 0.98, method="higher")) if len(acting) else 0.0
 
+    @cached_property
+    def size(self) -> float:
+        """How far the bodies reach together as they are drawn at the first frame [m]."""
+        pose, top = np.asarray(self.result.body_pose), pg.Topology.of(self.model)
+        drawn = [self.model.body(name) for name in top.names]
+        parent = tuple(top.parent.tolist())
+        found = looks(drawn, shapes.children_of(parent), shapes.branch_colors(parent))
+        corners = extent(found, pose[0, :, :3], shapes.to_matrix(pose[0, :, 3:]))
+        return float(np.linalg.norm(np.ptp(corners, axis=0)))
+
+    @cached_property
+    def travels(self) -> np.ndarray:
+        """(3,) 1 for each axis along which the bodies' middle goes TRAVELS times `size`, else 0."""
+        pose = np.asarray(self.result.body_pose)
+        if not pose.size:
+            return np.zeros(3)
+        way = np.ptp(pose[:, :, :3].mean(axis=1), axis=0)
+        return (way > TRAVELS * self.size).astype(float)
+
 
 @dataclass(frozen=True)
 class Live:
@@ -76,6 +98,7 @@ class Live:
 
     id: int
     request: Request
+    start: tuple[float, np.ndarray, np.ndarray] | None = None  # (t, q, v); None: the scenario's
     running: bool = True
     parts: tuple[Any, ...] = ()  # consecutive results, of which old ones are joined
     joined: tuple[int, ...] = ()  # number of joins in each part

@@ -68,7 +68,7 @@ class LiveRunner:
         try:
             found = joined(state)
             if found.run is not None:  # what views read first
-                _ = found.run.usual_force, found.run.result.body_pose
+                _ = found.run.usual_force, found.run.travels
         except Exception as error:  # said on the page: the session goes on
             found = Joined(state.live.id, None, problem=f"The live run is lost: {error!r}")
         self._send(found)
@@ -78,9 +78,11 @@ class LiveRunner:
             self._computed(id)
 
     def _computed(self, id: int) -> None:
-        motion, clock, ends, share = Motion(), Clock(), deque[float](), Share()
+        clock, ends, share = Clock(), deque[float](), Share()
+        motion: Motion | None = None
         while (wanted := self._wanted(id)) is not None:
             state, live = wanted
+            motion = motion or Motion(live.start)
             while ends and live.parts and ends[0] <= live.parts[-1].t[-1]:
                 ends.popleft()
             if len(ends) >= MOST_WAITING:
@@ -181,11 +183,12 @@ class Clock:
 class Motion:
     """The state of a live run, taken on part by part."""
 
-    def __init__(self) -> None:
-        self.time = 0.0
+    def __init__(self, start: tuple[float, np.ndarray, np.ndarray] | None = None) -> None:
+        self.time = start[0] if start else 0.0
         self._model: pg.Model | None = None
         self._mech: Any = None
-        self._state: tuple[Any, Any] = (None, None)  # (q, v), None for the start of the scenario
+        # (q, v), None for the start of the scenario
+        self._state: tuple[Any, Any] = start[1:] if start else (None, None)
         self._seam = Seam()
         self._touches = False  # whether there are contacts
         self._walker: Walker | None = None

@@ -9,7 +9,6 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
-from pgraph_core.show.stage import GRID
 from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells
@@ -164,24 +163,10 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)
-            first = state.last_run is None or state.run_framed != state.framed
-            if plays and first and _walks_off(state, result):
-                state = replace(state, clients={
-                    number: replace(page, follow=True) for number, page in state.clients.items()
-                })  # fmt: skip
             return replace(
                 state, job=None, live=None, last_run=run, run_framed=job.framed,
                 playback=playback, run_problem=problem,
             )  # fmt: skip
-
-
-def _walks_off(state: State, result: Any) -> bool:
-    """Whether the first body goes farther over the ground than the model is long."""
-    at = np.asarray(result.body_pose)[:, :1, :3].reshape(-1, 3)
-    up = np.asarray(GRID[state.model.up][1])
-    way = np.ptp(at - np.outer(at @ up, up), axis=0)
-    free = any(body.joint == "free" for body in state.model.bodies)
-    return free and bool(np.linalg.norm(way) > state.derived.size)
 
 
 @dataclass(frozen=True)
@@ -252,13 +237,23 @@ def compiled(state: State, event: Compiled) -> State:
 
 @dataclass(frozen=True)
 class GoLive(FromPage):
-    """Simulate and play at once, without an end. (`gait/update.py` handles it: it may walk.)"""
+    """Simulate and play at once, without an end. (`gait/update.py` handles it: it may walk.)
+
+    With `here`, it starts at the state of the run that is shown.
+    """
+
+    here: bool = False
 
 
-def go_live(state: State) -> State:
-    """A live run from the initial state."""
-    live = Live(state.jobs + 1, state.request)
-    playback = replace(state.playback, time=0.0, playing=False)
+def go_live(state: State, here: bool = False) -> State:
+    """Start a live run from the initial state, or from what is shown `here`."""
+    start = None
+    if here and (run := state.run) is not None:
+        t = np.asarray(run.result.t)
+        k = int(np.abs(t - state.playback.time).argmin())
+        start = float(t[k]), np.asarray(run.result.q[k]), np.asarray(run.result.v[k])
+    live = Live(state.jobs + 1, state.request, start)
+    playback = replace(state.playback, time=start[0] if start else 0.0, playing=False)
     return replace(state, live=live, jobs=live.id, playback=playback, run_problem="")
 
 

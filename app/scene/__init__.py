@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-SHOWN_AT_FIRST = frozenset({"shapes", "joining", "sites"})
+SHOWN_AT_FIRST = frozenset({"shapes", "joining", "sites", "branches", "forces"})

@@ -1,60 +1,104 @@
-// The camera: buttons over the 3D view, keys, the camera that goes along, and what it turns about.
+// The camera: the axes that turn it, keys, and how it goes along with what travels.
 pgraph.camera = (() => {
-  const { make, send } = pgraph;
-  const VIEWS = [
-    ["fit", "Fit view", "F", "M1 5V1h4M11 1h4v4M15 11v4h-4M5 15H1v-4", "what is selected, or all"],
-    ["front", "View from front", "1", "M3 3h10v10H3z"],
-    ["side", "View from the side", "2", "M3 5l8-2v8l-8 2zM11 3l3 2v6l-3 0"],
-    ["top", "View from the top", "3", "M2 6l6-3 6 3-6 3zM2 6v4l6 3 6-3V6"],
-    ["isometric", "Isometric view", "0", "M8 1l6 3.5v7L8 15l-6-3.5v-7zM8 8l6-3.5M8 8v7M8 8L2 4.5"],
-  ];
-  const CENTRE = ["centre", "Turn about the selection", "C", "M8 1v4M8 11v4M1 8h4M11 8h4M8 6a2 2 0 1 0 .01 0z", "it comes to the middle, from where you look"];
-  const KEYS = Object.fromEntries([...VIEWS, CENTRE].map(([which, , key]) => [key.toLowerCase(), which]));
+  const { make, send, viser } = pgraph;
+  const NS = "http://www.w3.org/2000/svg";
+  const KEYS = { f: "fit", 1: "front", 2: "side", 3: "top", 0: "isometric", c: "centre" };
   const look = (which) => send("View", { which });
-
-  function picture(path) {
-    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    svg.setAttribute("viewBox", "0 0 16 16");
-    const line = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    line.setAttribute("d", path);
-    svg.append(line);
-    return svg;
-  }
   const measure = () => pgraph.picking.start("measure");
-  function bar() {
-    if (document.querySelector(".pgraph-views")) return;
-    const button = ([which, label, key, path, more]) => make("button", {
-      className: `view-${which}`, title: `${label}${more ? `: ${more}` : ""} (${key})`, "aria-label": label, onclick: () => look(which),
-    }, picture(path));
-    document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, ...VIEWS.map(button), button(CENTRE),
-      make("button", { className: "view-measure", title: "Measure: distance and angle between two points (M)", "aria-label": "Measure", "aria-pressed": "false", onclick: measure },
-        picture("M1 11L11 1l4 4L5 15zM4 8l2 2M6.5 5.5L8 7M9 3l2 2"))));
+
+  // -- the axes: a click looks along one, a drag turns ----------------------------------------------
+  const HALF = 32, REACH = 22, PER_PIXEL = 0.012; // [px], [px], [rad]
+  const svg = (tag, attributes, ...children) => {
+    const el = document.createElementNS(NS, tag);
+    for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
+    el.append(...children);
+    return el;
+  };
+  const AXES = ["x", "y", "z"].flatMap((axis, k) => [1, -1].map((sign) => ({ axis, which: sign > 0 ? axis : `-${axis}`, way: [0, 1, 2].map((i) => (i === k ? sign : 0)), sign })));
+  function gizmo() {
+    const box = svg("svg", { class: "axes", viewBox: "0 0 64 64", width: 64, height: 64, role: "group", "aria-label": "directions of the view" },
+      svg("circle", { class: "disc", cx: HALF, cy: HALF, r: HALF - 0.5 }));
+    for (const one of AXES) {
+      const { axis, which, sign } = one;
+      one.line = sign > 0 ? svg("line", { x1: HALF, y1: HALF }) : null;
+      one.end = svg("circle", { r: sign > 0 ? 7 : 5 });
+      one.text = sign > 0 ? svg("text", { dy: 3 }, axis) : null;
+      one.group = svg("g", { class: `axis ${axis}${sign > 0 ? "" : " minus"}`, role: "button", tabindex: sign > 0 ? 0 : -1, "aria-label": `view from ${which}`, "data-which": which }, svg("title", {}, `View from ${which}`),
+        ...[one.line, one.end, one.text].filter(Boolean));
+      one.group.addEventListener("keydown", (event) => { if (event.key === "Enter") look(which); });
+      box.append(one.group);
+    }
+    let from = null, dragged = false;
+    box.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; dragged = false; });
+    box.addEventListener("pointermove", ({ clientX, clientY, buttons, pointerId }) => {
+      if (!from || !buttons) return;
+      const [dx, dy] = [clientX - from[0], clientY - from[1]];
+      if (!dragged && Math.hypot(dx, dy) < 4) return;
+      if (!dragged) box.setPointerCapture(pointerId);
+      dragged = true;
+      from = [clientX, clientY];
+      viser.controls()?.rotate(-PER_PIXEL * dx, -PER_PIXEL * dy, false);
+      if (!turned) turn(true);
+    });
+    box.addEventListener("click", (event) => {
+      const which = event.target.closest("g.axis")?.dataset.which;
+      if (which && !dragged) look(which);
+    });
+    return box;
   }
-  bar();
+  let drawn = "";
+  viser.frame(() => {
+    const m = viser.controls()?.camera.matrixWorldInverse.elements;
+    if (!m) return;
+    const seen = AXES.map(({ way }) => {
+      const [x, y, z] = viser.turned(way);
+      return [0, 1, 2].map((k) => m[k] * x + m[4 + k] * y + m[8 + k] * z);
+    });
+    const now = seen.flat().map((v) => v.toFixed(2)).join();
+    if (now === drawn) return;
+    drawn = now;
+    const box = AXES[0].group.parentNode;
+    AXES.forEach((one, i) => {
+      const x = HALF + REACH * seen[i][0], y = HALF - REACH * seen[i][1];
+      for (const [el, ...named] of [[one.line, "x2", "y2"], [one.end, "cx", "cy"], [one.text, "x", "y"]]) {
+        el?.setAttribute(named[0], x.toFixed(1));
+        el?.setAttribute(named[1], y.toFixed(1));
+      }
+    });
+    const order = AXES.map((_, i) => i).sort((a, b) => seen[a][2] - seen[b][2]).map((i) => AXES[i].group); // the nearest last
+    if (order.some((group, i) => box.children[i + 1] !== group) && !box.contains(document.activeElement)) box.append(...order);
+  });
+
+  document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, gizmo(),
+    make("button", { className: "view-fit", title: "Fit view: what is selected, or all (F)", "aria-label": "Fit view", onclick: () => look("fit") }, pgraph.icon("fit"))));
 
   // The 3D view has the focus where nothing else has it.
-  const inView = () => document.activeElement === document.body || document.activeElement?.closest?.(".pgraph-views")
-    || document.activeElement?.querySelector?.("canvas:not(.pgraph *)");
+  const isView = (el) => el === document.body || el?.closest?.(".pgraph-views") || el?.querySelector?.("canvas:not(.pgraph *)");
   window.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || !inView()) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || !isView(document.activeElement)) return;
     const key = event.key.toLowerCase(), which = KEYS[key];
     if (!which && key !== "m") return;
     event.preventDefault();
     if (which) look(which); else measure();
   });
+  // A double click is on a body that its first click selected, or on nothing: then all comes into view.
+  window.addEventListener("dblclick", ({ target }) => {
+    if (target.tagName !== "CANVAS" || target.closest(".pgraph") || pgraph.picking.aiming()) return;
+    if (document.querySelector(".pgraph-pill.hover[hidden]")) send("Select", { body: null });
+    look("fit");
+  });
 
-  // The animal moved: the camera and what it looks at move by as much, so that a page that turns
+  // The model moved: the camera and what it looks at move by as much, so that a page that turns
   // its view meanwhile loses nothing.
   let last = null;
   pgraph.on("follow", (at) => {
-    const controls = window.__viserMutable?.cameraControl;
-    if (at.length && last && controls) pgraph.viser.shift(at.map((x, k) => x - last[k]));
+    if (at.length && last && viser.controls()) viser.shift(at.map((x, k) => x - last[k]));
     last = at.length ? at : null;
   });
   // A camera that a person has moved is not set again when the view gets another shape.
   let turned = false, watched = null;
   (function watch() {
-    const controls = window.__viserMutable?.cameraControl;
+    const controls = viser.controls();
     if (controls && controls.camera !== watched) { // made again after a lost connection
       watched = controls.camera;
       controls.addEventListener("control", () => { if (!turned) turn(true); });
@@ -65,7 +109,7 @@ pgraph.camera = (() => {
     turned = by;
     pgraph.tellView();
   }
-  // A camera that is set anew is set for where the animal is now.
+  // A camera that is set anew is set for where the model is now.
   pgraph.on("framed", () => { last = null; if (turned) turn(false); });
   return { look, measure, turned: () => turned };
 })();

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import viser
 
@@ -15,36 +13,32 @@ from ..core.state import Client, State, poses
 from . import marks
 from .marks import looks
 
-COVERED = 0.25  # of the view at most, by the playback at its bottom
-IN_PLACE = (
-    8.0  # of a model's size (a half of its length): a run that goes farther is not seen whole
-)
+IN_PLACE = 8.0  # of its size: what flies farther apart is framed as it is at the time
 CLEAR = 0.02  # of a model's size: how far a camera keeps above the ground
 FAR = 2.0  # times the distance from which the model fills the picture
-MOMENTS, FEW = 16, 100  # of a run, and bodies at most, of which a view is made that holds them all
-TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
+MOMENTS, FEW = 16, 100  # of a run; bodies at most, whose corners are in a view of all its moments
+TYPICAL_ASPECT = 1.0  # of the view at 1280 x 800
 
 
 class CameraView:
-    """Sets a camera only where a person asks, or where the model would be out of the picture."""
+    """Sets a camera only where a person asks, or where the motion would be out of the picture."""
 
     def __init__(self, bridge: Bridge):
         self._server, self._bridge = bridge.server, bridge
         self._framed = -1
         self._up = ""
-        self._followed: dict[int, list[float]] = {}  # where each page was told that the animal is
+        # by page: where it was told that the model is; None: it has to be told
+        self._followed: dict[int, list[float] | None] = {}
         self._views: dict[int, tuple[str, tuple[str, ...]]] = {}  # which view each has, of what
 
     def render(self, old: State, new: State) -> None:
         another = new.framed != self._framed or new.model.up != self._up
-        edited = new.derived is not old.derived
-        grown = len(new.derived.names) > len(old.derived.names) or (
-            edited and new.derived.size > 1.05 * old.derived.size
-        )
-        reshaped = not new.playback.moves and (grown or (edited and len(new.derived.names) <= FEW))
         over = old.playback.moves and not new.playback.moves
-        ran = passed(new) if new.last_run is not old.last_run else np.zeros((0, 3))
-        rests = over or (edited and not new.playback.moves)
+        edited = new.derived is not old.derived and not new.playback.moves
+        grown = len(new.derived.names) > len(old.derived.names)
+        changed = new.last_run is not old.last_run or (
+            edited and (grown or len(new.derived.names) <= FEW)
+        )
         handles = self._server.get_clients()
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
@@ -58,31 +52,17 @@ class CameraView:
                 self._look(handle, new, page, "start")
             elif page.view != before.view:
                 self._look(handle, new, page, page.view[1], page.selected)
-            elif (_view(page) != _view(before) and not page.turned) or self._leaves(
-                handle, new, page, ran
+            elif page.turned or (chosen and page.aspect == before.aspect):
+                if (over or edited) and not seen(handle, new, page).any():
+                    self._look(handle, new, page, "fit")
+            elif page.aspect != before.aspect or (
+                (changed or page.follow != before.follow) and not fits(handle, new, page)
             ):
                 self._look(handle, new, page, which, chosen)
-            elif reshaped and not (page.turned or chosen or which == "centre"):
-                if not fits(handle, new, page):
-                    self._look(handle, new, page, which)
-            else:
-                turned = page.follow and not before.follow
-                left_it = (grown or turned) and not seen(handle, new, page, tips=True).all()
-                gone = rests and not seen(handle, new, page, COVERED).any()
-                if left_it or gone or (over and went(handle, new, page)):
-                    self._look(handle, new, page, "fit")
             self._follow(client, new, page.follow)
         for known in (self._followed, self._views):
             for gone in known.keys() - new.clients.keys():
                 del known[gone]
-
-    def _leaves(
-        self, handle: viser.ClientHandle, state: State, page: Client, ran: np.ndarray
-    ) -> bool:
-        """Whether a new run leaves a picture of the whole model that nobody has turned."""
-        _, selected = self._views.get(handle.client_id, ("start", ()))
-        here = len(ran) and not page.turned and not selected
-        return bool(here) and not holds(handle, state, page, ran).all()
 
     def _look(
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
@@ -90,14 +70,14 @@ class CameraView:
     ) -> None:  # fmt: skip
         """Set a camera, and again after each change of the view's shape until a person moves it."""
         self._views[handle.client_id] = which, selected
-        self._followed.pop(handle.client_id, None)  # the page goes along from here on
+        self._followed[handle.client_id] = None  # the page goes along from here on
         self._bridge.send(handle.client_id, "framed", which)
         look(handle, state, page, which, selected)
 
     def _follow(self, client: int, state: State, follows: bool) -> None:
         """Tell a page where its camera goes along to; it keeps its own way of looking."""
-        follows = follows and any(body.joint == "free" for body in state.model.bodies)
-        at = [round(float(x), 6) for x in level(state)] if follows else []
+        along = travelled(state) if follows else np.zeros(3)
+        at = [round(float(x), 6) for x in along * middle(state)] if along.any() else []
         if at != self._followed.get(client, []):
             self._followed[client] = at
             self._bridge.send(client, "follow", at)
@@ -112,11 +92,6 @@ class CameraView:
         start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
         start.up, start.fov = up, FRAMING.field_of_view
         start.near, start.far = size / 100, 1000 * size
-
-
-def _view(page: Client) -> tuple[float | None, float]:
-    """The shape of its 3D view, and how much of it panels cover."""
-    return page.aspect, page.covered
 
 
 def look(
@@ -135,7 +110,7 @@ def look(
         way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
     corners = extent(state, selected if which in ("fit", "centre") else ())
-    seen = stage.fitted(corners, up, way, aspect, page.covered)
+    seen = stage.fitted(corners, up, way, aspect)
     if which == "centre":
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         far = float(np.linalg.norm(np.asarray(at.position) - np.asarray(at.look_at)))
@@ -163,39 +138,22 @@ def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
     """True if a page shows the whole model, and not from far away."""
     corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
-    if page.aspect is None or not holds(handle, state, page, corners, page.covered).all():
+    if page.aspect is None or not holds(handle, state, page, corners).all():
         return False
     way = np.asarray(at.position) - np.asarray(at.look_at)
-    nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect, page.covered)
+    nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect)
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     near, far = (np.linalg.norm(x - middle) for x in (nearest.position, np.asarray(at.position)))
     return bool(far < FAR * near)
 
 
-def went(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """Whether a run took most bodies out of a picture that had most of them when it began."""
-    start = replace(state, playback=replace(state.playback, time=state.t_start))
-    before, now = (seen(handle, s, page, COVERED).mean() for s in (start, state))
-    return bool(now < 0.5 <= before)
-
-
-def seen(
-    handle: viser.ClientHandle, state: State, page: Client, covered: float = 0.0,
-    tips: bool = False,
-) -> np.ndarray:  # fmt: skip
-    """(nb,) which bodies a page has in its picture, then which `tips`; none of them where it looks
-    along the vertical."""
-    positions, wxyz = poses(state)
-    if tips:
-        ends = np.array([state.model.body(name).tip_point for name in state.derived.names])
-        arms = np.einsum("nij,nj->ni", shapes.to_matrix(wxyz), ends.reshape(-1, 3))
-        positions = np.concatenate([positions, positions + arms])
-    return holds(handle, state, page, positions, covered)
+def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:
+    """(nb,) which bodies a page has in its picture; none where it looks along the vertical."""
+    return holds(handle, state, page, poses(state)[0])
 
 
 def holds(
     handle: viser.ClientHandle, state: State, page: Client, positions: np.ndarray,
-    covered: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
     """Return a mask (n,) of positions (n, 3) in a page's picture, all False in vertical views."""
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
@@ -203,7 +161,7 @@ def holds(
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
     if page.aspect is None or np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
         return np.zeros(len(positions), bool)
-    return in_picture(positions, up, at, page.aspect, covered)
+    return in_picture(positions, up, at, page.aspect)
 
 
 def viewpoint(state: State, aspect: float) -> Viewpoint:
@@ -227,22 +185,50 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
 
 
 def passed(state: State) -> np.ndarray:
-    """(n, 3) corners of the bodies at moments of a run that stays in place; none of others."""
-    none, d = np.zeros((0, 3)), state.derived
-    walks = any(body.joint == "free" for body in state.model.bodies)
-    if state.run is None or state.pose is not None or walks or len(d.names) > FEW:
+    """(n, 3) corners of the bodies at moments of the run, as a camera that goes along sees them."""
+    none, found = np.zeros((0, 3)), frames(state)
+    if found is None or state.run is None:
         return none
-    frames = np.asarray(state.run.result.body_pose)
-    chosen = frames[np.linspace(0, len(frames) - 1, MOMENTS).astype(int)] if len(frames) else none
-    found = list(looks(state))
-    moments = [bodies.extent(found, x[:, :3], shapes.to_matrix(x[:, 3:])) for x in chosen]
-    corners = np.concatenate([none, *moments])
+    at = found[:, :, :3]
+    at = at - (state.run.travels * (at.mean(axis=1) - middle(state)))[:, None]
+    few = np.linspace(0, len(at) - 1, MOMENTS).astype(int)
+    if len(state.derived.names) > FEW:
+        corners = at[few].reshape(-1, 3)
+    else:
+        drawn, chosen = looks(state), np.unique([*few, *extremes(at)])
+        turned = shapes.to_matrix(found[:, :, 3:][chosen])
+        corners = np.concatenate([bodies.extent(drawn, at[k], R) for k, R in zip(chosen, turned)])
     span = np.ptp(corners, axis=0).max(initial=0.0)
-    return corners if np.isfinite(corners).all() and span <= IN_PLACE * d.size else none
+    return corners if np.isfinite(corners).all() and span <= IN_PLACE * state.run.size else none
 
 
-def level(state: State) -> np.ndarray:
-    """(3,) where the first body is, its height left out."""
-    up = np.array(GRID[state.model.up][1])
-    at = np.asarray(poses(state)[0][0])
-    return at - (at @ up) * up
+def extremes(at: np.ndarray) -> list[int]:
+    """The frames of positions (nt, nb, 3) at which a body is farther along an axis than ever."""
+    axes = np.moveaxis(at, -1, 0)
+    return [int(k) for axis in axes for k in (axis.min(axis=1).argmin(), axis.max(axis=1).argmax())]
+
+
+def frames(state: State) -> np.ndarray | None:
+    """(nt, nb, 7) the poses of the run that is shown; None of a live one, and of a pose by hand."""
+    if state.run is None or state.pose is not None or state.live is not None:
+        return None
+    found = np.asarray(state.run.result.body_pose)
+    return found if found.size else None
+
+
+def travelled(state: State) -> np.ndarray:
+    """(3,) 1 for each axis along which a camera goes along, else 0.
+
+    Nobody knows how far a live run will go: over the ground, if a body is free.
+    """
+    if state.live is not None:
+        free = any(body.joint == "free" for body in state.model.bodies)
+        return free * (1.0 - np.array(GRID[state.model.up][1]))
+    if state.run is None or state.pose is not None:
+        return np.zeros(3)
+    return state.run.travels
+
+
+def middle(state: State) -> np.ndarray:
+    """(3,) the mean of the bodies' origins as they are drawn."""
+    return np.asarray(poses(state)[0]).mean(axis=0)

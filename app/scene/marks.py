@@ -18,7 +18,8 @@ from pgraph_core.show.stage import GRID
 from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
-LONGEST = 0.5  # of the model's size: the arrow of the run's usual largest force
+LONGEST = 0.8  # of the model's size: the arrow of the run's usual largest force
+MOST_VALUES, LEAST_VALUE = 12, 0.02  # forces with a number, the least as a part of the largest
 SITE = 0.09  # of a body's size: a line of a site's frame
 TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
@@ -86,7 +87,8 @@ def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
     """Return the looks of the bodies by number."""
     d = state.derived
     drawn = [state.model.body(name) for name in d.names]
-    return bodies.looks(drawn, d.children, state.colors, before, "branches" in state.shown)
+    colors = [shapes.COATS[shapes.hue_of(branch)] for branch in d.branches]
+    return bodies.looks(drawn, d.children, colors, before, "branches" in state.shown)
 
 
 def axes(state: State) -> Local:
@@ -398,6 +400,19 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
     """Return arrows (n, 2, 3) from the points of action of nonzero forces."""
     drawn = [(push.at, per_newton * push.force) for push in found if push.force.any()]
     return np.array([(at, at + arrow) for at, arrow in drawn]).reshape(-1, 2, 3)
+
+
+def values(state: State, positions: np.ndarray, wxyz: np.ndarray) -> list[list[Any]]:
+    """The largest forces: [x, y, z of the head of the arrow, its force as text]."""
+    found = pushes(state, positions, shapes.to_matrix(wxyz))
+    metres = scale(state)
+    sized = sorted(((float(np.linalg.norm(p.force)), p) for p in found), key=lambda one: -one[0])
+    least = LEAST_VALUE * sized[0][0] if sized else 0.0
+    return [
+        [*(round(float(x), 5) for x in push.at + metres * push.force), f"{size:.3g} N"]
+        for size, push in sized[:MOST_VALUES]
+        if size > least
+    ]
 
 
 def cones(found: list[Push], per_newton: float, normal: np.ndarray) -> tuple[np.ndarray, ...]:

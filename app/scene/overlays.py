@@ -200,8 +200,8 @@ def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, 
 def _spine(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
     """Lines in the bodies' colours: what is thinner than a pixel is still seen."""
     owners = [n for n, lines in marks.spine(state).items() for _ in lines]
-    own = state.colors
-    colors = (0.7 * np.array([own[n - 1] for n in owners])).astype(np.uint8)
+    hues = [shapes.HUES[shapes.hue_of(state.derived.branches[n - 1])] for n in owners]
+    colors = np.array(hues, np.uint8)
     return scene.add_line_segments(
         name, points, colors=np.repeat(colors[:, None], 2, axis=1), thickness=4.0,
         thickness_units="screen",
@@ -229,7 +229,7 @@ def _arrows(
     if len(points) == 0:
         return []
     node = scene.add_arrows(
-        name, points, colors=color, shaft_radius=0.009 * size, head_radius=0.024 * size,
+        name, points, colors=color, shaft_radius=0.01 * size, head_radius=0.026 * size,
         head_length=0.05 * size,
     )  # fmt: skip
     return [node]

@@ -1,13 +1,27 @@
-// What is drawn in 3D, a switch each, and what of the selected body the gizmo moves.
+// The tools of the 3D view: pose by hand, move the selected body's joint, measure; and what is drawn, a
+// switch each.
 (() => {
-  const { make, send } = pgraph;
-  const GIZMOS = [["", "nothing"], ["link", "link vector"], ["com", "centre of mass"], ["rotation", "orientation"]];
+  const { make, send, icon } = pgraph;
+  const GIZMOS = [["", "nothing"], ["link", "joint"], ["com", "centre of mass"], ["rotation", "orientation"]];
 
   function build(host) {
     const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("SetGizmo", { what: gizmo.value }) },
       ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })));
     host.replaceChildren(make("div", { className: "show" }, make("div", { className: "switches" }),
       make("div", { className: "field" }, make("div", { className: "what", textContent: "Move in 3D" }), gizmo), make("div", { className: "muted why" })));
+    const tool = (name, label, onclick) => make("button", { className: `bare tool-${name}`, title: label, "aria-label": label.split(":")[0], "aria-pressed": "false", onclick }, icon(name));
+    document.querySelector(".pgraph-tools").prepend(
+      tool("cursor", "Select and pose: drag a body", () => send("SetGizmo", { what: "" })),
+      tool("move", "Move the joint of the selected body", () => send("SetGizmo", { what: pgraph.latest.show.gizmo === "link" ? "" : "link" })),
+      tool("ruler", "Measure: distance and angle between two points (M)", () => pgraph.camera.measure()), make("span", { className: "rule" }));
+    if (pgraph.choices.get().dragged) return;
+    const hint = make("div", { className: "pgraph pgraph-hint" }, make("b", { textContent: "Drag" }), " a body to pose it", make("b", { textContent: "Ctrl drag" }), " to push it while it plays");
+    pgraph.frame.slot("view").append(hint);
+    pgraph.on("joints", ({ posed }) => { if (posed) { hint.remove(); pgraph.choices.set({ dragged: true }); } }); // known from now on
+  }
+  function pressed() {
+    const gizmo = pgraph.latest.show?.gizmo, measures = pgraph.latest.aim?.wants === "measure";
+    for (const [name, on] of [["cursor", !gizmo && !measures], ["move", Boolean(gizmo)], ["ruler", measures]]) document.querySelector(`.tool-${name}`)?.setAttribute("aria-pressed", on);
   }
 
   function draw(host, data) {
@@ -23,21 +37,8 @@
     const why = host.querySelector(".why");
     why.hidden = !data.gizmo;
     why.textContent = data.selected ? `Drag the arrows at ${data.selected}: one undo step.` : "Select a body first.";
+    pressed();
   }
 
-  pgraph.view("show", { build, show: draw });
-
-  // An arrow is seen through the body that it acts on: drawn last, over all, in a colour that the light leaves it.
-  for (const arrows of ["/forces", "/loads", "/pull"]) {
-    pgraph.viser.materials(arrows, (material) => {
-      if (!material.depthTest) return;
-      Object.assign(material, { depthTest: false, transparent: true, needsUpdate: true });
-      material.color.setScalar(0.3);
-    });
-  }
-  // From below the floor is not drawn; its triangles are turned so that its back is above.
-  const BACK = 1; // of three.js
-  for (const floor of ["/floor", "/ground"]) {
-    pgraph.viser.materials(floor, (material) => { if (material.side !== BACK) Object.assign(material, { side: BACK, needsUpdate: true }); });
-  }
+  pgraph.view("show", { build, show: draw, aim: pressed });
 })();

@@ -40,7 +40,9 @@ class View(FromPage):
     the view turns.
     """
 
-    which: Literal["fit", "front", "side", "top", "isometric", "centre"]
+    which: Literal[
+        "fit", "front", "side", "top", "isometric", "centre", "x", "y", "z", "-x", "-y", "-z"
+    ]
 
 
 @on(View)
@@ -55,7 +57,6 @@ class Viewport(FromPage):
     """The page's 3D view has this width over height."""
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
-    covered: Annotated[float, Field(ge=0, le=1)] = 0.0  # covered share of its height at the bottom
     turned: bool = False  # whether a person moved the camera since it was set
 
 
@@ -64,7 +65,7 @@ def viewport(state: State, event: Viewport) -> State:
     if state.playback.unseen:
         state = replace(state, playback=replace(state.playback, unseen=False))
     return with_client(
-        state, event.client, aspect=event.aspect, covered=event.covered,
+        state, event.client, aspect=event.aspect,
         turned=event.turned,
     )  # fmt: skip
 

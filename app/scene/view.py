@@ -12,15 +12,24 @@ import viser
 
 from pgraph_core.show import shapes, stage
 from pgraph_core.show.animation import between
-from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
-from pgraph_core.show.stage import grid, steps
+from pgraph_core.show.bodies import (
+    FLAT,
+    PULLING,
+    SEPARATE,
+    BatchedBodies,
+    Bodies,
+    Look,
+    SeparateBodies,
+    at_rest,
+)
 
 from ..core.bridge import Bridge
 from ..core.events import Event
 from ..core.state import Client, Run, State, poses
 from ..core.views import Host, Payload, Place, audience
-from ..pose.update import Pull
+from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
+from ..run.update import GoLive
 from ..scene.update import Unreadable
 from ..session.update import Select
 from . import marks
@@ -30,8 +39,8 @@ from .marks import looks
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
-OUTLINE = (20, 105, 255)
-MOST_OUTLINED = 30  # bodies of a page
+ACCENT = (47, 91, 231), (112, 152, 255)  # of what is selected, in the light and the dark theme
+MOST_FILLED = 30  # bodies of a page
 
 
 class SceneView:
@@ -41,10 +50,9 @@ class SceneView:
         self._bodies: Bodies | None = None
         self._looks: list[Look] = []  # by number
         self._overlays = Overlays(server)
-        self._selected: dict[int, list[viser.FrameHandle]] = {}  # by client: `_outlined`
-        self._outlined: dict[int, Any] = {}  # what these were made from
+        self._selected: dict[int, list[viser.FrameHandle]] = {}  # by client: `_filled`
+        self._made_from: dict[int, Any] = {}  # what these were made from
         self._gizmos = Gizmos(server, send)
-        self._ground_view = GroundView(server)
         self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
         self._send = send
         self._state: State | None = None
@@ -59,11 +67,9 @@ class SceneView:
         recolored = {"branches"} & (new.shown ^ old.shown)
         rebuilt = self._bodies is None or new.derived is not old.derived or bool(recolored)
         with self._server.atomic():
-            self._ground_view.render(new)
             if rebuilt:
                 self._rebuild(new)
             self._select(old, new, rebuilt)
-            self._quiet(new.playback.moves)
             moved = any((
                 new.playback.time != old.playback.time,
                 new.run is not old.run,
@@ -91,17 +97,28 @@ class SceneView:
         if number <= len(self._names) and (page is None or page.aim is None):
             self._send(Select(client, self._names[number - 1]))
 
-    def _pulled(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
+    def _dragged(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
         """A drag on a body: its grip is fixed where the drag begins, in the body's axes."""
-        if self._state is None or self._state.going is None or number > len(self._names):
-            return  # only what moves can be pulled
-        positions, wxyz = poses(self._state)
+        state = self._state
+        pulls = event.modifier == PULLING
+        if state is None or number > len(self._names) or (state.going and not pulls):
+            return  # what runs live is pulled, not posed
+        if pulls and state.going is None:
+            if event.phase == "start" and state.run is not None:
+                self._send(GoLive(client, here=True))
+            if state.run is None:
+                return
+        positions, wxyz = poses(state)
         if event.phase == "start" or client not in self._grips:
             arm = np.asarray(event.start_position) - positions[number - 1]
             x, y, z = (shapes.to_matrix(wxyz[number - 1]).T @ arm).tolist()
             self._grips[client] = x, y, z
         target = None if event.phase == "end" else event.end_position
-        self._send(Pull(client, self._names[number - 1], self._grips[client], target))
+        body, grip = self._names[number - 1], self._grips[client]
+        if pulls:
+            self._send(Pull(client, body, grip, target))
+        elif target is not None:
+            self._send(DragBody(client, body, grip, target))
 
     def _rebuild(self, state: State) -> None:
         few = len(state.derived.names) <= SEPARATE
@@ -110,7 +127,7 @@ class SceneView:
         if not isinstance(self._bodies, kind):
             if self._bodies is not None:
                 self._bodies.remove()
-            self._bodies = kind(self._server, self._clicked, self._pulled)
+            self._bodies = kind(self._server, self._clicked, self._dragged)
         self._looks = looks(state, self._looks)
         self._bodies.show(self._looks)
         self._names = state.derived.names
@@ -124,80 +141,66 @@ class SceneView:
         assert self._bodies is not None
         self._bodies.place(positions, wxyz)
         for client, frames in self._selected.items():
-            for name, frame in zip(_outlined(state.clients[client]), frames):
+            for name, frame in zip(_filled(state.clients[client]), frames):
                 k = state.derived.number[name] - 1
                 frame.position, frame.wxyz = positions[k], wxyz[k]
 
     def _select(self, old: State, new: State, rebuilt: bool) -> None:
-        """An outline of what is selected, and the axes of the last of it, on that page only."""
+        """What is selected, filled, on that page only."""
         for client in self._selected.keys() - new.clients.keys():
             del self._selected[client]
-            self._outlined.pop(client, None)
+            self._made_from.pop(client, None)
         for client, now in new.clients.items():
-            before = old.clients.get(client)
-            chosen = _outlined(now)
-            if not rebuilt and before is not None and _outlined(before) == chosen:
+            before = old.clients.get(client, Client())
+            chosen = _filled(now)
+            if not rebuilt and (_filled(before), before.dark) == (chosen, now.dark):
                 continue
-            made_from = [self._outline_of(new, name) for name in chosen]
-            if client in self._selected and made_from == self._outlined.get(client):
+            made_from = [self._drawn_of(new, name, now.dark) for name in chosen]
+            if client in self._selected and made_from == self._made_from.get(client):
                 continue  # it is moved with its body
-            self._outlined[client] = made_from
+            self._made_from[client] = made_from
             for frame in self._selected.pop(client, []):
                 frame.remove()
             handle = self._server.get_clients().get(client)
             if chosen and handle is not None:
                 self._selected[client] = [
-                    self._outline(handle, new, name, k) for k, name in enumerate(chosen)
+                    self._fill(handle, new, name, k, now.dark) for k, name in enumerate(chosen)
                 ]
 
-    def _quiet(self, moves: bool) -> None:
-        """While it moves, one body at most is outlined on a page: many hide the motion."""
-        for frames in self._selected.values():
-            for frame in frames:
-                seen = len(frames) == 1 or not moves
-                if frame.visible != seen:
-                    frame.visible = seen
-
-    def _outline_of(self, state: State, name: str) -> Any:
-        """All that an outline is made from."""
+    def _drawn_of(self, state: State, name: str, dark: bool) -> Any:
+        """All that a fill is made from."""
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
-        return body.shapes, links, body.tip, body.com, body.mass, d.grain
+        return body.shapes, links, body.tip, body.com, body.mass, d.grain, dark
 
-    def _outline(
-        self, client: viser.ClientHandle, state: State, name: str, at: int
+    def _fill(
+        self, client: viser.ClientHandle, state: State, name: str, at: int, dark: bool
     ) -> viser.FrameHandle:
-        """Around one body; the first of a page has axes too."""
-        node = f"/selected_{at}" if at else "/selected"
+        """Over one body, and fainter where others stand before it."""
         size = state.derived.grain
         solid = shapes.mesh(self._looks[state.derived.number[name] - 1].pieces)
-        frame = client.scene.add_frame(
-            node,
-            show_axes=at == 0,
-            axes_length=0.16 * size,
-            axes_radius=0.006 * size,
-            origin_radius=0.01 * size,
-        )
-        for part, grown, opacity in (("outline", 0.02, None), ("tint", 0.002, 0.2)):
+        node = f"/selected/{at}"
+        frame = client.scene.add_frame(node, show_axes=False)
+        for part in ("fill", "behind"):
             client.scene.add_mesh_simple(
                 f"{node}/{part}",
-                solid.vertices + grown * size * solid.vertex_normals,
+                solid.vertices + 0.002 * size * solid.vertex_normals,
                 solid.faces,
-                color=OUTLINE,
-                side="back" if part == "outline" else "front",
-                opacity=opacity,
+                color=ACCENT[dark],
+                opacity=0.4 if part == "behind" else None,
+                flat_shading=len(solid.faces) < FLAT,
                 cast_shadow=False,
                 receive_shadow=False,
             )
         return at_rest(frame)
 
 
-def _outlined(page: Client) -> tuple[str, ...]:
+def _filled(page: Client) -> tuple[str, ...]:
     """The bodies that a page has selected, the last one first."""
     last = page.selection
     if last is None:
         return ()
-    return (last, *(name for name in page.selected if name != last))[:MOST_OUTLINED]
+    return (last, *(name for name in page.selected if name != last))[:MOST_FILLED]
 
 
 COLOR, OPACITY = (120, 128, 140), 0.28
@@ -242,19 +245,45 @@ class GhostView:
                 node.position, node.wxyz = place, turn
 
 
+class ForceView:
+    """The values of the forces at the heads of their arrows, while nothing moves."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        self._sent: dict[int, list[Any]] = {}
+
+    def render(self, old: State, new: State) -> None:
+        shown = "forces" in new.shown and not new.playback.moves
+        values = marks.values(new, *poses(new)) if shown else []
+        for client in new.clients:
+            if self._sent.get(client, []) != values:
+                self._sent[client] = values
+                self._bridge.send(client, "forces", values)
+        for gone in self._sent.keys() - new.clients.keys():
+            del self._sent[gone]
+
+
 class StageView:
-    """Light, sky and floor of each page, in its theme."""
+    """Light, canvas and floor of each page, in its theme; steps of the ground on all."""
 
     def __init__(self, server: viser.ViserServer):
         self._server = server
         self._lit: dict[int, tuple[bool, str]] = {}  # by client: dark, which way is up
         self._floors: dict[int, object] = {}  # what each is made from
+        self._ground: object = None  # what the steps are made from
+        self._steps: Any = None
+        stage.unlit(server.scene)
 
     def render(self, old: State, new: State) -> None:
         for gone in self._lit.keys() - new.clients.keys():
             del self._lit[gone]
             self._floors.pop(gone, None)
         model, handles = new.model, None
+        if (model.ground, model.up) != self._ground:
+            self._ground = model.ground, model.up
+            if self._steps is not None:
+                self._steps.remove()
+            self._steps = stage.steps(self._server.scene, model)
         for client, page in new.clients.items():
             lit = page.dark, model.up
             floor = lit, model.ground_normal, new.framed, new.derived.low
@@ -264,29 +293,9 @@ class StageView:
             if page.aspect is None or (handle := handles.get(client)) is None:
                 continue
             if self._lit.get(client) != lit:
-                stage.light(handle.scene, page.dark, model.up)
+                stage.light(handle.scene, page.dark, model.up, shadows=False)
             stage.floor(handle.scene, model, new.derived.size, page.dark, new.derived.low)
             self._lit[client], self._floors[client] = lit, floor
-
-
-class GroundView:
-    """The ground of the model that is shown."""
-
-    def __init__(self, server: viser.ViserServer):
-        self._scene = server.scene
-        self._drawn: object = None  # what is drawn: the ground, which way is up, the size
-        self._steps: Any = None
-
-    def render(self, state: State) -> None:
-        model = state.model
-        wanted = (model.ground, model.up, state.framed, state.derived.low)
-        if wanted == self._drawn:
-            return
-        self._drawn = wanted
-        if self._steps is not None:
-            self._steps.remove()
-        grid(self._scene, model, state.derived.size, state.derived.low)
-        self._steps = steps(self._scene, model)
 
 
 class ShowView:
@@ -322,6 +331,7 @@ def switches(state: State, page: Client) -> Payload:
 
 VIEWS = (
     Place(lambda desk: ShowView(desk.bridge), 42, Host("show", "display")),
+    Place(lambda desk: ForceView(desk.bridge), 67),
     Place(lambda desk: CameraView(desk.bridge), 68),
     Place(lambda desk: StageView(desk.bridge.server), 69),
     Place(lambda desk: SceneView(desk.bridge.server, desk.send), 70),

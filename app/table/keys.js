@@ -4,7 +4,7 @@ pgraph.keys = (() => {
   const { send } = pgraph;
   const table = () => pgraph.table;
   const PAGE = 10; // rows
-  const cellsOf = (tr) => { table().furnish(tr); return [...tr.querySelectorAll(".cell, .constraint button")]; };
+  const cellsOf = (tr) => { table().furnish(tr); return [...tr.querySelectorAll(".cell, button.tied")]; };
 
   function listen(host) {
     const body = host.querySelector("tbody");
@@ -160,7 +160,7 @@ pgraph.keys = (() => {
 
   document.addEventListener("paste", (event) => {
     const target = document.activeElement, text = event.clipboardData.getData("text/plain");
-    const cell = here(target) && target.matches(".cell, .constraint button") && target.closest("tr[data-name]");
+    const cell = here(target) && target.matches(".cell, button.tied") && target.closest("tr[data-name]");
     const row = here(target) && target.matches("tr");
     const table_ = /[\t\n\r]/.test(text.trimEnd());
     const outside = table_ && (target === document.body || here(target)) && !target.matches("input, select"); // rows on the ground

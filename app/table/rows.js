@@ -1,45 +1,20 @@
-// What is done to whole rows: the buttons above the table, their questions, the number of bodies.
+// What is done to whole rows, and the questions about it.
 pgraph.rows = (() => {
   const { make, button, cells, send } = pgraph;
   const table = () => pgraph.table;
   const some = (names) => (names.length === 1 ? names[0] : `${names.length} bodies`);
 
-  function bar(host) {
-    const count = cells.input((serial, text) => counted(host, serial, text), { label: "number of bodies", className: "bodies-count" });
-    const search = make("input", {
-      type: "search", className: "search", placeholder: "Search", "aria-label": "search bodies", spellcheck: false,
-      oninput: () => table().search(host, search.value),
-      onkeydown: (event) => {
-        if (event.key !== "Escape") return;
-        event.stopPropagation();
-        search.value = "";
-        table().search(host, "");
-      },
-    });
-    return [
-      make("div", { className: "bar" },
-        button("add", "+ Add", "A new body on the selected one (Ctrl+Enter)", add),
-        pgraph.pictureButton("duplicate", "duplicate", "Duplicate", "Duplicate: a copy, with its constraints and forces (Ctrl+D)", () => duplicate(host)),
-        pgraph.pictureButton("mirror", "mirror", "Mirror", "Mirror: the branch reflected: a right leg from a left one", () => mirror(host)),
-        pgraph.pictureButton("delete", "delete", "Delete", "Delete: the selected bodies (Delete)", () => remove(host)),
-        count, make("span", { className: "count muted" }), make("span", { className: "spring" }), search),
-    ];
+  // Commands of the tab: the drawn graph, and a new body.
+  function build() {
+    const graph = make("button", { className: "bare graph", title: "Drawn graph", "aria-label": "Drawn graph", onclick: () => pgraph.digraph.toggle() }, pgraph.icon("graph"));
+    const more = make("button", { className: "bare add", title: "A new body on the selected one (Ctrl+Enter)", "aria-label": "Add a body", onclick: add }, pgraph.icon("add"));
+    pgraph.frame.actions("Bodies", graph, more);
   }
 
-  function count(host, data) {
-    const cell = host.querySelector(".bodies-count"), n = data.rows.length;
-    cells.set(cell, String(n), "the number of bodies; a change adds or removes rows at the end");
-    host.querySelector(".count").textContent = data.count.replace(/^\d+ /, "");
-  }
-
-  function enable(host, n) {
-    for (const which of ["duplicate", "mirror", "delete"]) host.querySelector(`.action.${which}`).disabled = n === 0;
-  }
-
-  // -- one question at a time, below the buttons -------------------------------------------------
+  // -- one question at a time, above the rows -------------------------------------------------
   function ask(host, question, ...answers) {
     close(host);
-    host.querySelector(".bar").after(make("div", { className: "ask", onkeydown: (event) => { if (event.key === "Escape") close(host); } },
+    host.prepend(make("div", { className: "ask", onkeydown: (event) => { if (event.key === "Escape") close(host); } },
       make("span", { textContent: question }), ...answers, button("keep", "Cancel", "", () => close(host))));
     host.querySelector(".ask button").focus();
   }
@@ -82,16 +57,14 @@ pgraph.rows = (() => {
       answer(host, bodies.length === 1 ? "delete its whole branch" : "delete their whole branches", "DeleteBodies", { bodies, children: "delete" }));
   }
 
-  // Another number of bodies: more at once, fewer only after a question.
-  function counted(host, serial, text) {
-    const now = table().rows().length, n = Number(text);
-    if (!(/^\d+$/.test(text.trim()) && n >= 1 && n < now)) { send("CountBodies", { serial, text }); return; }
-    cells.reply({ serial, text: "" });
-    const gone = table().rows().slice(n).map((row) => row.name);
-    const list = gone.length > 6 ? `${gone.slice(0, 5).join(", ")}, … ${gone.at(-1)}` : gone.join(", ");
-    ask(host, `Delete the last ${gone.length === 1 ? "body" : `${gone.length} bodies`} (${list})?`,
-      answer(host, "Delete", "DeleteBodies", { bodies: gone, children: "attach" }, "primary"));
+  function howMany() {
+    const host = pgraph.host("table"), count = cells.input((serial, text) => send("CountBodies", { serial, text }), { label: "number of bodies" });
+    pgraph.front("Bodies");
+    cells.set(count, String(table().rows().length));
+    ask(host, "Number of bodies, added or removed at the end:", count);
+    count.focus();
   }
+  pgraph.commands("Model", [["Number of bodies", "", howMany]]);
 
-  return { bar, count, enable, add, duplicate, mirror, remove, close };
+  return { build, add, duplicate, mirror, remove, close };
 })();

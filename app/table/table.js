@@ -1,20 +1,19 @@
-// The four-column table of bodies: name, parent, DoF, constraint. Its keys and the clipboard are
-// in keys.js, the questions above it in rows.js.
+// The table of bodies: the digraph as its gutter, name, parent, and joint with its constraints. Its keys
+// and the clipboard are in keys.js, what is done to whole rows in rows.js.
 pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["#", "number in the Pgraph: depth-first, upper row first, so numbers jump where rows are in another order; drag it to move the row, or onto another row to attach it there"],
+    ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, or onto another row to attach it there"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
-    ["DoF", "degrees of freedom of its joint, 0 to 6"],
-    ["Constraint", "holonomic (the joint alone), or the constraints that touch the body; click to see them"],
+    ["Joint", "constraints that touch the body (a mark), the kind of its joint and its degrees of freedom"],
   ];
   const LAZY = 60; // rows from which cells are made when they come near the view
-  let rows = [], byName = new Map(), trs = new Map(), filter = "", anchor = null, near = null;
+  let rows = [], byName = new Map(), trs = new Map(), anchor = null, near = null;
 
   const selected = () => pgraph.latest.selected ?? [];
-  const shown = () => rows.map((row) => row.name).filter((name) => !trs.get(name)?.hidden);
+  const shown = () => rows.map((row) => row.name);
 
   function build(host) {
     const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
@@ -25,10 +24,7 @@ pgraph.table = (() => {
       if (plain && event.target.closest(".number")) pick(nameOf(event.target));
     });
     for (const type of ["focusin", "input"]) body.addEventListener(type, (event) => focused(event.target));
-    const tools = make("div", { className: "tools" }, ...pgraph.rows.bar(host));
-    new ResizeObserver(() => host.style.setProperty("--tools", `${tools.offsetHeight}px`)).observe(tools);
     host.replaceChildren(
-      tools,
       make("table", { className: "bodies" }, make("thead", {}, head), body),
       make("p", { className: "muted empty", hidden: true }),
     );
@@ -38,6 +34,7 @@ pgraph.table = (() => {
     }, { rootMargin: "600px" });
     pgraph.keys.listen(host);
     pgraph.drag.listen(body);
+    pgraph.rows.build();
     trs = new Map();
   }
 
@@ -59,7 +56,7 @@ pgraph.table = (() => {
   }
   function focused(target) {
     const name = nameOf(target);
-    if (name !== undefined && cells.resting() && target.matches(".cell, .constraint button") && !selected().includes(name)) pick(name);
+    if (name !== undefined && cells.resting() && target.matches(".cell, button.tied") && !selected().includes(name)) pick(name);
   }
   function pick(name) {
     anchor = name;
@@ -90,12 +87,12 @@ pgraph.table = (() => {
   function draw(host, data) {
     rows = data.rows;
     byName = new Map(rows.map((row) => [row.name, row]));
+    const { gutter } = pgraph;
+    gutter.set(data);
     trs = pgraph.keyed(host.querySelector("tbody"), rows, newRow, fill, (tr) => near.unobserve(tr));
-    pgraph.rows.count(host, data);
-    const table = host.querySelector("table");
-    table.style.setProperty("--digits", String(rows.length).length);
-    table.classList.toggle("tied", rows.some((row) => row.constraints.length > 0));
-    search(host, filter);
+    pgraph.frame.count("Bodies", rows.length);
+    host.querySelector("table").style.setProperty("--gutter", `${gutter.width}px`);
+    host.querySelector(".empty").hidden = rows.length > 0;
     mark(host);
     others(host, pgraph.latest.others);
   }
@@ -103,8 +100,8 @@ pgraph.table = (() => {
   function newRow() {
     const tr = make("tr", { tabIndex: -1 });
     tr.append(
-      make("td", { className: "number", draggable: true }, make("span", { className: "chip" }), make("span", { className: "n" }), make("span", { className: "others" })),
-      make("td"), make("td"), make("td"), make("td", { className: "constraint" }));
+      make("td", { className: "number", draggable: true }, make("span", { className: "lanes" }), make("span", { className: "others" })),
+      make("td"), make("td"), make("td", { className: "held" }));
     if (rows.length > LAZY) near.observe(tr);
     else furnish(tr);
     return tr;
@@ -120,34 +117,35 @@ pgraph.table = (() => {
     const name = cells.input(edit("name"), { label: "name", className: "name" });
     const parent = cells.choice(() => parents(tr.dataset.name), edit("parent"), { label: "parent" });
     const dof = cells.choice(() => dofs(tr.dataset.name), edit("dof"), { label: "DoF" });
-    const constraint = make("button", { onclick: () => pgraph.show("Connections", tr.dataset.name) });
-    [name, parent, dof, constraint].forEach((cell, i) => tr.children[i + 1].replaceChildren(cell));
+    const constraint = make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) });
+    [[name], [parent], [make("span", { className: "kind" }), make("span", { className: "dof" }), dof, constraint]].forEach((made, i) => tr.children[i + 1].replaceChildren(...made));
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";
     if (row) fill(tr, row);
   }
 
   function fill(tr, row) {
-    const text = JSON.stringify(row);
+    const text = JSON.stringify(row) + pgraph.gutter.width;
     if (tr.dataset.drawn === text) return;
     tr.dataset.drawn = text;
-    tr.querySelector(".chip").style.setProperty("--body", row.color);
-    tr.querySelector(".n").textContent = row.number;
     const constraint = row.constraints.join(", ") || "holonomic";
-    [row.name, row.parent, "", constraint].forEach((value, i) => { tr.children[i + 1].title = value; });
+    [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].title = value; });
     if (!tr.dataset.furnished) {
-      [row.name, row.parent, `${row.dof} ${row.joint}`, row.constraints.join(", ") || "–"].forEach((value, i) => { tr.children[i + 1].textContent = value; });
+      [row.name, row.parent, row.dof].forEach((value, i) => { tr.children[i + 1].textContent = value; });
       return;
     }
-    const [name, parent, dof] = tr.querySelectorAll(".cell"), button = tr.lastElementChild.firstElementChild;
+    pgraph.gutter.draw(tr.querySelector(".lanes"), row);
+    const [name, parent, dof] = tr.querySelectorAll(".cell"), button = tr.querySelector("button.tied");
     cells.set(name, row.name);
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;
-    button.textContent = row.constraints.length ? constraint : "–"; // what is ordinary needs no word
+    dof.title = `${row.joint}, ${row.dof} DoF`;
+    tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
+    tr.querySelector(".dof").textContent = row.dof;
     button.setAttribute("aria-label", constraint);
     button.title = row.constraints.length ? `${constraint}: click to see them` : `holonomic: its ${row.joint} joint alone; click to add a constraint`;
-    button.classList.toggle("muted", row.constraints.length === 0);
+    button.classList.toggle("on", row.constraints.length > 0);
   }
 
   // Whether a typed name can only be refused: it is empty, or another row's.
@@ -180,7 +178,14 @@ pgraph.table = (() => {
     const tr = last === null ? null : trs.get(last);
     tr?.classList.add("selected", "last");
     pgraph.beforePicture("table", () => { if (tr?.isConnected && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" }); });
-    pgraph.rows.enable(host, tr ? Math.max(all.size, 1) : 0);
+    pgraph.gutter.path(host, last === null ? [] : way(last));
+  }
+
+  // The numbers from a body to the ground.
+  function way(name) {
+    const found = [];
+    for (let row = byName.get(name); row; row = byName.get(row.parent)) found.push(row.number);
+    return found;
   }
 
   // Small dots where other people are.
@@ -196,24 +201,6 @@ pgraph.table = (() => {
     }
   }
 
-  // Only rows in which the words stand.
-  function search(host, text) {
-    filter = text;
-    const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-    let found = 0;
-    for (const row of rows) {
-      const said = [row.name, row.parent, row.joint, ...row.constraints].join(" ").toLowerCase();
-      const tr = trs.get(row.name), hidden = !words.every((word) => said.includes(word));
-      tr.hidden = hidden;
-      const own = pgraph.sentenceOf(tr);
-      if (own) own.hidden = hidden;
-      if (!hidden) found++;
-    }
-    const empty = host.querySelector(".empty");
-    empty.hidden = found > 0;
-    empty.textContent = rows.length ? `No body has “${text}” in its row.` : "No bodies: add one, or paste rows of a spreadsheet (Ctrl+V).";
-  }
-
   pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });
-  return { selected, shown, extend, pick, taken, search, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
+  return { selected, shown, extend, pick, taken, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
 })();

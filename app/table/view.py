@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+from pgraph_core.show.digraph import gutter
+
 from ..core.bridge import Bridge
 from ..core.state import State
-from ..core.views import Host, Payload, Place, audience, count, css
+from ..core.views import Host, Payload, Place, audience, count, hue
 from .paste import COPIED, copied
 
 
@@ -29,23 +33,39 @@ class TableView:
 
 
 def table(state: State) -> Payload:
-    """The rows: number, name, parent, joint, constraints and colour of each body."""
-    d, colors = state.derived, state.colors
-    ids = state.rows.of(("bodies",), len(state.model.bodies))
-    rows = [
-        {
-            "id": number,
+    """Return the rows: number, name, parent, joint, constraints, hue and part of the digraph."""
+    d, bodies = state.derived, state.model.bodies
+    ids = state.rows.of(("bodies",), len(bodies))
+    order = {body.name: row for row, body in enumerate(bodies)}
+    ends = tuple((loop.body, loop.other) for loop in d.loops)
+    lanes = _lanes(d.parent, tuple(order[name] for name in d.names), ends)
+    rows = []
+    for row, (id_, body) in enumerate(zip(ids, bodies)):
+        k = d.number[body.name]
+        kind = "tip" if k in d.tips else "separation" if k in d.separation else ""
+        rows.append({
+            "id": id_,
             "name": body.name,
-            "number": d.number[body.name],
+            "number": k,
             "parent": body.parent,
             "dof": body.dof,
             "joint": body.joint,
             "constraints": d.constraints[body.name],
-            "color": css(colors[d.number[body.name] - 1]),
-        }
-        for number, body in zip(ids, state.model.bodies)
-    ]
-    return {"rows": rows, "count": count(state)}
+            "color": hue(d.branches[k - 1]),
+            "kind": kind,
+            "lane": lanes.lane[k - 1],
+            "marks": lanes.marks[row],
+        })  # fmt: skip
+    return {
+        "rows": rows,
+        "count": count(state),
+        "lanes": max(lanes.lane, default=0) + 1,
+        "loops": [loop.name for loop in d.loops],
+        "beside": lanes.loops,
+    }
+
+
+_lanes = lru_cache(maxsize=16)(gutter)
 
 
 VIEWS = (Place(lambda desk: TableView(desk.bridge), 10, Host("table", "left", "Bodies")),)

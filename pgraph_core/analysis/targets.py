@@ -25,6 +25,7 @@ from .rows import Rows
 WHERE = "inverse_kinematics"
 ROUNDS = 100
 MOST_STARTS = 100_000
+STRIDE, STRIDES = 0.25, 8  # of the size, that a hand moves a point in one call; its rounds
 
 
 class Target(NamedTuple):
@@ -61,6 +62,26 @@ def inverse_kinematics(
     raise InputError(
         [_missed(mech, best, target, starts) for target in _off(mech, best, wanted, rows)]
     )
+
+
+def nearest(
+    mech: Dynamics, q: Array, name: str, point: Any, place: Any, still: Array
+) -> Array:  # fmt: skip
+    """Return q (nq,) near q with a body's point (3,) as near to a place (3,) [m] as possible.
+
+    Limits hold. Loops nearly stay closed, and `assemble` closes them. The degrees of freedom
+    `still` (nv,) do not move. One call moves the point by at most STRIDE of the mechanism's size.
+    """
+    rows = Rows.of(mech, acting(mech, None)[1], q)
+    low, high = bounds(mech)
+    here = single(rows)
+    low, high = np.where(still, here, low), np.where(still, here, high)
+    at, turn = mech.pose(q, name)
+    start = at + turn @ np.asarray(point, float)
+    way = np.asarray(place, float) - start
+    way *= min(1.0, STRIDE * rows.size / max(float(np.linalg.norm(way)), 1e-300))
+    target = Target(name, np.asarray(point, float), start + way, None)
+    return _descended(rows, [target], low, high, STRIDES)[0]
 
 
 def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
@@ -142,12 +163,14 @@ def single(rows: Rows) -> Array:
     return here
 
 
-def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tuple[Array, float]:
+def _descended(
+    rows: Rows, wanted: list[Target], low: Array, high: Array, rounds: int = ROUNDS
+) -> tuple[Array, float]:
     """Return (q, residual [m]) from a start. Rotations count by the radius of gyration."""
     damping, left = 1e-3, np.inf
     error, J = _errors(rows, wanted)
     left = float(np.linalg.norm(error))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         if left <= ROUNDING * rows.size:
             break
         weight = np.sqrt(damping) * min(left / rows.size, 1.0)

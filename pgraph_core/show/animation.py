@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import needed
 from .bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, extent, looks
 from .shapes import branch_colors, children_of, reach, to_matrix
-from .stage import FRAMING, GRID, depth, fitted, floor, grid, light, steps, towards
+from .stage import FRAMING, GRID, depth, fitted, floor, light, steps, towards, unlit
 
 if TYPE_CHECKING:
     import viser
@@ -65,8 +65,8 @@ def draw(
     scene, camera = server.scene, server.initial_camera
     scene.set_up_direction(up)
     low = depth(model, bodies, parent, pose[0, :, :3], size)
-    planes = (grid(scene, model, size, low), floor(scene, model, size, False, low))
-    under = [node for node in (*planes, steps(scene, model)) if node is not None]
+    planes = (floor(scene, model, size, False, low), steps(scene, model))
+    under = [node for node in planes if node is not None]
     ground = [(node, node.position) for node in under]
     found = looks(bodies, children, branch_colors(parent))
     leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
@@ -74,6 +74,7 @@ def draw(
         whole(found, pose, up, leaves), up, towards(model.up, "start"), ASPECT
     )
     camera.up, camera.fov = up, FRAMING.field_of_view
+    unlit(scene)
     light(scene, False, model.up)
     kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
     drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
-Pulled = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
+Dragged = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
 FLAT = 200  # faces: boxes and cylinders keep their edges
-PULLING = "cmd/ctrl"  # held while the mouse pulls on a body
+PULLING = "cmd/ctrl"  # held while the mouse pulls on a body; else it poses it
 Node = TypeVar("Node", bound="viser.SceneNodeHandle")
 
 
@@ -30,7 +30,7 @@ class Look(NamedTuple):
     links: tuple[tuple[float, float, float], ...]  # positions of its children's joints at q = 0 [m]
     pieces: tuple[shapes.Piece, ...]
     color: shapes.Color
-    plain: bool = False  # True for one colour
+    plain: bool = False  # in its branch's colour
 
     def alike(self, other: Look) -> bool:
         """True if both are drawn the same."""
@@ -51,7 +51,7 @@ def looks(
 ) -> list[Look]:  # fmt: skip
     """Return the looks of bodies by number, reusing those of `before` if nothing changed.
 
-    With `plain`, shapes have the colours of their bodies.
+    `plain`: in the bodies' colours; of those of their shapes what is dark or light stays.
     """
     found: list[Look] = []
     for k, (body, color) in enumerate(zip(bodies, colors)):
@@ -63,7 +63,7 @@ def looks(
             continue
         pieces = shapes.pieces(body, links)
         if plain:
-            pieces = tuple(replace(piece, color=None) for piece in pieces)
+            pieces = tuple(replace(piece, color=shapes.shade(piece.color)) for piece in pieces)
         found.append(Look(body, links, pieces, color, plain))
     return found
 
@@ -109,9 +109,9 @@ def at_rest(node: Node) -> Node:
 class SeparateBodies:
     """One node per body, with a child for each further colour. Only changes are sent."""
 
-    def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
+    def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
         self._server = server
-        self._clicked, self._pulled = clicked, pulled
+        self._clicked, self._dragged = clicked, dragged
         self._drawn: list[tuple[Look, list[viser.MeshHandle]]] = []  # by number
 
     def show(self, looks: Sequence[Look]) -> None:
@@ -152,9 +152,10 @@ class SeparateBodies:
         async def _(event: viser.SceneNodePointerEvent) -> None:
             self._clicked(event.client_id, number)
 
+        @node.on_drag("left")
         @node.on_drag("left", modifier=PULLING)
         async def _(event: viser.SceneNodeDragEvent) -> None:
-            self._pulled(event.client_id, number, event)
+            self._dragged(event.client_id, number, event)
 
         return node
 
@@ -196,9 +197,9 @@ def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
 class BatchedBodies:
     """One node per kind of solid, whose instances are scaled and placed unit solids."""
 
-    def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
+    def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
         self._server = server
-        self._clicked, self._pulled = clicked, pulled
+        self._clicked, self._dragged = clicked, dragged
         self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, float, Any]] = []
         self._looks: list[Look] = []  # by number
 
@@ -240,10 +241,11 @@ class BatchedBodies:
             if event.instance_index is not None:
                 self._clicked(event.client_id, int(owner[event.instance_index]))
 
+        @node.on_drag("left")
         @node.on_drag("left", modifier=PULLING)
         async def _(event: viser.SceneNodeDragEvent) -> None:
             if event.instance_index is not None:
-                self._pulled(event.client_id, int(owner[event.instance_index]), event)
+                self._dragged(event.client_id, int(owner[event.instance_index]), event)
 
         return owner, local, turned, parts[0][1].opacity, node
 

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import Literal
+from typing import Literal, NamedTuple
 
 TIDY = 40  # bodies up to which the tree is drawn as a tree
 ROW, ROW_OF_LOOPS = 37.0, 48.0  # [px] distance of levels without and with loops between them
 LANE, LANE_ROW = 18.0, 22.0
+MOST_LANES = 24  # beside a list: further branches share the last one
 CHARACTER, NODE = 6.2, 26.0  # [px] width of a letter and of a node
 LONGEST = 20  # shown letters of a name
 LABEL = NODE / 2 + 14  # [px] from a node's middle to where its name begins
@@ -118,6 +119,102 @@ def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
     longest = CHARACTER * min(max(letters, default=0), LONGEST)
     y = tuple(k * LANE_ROW + NODE for k in range(n + 1))
     return Layout("lanes", x, y, max(x) + NODE + longest, y[-1] + NODE)
+
+
+# -- the gutter of a list ---------------------------------------------------------------------
+
+
+class Mark(NamedTuple):
+    """Part of a line in one row of a list.
+
+    "|" passes the row, "v" and "^" join the middle to the row below and above, "d" and "u" go
+    across from one lane to another and then down or up. Lines of loops have the same in capitals
+    ("I", "D", "U"); their lanes are counted right of those of bodies.
+    """
+
+    shape: str
+    start: int  # lane
+    end: int  # lane
+    of: int  # number of the child, or index of the loop
+
+
+class Gutter(NamedTuple):
+    """Lanes of bodies beside a list with one row a body."""
+
+    lane: tuple[int, ...]  # by number
+    loops: int  # number of lanes of loops
+    marks: tuple[tuple[Mark, ...], ...]  # by row
+
+
+def gutter(
+    parent: tuple[int, ...], row: tuple[int, ...], loops: tuple[tuple[int, int], ...] = ()
+) -> Gutter:
+    """Return lanes for bodies 1..nb with parents `parent` in rows `row` (0 to nb - 1).
+
+    The first child keeps the lane of its parent. Each other child has the first lane that is free
+    from its parent's row to the last row of its own lane. Each loop has a lane of its own between
+    the rows of its bodies.
+    """
+    first: dict[int, int] = {}
+    for k, p in enumerate(parent, 1):
+        first.setdefault(p, k)
+    at = (-1, *row)  # by number
+    marks: list[dict[tuple[str, int, int], Mark]] = [{} for _ in parent]
+    lane, taken = [0] * (len(parent) + 1), _Lanes()
+    for k, p in enumerate(parent, 1):
+        if p and first[p] == k:
+            lane[k] = lane[p]
+        else:
+            rows, last = [at[p] if p else at[k], at[k]], k
+            while last in first:
+                last = first[last]
+                rows.append(at[last])
+            lane[k] = taken.free(min(rows), max(rows))
+        if p:
+            _join(marks, (at[p], lane[p]), (at[k], lane[k]), k)
+    beside = _Lanes()
+    for i, (a, b) in enumerate(loops):
+        if a and b:
+            ends = sorted(((at[a], lane[a]), (at[b], lane[b])))
+            column = beside.free(ends[0][0], ends[1][0])
+            for (there, own), shape in zip(ends, "DU"):
+                marks[there][shape, own, i] = Mark(shape, own, column, i)
+            for passed in range(ends[0][0] + 1, ends[1][0]):
+                marks[passed]["I", column, column] = Mark("I", column, column, i)
+    return Gutter(tuple(lane[1:]), len(beside.taken), tuple(tuple(m.values()) for m in marks))
+
+
+class _Lanes:
+    """Lanes and the rows in which each is taken, a bit a row."""
+
+    def __init__(self) -> None:
+        self.taken: list[int] = []
+
+    def free(self, low: int, high: int) -> int:
+        """Take the first lane that is free from row `low` to row `high`, or else the last one."""
+        rows = ((1 << (high - low + 1)) - 1) << low
+        found = next((k for k, taken in enumerate(self.taken) if not taken & rows), None)
+        if found is None:
+            found = min(len(self.taken), MOST_LANES - 1)
+        if found == len(self.taken):
+            self.taken.append(0)
+        self.taken[found] |= rows
+        return found
+
+
+def _join(
+    marks: list[dict[tuple[str, int, int], Mark]], parent: tuple[int, int], child: tuple[int, int],
+    of: int,
+) -> None:  # fmt: skip
+    """Add the line from a parent's row and lane to its child's."""
+    (start, a), (end, b) = parent, child
+    leaves, arrives = (
+        ("v" if a == b else "d", "^") if end > start else ("^" if a == b else "u", "v")
+    )
+    marks[start][leaves, a, b] = Mark(leaves, a, b, of)
+    for passed in range(min(start, end) + 1, max(start, end)):
+        marks[passed]["|", b, b] = Mark("|", b, b, of)
+    marks[end][arrives, b, b] = Mark(arrives, b, b, of)
 
 
 # -- the lines of loops ----------------------------------------------------------------------

@@ -49,7 +49,7 @@ class Drawing:
         seen = np.concatenate([self._corners(pose) - self._gone(pose) for pose in near])
         self._reach = float(np.linalg.norm(np.ptp(seen, axis=0))) or 0.05
         way = stage.towards(model.up, view)
-        self._view = stage.fitted(seen, self.up, way, self.size[0] / self.size[1], 0.05)
+        self._view = stage.fitted(seen, self.up, way, self.size[0] / self.size[1])
         self._right, self._above = stage.frame(self.up, way)
         self._way = way
         flat = level(stage.towards(model.up, "start"), self.up)
@@ -200,12 +200,12 @@ def checked_size(size: Any) -> tuple[int, int]:
 
 def tones(of: stage.Tones, up: str) -> Tones:
     """A theme of the page, as linear light."""
-    sky, soil = np.array(linear(of.sky)), np.array(linear(of.soil))
-    fill = np.array(stage.ABOVE[up]) / np.linalg.norm(stage.ABOVE[up])
-    around = 0.55 * of.ambient  # against the sun's light
-    lights = (around * sky, 0.8 * around * soil, 0.95 * np.ones(3), 0.35 * of.fill * sky, fill)
-    colors = (of.zenith, of.horizon, of.floor, of.section)
-    return Tones._make((*map(linear, colors), *map(_three, lights)))
+    rim = np.array(stage.turned(stage.RIM, up)) / np.linalg.norm(stage.RIM)
+    strengths = of.around, of.around, of.key, of.rim
+    colors = of.above, of.below, stage.WARM, stage.COOL
+    lights = [x / np.pi * np.array(linear(color)) for x, color in zip(strengths, colors)]
+    colors = (of.canvas, of.canvas, of.floor, of.line)
+    return Tones._make((*map(linear, colors), *map(_three, (*lights, rim))))
 
 
 def _coded(light: np.ndarray) -> np.ndarray:

@@ -5,10 +5,8 @@ Bodies and shapes are any objects with the fields of `pg.Body` and `pg.Shape`.
 
 from __future__ import annotations
 
-import colorsys
 import itertools
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -21,8 +19,17 @@ from ..errors import PgraphError, needed
 from ..mesh_files import load_mesh
 
 Color = tuple[int, int, int]
-TRUNK_HUE = 0.63  # bodies that carry several tips
-TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
+# of the trunk and of one branch after the other; the style of the light theme has the same
+HUES: tuple[Color, ...] = (
+    (91, 107, 134), (47, 91, 231), (194, 86, 12), (11, 125, 99), (147, 51, 168), (122, 104, 0),
+    (190, 38, 92),
+)  # fmt: skip
+PAINTS: tuple[Color, ...] = (
+    (205, 208, 214), (95, 127, 224), (217, 131, 74), (63, 156, 134), (168, 104, 187),
+    (176, 158, 60), (214, 104, 140),
+)  # fmt: skip
+COAT, RUBBER, TINT = (218, 220, 224), (48, 54, 64), 0.55  # of bodies; the share of the paint
+LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, least radius [m]
@@ -287,57 +294,45 @@ def reach(
     return low + high, max(math.hypot(*(high - low)), 0.05)
 
 
-def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
-    """One calm colour a body: a hue for each branch that ends in a tip, one for the trunk."""
+def branches(parent: Sequence[int]) -> tuple[int, ...]:
+    """The branch of each body: 0 of what carries several tips, else 1, 2, ... as tips are met."""
     n = len(parent)
     tips = [0] * (n + 1)
     for k in range(n, 0, -1):
         tips[k] = max(tips[k], 1)
         tips[parent[k - 1]] += tips[k]
-    hues, colors = itertools.cycle(TIP_HUES), []
-    hue, rank = [TRUNK_HUE] * (n + 1), [0] * (n + 1)
+    found, met = [0] * (n + 1), itertools.count(1)
     for k, p in enumerate(parent, 1):
-        trunk = tips[k] > 1
-        follows = p > 0 and (trunk or tips[p] == 1)
-        hue[k] = hue[p] if follows else TRUNK_HUE if trunk else next(hues)
-        rank[k] = rank[p] + 1 if follows else 0
-        light = 0.42 + 0.05 * (rank[k] % 5)
-        colors.append(_rgb(hue[k], light, 0.36 if trunk else 0.52))
-    return tuple(colors)
+        if tips[k] == 1:
+            found[k] = found[p] if p > 0 and tips[p] == 1 else next(met)
+    return tuple(found[1:])
 
 
-def colors_beside(parent: Sequence[int], known: Sequence[Color | None]) -> tuple[Color, ...]:
-    """One colour a body where those that are `known` stay.
-
-    The only child of a parent carries its branch on, in the next lightness; else a body begins a
-    branch, in the hue that the fewest have.
-    """
-    only = [count == 1 for count in np.bincount(parent, minlength=len(parent) + 1)]
-    used = Counter(dict.fromkeys(TIP_HUES, 0))
-    used.update(_hue(color) for color in known if color is not None)
-    found: list[Color] = []
-    for p, color in zip(parent, known):
-        if color is None and p > 0 and only[p]:
-            hue, light, saturation = colorsys.rgb_to_hls(*(c / 255 for c in found[p - 1]))
-            light = 0.42 + 0.05 * ((round((light - 0.42) / 0.05) + 1) % 5)
-            new = _rgb(hue, light, saturation)
-        else:
-            new = color or _rgb(min(used, key=used.__getitem__), 0.42, 0.52)
-        if color is None:
-            used[_hue(new)] += 1
-        found.append(new)
-    return tuple(found)
+def hue_of(branch: int) -> int:
+    """The number of a branch's hue: 0 of the trunk, the others in turn."""
+    return 1 + (branch - 1) % (len(HUES) - 1) if branch else 0
 
 
-def _hue(color: Color) -> float:
-    """The one of TIP_HUES that is nearest to a colour."""
-    hue = colorsys.rgb_to_hls(*(c / 255 for c in color))[0]
-    return min(TIP_HUES, key=lambda one: abs(one - hue))
+def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
+    """The colour of each body: a light coat with a share of its branch's hue."""
+    return tuple(COATS[hue_of(k)] for k in branches(parent))
 
 
-def _rgb(hue: float, light: float, saturation: float) -> Color:
-    r, g, b = colorsys.hls_to_rgb(hue, light, saturation)
-    return round(255 * r), round(255 * g), round(255 * b)
+def shade(color: Color | None) -> Color | None:
+    """Return the dark or light coat for a shape's own colour, or None for its branch's."""
+    if color is None:
+        return None
+    light = sum(w * c for w, c in zip(LUMA, color)) / 255
+    return RUBBER if light < 0.42 else COAT if light > 0.8 else None
+
+
+def _tinted(paint: Color) -> Color:
+    """The coat with TINT of a paint, mixed as light is."""
+    r, g, b = (((1 - TINT) * c**2.2 + TINT * h**2.2) ** (1 / 2.2) for c, h in zip(COAT, paint))
+    return round(r), round(g), round(b)
+
+
+COATS = tuple(map(_tinted, PAINTS))
 
 
 def z_to(direction: np.ndarray) -> np.ndarray:

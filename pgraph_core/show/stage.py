@@ -1,4 +1,4 @@
-"""Surroundings of the bodies in viser: ground, grid, steps, light, sky and floor."""
+"""What bodies stand on and in, drawn by viser: light, canvas, floor and steps."""
 
 from __future__ import annotations
 
@@ -22,58 +22,71 @@ GRID: dict[str, tuple] = {
 STEP = (150, 158, 168)
 BOX = ((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7),
        (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5))  # fmt: skip
-ABOVE = {"x": (-0.3, 1.0, 0.5), "y": (0.5, -0.3, 1.0), "z": (1.0, 0.5, -0.3)}  # the fill light
 
 
 class Tones(NamedTuple):
     """Colours of one theme, with intensities in units of three.js."""
 
-    zenith: Color
-    horizon: Color
-    floor: Color
+    canvas: Color  # behind everything
+    floor: Color  # the disc that the model stands on
     line: Color
-    section: Color
-    sky: Color
-    soil: Color
-    ambient: float
-    fill: float
+    above: Color  # light from all around
+    below: Color
+    around: float
+    key: float  # of the light from the upper left in front, which casts the shadow
+    rim: float  # of the light from behind
+    shadow: float  # on the floor
 
 
-LIGHT = Tones(
-    (196, 212, 231), (240, 243, 247), (233, 236, 240), (222, 226, 231), (210, 215, 222),
-    (255, 252, 246), (176, 164, 150), 1.1, 0.5,
-)  # fmt: skip
-DARK = Tones(
-    (14, 17, 23), (44, 50, 60), (66, 73, 85), (73, 81, 93), (84, 92, 106),
-    (170, 186, 214), (64, 60, 58), 1.2, 0.4,
-)  # fmt: skip
+LIGHT = Tones((238, 241, 245), (250, 251, 252), (195, 202, 213), (255, 255, 255), (150, 157, 170),
+              1.75, 1.5, 0.7, 0.34)  # fmt: skip
+DARK = Tones((14, 17, 22), (29, 35, 44), (62, 71, 85), (206, 218, 240), (72, 82, 100),
+             1.3, 1.6, 1.1, 0.55)  # fmt: skip
+WARM, COOL = (255, 246, 234), (214, 226, 255)  # of the key and the rim
+# Towards the lights, with z up and the camera at the start as in TOWARDS.
+KEY, RIM, SKY = (1.6, -1.5, 3.4), (-2.0, 2.4, 1.2), (0.0, 0.0, 1.0)
+OVERHEAD = 0.4  # of the light from straight above, which darkens what is close to the ground
 
 
-def light(scene: viser.SceneApi, dark: bool, up: str) -> None:
-    """Add ambient light to viser's sun with its shadows, and the sky."""
+def turned(direction: Sequence[float], up: str) -> tuple[float, float, float]:
+    """Return a direction that is given for z up in axes with `up` up."""
+    x, y, z = direction
+    return {"x": (z, x, y), "y": (x, z, -y), "z": (x, y, z)}[up]
+
+
+def unlit(scene: viser.SceneApi) -> None:
+    """Remove viser's own lights and its picture of a city around the scene."""
+    scene.configure_default_lights(False)
+    scene.configure_environment_map(None)
+
+
+def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> None:
+    """Add a key light, a sky and a cool rim from behind, on a plain background.
+
+    Without `shadows` the page casts them itself, with one map a light where viser draws three.
+    """
     tones = DARK if dark else LIGHT
-    _, overhead = GRID[up]
-    scene.add_light_hemisphere(
-        "/light/sky", sky_color=tones.sky, ground_color=tones.soil, intensity=tones.ambient,
-        position=overhead,
-    )  # fmt: skip
-    scene.add_light_directional(
-        "/light/fill", color=tones.sky, intensity=tones.fill, position=ABOVE[up]
+    lights = (
+        ("key", KEY, WARM, tones.key),
+        ("sky", SKY, WARM, OVERHEAD),
+        ("rim", RIM, COOL, tones.rim),
     )
-    scene.set_background_image(sky(tones), format="png")
-
-
-def sky(tones: Tones) -> np.ndarray:
-    """(rows, columns, 3) a picture from the zenith to the horizon, which fills the view."""
-    down = np.clip(np.linspace(0.0, 1.6, 320), 0.0, 1.0)[:, None]
-    colors = np.asarray(tones.zenith) * (1 - down) + np.asarray(tones.horizon) * down
-    return np.repeat(np.round(colors).astype(np.uint8)[:, None], 16, axis=1)
+    for name, towards, color, intensity in lights:
+        scene.add_light_directional(
+            f"/light/{name}", color=color, intensity=intensity, position=turned(towards, up),
+            cast_shadow=shadows and name == "key",
+        )  # fmt: skip
+    scene.add_light_hemisphere(
+        "/light/around", sky_color=tones.above, ground_color=tones.below, intensity=tones.around,
+        position=GRID[up][1],
+    )  # fmt: skip
+    scene.set_background_image(np.full((16, 16, 3), tones.canvas, np.uint8), format="png")
 
 
 def floor(
     scene: viser.SceneApi, model: Any, size: float, dark: bool, low: float = 0.0
 ) -> viser.GridHandle:
-    """Add the plane of the ground with its lines up to the horizon, `low` [m] under the plane."""
+    """Add the plane of the ground, `low` [m] under it, with lines and shadows that fade."""
     plane, up = GRID[model.up]
     tones, cell = DARK if dark else LIGHT, shapes.spaced(size)
     return scene.add_grid(
@@ -83,15 +96,14 @@ def floor(
         cell_size=cell / 5,
         section_size=cell,
         cell_color=tones.line,
-        section_color=tones.section,
+        section_color=tones.line,
         section_thickness=1.2,
         plane_color=tones.floor,
         plane_opacity=1.0,
-        shadow_opacity=0.0,
-        fade_distance=26 * size,
-        fade_strength=0.9,
-        # under the ground, which takes the shadows
-        position=-(low + 2e-3 * size) * np.asarray(model.ground_normal),
+        shadow_opacity=tones.shadow,
+        fade_distance=12 * size,
+        fade_strength=size,  # the page's own shader takes it for the size of the model
+        position=-low * np.asarray(model.ground_normal),
         wxyz=tilt(np.array(up), np.asarray(model.ground_normal)),
     )
 
@@ -119,26 +131,6 @@ def depth(
     roots = [k for k, p in enumerate(parent) if p == 0]
     lowest = min(height[k] - reach[k] for k in roots)
     return float(np.clip(-lowest, 0.0, max(3 * size - height.mean(), 0.0)))
-
-
-def grid(scene: viser.SceneApi, model: Any, size: float, low: float = 0.0) -> viser.GridHandle:
-    """Add the infinite plane of the ground that receives shadows, in the colour of the stage.
-
-    It is drawn `low` [m] under the plane.
-    """
-    plane, up = GRID[model.up]
-    return scene.add_grid(
-        "/ground",
-        plane=plane,
-        infinite_grid=True,
-        cell_thickness=0.0,
-        section_thickness=0.0,
-        fade_distance=26 * size,
-        fade_strength=0.9,
-        shadow_opacity=0.22,
-        position=-low * np.asarray(up),
-        wxyz=tilt(np.array(up), np.asarray(model.ground_normal)),
-    )
 
 
 def steps(scene: viser.SceneApi, model: Any) -> Any:
@@ -179,24 +171,21 @@ Which = Literal["front", "side", "top", "isometric", "start"]
 # From the model to the camera, by the axis that is up. Models look along x (along y if x is up).
 TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
     "x": {"front": (0, 1, 0), "side": (0, 0, -1), "top": (1, 0, 0), "isometric": (1, 1, -1),
-          "start": (0.42, 0.8, -1.0)},
+          "start": (0.3, 0.6, -1.0)},
     "y": {"front": (1, 0, 0), "side": (0, 0, 1), "top": (0, 1, 0), "isometric": (1, 1, 1),
-          "start": (0.55, 0.4, 1.0)},
+          "start": (0.6, 0.3, 1.0)},
     "z": {"front": (1, 0, 0), "side": (0, -1, 0), "top": (0, 0, 1), "isometric": (1, -1, 1),
-          "start": (0.55, -1.0, 0.4)},
+          "start": (0.6, -1.0, 0.3)},
 }  # fmt: skip
 
 
 class Framing(NamedTuple):
     """Margins of the camera's picture."""
 
-    field_of_view: float = 0.7  # vertical angle [rad]
-    margin: float = 0.92  # used share of half the width, and of half the height above the middle
-    lower: float = 0.66  # used share of half the height below the middle, above the playback
-    gap: float = 0.02  # share of the height between the bodies and the playback
-    most_covered: float = 0.7  # largest share of the height that is covered
+    field_of_view: float = 0.5  # of the height [rad]: bodies keep their shape
+    margin: float = 0.8  # of half the width and height
     distance: float = 0.02  # least distance [m], of a model that is a point
-    lean: float = 1e-3  # tilt of the view "top", because a vertical view has no upright picture
+    lean: float = 1e-3  # of a view along the vertical, which has no upright picture
 
 
 FRAMING = Framing()
@@ -209,37 +198,33 @@ class Viewpoint(NamedTuple):
     target: np.ndarray  # (3,) point at the picture's centre [m]
 
 
-def towards(up: str, which: Which) -> np.ndarray:
-    """(3,) unit vector from the model to the camera."""
-    way = np.array(TOWARDS[up][which], float)
-    if which == "top":
+def towards(up: str, which: str) -> np.ndarray:
+    """(3,) unit vector from the model to the camera: of a named view, or an axis such as "-x"."""
+    if which[-1] in "xyz":
+        way = (-1.0 if which[0] == "-" else 1.0) * np.eye(3)["xyz".index(which[-1])]
+    else:
+        way = np.array(TOWARDS[up][which], float)  # type: ignore[index]
+    if not np.cross(GRID[up][1], way).any():
         way += FRAMING.lean * np.array(TOWARDS[up]["side"])
     return way / np.linalg.norm(way)
 
 
-def fitted(
-    points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, covered: float = 0.0
-) -> Viewpoint:
+def fitted(points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float) -> Viewpoint:
     """Return the nearest camera in the direction `way` (a unit vector) that sees all points.
 
-    A share `covered` of the picture's height at its bottom is kept free. Let a point be at
-    (x, y, z) in the camera's axes and the camera at (a, b, d), with z towards the camera. The point
-    is in the picture if |x - a| <= h (d - z) and -w (d - z) <= y - b <= v (d - z). The tangents are
-    h of the picture's half width and v, w of its parts above and below the middle. w is negative if
-    more than half is covered.
+    A point at (x, y, z) in the camera's axes, z towards the camera at (a, b, d), is in the picture
+    if |x - a| <= h (d - z) and |y - b| <= v (d - z), with the tangents h and v of the picture's
+    half width and half height.
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
-    half = math.tan(FRAMING.field_of_view / 2)
-    h, v = FRAMING.margin * half * aspect, FRAMING.margin * half
-    low = 1 - 2 * min(covered + FRAMING.gap, FRAMING.most_covered)
-    w = min(FRAMING.lower, low) * half
+    v = FRAMING.margin * math.tan(FRAMING.field_of_view / 2)
+    h = v * aspect
     x_high, x_low = (x + h * z).max(), (x - h * z).min()
-    y_high, y_low = (y + v * z).max(), (y - w * z).min()
+    y_high, y_low = (y + v * z).max(), (y - v * z).min()
     middle = (z.min() + z.max()) / 2
-    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (v + w), middle + FRAMING.distance)
-    a, b = (x_high + x_low) / 2, (y_high - v * d + y_low + w * d) / 2
-    target = a * right + b * above + middle * way
+    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (2 * v), middle + FRAMING.distance)
+    target = (x_high + x_low) / 2 * right + (y_high + y_low) / 2 * above + middle * way
     return Viewpoint(target + (d - middle) * way, target)
 
 
@@ -250,15 +235,12 @@ def frame(up: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return right, np.cross(way, right)
 
 
-def in_picture(
-    points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float, covered: float = 0.0
-) -> np.ndarray:
-    """Return a mask (n,) of the points in a camera's picture above its `covered` share."""
+def in_picture(points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float) -> np.ndarray:
+    """(n,) True for the points that a camera sees."""
     way = at.position - at.target
     way = way / np.linalg.norm(way)
     right, above = frame(up, way)
     deep = (at.position - points) @ way
     half = math.tan(FRAMING.field_of_view / 2)
-    x, y = np.abs((points - at.position) @ right), (points - at.position) @ above
-    low = (1 - 2 * covered) * half
-    return (deep > 0) & (x <= half * aspect * deep) & (y <= half * deep) & (-y <= low * deep)
+    x, y = np.abs((points - at.position) @ right), np.abs((points - at.position) @ above)
+    return (deep > 0) & (x <= half * aspect * deep) & (y <= half * deep)

@@ -88,7 +88,8 @@ def selected_everywhere(page: Any, name: str) -> None:
     """Table, digraph, Pgraph and properties show `name` and nothing else as selected."""
     page.wait_for_function(
         """(name) => [
-      [...document.querySelectorAll('table.bodies tr.selected')].map((e) => e.dataset.name),
+      [...document.querySelectorAll('table.bodies tr.selected:has(.gutter .node)')]
+        .map((e) => e.dataset.name),
       [...document.querySelectorAll('svg.digraph g.node.selected')].map((e) => e.dataset.name),
       [...new Set([...document.querySelectorAll('.vectors .selected')].map((e) => e.dataset.name))],
       [document.querySelector('.heading strong')?.textContent],

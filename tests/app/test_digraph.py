@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 from pgraph_app.digraph.view import seven_steps
-from pgraph_core.show.digraph import CHARACTER, LABEL, LONGEST, NODE, TIDY, layout
+from pgraph_core.show.digraph import (
+    CHARACTER,
+    LABEL,
+    LONGEST,
+    MOST_LANES,
+    NODE,
+    TIDY,
+    gutter,
+    layout,
+)
 
 from .store import trees
 
@@ -89,3 +98,56 @@ def test_loop_edges_end_at_their_bodies_and_cross_no_name_and_no_node(parent, se
             for segment in pairwise(route):
                 assert place.kind == "lanes" or not crosses(segment, name), (parent, loops, k)
                 assert k in (a, b) or not crosses(segment, node), (parent, loops, k)
+
+
+@settings(max_examples=60)
+@given(trees(30), st.randoms(use_true_random=False), st.data())
+def test_lines_of_the_gutter_join_parents_and_children_in_lanes_of_their_own(parent, chance, data):
+    """Also where rows are in another order than numbers; loops are arcs between their bodies."""
+    n = len(parent)
+    row = list(range(n))
+    if data.draw(st.booleans()):
+        chance.shuffle(row)
+    ends = st.tuples(st.integers(0, n), st.integers(0, n)).filter(lambda pair: pair[0] != pair[1])
+    loops = tuple(data.draw(st.lists(ends, max_size=4))) if n > 1 else ()
+    found = gutter(tuple(parent), tuple(row), loops)
+    for k, p in enumerate(parent, 1):
+        if not p:
+            continue
+        a, b = row[p - 1], row[k - 1]
+        for between in range(min(a, b) + 1, max(a, b)):
+            assert ("|", found.lane[k - 1]) in {m[:2] for m in found.marks[between]}
+        leaves = {(m.shape, m.end) for m in found.marks[a] if m.start == found.lane[p - 1]}
+        assert (("vd" if b > a else "^u")[found.lane[p - 1] != found.lane[k - 1]],
+                found.lane[k - 1]) in leaves  # fmt: skip
+        if row == sorted(row):  # no other body stands in the lane between them
+            between = found.lane[p : k - 1]
+            assert found.lane[k - 1] not in between or max(found.lane) == MOST_LANES - 1
+    first_children = {p: parent.index(p) + 1 for p in parent if p}
+    for p, k in first_children.items():
+        assert found.lane[k - 1] == found.lane[p - 1]
+    columns = {}
+    for i, (a, b) in enumerate(loops):
+        arcs = [(r, m) for r, marks in enumerate(found.marks) for m in marks
+                if m.shape in "DU" and m.of == i]  # fmt: skip
+        if not (a and b):
+            assert not arcs
+            continue
+        assert sorted(r for r, _ in arcs) == sorted((row[a - 1], row[b - 1]))
+        (low, first), (high, _) = sorted(arcs)
+        for other_low, other_high in columns.get(first.end, []):
+            assert high < other_low or other_high < low
+        columns.setdefault(first.end, []).append((low, high))
+
+
+def test_the_lanes_of_the_quadruped_are_those_of_the_drawing():
+    parent = (0, 1, 2, 3, 4, 5, 6, 4, 8, 9, 1, 11, 12, 1, 14, 15)
+    found = gutter(parent, tuple(range(16)))
+    assert found.lane == (*[0] * 7, *[1] * 3, *[2] * 3, *[3] * 3)
+    assert [(m.shape, m.end) for m in found.marks[0]] == [("v", 0), ("d", 2), ("d", 3)]
+
+
+def test_a_thousand_branches_of_one_body_share_the_last_lane():
+    found = gutter((0, *[1] * 999), tuple(range(1000)))
+    assert max(found.lane) == MOST_LANES - 1
+    assert max(map(len, found.marks)) <= 2 * MOST_LANES

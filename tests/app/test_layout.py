@@ -1,5 +1,6 @@
 """Places, colours and shapes of the digraph and the bodies."""
 
+import colorsys
 import re
 from pathlib import Path
 
@@ -33,10 +34,19 @@ def test_left_children_stand_left():
     assert len(layout((), ()).x) == 1  # the ground of an empty model
 
 
-def test_each_branch_has_a_colour_of_its_own():
+def test_a_branch_begins_where_one_tip_is_left_and_has_a_hue_of_its_own():
+    assert shapes.branches((0, 1, 2, 1, 4, 1)) == (0, 1, 1, 2, 2, 3)
+    assert shapes.branches((0, 1, 2)) == (1, 1, 1)
+    assert shapes.branches((0, 0)) == (1, 2)
     colors = shapes.branch_colors((0, 1, 2, 1, 4, 1))
-    assert len({colors[1], colors[3], colors[5]}) == 3
-    assert len(shapes.branch_colors(())) == 0
+    assert colors[1] == colors[2] != colors[3] == colors[4] != colors[5]
+    assert [shapes.hue_of(k) for k in (0, 1, 6, 7, 13)] == [0, 1, 6, 1, 1]
+    assert shapes.branch_colors(()) == ()
+
+
+def test_of_a_shape_s_own_colour_what_is_dark_or_light_stays_beside_the_branches():
+    shades = [shapes.shade(c) for c in (None, (20, 20, 20), (240, 240, 240), (200, 100, 60))]
+    assert shades == [None, shapes.RUBBER, shapes.COAT, None]
 
 
 def rgb(text):
@@ -51,17 +61,22 @@ def luminance(color):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_marks_in_a_body_s_colour_stand_out_from_the_paper(dark):
-    """Rings and chips of every colour that a body may have: 3 to 1 (WCAG 2.2, 1.4.11)."""
+def test_the_hues_of_branches_stand_out_from_the_paper_and_are_those_of_the_3d_view(dark):
+    """Rings and chips: 3 to 1 (WCAG 2.2, 1.4.11)."""
     css = (Path(app.__file__).parent / "core" / "page.css").read_text()
-    share = float(re.findall(r"--body, transparent\) (\d+)%", css)[0]) / 100
-    ink, paper = (rgb(re.findall(rf"--{name}: #(\w+)", css)[dark]) for name in ("ink", "panel"))
-    chains = [0 if k % 6 == 0 else k for k in range(60)]  # ten of six bodies
-    trunk = [*range(6), 6, 6]
-    for color in {*shapes.branch_colors(chains), *shapes.branch_colors(trunk)}:
-        mark = share * np.array(color) + (1 - share) * ink
-        a, b = sorted((luminance(mark), luminance(paper)))
-        assert (b + 0.05) / (a + 0.05) >= 3, color
+    paper = rgb(re.findall(r"--panel: #(\w+)", css)[dark])
+    hues = [rgb(re.findall(rf"--branch-{k}: #(\w+)", css)[dark]) for k in range(len(shapes.HUES))]
+    for hue in hues:
+        a, b = sorted((luminance(hue), luminance(paper)))
+        assert (b + 0.05) / (a + 0.05) >= 3, hue
+    if not dark:
+        np.testing.assert_array_equal(hues, shapes.HUES)
+    # the coats in 3D are tints of the same hues, nearest to their own
+    turn = [colorsys.rgb_to_hls(*(np.array(c) / 255))[0] for c in shapes.COATS]
+    for k in range(1, len(hues)):
+        own = colorsys.rgb_to_hls(*(hues[k] / 255))[0]
+        away = [abs((t - own + 0.5) % 1 - 0.5) for t in turn[1:]]
+        assert np.argmin(away) == k - 1
 
 
 def test_a_body_without_a_shape_reaches_to_its_children():

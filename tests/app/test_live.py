@@ -289,3 +289,19 @@ def test_parts_of_a_live_run_are_joined_in_step(monkeypatch):
         assert len(parts) == len(counts)
     assert counts == (2, 0, 0, 0)
     assert frames(parts) == list(range(n))
+
+
+def test_a_push_while_a_run_plays_takes_it_on_live_from_there():
+    state = begun(pg.Model.serial(3))
+    result = pg.simulate(pg.Mechanism(state.model), t_end=1.0, step=1e-3)
+    state = after(ran(state, result), do.Scrub(ME, 0.6), do.GoLive(ME, here=True))
+    time, q, v = state.going.start
+    assert state.playback.time == time == pytest.approx(0.6, abs=0.02)
+    k = int(np.abs(result.t - time).argmin())
+    np.testing.assert_array_equal(q, result.q[k])
+    part = Motion(state.going.start).advanced(state.model, state.going, 0.1)
+    np.testing.assert_allclose(part.q[0], q)
+    np.testing.assert_allclose(part.v[0], v)
+    assert part.t[0] == time
+    later = int(np.abs(result.t - part.t[-1]).argmin())
+    np.testing.assert_allclose(part.q[-1], result.q[later], atol=0.05)

@@ -15,6 +15,7 @@ from .conftest import NOBODY, opened, until
 from .on_page import (
     ask,
     at_rest,
+    choose_body,
     client_of,
     cut_off,
     drawn,
@@ -51,11 +52,11 @@ def no_question(page: Any) -> None:
 def test_one_selection_is_shown_by_table_digraph_pgraph_properties_and_3d(page, served):
     row(page, "shank").locator("td.number").click()
     selected_everywhere(page, "shank")
-    drawn(page, "/selected/outline")
+    drawn(page, "/selected/0/fill")
     node(page, "arm").locator("circle").last.click()
     selected_everywhere(page, "arm")
     page.keyboard.press("Escape")
-    drawn(page, "/selected/outline", there=False)
+    drawn(page, "/selected/0/fill", there=False)
     page.locator('.vectors button.entry[data-name="thigh"]').first.click()
     selected_everywhere(page, "thigh")
     until(lambda: within(page, served), "the model in the 3D view")
@@ -316,10 +317,10 @@ def test_nothing_of_the_model_before_is_left_on_the_page(page, served):
         "document.querySelectorAll('.drives .tie').length === 1"
         " && document.querySelectorAll('.switch').length === 1"
     )
-    page.get_by_role("tab", name="Matrices").click()
+    page.evaluate("pgraph.front('Matrices')")
     value = page.locator('[data-view="operators"] .value')
     until(lambda: "3 × 3" in value.inner_text(), "the mass matrix of three bodies")
-    row(page, "2").locator("td.number").click()
+    choose_body(page, "2")
     page.wait_for_function("() => pgraph.latest.properties.bodies[0] === '2'")
     field(page, "mass").focus()
     page.keyboard.type("7.5")

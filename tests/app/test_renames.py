@@ -8,11 +8,9 @@ import pgraph_core as pg
 from pgraph_app.core.edit import renamed
 from pgraph_app.core.events import from_page
 from pgraph_app.core.state import Reply
-from pgraph_app.digraph.view import digraph
 from pgraph_app.properties.view import properties
-from pgraph_app.table.view import table
 
-from .store import ME, OTHER, after, begun, built_in, do, reply
+from .store import ME, OTHER, after, begun, do, reply
 
 pytestmark = pytest.mark.quick
 
@@ -215,40 +213,3 @@ def test_an_edit_of_a_scenario_is_not_of_the_one_chosen_meanwhile(state):
     state = after(state, do.EditScenario(ME, 4, "t_end", (((), "9"),), scenario=0))
     assert reply(state)
     assert state.model.scenarios[0].t_end == 1.0
-
-
-def colors(state):
-    return dict(zip(state.derived.names, state.colors))
-
-
-LEFT = ("left_femur",)
-
-
-@pytest.mark.parametrize(
-    "event",
-    [
-        do.AddBody(ME, "left_femur"),
-        do.Duplicate(ME, LEFT, True),
-        do.MirrorBranch(ME, "left_femur", "y"),
-        do.DeleteBodies(ME, LEFT, "delete"),
-        do.MoveRows(ME, ("right_femur",), "left_femur"),
-        do.CountBodies(ME, 1, "5"),
-        do.Paste(ME, 1, "x\ny", (), 0, "pelvis"),
-        do.Edit(ME, 1, "left_femur", "name", (), "thigh"),
-    ],
-    ids=str,
-)
-def test_a_body_keeps_its_colour(event):
-    start = begun(built_in("quadruped"))
-    before, own = colors(start), start.rows.named(start.model, "bodies")
-    state = after(start, event)
-    assert state.model is not start.model
-    now, number = colors(state), state.rows.named(state.model, "bodies")
-    again = {number[name]: color for name, color in now.items()}
-    there = [name for name in before if own[name] in again]
-    assert len(there) >= min(len(before), len(now)) - 1
-    assert {n: before[n] for n in there} == {n: again[own[n]] for n in there}
-    state = after(state, do.Undo(ME), do.Redo(ME), do.Undo(ME))
-    assert colors(state) == before
-    shown = [node["color"] for node in table(state)["rows"]]
-    assert sorted(shown) == sorted(digraph(state)["colors"])

@@ -1,6 +1,5 @@
 """Marks in the 3D view, joint sliders and the gizmo."""
 
-import dataclasses
 import math
 from types import SimpleNamespace
 
@@ -11,13 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_app.core.state import poses
+from pgraph_app.digraph.view import digraph
 from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
+from pgraph_app.run import TRAVELS
 from pgraph_app.scene import camera, marks
-from pgraph_core.show import shapes
-from pgraph_core.show.bodies import BatchedBodies, SeparateBodies, looks
+from pgraph_app.table.view import table
+from pgraph_core.show import shapes, stage
+from pgraph_core.show.bodies import BatchedBodies, SeparateBodies, extent, looks
 
 from .store import ME, after, begun, built_in, do, notice, ran
 
@@ -127,6 +130,68 @@ def test_every_coordinate_of_every_joint_is_a_slider_of_its_own(joint, values):
         assert posing.coordinates(state)[i].value == pytest.approx(values[i], abs=1e-9)
 
 
+def hand(state, body, point, target, times=12):
+    for _ in range(times):
+        state = after(state, do.DragBody(ME, body, tuple(point), tuple(target)))
+    return state
+
+
+def place_of(state, body, point):
+    positions, wxyz = poses(state)
+    k = state.derived.number[body] - 1
+    return positions[k] + shapes.to_matrix(wxyz)[k] @ np.asarray(point)
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 1e2])
+def test_a_body_that_is_dragged_goes_to_the_hand_or_as_near_as_it_can(scale):
+    rods = [pg.Body(name=n, parent=p, joint="revolute", axes=((0, 0, 1),), link=(x, 0, 0),
+                    tip=(scale, 0, 0), com=(scale / 2, 0, 0))
+            for n, p, x in (("a", "ground", 0), ("b", "a", scale), ("c", "b", scale))]  # fmt: skip
+    state = begun(pg.Model(bodies=tuple(rods), gravity=(0, 0, 0)))
+    tip = (scale, 0, 0)
+    near = hand(state, "c", tip, (1.2 * scale, 1.1 * scale, 0))
+    assert place_of(near, "c", tip) == pytest.approx(
+        np.array((1.2, 1.1, 0)) * scale, abs=1e-3 * scale
+    )
+    far = hand(state, "c", tip, (0, 10 * scale, 0), 40)
+    assert place_of(far, "c", tip) == pytest.approx((0, 3 * scale, 0), abs=0.05 * scale)
+    assert far.undo == ()
+    assert after(far, do.HomePose(ME)).pose is None
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "andrews"])
+def test_loops_stay_closed_while_a_body_is_dragged(name):
+    state = begun(built_in(name))
+    body = state.model.bodies[0]
+    grip = np.asarray(body.tip_point)
+    start = place_of(state, body.name, grip)
+    about = state.derived.positions[state.derived.number[body.name] - 1]
+    arm = np.roll(start - about, 1)
+    for part in (0.1, 0.2, 0.3):
+        state = hand(state, body.name, grip, start + part * arm, 3)
+        mech = pg.Mechanism(state.model)
+        _, _, report = mech.assemble(posing.shown_q(state), np.zeros(mech.nv))
+        assert report.moved < 1e-6
+        assert state.pose_problem == ""
+
+
+def test_what_floats_stays_where_it_is_while_a_leg_is_dragged_and_limits_hold(quadruped):
+    posed = pose(pose(quadruped, "left_femur", 0, 0.3), "left_tibia", 0, -0.2)
+    paw = place_of(posed, "left_hind_paw", (0, 0, 0))
+    moved = hand(quadruped, "left_hind_paw", (0, 0, 0), paw)
+    assert place_of(moved, "left_hind_paw", (0, 0, 0)) == pytest.approx(paw, abs=1e-3)
+    assert place_of(moved, "pelvis", (0, 0, 0)) == pytest.approx(
+        place_of(quadruped, "pelvis", (0, 0, 0)), abs=1e-9
+    )
+    home = place_of(quadruped, "pelvis", (0, 0, 0))
+    lower = home + np.array((0.05, -0.03, 0))
+    whole = hand(quadruped, "pelvis", (0, 0, 0), lower)
+    assert place_of(whole, "pelvis", (0, 0, 0)) == pytest.approx(lower, abs=1e-3)
+    rod = pg.Body(name="a", axes=((0, 0, 1),), tip=(1, 0, 0), limits=((-0.3, 0.5),))
+    stopped = hand(begun(pg.Model(bodies=(rod,))), "a", (1, 0, 0), (0, 1, 0))
+    assert posing.shown_q(stopped) == pytest.approx((0.5,), abs=1e-9)
+
+
 def test_the_gizmo_shows_while_it_is_dragged_and_is_one_undo_step_when_let_go(quadruped):
     state = quadruped
     old = state.model.body("left_femur").link
@@ -189,17 +254,60 @@ def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     assert cone.volume > 0
 
 
-@pytest.mark.parametrize(("speed", "left"), [(0.0, False), (30.0, True)])
-def test_a_run_that_leaves_the_picture_is_detected(speed, left):
-    """At its start the ball is in the middle; at its end it has flown out, or rests."""
-    at = camera.viewpoint(begun(pg.Model(bodies=(BALL,))), 1.0)
-    handle = SimpleNamespace(camera=SimpleNamespace(position=at.position, look_at=at.target))
+@pytest.mark.parametrize("name", ["quadruped", "four_bar", "chain_10", "fig1_tree"])
+def test_a_branch_has_one_hue_in_the_table_the_digraph_and_in_3d(name):
+    state = begun(built_in(name))
+    d, hues = state.derived, digraph(state)["colors"]
+    rows = {row["number"]: row["color"] for row in table(state)["rows"]}
+    assert [rows[k] for k in range(1, len(d.names) + 1)] == hues
+    drawn = [look.color for look in marks.looks(state)]
+    for k, hue in enumerate(hues):
+        number = int(hue.removeprefix("var(--branch-").removesuffix(")"))
+        assert drawn[k] == shapes.COATS[number]
+        assert (number == 0) == (d.branches[k] == 0)
+    for k, p in enumerate(d.parent):
+        only = p > 0 and len(d.children[p]) == 1
+        assert not only or d.branches[k] == d.branches[p - 1]
+
+
+# -- the camera ------------------------------------------------------------------------------------
+
+
+def pictured(state, at, moved, aspect):
+    """The share of the corners of all bodies that a camera, moved by a vector, has in its view."""
+    positions, wxyz = poses(state)
+    corners = extent(marks.looks(state), positions, shapes.to_matrix(wxyz))
+    seen = stage.Viewpoint(at.position + moved, at.target + moved)
+    return stage.in_picture(corners, np.array(stage.GRID[state.model.up][1]), seen, aspect).mean()
+
+
+@pytest.mark.parametrize("name", pgraph_models.names())
+def test_the_camera_never_loses_the_motion_whenever_the_page_was_opened(name):
+    """Every scenario that is built in, at 60 moments, in wide and narrow views."""
+    model = built_in(name)
+    for scenario in (*(s.name for s in model.scenarios), ""):
+        state = after(begun(model), do.SetScenario(ME, 1, scenario))
+        request = state.request
+        options = {"t_end": request.t_end, "estimate": False}
+        if scenario:
+            options["scenario"] = scenario
+        result = pg.simulate(pg.Mechanism(model), **options)
+        state = ran(state, result)
+        t = np.asarray(result.t)
+        for aspect, opened in ((0.6, t[0]), (1.0, t[-1]), (2.0, t[len(t) // 3])):
+            first = after(state, do.Scrub(ME, float(opened)))
+            at = camera.viewpoint(first, aspect)
+            for time in np.linspace(t[0], t[-1], 60):
+                now = after(state, do.Scrub(ME, float(time)))
+                moved = camera.travelled(now) * (camera.middle(now) - camera.middle(first))
+                assert pictured(now, at, moved, aspect) >= 0.6, (scenario, aspect, time)
+
+
+@pytest.mark.parametrize("speed", [0.0, 2.0, 30.0])
+def test_a_camera_goes_along_with_what_travels_more_than_its_size(speed):
     state = simulated(touching(ball(v=(0, 0, 0, speed, 0, 0))), 0.5)
-    page = dataclasses.replace(state.clients[ME], aspect=1.0)
-    assert camera.went(handle, state, page) == left
-    assert page.follow == left
-    chosen = after(state, do.Show(ME, "follow", not left))
-    assert ran(chosen, state.run.result).clients[ME].follow != left  # a person's own choice stays
+    far = 0.5 * speed > TRAVELS * 0.2 * 3**0.5
+    assert camera.travelled(state).tolist() == [far, 0, 0]
 
 
 @pytest.mark.parametrize(("speed", "whole"), [(2.0, True), (1e3, False)])

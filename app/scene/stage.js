@@ -1,0 +1,167 @@
+// The stage: soft shadows from two lights, a floor whose lines fade into the canvas, what the light does
+// to bodies and arrows, and the values of forces.
+pgraph.stage = (() => {
+  const { make, viser } = pgraph;
+  const FRAGMENT = `
+    #include <common>
+    #include <packing>
+    #include <bsdfs>
+    #include <lights_pars_begin>
+    #include <shadowmap_pars_fragment>
+    #include <shadowmask_pars_fragment>
+    varying vec3 localPosition;
+    varying vec4 worldPosition;
+    uniform vec3 centre, cellColor, planeColor;
+    uniform float cellSize, sectionSize, fadeStrength, shadowOpacity;
+    float lines(float size, float width) {
+      vec2 r = localPosition.xz / size, q = abs(fract(r - .5) - .5) / fwidth(r);
+      return 1. - min(min(q.x, q.y) / width, 1.);
+    }
+    void main() { // distances in sizes of the model
+      float d = distance(localPosition.xz, centre.xz) / fadeStrength, far = exp(-.42 * d * d), near = exp(-1.05 * d * d);
+      float line = max(lines(cellSize, 1.) * .34, lines(sectionSize, 1.2) * .8) * near;
+      float shadow = (1. - getShadowMask()) * shadowOpacity * far, alpha = 1. - (1. - far) * (1. - shadow) * (1. - line);
+      vec3 colour = mix(mix(planeColor * far, vec3(0.), shadow), cellColor, line);
+      if (alpha < .004) discard;
+      gl_FragColor = vec4(colour / alpha, alpha);
+      #include <colorspace_fragment>
+    }`;
+  const BACK = 1, GREATER = 6; // of three.js
+  const node = (name) => window.__viserMutable?.nodeRefFromName[name];
+
+  // The middle of what is seen, and how much of it [m].
+  function seen() {
+    const controls = viser.controls();
+    if (!controls) return null;
+    const { camera } = controls, middle = controls.getTarget(camera.position.clone(), false);
+    camera.updateMatrixWorld();
+    const half = Math.tan(camera.fov * Math.PI / 360) * camera.position.distanceTo(middle);
+    return { middle, radius: 1.15 * half * Math.max(1, camera.aspect) };
+  }
+
+  // name -> size of its map, radius of its blur in pixels, and how dark its shadow is
+  const SHADOWS = { key: [2048, 2.5, 1], sky: [512, 5, 0.6] };
+  function shade(name, [pixels, radius, intensity], { middle, radius: reach }) {
+    const group = node(`/light/${name}`);
+    const light = group?.children.find(({ isDirectionalLight }) => isDirectionalLight);
+    if (!light) return;
+    const { shadow } = light, { camera } = shadow;
+    if (!light.castShadow) {
+      light.castShadow = true;
+      shadow.mapSize.set(pixels, pixels);
+      Object.assign(shadow, { radius, intensity });
+    }
+    Object.assign(shadow, { bias: -4e-4, normalBias: 3 * reach / pixels });
+    if (camera.right !== reach) {
+      Object.assign(camera, { left: -reach, right: reach, bottom: -reach, top: reach, near: 0.01 * reach, far: 12 * reach });
+      camera.updateProjectionMatrix();
+    }
+    const way = group.getWorldPosition(middle.clone()).normalize();
+    light.position.copy(group.worldToLocal(way.multiplyScalar(6 * reach).add(middle)));
+    light.target.position.copy(middle);
+    light.target.updateMatrixWorld();
+  }
+  function floor(mesh, { middle }) {
+    const { material } = mesh;
+    if (!material) return;
+    // its triangles are turned, so that its back is above; from below it is not drawn
+    if (material.fragmentShader !== FRAGMENT) Object.assign(material, { fragmentShader: FRAGMENT, side: BACK, needsUpdate: true });
+    (material.uniforms.centre ??= { value: middle.clone() }).value.copy(mesh.worldToLocal(middle.clone()));
+  }
+  viser.frame(() => {
+    const at = seen();
+    if (!at) return;
+    for (const name in SHADOWS) shade(name, SHADOWS[name], at);
+    node("/floor")?.traverse((mesh) => floor(mesh, at));
+  });
+
+  // A colour of the style, of the theme that the page has now.
+  let tones = {};
+  const tone = (name) => (tones[name] ??= getComputedStyle(document.querySelector(".pgraph")).getPropertyValue(name).trim());
+  pgraph.on("theme", () => { tones = {}; });
+
+  // Bodies are matte porcelain; what is selected is seen through others.
+  for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
+  viser.materials("/selected", (material) => {
+    if (material.transparent && material.depthFunc !== GREATER) Object.assign(material, { depthFunc: GREATER, depthWrite: false });
+  });
+  // An arrow is seen through the body that it acts on: drawn last, over all, in a colour without light.
+  for (const [arrows, colour] of [["/forces", "--force"], ["/loads", "--s1"], ["/pull", "--accent"]]) {
+    viser.materials(arrows, (material) => {
+      if (material.depthTest) Object.assign(material, { depthTest: false, transparent: true, toneMapped: false, needsUpdate: true });
+      material.color.setScalar(0);
+      material.emissive.set(tone(colour));
+    });
+  }
+
+  // -- one hover: the body is lit in 3D, its row and node are marked, its name is at the pointer ----
+  const HOVERED = 0.3; // of the accent's light
+  const label = make("div", { className: "pgraph pgraph-pill hover", hidden: true });
+  let hovered = null, inView = false, pointer = [0, 0];
+  const names = () => pgraph.latest.digraph?.names ?? [];
+  function hover(name, ofView = false) {
+    if (name !== hovered) {
+      for (const el of document.querySelectorAll(".hovered")) el.classList.remove("hovered");
+      if (name) for (const el of document.querySelectorAll(`[data-name="${CSS.escape(name)}"]`)) el.classList.add("hovered");
+      hovered = name;
+      label.textContent = name;
+      window.__viserMutable?.requestRender();
+    }
+    inView = Boolean(name) && ofView;
+    label.hidden = !inView;
+    [label.style.left, label.style.top] = [`${pointer[0] + 14}px`, `${pointer[1] + 16}px`];
+  }
+  window.addEventListener("pointermove", ({ clientX, clientY, target }) => {
+    pointer = [clientX, clientY];
+    const named = target.closest?.("tr[data-name], g.node[data-name], button.entry[data-name]");
+    if (named || !inView) hover(named?.dataset.name || null);
+    else hover(hovered, true);
+  }, { passive: true });
+  viser.frame(() => {
+    let under = 0;
+    for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
+      body.traverse((one) => { // viser's own outline says what is under the pointer, and is not drawn
+        if (!one.material?.uniforms?.thickness) return;
+        one.material.visible = false;
+        if (one.parent.visible) under = k;
+      });
+    }
+    if (under) hover(names()[under - 1] ?? null, true);
+    else if (inView) hover(null);
+    const lit = names().indexOf(hovered) + 1;
+    for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
+      body.traverse(({ material }) => {
+        if (!material?.emissive) return;
+        material.emissive.set(k === lit ? tone("--accent") : 0);
+        material.emissiveIntensity = HOVERED;
+      });
+    }
+  });
+  viser.materials("/bodies", ({ uniforms }) => { // of a batch the outline of the instance is drawn
+    if (!uniforms?.thickness) return;
+    uniforms.thickness.value = 3;
+    uniforms.color.value.set(tone("--accent"));
+  });
+
+  // -- values at the heads of arrows: the largest first, none over another ----------------------------
+  const APART = [52, 20]; // [px]
+  const pills = make("div", { className: "pgraph pgraph-pills" });
+  pgraph.on("forces", (values) => {
+    pills.replaceChildren(...values.map(([, , , text]) => make("span", { className: "pgraph-pill", textContent: text })));
+    put();
+  });
+  function put() {
+    const there = [], box = pills.getBoundingClientRect();
+    (pgraph.latest.forces ?? []).forEach((value, i) => {
+      const place = pgraph.picking.projected(value.slice(0, 3)), pill = pills.children[i];
+      const free = place && there.every((other) => APART.some((least, k) => Math.abs(other[k] - place[k]) > least));
+      pill.hidden = !free;
+      if (!free) return;
+      there.push(place);
+      pill.style.translate = `${(place[0] - box.left).toFixed(1)}px ${(place[1] - box.top).toFixed(1)}px`;
+    });
+  }
+  viser.frame(put);
+  document.body.append(pills, label);
+  return { tone };
+})();

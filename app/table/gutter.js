@@ -1,0 +1,60 @@
+// The digraph as the gutter of the table: of each row its node and the lines that pass it, in a lane for
+// each open branch. Loops are dashed arcs at its right.
+pgraph.gutter = (() => {
+  const ROW = 29, FIRST = 19, PITCH = 16, LOOP = 9, MOST = 7, RADIUS = 7.7, BEND = 7; // [px]; lanes at full pitch
+  let pitch = PITCH, last = 0, width = 0, hues = new Map(), names = [], rows = [], shown = new Set();
+  const lane = (k) => FIRST + pitch * k, beside = (k) => last + RADIUS + 6 + LOOP * k, middle = ROW / 2;
+
+  function set(data) {
+    rows = data.rows;
+    names = data.loops;
+    hues = new Map(rows.map(({ number, color }) => [number, color]));
+    pitch = Math.min(PITCH, (PITCH * (MOST - 1)) / Math.max(data.lanes - 1, 1));
+    last = lane(data.lanes - 1);
+    width = Math.max(Math.ceil(data.beside ? beside(data.beside - 1) + 6 : last + RADIUS + 9), 52);
+  }
+
+  // Across from x to `to`, and round the corner; `way` is 1 down, -1 up.
+  const across = (x, to, way) => {
+    const near = Math.sign(to - x) * Math.min(BEND, Math.abs(to - x));
+    return `M${x} ${middle}H${to - near}Q${to} ${middle} ${to} ${middle + way * BEND}V${way > 0 ? ROW : 0}`;
+  };
+  const SHAPES = {
+    "|": (a) => `M${lane(a)} 0V${ROW}`, v: (a) => `M${lane(a)} ${middle}V${ROW}`, "^": (a) => `M${lane(a)} 0V${middle}`,
+    d: (a, b) => across(lane(a), lane(b), 1), u: (a, b) => across(lane(a), lane(b), -1),
+    I: (a) => `M${beside(a)} 0V${ROW}`, D: (a, b) => across(lane(a) + RADIUS, beside(b), 1), U: (a, b) => across(lane(a) + RADIUS, beside(b), -1),
+  };
+  // Numbers and our own shapes only: no text of a person is in it.
+  function draw(box, { number, kind, lane: own, marks, color }) {
+    const x = lane(own), edges = marks.filter(([shape]) => !"IDU".includes(shape)), loops = marks.filter(([shape]) => "IDU".includes(shape));
+    const line = ([shape, a, b, of], name) => `<path class="${name}" data-of="${of}" ${name === "edge" ? `style="--body:${hues.get(of)}"` : ""} d="${SHAPES[shape](a, b)}"/>`;
+    box.innerHTML = `<svg class="gutter" width="${width}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}`
+      + `<g class="node ${kind}" style="--body:${color}">${kind === "separation" ? `<circle class="outer" cx="${x}" cy="${middle}" r="${RADIUS + 2.3}"/>` : ""}<circle cx="${x}" cy="${middle}" r="${RADIUS}"/>`
+      + `<text x="${x}" y="${middle + 3}">${number}</text></g></svg>`;
+    for (const path of box.querySelectorAll(".loop")) path.append(titled(names[path.dataset.of]));
+    light(box);
+  }
+  function titled(text) {
+    const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
+    title.textContent = text;
+    return title;
+  }
+
+  // The way from the selected body to the ground.
+  function path(host, numbers) {
+    shown = new Set(numbers);
+    for (const box of host.querySelectorAll(".lanes")) light(box);
+  }
+  function light(box) {
+    for (const edge of box.querySelectorAll(".edge")) edge.classList.toggle("path", shown.has(Number(edge.dataset.of)));
+    const node = box.querySelector(".node"), row = box.closest("tr");
+    node?.classList.toggle("path", shown.has(pgraph.table.row(row.dataset.name)?.number));
+  }
+
+  // The node of a body by number, as far as its row is drawn.
+  function node(k) { const row = rows.find(({ number }) => number === k); return row && pgraph.table.tr(row.name)?.querySelector(".node"); }
+
+  const JOINTS = { revolute: "revolute", universal: "universal", weld: "weld", prismatic: "prismatic", free: "free", spherical: "spherical", cylindrical: "prismatic" };
+  const joint = (kind) => pgraph.icon(JOINTS[kind] ?? "compound", 14);
+  return { set, draw, path, node, joint, get width() { return width; } };
+})();
