@@ -39,7 +39,7 @@ from .marks import looks
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
-ACCENT = (47, 91, 231), (112, 152, 255)  # of what is selected, in the light and the dark theme
+ACCENT = (66, 106, 236), (112, 152, 255)  # of what is selected, in the light and the dark theme
 MOST_FILLED = 30  # bodies of a page
 
 

@@ -405,3 +405,34 @@ def test_a_body_of_a_batch_is_picked(page, served):
     page.mouse.click(*on_screen(page, middle_of(served, "60")))
     page.wait_for_function("pgraph.latest.selection")
     assert abs(int(page.evaluate("pgraph.latest.selection")) - 60) <= 1  # its neighbours overlap
+
+
+def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
+    page, served, compiled
+):
+    """Hover in 3D and in the table name the same body; a drag moves its joints, in one pose."""
+    page.evaluate("document.activeElement?.blur()")
+    page.keyboard.press("1")
+    until(lambda: within(page, served), "the model")
+    at_rest(page)
+    lit = """(name) => {
+      const number = pgraph.latest.digraph.names.indexOf(name) + 1;
+      let on = false;
+      window.__viserMutable.nodeRefFromName[`/bodies/${number}`].traverse(({ material }) => {
+        on ||= Boolean(material?.emissive?.getHex()); });
+      const rows = [...document.querySelectorAll("tr.hovered")].map((tr) => tr.dataset.name);
+      return on && rows.join() === name; }"""
+    place = on_screen(page, middle_of(served, "arm"))
+    page.mouse.move(*place)
+    page.wait_for_function(lit, arg="arm")
+    assert page.locator(".pgraph-pill.hover").inner_text() == "arm"
+    before = served.store.state.model
+    page.mouse.down()
+    page.mouse.move(place[0] + 25, place[1] + 25, steps=6)
+    until(lambda: served.store.state.pose is not None, "a pose by hand")
+    page.mouse.up()
+    assert served.store.state.model is before
+    served.send(HomePose(NOBODY))
+    page.locator('tr[data-name="shank"] td.number').hover()
+    page.wait_for_function(lit, arg="shank")
+    assert page.locator(".pgraph-pill.hover").is_hidden()
