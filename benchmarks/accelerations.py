@@ -12,7 +12,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.engine import layout as at
-from pgraph_core.engine.compiler.lowering.dispatch import OPTIONS
+from pgraph_core.engine.compiler.lowering.kinds import OPTIONS
 from pgraph_core.engine.tree.dynamics import articulated
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco

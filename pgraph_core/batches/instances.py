@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..engine import layout as at
 from ..engine.compiler.address import address_of, address_of_function, unnamed
 from ..engine.compiler.elementary import FAR
+from ..engine.compiler.jit import JIT
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
@@ -245,7 +246,13 @@ def pool(threads: int) -> ThreadPoolExecutor:
 if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
     os.register_at_fork(after_in_child=pool.cache_clear)
 
-COPY = address_of_function(ctypes.memmove)
+
+def _copied(*given: Any) -> None:
+    """C's memmove for kernels that run as Python, whose numbers may be NumPy's."""
+    ctypes.memmove(*map(int, given))
+
+
+COPY = address_of_function(ctypes.memmove if JIT else _copied)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
@@ -256,7 +263,7 @@ def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
         np.isfinite(row["low"]) or np.isfinite(row["high"]) or row["terms"]
         for row in _servo_rows(stepper).values()
     )
-    if stepper.method not in IN_LANES or bounded or branches:
+    if not JIT or stepper.method not in IN_LANES or bounded or branches:
         return False
     _, places = _const_places(stepper)
     always = sum(a.size for a in stepper.recording.steps.given)

@@ -129,6 +129,15 @@ def pivots6(work, k):
 # -- dense systems, real or complex: factors in place, partial pivoting ---------------------------
 
 
+@part
+def cabs1(x):
+    """|Re x| + |Im x|, by which pivots are compared (LAPACK's `cabs1`).
+
+    The absolute value would need `hypot` of the C library, whose bits differ between platforms.
+    """
+    return abs(x.real) + abs(x.imag)
+
+
 @sweep
 def factor(a, n, pivots):
     """Factor the first n rows of `a` in place as L U with `pivots`. Returns False if singular.
@@ -138,7 +147,7 @@ def factor(a, n, pivots):
     for r in range(n):
         size = 0.0
         for c in range(n):
-            size = max(size, abs(a[r, c]))
+            size = max(size, cabs1(a[r, c]))
         if not size > 0.0 or size > 1e300:
             return False
         pivots[n + r] = 1.0 / size
@@ -146,7 +155,7 @@ def factor(a, n, pivots):
         best = -1.0
         row = k
         for r in range(k, n):
-            x = abs(a[r, k]) * pivots[n + r]
+            x = cabs1(a[r, k]) * pivots[n + r]
             if x > best:
                 best = x
                 row = r

@@ -17,16 +17,28 @@ from .compiler.jit import JIT
 REAL, INTEGER = np.float64, np.int64
 
 
+class Uncompiled(np.record):
+    """A record of kernels that run as Python: fields come before attributes of NumPy's."""
+
+    def __getattribute__(self, name: str) -> Any:
+        if not name.startswith("_") and name in np.record.__getattribute__(self, "dtype").names:
+            return self[name]
+        return np.record.__getattribute__(self, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self[name] = value
+
+
 def record(**fields: Any) -> np.dtype[Any]:
     """Return an aligned record type, whose fields are types, or types with shapes."""
     split = {name: kind if isinstance(kind, tuple) else (kind,) for name, kind in fields.items()}
-    return np.dtype([(name, *kind) for name, kind in split.items()], align=True)
+    kind = np.dtype([(name, *kind) for name, kind in split.items()], align=True)
+    return kind if JIT else np.dtype((Uncompiled, kind))
 
 
 def table(kind: np.dtype[Any], *shape: int) -> Any:
     """An array of records, all zero."""
-    found = np.zeros(shape, kind)
-    return found if JIT else found.view(np.recarray)  # without a compiler, fields are attributes
+    return np.zeros(shape, kind)
 
 
 def rows_of(kind: np.dtype[Any], rows: Any) -> Any:

@@ -67,7 +67,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
     mass, centre, inertia = whole(mech, q0)
     return Anatomy(
         feet=tuple(leg.fall for leg in legs),
-        legs=np.concatenate([leg.table for leg in legs]),
+        legs=np.concatenate([leg.table for leg in legs], dtype=LEG),
         hips=np.array([leg.hip for leg in legs]),
         soles=np.array([leg.sole for leg in legs]),
         spine=_spine(mech, gait, front, hind),

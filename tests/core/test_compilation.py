@@ -13,7 +13,7 @@ import pytest
 from pgraph_core.engine.compiler import archive, jit, sources
 from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS
 from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
-from pgraph_core.engine.compiler.lowering.dispatch import OPTIONS
+from pgraph_core.engine.compiler.lowering.kinds import OPTIONS
 
 fresh = pytest.mark.skipif(bool(archive.current().stale()), reason="the archive is stale")
 
@@ -190,3 +190,43 @@ def test_a_kernel_that_makes_an_array_does_not_compile():
 
     with pytest.raises(numba.TypingError, match="zeros"):
         allocating(1.0)
+
+
+SAME_UNCOMPILED = """
+import numpy as np, pgraph_core as pg, pgraph_models
+pendulum = pg.Model.load(pgraph_models.path("double_pendulum"))
+upper, lower = (body.name for body in pendulum.bodies)
+box = pg.Body(name="box", joint="free", link=(0, 0, 0.11), density=1e3,
+              shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)))
+falls = pg.Model(bodies=[box], contacts=[pg.Contact(name="floor", body="box", restitution=0.3)])
+for method in ("semi_implicit_euler", "rk4", "dopri5", "dop853", "gauss6", "radau5"):
+    run = pg.simulate(pendulum, v={lower: 1.0}, method=method, t_end=5e-3, step=None)
+    print(method, run.q[-1].tobytes().hex(), run.v[-1].tobytes().hex())
+for method in ("moreau_jean", "dopri5"):
+    run = pg.simulate(falls, v={"box": (0, 0, 1, 0, 0, -3)}, method=method, t_end=5e-3)
+    print(method, run.q[-1].tobytes().hex(), len(run.events))
+four_bar = pg.Stepper(pg.Model.load(pgraph_models.path("four_bar")), scenario="turn")
+four_bar.step(n=3)
+print(four_bar.q.tobytes().hex())
+batch = pg.BatchStepper(pendulum, 2, step=1e-3)
+batch.step(n=3)
+print(batch.q.tobytes().hex())
+mech = pg.Mechanism(pendulum)
+q, v = np.array([0.3, 0.2]), np.array([1.0, -1.0])
+for found in (mech.mass_matrix(q), *mech.forward_derivatives(q, v), mech.equilibrium()):
+    print(np.asarray(found).tobytes().hex())
+walk = pg.Walk(pg.Model.load(pgraph_models.path("quadruped_hips")), "trot")
+print(walk.step(2e-3).status)
+"""
+
+
+def test_kernels_run_as_python_with_the_bits_of_machine_code():
+    """Also those whose fields are called as attributes of NumPy's records."""
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", SAME_UNCOMPILED], check=True, capture_output=True, text=True,
+            env={**os.environ, "NUMBA_DISABLE_JIT": flag},
+        ).stdout
+        for flag in ("0", "1")
+    ]  # fmt: skip
+    assert told[0] == told[1]

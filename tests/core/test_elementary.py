@@ -10,7 +10,7 @@ from mpmath import mp, mpf
 
 from pgraph_core.engine.compiler import elementary
 from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
-from pgraph_core.engine.compiler.lowering.dispatch import OPTIONS
+from pgraph_core.engine.compiler.lowering.kinds import OPTIONS
 
 RNG = np.random.default_rng(0)
 NEAR = RNG.uniform(-10, 10, 400)

@@ -13,7 +13,6 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from .kinds import Signature
 ENGINE = Path(__file__).parent.parent
 JIT = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 LOCK = threading.RLock()  # one thread at a time compiles or loads
+tools: Any = None  # the module `tools`, which the package `engine` sets here
 
 
 class Late:
@@ -40,15 +40,12 @@ class Late:
     @cached_property
     def made(self) -> Any:
         """The function that numba knows."""
-        module, name = self._where
-        found = getattr(import_module(f".lowering.{module}", __package__), name)
+        found = tools.lowering(*self._where)
         return found(*self._given) if self._given else found
 
     @property
     def _numba_type_(self) -> Any:
-        from .lowering.dispatch import type_of
-
-        return type_of(self.made)
+        return tools.type_of(self.made)
 
 
 def late(module: str, name: str, plain: Any = None, *given: Any) -> Any:
@@ -70,9 +67,7 @@ class Helper:
     @cached_property
     def made(self) -> Any:
         """Numba's dispatcher."""
-        from .lowering.dispatch import dispatcher
-
-        return dispatcher(self.py_func, self._how)
+        return tools.dispatcher(self.py_func, self._how)
 
     @property
     def targetoptions(self) -> Any:
@@ -81,9 +76,7 @@ class Helper:
 
     @property
     def _numba_type_(self) -> Any:
-        from .lowering.dispatch import type_of
-
-        return type_of(self.made)
+        return tools.type_of(self.made)
 
 
 class Kernel(Helper):
@@ -110,10 +103,8 @@ class Kernel(Helper):
     def _first(self, *args: Any) -> Any:
         if len(self.signatures) == 1:
             return self.ready()(*args)
-        from .calls import fits
-
         for k, signature in enumerate(self.signatures):
-            if fits(signature, args):
+            if tools.fits(signature, args):
                 found = self.code(k).call
                 self._enter = self._any_of
                 return found(*args)
@@ -131,9 +122,7 @@ class Kernel(Helper):
         """The machine code of a signature, loaded or compiled."""
         with LOCK:
             if variant not in self._codes:
-                from .loading import code_of
-
-                self._codes[variant] = code_of(self, variant)
+                self._codes[variant] = tools.code_of(self, variant)
             return self._codes[variant]
 
     def ready(self) -> Callable[..., Any]:

@@ -222,7 +222,7 @@ def _generated(piece: str) -> bytes:
 
 def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
     """Machine code by numba, which is kept."""
-    from .building import module_of
+    from .optimising import module_of
 
     _say(archive.current().why(name_of(kernel, variant)))
     found = object_of(module_of(kernel, variant, symbol, machine()))

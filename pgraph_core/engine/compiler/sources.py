@@ -17,8 +17,19 @@ IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.MULTI
 HERE = Path(__file__).parent
 # how machine code is kept, found and called: no kernel is compiled from it
 KEEPING = {
-    HERE / f"{name}.py" for name in ("archive", "building", "calls", "loading", "sources", "wasm")
+    HERE / f"{name}.py"
+    for name in (
+        "archive",
+        "building",
+        "calls",
+        "loading",
+        "optimising",
+        "sources",
+        "tools",
+        "wasm",
+    )
 }
+LOWERING = frozenset(HERE.glob("lowering/*.py"))  # what numba is told of every kernel
 
 
 @cache
@@ -35,8 +46,8 @@ def imported(module: Path) -> tuple[Path, ...]:
 
 @cache
 def sources(module: Path) -> frozenset[Path]:
-    """A module's file and those of all that it imports, directly or not."""
-    found, new = {module}, [module]
+    """A module's file, those of all that it imports, directly or not, and `lowering`."""
+    found, new = {module, *LOWERING}, [module, *LOWERING]
     while new:
         more = set(imported(new.pop())) - found
         found |= more

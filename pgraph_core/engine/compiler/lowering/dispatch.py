@@ -19,12 +19,8 @@ from numba.core.registry import cpu_target
 from numba.core.types import NoneType, unliteral
 
 from ..jit import Kernel
-from .kinds import numba_type
+from .kinds import OPTIONS, numba_type
 
-# No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
-# No contraction of a b + c to one rounding: every processor gives the same bits.
-OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": False, "error_model": "numpy"}
-INLINED = {**OPTIONS, "forceinline": True}
 WORD = ir.IntType(64)
 
 

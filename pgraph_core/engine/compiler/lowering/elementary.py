@@ -10,7 +10,7 @@ from numba import extending, types
 
 from .. import elementary
 from ..elementary import COS, PI_4, SIN
-from .dispatch import INLINED
+from .kinds import INLINED
 from .lane import DOUBLE, Lane, intrinsic, llvm
 
 overload: Any = extending.overload  # typed too narrowly in numba

@@ -22,7 +22,7 @@ from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
 from ..lane import LANE_WIDTH
-from .dispatch import INLINED
+from .kinds import INLINED
 
 DOUBLE = ir.DoubleType()
 infer_global: Any = templates.infer_global  # untyped in numba

@@ -26,8 +26,8 @@ from numba.extending import (
 )
 
 from ..lane import LANE_WIDTH
-from .dispatch import INLINED
 from .elementary import place_of, with_place
+from .kinds import INLINED
 from .lane import LANE, Lane, intrinsic
 
 infer_global: Any = templates.infer_global  # untyped in numba

@@ -1,0 +1,48 @@
+"""From numba's code to one optimised module."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import llvmlite.binding as llvm
+
+from .jit import Kernel
+from .lowering.dispatch import lowered
+
+
+def module_of(kernel: Kernel, variant: int, symbol: str, target: Any) -> Any:
+    """One kernel as an optimised module."""
+    text, around = lowered(kernel, variant, symbol)
+    whole = parsed(text)
+    whole.link_in(parsed(str(around)))
+    optimise(whole, (f"k_{symbol}", f"w_{symbol}"), target)
+    return whole
+
+
+def parsed(text: str) -> Any:
+    """A module of numba's for any processor."""
+    text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
+    # numba's environments, which nothing reads
+    return llvm.parse_assembly(text.replace("= common ", "= linkonce_odr "))
+
+
+def optimise(whole: Any, exports: Iterable[str], target: Any) -> None:
+    """Inline and optimise a module that exports only these functions, as numba does."""
+    outside = set(exports)
+    whole.triple, whole.data_layout = target.triple, str(target.target_data)
+    for one in (*whole.functions, *whole.global_variables):
+        if not one.is_declaration:
+            one.linkage = "external" if one.name in outside else "internal"
+    whole.verify()
+    cheap = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options(speed_level=0))
+    passes = cheap.getModulePassManager()
+    passes.add_loop_rotate_pass()
+    passes.add_instruction_combine_pass()
+    passes.add_jump_threading_pass()
+    passes.run(whole, cheap)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = True
+    full = llvm.create_pass_builder(target, options)
+    full.getModulePassManager().run(whole, full)

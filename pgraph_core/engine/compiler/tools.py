@@ -1,0 +1,44 @@
+"""What `jit` asks of the rest of the compiler, imported when it is asked for.
+
+`jit` is the floor on which kernels are written, and `loading` and `lowering` know `jit`. So the
+package hands this module to it, and `jit` imports nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+
+def code_of(kernel: Any, variant: int) -> Any:
+    """Return a kernel's machine code, loaded or compiled."""
+    from .loading import code_of
+
+    return code_of(kernel, variant)
+
+
+def fits(signature: Any, args: tuple[Any, ...]) -> bool:
+    """Whether a signature takes arguments."""
+    from .calls import fits
+
+    return fits(signature, args)
+
+
+def dispatcher(function: Callable[..., Any], how: str) -> Any:
+    """Return numba's form of a helper."""
+    from .lowering.dispatch import dispatcher
+
+    return dispatcher(function, how)
+
+
+def type_of(made: Any) -> Any:
+    """Return numba's type of a function."""
+    from .lowering.dispatch import type_of
+
+    return type_of(made)
+
+
+def lowering(module: str, name: str) -> Any:
+    """Return a function of `lowering.MODULE`."""
+    return getattr(import_module(f".lowering.{module}", __package__), name)
