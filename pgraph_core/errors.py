@@ -200,7 +200,7 @@ def _lists(value: Any, most: int, left: list[int]) -> Any:
     """Lists for tuples and arrays, as far as a sentence shows them: `left` more values."""
     left[0] -= 1
     if hasattr(value, "tolist"):
-        if hasattr(value, "ndim"):
+        if hasattr(value, "ndim") and not isinstance(value, memoryview):
             value = value[(slice(most),) * value.ndim]
         value = value.tolist()
     if not isinstance(value, (list, tuple)):

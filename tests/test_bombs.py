@@ -71,3 +71,12 @@ def test_no_formula_makes_python_warn(text):
 @pytest.mark.parametrize(("text", "value"), [("=1e3", 1e3), ("=0x1f", 31), ("=1_000/2.", 500)])
 def test_numbers_in_all_forms_stay_formulas(text, value):
     assert pg.Model(bodies=[{"name": "a", "mass": text}]).bodies[0].mass == value
+
+
+def test_a_view_of_memory_is_an_array_like_any_other():
+    """It can be written, so that it cannot be hashed."""
+    model, times = pg.Model.serial(2), np.linspace(0.0, 0.1, 5)
+    run = pg.simulate(model, t_eval=memoryview(times))
+    assert np.array_equal(run.q, pg.simulate(model, t_eval=times).q)
+    with pytest.raises(pg.InputError, match="shape"):
+        pg.Mechanism(model).energy(memoryview(np.zeros((2, 2))), [0, 0])

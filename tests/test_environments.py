@@ -4,12 +4,13 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from pgraph_core.engine.compiler import loading
+from pgraph_core.engine.compiler import archive, loading
 from pgraph_core.model.files import user_folder
 
 RUN = """
@@ -50,6 +51,36 @@ def test_machine_code_that_is_damaged_is_as_if_it_were_not_there(tmp_path, monke
         monkeypatch.setattr(loading, "cache_folder", lambda folder=closed: folder)
         loading.keep("piece", b"3")
         assert loading.kept("piece") is None
+
+
+def test_the_cache_forgets_what_was_used_longest_ago(tmp_path, monkeypatch):
+    monkeypatch.setattr(loading, "cache_folder", lambda: tmp_path)
+    now = time.time()
+    for k in range(5):
+        loading.keep(f"old {k}", bytes(1000))
+    for k, path in enumerate(sorted(tmp_path.iterdir(), key=lambda p: p.stat().st_mtime_ns)):
+        os.utime(path, (now - 1e6 + k, now - 1e6 + k))
+    (tmp_path / "half written.o.1").write_bytes(bytes(9000))
+    os.utime(tmp_path / "half written.o.1", (now - 2e6, now - 2e6))
+    assert loading.kept("old 0")  # which is a use
+    monkeypatch.setattr(loading, "MOST", 3500)
+    loading._tidy.cache_clear()
+    loading.keep("new", bytes(1000))
+    left = [k for k in range(5) if loading.kept(f"old {k}")]
+    assert left == [0, 4]
+    assert loading.kept("new")
+    assert len([*tmp_path.iterdir()]) == 3
+
+
+def test_a_kernel_that_has_to_be_compiled_names_numba_where_it_is_missing(monkeypatch):
+    """A lean installation has no numba; a damaged archive is the reason that it is told."""
+    from pgraph_core.engine.tree.dynamics import mass_matrix
+
+    monkeypatch.setattr(loading, "find_spec", lambda name: None)
+    monkeypatch.setattr(loading, "kept", lambda key: None)
+    monkeypatch.setattr(archive, "current", lambda: archive.Archive(Path("/nowhere")))
+    with pytest.raises(ModuleNotFoundError, match=r"numba.*archive.*missing.*pip install"):
+        loading.code_of(mass_matrix, 0)
 
 
 def test_someone_without_a_home_has_a_folder(monkeypatch):

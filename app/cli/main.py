@@ -91,8 +91,7 @@ def _command(name: str, words: Sequence[str]) -> int:
         print_problems(error.problems, args.json)
         return 1
     except ModuleNotFoundError as error:  # numba, where a lean installation has to compile
-        text = f"is not installed; type: pip install {error.name}"
-        print_problems([Problem(f"package '{error.name}'", "", text)], args.json)
+        print_problems([Problem(f"package '{error.name}'", "", str(error))], args.json)
         return 1
     print_answer(answer, args.json)
     sys.stdout.flush()

@@ -17,7 +17,7 @@ from .compiler.jit import JIT
 REAL, INTEGER = np.float64, np.int64
 
 
-class Uncompiled(np.record):
+class Uncompiled(np.record):  # pyright: ignore[reportIncompatibleVariableOverride]
     """A record of kernels that run as Python: fields come before attributes of NumPy's."""
 
     def __getattribute__(self, name: str) -> Any:

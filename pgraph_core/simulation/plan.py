@@ -194,7 +194,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     key: Any = (*given, *map(type, options), callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
-    except TypeError:  # an option that cannot be hashed, such as an array of times
+    except (TypeError, ValueError):  # an option that cannot be hashed, such as an array
         key, plan, state = None, None, None
     if _is_controller(tau):
         key = plan = None

@@ -370,9 +370,14 @@ class Kept:
         return [Row(**{**line, "values": tuple(line["values"])}) for line in whole]
 
     def append(self, rows: list[Row]) -> None:
-        """Write finished points, all in one go."""
-        with self._part.open("ab") as file:
-            file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
+        """Write finished points, all in one go. Raises FileError, where the disk is full."""
+        try:
+            with self._part.open("ab") as file:
+                file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
+        except OSError as error:
+            text = f"cannot be written: {error.strerror or error}; {len(self.rows)} points are in "
+            text += "it: make room, and go on with resume=True (--resume)"
+            raise FileError(Problem(str(self._part), "", text)) from None
         self.rows += rows
 
     def close(self, *, finished: bool) -> None:

@@ -117,123 +117,161 @@ class _Code:
 def module() -> str:
     """The text of the module that holds `enter`."""
     made = ir.Module()
-    _enter(made, _take(made))
+    _enter(made, _Take(made).function)
     return str(made)
 
 
-def _take(made: ir.Module) -> Any:
-    """take(object, &description, &words, head, ndarray): 1 where it fits and is laid out."""
-    double = WORDS.as_pointer()
-    code = _Code(made, "take", HALF, (OBJECT, double, double, WORD, WORD))
-    b, (given, at_kind, at_word, head, ndarray) = code.builder, code.function.args
-    code.function.linkage = "internal"
-    kind, words = b.load(at_kind), b.load(at_word)
-    operation = code.word(kind, 0)
-    of = code.field(b.sub(b.add(b.ptrtoint(given, WORD), head), WORD(8)), OBJECT)
-    wrong = b.append_basic_block()
-    choice = b.switch(operation, wrong)
+class _Take:
+    """take(object, &description, &words, head, ndarray): 1 where it fits and is laid out.
 
-    def case(number: int) -> None:
-        block = b.append_basic_block()
-        choice.add_case(WORD(number), block)
-        b.position_at_end(block)
+    `wrong` is where the function returns 0. Each kind of argument has a method, which ends its
+    block of the switch.
+    """
 
-    def must(good: Any) -> None:
-        block = b.append_basic_block()
-        b.cbranch(good, block, wrong)
-        b.position_at_end(block)
+    def __init__(self, made: ir.Module):
+        double = WORDS.as_pointer()
+        self.code = _Code(made, "take", HALF, (OBJECT, double, double, WORD, WORD))
+        self.b = self.code.builder
+        self.function = self.code.function
+        self.function.linkage = "internal"
+        self.given, self.at_kind, self.at_word, self.head, self.ndarray = self.function.args
+        self.kind, self.words = self.b.load(self.at_kind), self.b.load(self.at_word)
+        operation = self.code.word(self.kind, 0)
+        place = self.b.sub(self.b.add(self.b.ptrtoint(self.given, WORD), self.head), WORD(8))
+        self.type = self.code.field(place, OBJECT)
+        self.wrong = self.b.append_basic_block()
+        choice = self.b.switch(operation, self.wrong)
+        cases = {
+            INT: self.integer, UNSIGNED: self.unsigned, REAL: self.real, ARRAY: self.array,
+            TUPLE: self.members, NONE: self.none,
+        }  # fmt: skip
+        for number, lay_out in cases.items():
+            block = self.b.append_basic_block()
+            choice.add_case(WORD(number), block)
+            self.b.position_at_end(block)
+            lay_out()
+        self.b.position_at_end(self.wrong)
+        self.b.ret(HALF(0))
 
-    def done(kinds: int, count: Any) -> None:
-        b.store(code.place(kind, kinds), at_kind)
-        b.store(code.place(words, count), at_word)
-        b.ret(HALF(1))
+    def must(self, good: Any) -> None:
+        """Go to `wrong` unless it is true."""
+        block = self.b.append_basic_block()
+        self.b.cbranch(good, block, self.wrong)
+        self.b.position_at_end(block)
 
-    def is_a(wanted: Any) -> Any:
-        same = b.icmp_unsigned("==", of, wanted)
+    def done(self, kinds: int, count: Any) -> None:
+        """Return 1 after so many words of the description and of the arguments."""
+        self.b.store(self.code.place(self.kind, kinds), self.at_kind)
+        self.b.store(self.code.place(self.words, count), self.at_word)
+        self.b.ret(HALF(1))
+
+    def put(self, value: Any, at: Any) -> None:
+        """words[at] = value."""
+        self.b.store(value, self.code.place(self.words, at))
+
+    def is_a(self, wanted: Any) -> Any:
+        """Whether the object is of a type or of one below it."""
+        b = self.b
+        same = b.icmp_unsigned("==", self.type, wanted)
         with b.if_else(same) as (then, other):
             with then:
                 first = b.block
             with other:
-                found = b.icmp_signed("!=", code.python("PyType_IsSubtype", of, wanted), HALF(0))
+                below = self.code.python("PyType_IsSubtype", self.type, wanted)
+                found = b.icmp_signed("!=", below, HALF(0))
                 second = b.block
         result = b.phi(ir.IntType(1))
         result.add_incoming(ir.IntType(1)(1), first)
         result.add_incoming(found, second)
         return result
 
-    def without_error(value: Any, suspicious: Any) -> None:
-        with b.if_then(suspicious, likely=False):
-            must(b.icmp_unsigned("==", code.python("PyErr_Occurred"), OBJECT(None)))
-        b.store(value, b.bitcast(words, value.type.as_pointer()))
-        done(1, 1)
+    def number(self, value: Any, suspicious: Any) -> None:
+        """Lay out a number; where it is suspicious, Python says whether there was an error."""
+        with self.b.if_then(suspicious, likely=False):
+            failed = self.code.python("PyErr_Occurred")
+            self.must(self.b.icmp_unsigned("==", failed, OBJECT(None)))
+        self.b.store(value, self.b.bitcast(self.words, value.type.as_pointer()))
+        self.done(1, 1)
 
-    case(INT)
-    value = code.python("PyLong_AsLongLong", given)
-    without_error(value, b.icmp_signed("==", value, WORD(-1)))
+    def integer(self) -> None:
+        """A signed integer."""
+        value = self.code.python("PyLong_AsLongLong", self.given)
+        self.number(value, self.b.icmp_signed("==", value, WORD(-1)))
 
-    case(UNSIGNED)
-    index = code.python("PyNumber_Index", given)
-    must(b.icmp_unsigned("!=", index, OBJECT(None)))
-    value = code.python("PyLong_AsUnsignedLongLong", index)
-    code.python("Py_DecRef", index)
-    without_error(value, b.icmp_signed("==", value, WORD(-1)))
+    def unsigned(self) -> None:
+        """An unsigned integer, such as an address."""
+        index = self.code.python("PyNumber_Index", self.given)
+        self.must(self.b.icmp_unsigned("!=", index, OBJECT(None)))
+        value = self.code.python("PyLong_AsUnsignedLongLong", index)
+        self.code.python("Py_DecRef", index)
+        self.number(value, self.b.icmp_signed("==", value, WORD(-1)))
 
-    case(REAL)
-    must(b.not_(is_a(code.pointer(ndarray))))  # an array of one number is none
-    value = code.python("PyFloat_AsDouble", given)
-    without_error(value, b.fcmp_ordered("==", value, DOUBLE(-1.0)))
+    def real(self) -> None:
+        """A float; an array of one number is none."""
+        self.must(self.b.not_(self.is_a(self.code.pointer(self.ndarray))))
+        value = self.code.python("PyFloat_AsDouble", self.given)
+        self.number(value, self.b.fcmp_ordered("==", value, DOUBLE(-1.0)))
 
-    case(ARRAY)  # kind: axes, NumPy's description, bytes of an entry, flags
-    must(is_a(code.pointer(ndarray)))
-    start = b.add(b.ptrtoint(given, WORD), head)
-    axes = code.word(kind, 1)
-    number = code.field(b.add(start, WORD(8)), HALF)
-    must(b.icmp_signed("==", b.sext(number, WORD), axes))
-    flags = b.zext(code.field(b.add(start, WORD(48)), HALF), WORD)
-    asked = code.word(kind, 4)
-    must(b.icmp_signed("==", b.and_(flags, asked), asked))
-    descr, wanted = code.field(b.add(start, WORD(40)), OBJECT), code.pointer(code.word(kind, 2))
-    with b.if_then(b.icmp_unsigned("!=", descr, wanted), likely=False):
-        same = code.python("PyObject_RichCompareBool", descr, wanted, HALF(EQUAL))
-        must(b.icmp_signed("==", same, HALF(1)))
-    b.store(WORD(0), code.place(words, 0))
-    b.store(WORD(0), code.place(words, 1))
-    b.store(code.word(kind, 3), code.place(words, 3))
-    b.store(code.field(start, WORD), code.place(words, 4))
-    b.store(WORD(1), code.place(words, 2))
-    shape = code.field(b.add(start, WORD(16)), WORDS)
-    strides = code.field(b.add(start, WORD(24)), WORDS)
+    def array(self) -> None:
+        """An array: its kind has the axes, NumPy's description, bytes of an entry, flags."""
+        b, code = self.b, self.code
+        self.must(self.is_a(code.pointer(self.ndarray)))
+        start = b.add(b.ptrtoint(self.given, WORD), self.head)
+        axes = code.word(self.kind, 1)
+        number = code.field(b.add(start, WORD(8)), HALF)
+        self.must(b.icmp_signed("==", b.sext(number, WORD), axes))
+        flags = b.zext(code.field(b.add(start, WORD(48)), HALF), WORD)
+        asked = code.word(self.kind, 4)
+        self.must(b.icmp_signed("==", b.and_(flags, asked), asked))
+        descr = code.field(b.add(start, WORD(40)), OBJECT)
+        wanted = code.pointer(code.word(self.kind, 2))
+        with b.if_then(b.icmp_unsigned("!=", descr, wanted), likely=False):
+            same = code.python("PyObject_RichCompareBool", descr, wanted, HALF(EQUAL))
+            self.must(b.icmp_signed("==", same, HALF(1)))
+        self.put(WORD(0), 0)
+        self.put(WORD(0), 1)
+        self.put(code.word(self.kind, 3), 3)
+        self.put(code.field(start, WORD), 4)
+        self.axes(
+            axes,
+            code.field(b.add(start, WORD(16)), WORDS),
+            code.field(b.add(start, WORD(24)), WORDS),
+        )
 
-    def axis(i: Any) -> None:
-        size = code.word(shape, i)
-        b.store(b.mul(code.word(words, 2), size), code.place(words, 2))
-        b.store(size, code.place(words, b.add(i, WORD(5))))
-        b.store(code.word(strides, i), code.place(words, b.add(b.add(i, axes), WORD(5))))
+    def axes(self, axes: Any, shape: Any, strides: Any) -> None:
+        """Lay out the number of entries, the shape and the strides of an array."""
+        b, code = self.b, self.code
+        self.put(WORD(1), 2)
 
-    code.loop(axes, axis)
-    done(5, b.add(WORD(5), b.add(axes, axes)))
+        def axis(i: Any) -> None:
+            size = code.word(shape, i)
+            self.put(b.mul(code.word(self.words, 2), size), 2)
+            self.put(size, b.add(i, WORD(5)))
+            self.put(code.word(strides, i), b.add(b.add(i, axes), WORD(5)))
 
-    case(TUPLE)  # kind: how many members, then theirs
-    must(is_a(code.data("PyTuple_Type")))
-    count = code.word(kind, 1)
-    must(b.icmp_signed("==", code.python("PyTuple_Size", given), count))
-    b.store(code.place(kind, 2), at_kind)
+        code.loop(axes, axis)
+        self.done(5, b.add(WORD(5), b.add(axes, axes)))
 
-    def member(i: Any) -> None:
-        one = code.python("PyTuple_GetItem", given, i)
-        good = b.call(code.function, [one, at_kind, at_word, head, ndarray])
-        must(b.icmp_signed("!=", good, HALF(0)))
+    def members(self) -> None:
+        """A tuple: its kind has the number of members, then their kinds."""
+        b, code = self.b, self.code
+        self.must(self.is_a(code.data("PyTuple_Type")))
+        count = code.word(self.kind, 1)
+        self.must(b.icmp_signed("==", code.python("PyTuple_Size", self.given), count))
+        b.store(code.place(self.kind, 2), self.at_kind)
 
-    code.loop(count, member)
-    b.ret(HALF(1))
+        def member(i: Any) -> None:
+            one = code.python("PyTuple_GetItem", self.given, i)
+            rest = self.at_kind, self.at_word, self.head, self.ndarray
+            self.must(b.icmp_signed("!=", b.call(self.function, [one, *rest]), HALF(0)))
 
-    case(NONE)
-    must(b.icmp_unsigned("==", given, code.data("_Py_NoneStruct")))
-    done(1, 0)
+        code.loop(count, member)
+        b.ret(HALF(1))
 
-    b.position_at_end(wrong)
-    b.ret(HALF(0))
-    return code.function
+    def none(self) -> None:
+        """None, which takes no word."""
+        self.must(self.b.icmp_unsigned("==", self.given, self.code.data("_Py_NoneStruct")))
+        self.done(1, 0)
 
 
 def _enter(made: ir.Module, take: Any) -> None:

@@ -12,9 +12,11 @@ import hashlib
 import os
 import sys
 import threading
+import time
 import uuid
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +26,8 @@ from . import archive, calls, sources
 from .jit import Kernel
 from .lane import LANE_WIDTH
 
+DAY = 86400  # [s] how exactly the last use of an entry is known
+MOST = 2**27  # [bytes] of the cache: all kernels of ten versions
 DIGEST = 32  # [bytes] length of a SHA-256
 
 
@@ -74,7 +78,9 @@ def kept(key: str) -> bytes | None:
     with contextlib.suppress(OSError):
         content = path.read_bytes() if path is not None else b""
         digest, code = content[:DIGEST], content[DIGEST:]
-        if digest and hashlib.sha256(code).digest() == digest:
+        if path and digest and hashlib.sha256(code).digest() == digest:
+            if time.time() - path.stat().st_mtime > DAY:
+                os.utime(path)  # it is of use
             return code
     return None
 
@@ -88,9 +94,23 @@ def keep(key: str, code: bytes) -> None:
     try:
         part.write_bytes(hashlib.sha256(code).digest() + code)
         part.replace(path)
+        _tidy(path.parent)
     except OSError:
         with contextlib.suppress(OSError):
             part.unlink()
+
+
+@cache  # once per process, which adds little
+def _tidy(folder: Path) -> None:
+    """Remove the entries that were used longest ago until the cache is at most MOST large."""
+    found = [(one.stat(), one.path) for one in os.scandir(folder) if one.is_file()]
+    found.sort(key=lambda entry: entry[0].st_mtime, reverse=True)
+    total = 0
+    for known, path in found:
+        total += known.st_size
+        if total > MOST:
+            with contextlib.suppress(OSError):  # another process was faster
+                os.unlink(path)
 
 
 # -- the processor ---------------------------------------------------------------------------------
@@ -222,9 +242,15 @@ def _generated(piece: str) -> bytes:
 
 def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
     """Machine code by numba, which is kept."""
+    why = archive.current().why(name_of(kernel, variant))
+    if find_spec("numba") is None:
+        text = (
+            f"numba is not installed, and {why}; install Pgraph again, or type: pip install numba"
+        )
+        raise ModuleNotFoundError(text, name="numba")
     from .optimising import module_of
 
-    _say(archive.current().why(name_of(kernel, variant)))
+    _say(why)
     found = object_of(module_of(kernel, variant, symbol, machine()))
     keep(key, found)
     return found
