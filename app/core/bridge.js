@@ -242,7 +242,7 @@ window.pgraph = (() => {
   function chosen() {
     const kept = pgraph.choices.get();
     const dark = kept.dark ?? matchMedia("(prefers-color-scheme: dark)").matches;
-    return { dark, display: kept.display ?? ["rad", "m", "quaternion", "com"], body: kept.body ?? null, plots: kept.plots ?? [] };
+    return { dark, display: kept.display ?? ["deg", "m", "quaternion", "com"], body: kept.body ?? null, plots: kept.plots ?? [] };
   }
 
   function remember(topic, data) {

@@ -121,9 +121,9 @@ pgraph.forms = (() => {
 
   // The row's numbers are taken from the next click in the 3D view.
   function picker(box, el) {
-    const { pick } = el.pgraphField, about = pick === "axis" ? "a face or a round side" : "a point";
+    const { pick, cells: [{ index }, ...others] } = el.pgraphField, about = pick === "axis" ? "a face or a round side" : "a point";
     return pgraph.pictureButton("pick", "pick", "", `Pick it in the 3D view: click ${about} of a body`,
-      () => pgraph.picking.start(pick, { field: el.pgraphField.field, index: el.pgraphField.cells[0].index.slice(0, -1), ...box.pgraphAsk.owner }));
+      () => pgraph.picking.start(pick, { field: el.pgraphField.field, index: others.length ? index.slice(0, -1) : index, ...box.pgraphAsk.owner }));
   }
 
   function input(box, el, grid, cell) {

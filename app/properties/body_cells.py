@@ -7,6 +7,7 @@ orientation as angles, an inertia about the frame's origin, a shape by its parts
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -129,6 +130,11 @@ def edit_of(
             return _with_shape(model, body, at, {name: None})
     if field == "derived":
         return following(body, entries[0][1])
+    if field == "axes" and len(entries[0][0]) == 1:
+        (at,), text = entries[0]
+        if at >= len(body.axes):
+            raise Refusal("has no such axis any more")
+        return {"axes": (*body.axes[:at], direction(text, display), *body.axes[at + 1 :])}
     if field == "motions":
         return {"motions": _motions(body, entries)}
     if field == "joint":
@@ -145,6 +151,27 @@ def edit_of(
         if field == "inertia" and len(index) == 2:
             value = replaced(value, (index[1], index[0]), new)
     return kept(model, body, field, value, display)
+
+
+def letter_of(axis: Sequence[Any]) -> str:
+    """Return "x" or "-z" for an axis along one of the frame's, "" for another."""
+    for k, letter in enumerate("xyz"):
+        for sign, name in ((1.0, letter), (-1.0, f"-{letter}")):
+            if tuple(axis) == tuple(sign * (i == k) for i in range(3)):
+                return name
+    return ""
+
+
+def direction(text: str, display: Display) -> tuple[Any, ...]:
+    """Return the axis typed as "x", "-z" or three numbers. Raises Refusal."""
+    typed = text.strip().lower()
+    if re.fullmatch(r"[+-]?[xyz]", typed):
+        sign = -1.0 if typed[0] == "-" else 1.0
+        return tuple(sign * (letter == typed[-1]) for letter in "xyz")
+    parts = re.split(r"[\s,;]+", typed.strip("[]() "))
+    if len(parts) != 3:
+        raise Refusal(f"must be x, y, z, with or without a minus, or three numbers; given {text!r}")
+    return tuple(content(part, "number", display) for part in parts)
 
 
 def kept(

@@ -28,7 +28,18 @@ from ..core.cells import (
 )
 from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, audience, hue
-from .body_cells import ALL, MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
+from .body_cells import (
+    ALL,
+    MOTIONS,
+    NO_SHAPE,
+    OF_FILES,
+    SHAPES,
+    held,
+    letter_of,
+    moments,
+    quantity_of,
+    shows,
+)
 from .length import end_of
 from .world import world
 
@@ -106,7 +117,9 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     form = _Form(model, body, display)
     turn, names = ROTATIONS[display.turn]
     joint = [
-        choice("joint", "Type", body.joint, JOINTS, help=shows("joint").help),
+        choice("joint", "Type", body.joint, [
+            (j, j.capitalize() + f", {body.dof} DoF" * (j == body.joint)) for j in JOINTS
+        ], help=shows("joint").help),
         *form.motions(), form.vector("link"),
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.length(), form.follows(form.tip())]
@@ -217,6 +230,11 @@ class _Form:
         return found
 
     def _axis(self, i: int, at: int, label: str) -> Payload:
+        letter = letter_of(self.body.axes[at]) if self.body.joint != "compound" else ""
+        if letter:  # another direction is typed as three numbers
+            return field("axes", label, [cell((at,), letter)], kind="text",
+                         help=shows("axes").help,
+                         pick="axis" if at == len(self.body.axes) - 1 else "")  # fmt: skip
         cells = components(cell((i, j), x) for j, x in enumerate(self.body.axes[at]))
         last = i == len(self.body.axes) - 1  # the others are in the axes of the parent
         return field("axes", label, cells, help=shows("axes").help, columns=3,
@@ -269,7 +287,7 @@ class _Form:
         shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
-        kinds = [k for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
+        kinds = [(k, k.capitalize()) for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
         found = [choice(prefix + "kind", "Kind", kind, kinds, **({} if at else upload))]
         if shape is None:

@@ -134,7 +134,7 @@ def test_one_parameter_drives_two_links_and_units_never_reach_the_file(bench, se
 OF_A_BODY = [
     ("link", 0, "0.1 0 -2e-1", (0.1, 0.0, -0.2)), ("link", 0, "[1,2,3]", (1.0, 2.0, 3.0)),
     ("link", 1, "5, 6", (0.2, 5.0, 6.0)), ("com", 0, "(1;2; 3)", (1.0, 2.0, 3.0)),
-    ("axes", 0, "z", ((0.0, 0.0, 1.0),)), ("axes", 2, "-X", ((-1.0, 0.0, 0.0),)),
+    ("axes", 0, "z", ((0.0, 0.0, 1.0),)), ("axes", 0, "-X", ((-1.0, 0.0, 0.0),)),
     ("link", 0, "1,5", None), ("link", 1, "1 2 3", None), ("link", 0, "1 2 x", None),
     ("com", 0, "z", None),
 ]  # fmt: skip

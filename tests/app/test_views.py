@@ -64,8 +64,29 @@ def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
     for group in properties(state, ("2",))["groups"]:
         for field in group["fields"]:
             sent.setdefault(field["field"], []).extend(cell["value"] for cell in field["cells"])
-    for name in ("axes", "link", "rotation", "com", "inertia", "q", "v", "damping"):
+    for name in ("link", "rotation", "com", "inertia", "q", "v", "damping"):
         assert sent.get(name, []) == np.ravel(getattr(body, name)).tolist()
+
+
+def test_an_axis_along_one_of_the_frame_is_one_cell_that_takes_any_direction():
+    def axis(state):
+        groups = properties(state, ("1",))["groups"]
+        fields = [field for group in groups for field in group["fields"]]
+        return [c["value"] for field in fields if field["field"] == "axes" for c in field["cells"]]
+
+    state = begun(pg.Model.serial(2).edit("1", axes=(0, -1, 0)))
+    assert axis(state) == ["-y"]
+    for text, value, shown in (
+        ("Z", (0.0, 0.0, 1.0), ["z"]), ("-x", (-1.0, 0.0, 0.0), ["-x"]),
+        ("[0, 0.6, 0.8]", (0.0, 0.6, 0.8), [0.0, 0.6, 0.8]),
+    ):  # fmt: skip
+        after_ = after(state, do.EditBodies(ME, 1, ("1",), "axes", (((0,), text),)))
+        assert after_.model.body("1").axes == (value,)
+        assert axis(after_) == shown
+    for text in ("w", "1 2", ""):
+        refused = after(state, do.EditBodies(ME, 1, ("1",), "axes", (((0,), text),)))
+        assert refused.model is state.model
+        assert refused.clients[ME].reply.text
 
 
 def test_nobody_selected_gives_the_model(state):
