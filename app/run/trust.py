@@ -149,8 +149,8 @@ def summary(run: Run) -> list[Line]:
         ("Method", str(result.header.get("why", "")), True),
         (
             "Error estimate",
-            f"{result.accuracy}{why(estimate, most)}" if estimated else "",
-            estimate < most,
+            f"{result.accuracy}{why(estimate, POOR)}" if estimated else "",
+            estimate < POOR,
         ),
         ("Energy drift", f"{drift:.2g} of its range{why(drift, most)}", drift < most),
     ]

@@ -241,7 +241,8 @@ def test_a_drift_is_bad_where_it_is_for_its_method(method, drift, good):
         notices=(), constraint_drift=(),
     )  # fmt: skip
     lines = {line[0]: line[1:] for line in summary(Run(pg.Model.serial(1), Request(), result))}
-    assert [lines[what][1] for what in ("Energy drift", "Error estimate")] == [good, good]
+    assert lines["Energy drift"][1] == good
+    assert not lines["Error estimate"][1]  # an error of a tenth of the motion is rough for all
     assert ("step" in lines["Energy drift"][0]) == (drift > 0.01)  # advice
 
 

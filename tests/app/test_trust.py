@@ -1,0 +1,74 @@
+"""The verdict on a run: three levels, in units that people can picture."""
+
+import math
+from types import SimpleNamespace as Fake
+from typing import Any
+
+import pytest
+
+import pgraph_core as pg
+from pgraph_app.run import Request, Run
+from pgraph_app.run.trust import felt, trust, verdict
+from pgraph_core.analysis.singular import TOO_LOW
+
+from .store import ME, after, begun, do, ran
+
+pytestmark = pytest.mark.quick
+TURNING = pg.Model.serial(2)
+SLIDING = pg.Model(bodies=(pg.Body(name="a", joint="prismatic", axes=(1, 0, 0)),))
+FREE = pg.Model(bodies=(pg.Body(name="a", joint="free"),))
+
+
+def estimated(model: pg.Model, error: float, **more: Any) -> Any:
+    """A run whose error estimate is given."""
+    facts = {"error_estimate": error, "status": Fake(ok=True), "notices": (), "message": "", **more}
+    return Fake(model=model, ended="", request=Request(), result=Fake(**facts))
+
+
+@pytest.mark.parametrize(
+    ("model", "error", "said"),
+    [
+        (FREE, 0.0034, "about 3 mm, 0.2°"), (TURNING, 0.0034, "about 0.2°"),
+        (SLIDING, 0.0034, "about 3 mm"), (SLIDING, 2.4, "about 2 m"), (TURNING, 0.26, "about 10°"),
+        (SLIDING, 9.7e-4, "about 1 mm"), (SLIDING, 4e-5, "about 40 µm"),
+        (SLIDING, 1e-9, "within 1 µm"), (FREE, 1e-12, "within 1 µm, 0.001°"),
+    ],
+)  # fmt: skip
+def test_an_error_is_said_in_lengths_and_angles_of_the_joints(model, error, said):
+    assert felt(estimated(model, error)) == said
+
+
+@pytest.mark.parametrize(
+    ("run", "level"),
+    [
+        (estimated(FREE, math.nan), "unknown"),
+        (estimated(FREE, math.inf, accuracy="known until 1 s"), "unknown"),
+        (estimated(FREE, 1e-9, notices=(f"singular; {TOO_LOW}",)), "unknown"),
+        (estimated(FREE, 1e-9, status=Fake(ok=False), message="stopped at 1 s"), "failed"),
+    ],
+)
+def test_what_puts_the_estimate_in_question_is_said_with_its_reason(run, level):
+    found, said, why = verdict(run)
+    assert found == level
+    assert said
+    assert why
+
+
+def test_small_steps_are_good_and_large_ones_rough():
+    levels = []
+    for step in (1e-3, 0.005):
+        result = pg.simulate(TURNING, t_end=1.0, step=step, method="semi_implicit_euler")
+        levels.append(verdict(Run(TURNING, Request(), result))[0])
+    assert levels == ["good", "rough"]
+
+
+def test_a_run_of_an_earlier_model_is_not_trusted_and_none_is_no_run():
+    state = begun(TURNING)
+    assert trust(state, None, None, None)["level"] == ""
+    state = ran(state, pg.simulate(TURNING, t_end=0.1, step=1e-3))
+    assert trust(state, None, None, None)["level"] == "good"
+    assert len(trust(state, None, None, None)["lines"]) == 3
+    edited = after(state, do.EditBodies(ME, 1, ("1",), "mass", (((), "7"),)))
+    told = trust(edited, None, None, None)
+    assert (told["level"], told["lines"]) == ("unknown", [])
+    assert told["report"]
