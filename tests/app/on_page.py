@@ -30,6 +30,16 @@ def ask(page: Any, which: str) -> None:
     page.locator(f'dialog[data-asked="{which}Question"]').wait_for()
 
 
+def pose_of_all(page: Any) -> Any:
+    """The cells of the pose of all joints, with nothing selected."""
+    page.evaluate("pgraph.send('Select', { body: null })")  # as a click beside the bodies does
+    page.wait_for_function(
+        "pgraph.host('joints').matches('.all') && !pgraph.latest.selected.length"
+    )
+    page.locator("[data-view=joints]").evaluate("(one) => one.scrollIntoView()")
+    return page.locator("[data-view=joints] .joint .cell")
+
+
 def simulate(page: Any) -> None:
     """Compute the run again, with what stands in the settings."""
     page.locator("button.play").click(modifiers=["Shift"])

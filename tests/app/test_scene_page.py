@@ -27,6 +27,7 @@ from .on_page import (
     middle_of,
     node,
     on_screen,
+    pose_of_all,
     refused,
     selections,
     steady,
@@ -142,7 +143,7 @@ def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
 
 
 def test_sliders_and_cells_pose_the_mechanism(page, served, leg):
-    cells = page.locator(".joint .cell")
+    cells = pose_of_all(page)
     until(lambda: cells.count() == 4, "four numbers")
     cells.first.click()
     for text, key in (("-1", "Tab"), (".65", "Enter"), ("2", "ArrowUp")):

@@ -7,7 +7,7 @@ from pgraph_app.playback.update import Pause
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
-from .on_page import ask, row
+from .on_page import ask, pose_of_all, row
 
 ROW_OF_FOCUS = "(name) => document.activeElement.closest('tr')?.dataset.name === name"
 
@@ -34,9 +34,7 @@ def rename(page: Any) -> None:
 
 def bend(page: Any) -> None:
     """The three joints, and that pose as the initial state."""
-    page.evaluate("pgraph.send('Select', { body: null })")  # as a click beside the bodies does
-    page.locator('.pgraph[data-view="joints"]').evaluate("(one) => one.scrollIntoView()")
-    cells = page.locator('.pgraph[data-view="joints"] .joint .cell')
+    cells = pose_of_all(page)
     until(lambda: cells.count() == 3, "all joints")
     cells.first.click()
     for angle, key in (("-1", "Tab"), ("0.7", "Tab"), ("1.3", "Enter")):
