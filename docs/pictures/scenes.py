@@ -18,53 +18,60 @@ class Scene(NamedTuple):
 
 
 def tab(page: Page, name: str) -> None:
-    page.locator(f'[role="tab"][title="{name}"]').click()
+    page.evaluate("(name) => pgraph.front(name)", name)
 
 
 def select(page: Page, name: str) -> None:
-    page.locator(f'table.bodies tr[data-name="{name}"] td.number').click()
+    page.evaluate("(body) => pgraph.send('Select', { body })", name)
+    page.wait_for_function("(body) => pgraph.latest.properties.bodies.join() === body", arg=name)
 
 
 def simulate(page: Page, at: float = 0.6) -> None:
     """The run of the scenario, shown at that part of it."""
-    page.get_by_role("button", name="Simulate", exact=True).click()
-    page.locator(".summary dd").first.wait_for(timeout=LONG)
+    page.locator("button.play").click(modifiers=["Shift"])
+    page.locator("[data-view=trust] .lines dd").first.wait_for(timeout=LONG)
     scrub(page, at)
 
 
 def scrub(page: Page, at: float) -> None:
-    slider = page.locator('.pgraph[data-view="playback"] input[type="range"]')
+    slider = page.locator("input.scrub")
     slider.evaluate("(e, at) => { e.value = at * e.max; e.dispatchEvent(new Event('input')); }", at)
 
 
+def menu(page: Page, which: str) -> None:
+    """A command of the menu of the model: "new", "open" or "save"."""
+    page.locator("button.model-menu").click()
+    page.locator(f".pgraph-menu:popover-open button.{which}").click()
+
+
 def overview(page: Page) -> None:
-    """The quadruped's stance, a leg selected, in the middle of its push."""
-    simulate(page)
-    select(page, "right_radius")
+    """The trot, a leg selected, in the middle of a step."""
+    simulate(page, 0.162)
+    select(page, "right_humerus")
 
 
 def steps(page: Page) -> None:
     """Halfway through the seven steps."""
-    page.get_by_role("button", name="Step through").click()
+    page.get_by_role("button", name="How it is built").click()
     for _ in range(9):
         page.locator("button.next").first.click()
 
 
 def constraints(page: Page) -> None:
     """One of them open, with what is left free."""
-    tab(page, "Constraints")
+    tab(page, "Connections")
     page.locator(".tie .title").first.click()
     page.wait_for_function("() => pgraph.latest.constraints.mobility.state === 'done'")
 
 
 def kinds(page: Page) -> None:
     """All kinds of constraints, to choose from."""
-    tab(page, "Constraints")
+    tab(page, "Connections")
     page.locator("button.add-tie").click()
 
 
 def operators(page: Page) -> None:
-    tab(page, "Operators")
+    tab(page, "Matrices")
     page.wait_for_function("() => pgraph.latest.operator")
 
 
@@ -72,48 +79,46 @@ def plots(page: Page) -> None:
     simulate(page)
     select(page, "left_tibia")
     tab(page, "Plots")
-    for kind in ("q", "v", "energy"):
-        page.locator(f'.chip-button[data-kind="{kind}"]').first.click()
-        page.locator(f'.chip-button[data-kind="{kind}"][aria-pressed="true"]').wait_for()
+    for kind, of in (("q", "left_tibia"), ("v", "left_tibia")):
+        fields = {"kind": kind, "of": of, "on": True}
+        page.evaluate("(fields) => pgraph.send('Plot', fields)", fields)
+    page.wait_for_function("() => pgraph.latest.plots.charts.length === 2")
 
 
 def report(page: Page) -> None:
-    tab(page, "Report")
+    tab(page, "Accuracy")
     page.locator("button.precision").click()
     page.locator(".outcome .figure svg").wait_for(timeout=LONG)
 
 
-def pose(page: Page) -> None:
-    tab(page, "Pose")
-
-
 def show(page: Page) -> None:
-    tab(page, "Show")
+    page.get_by_role("button", name="Display").click()
 
 
 def walk(page: Page, until: float = 3.2, at: float = 0.9) -> None:
     """A walk that was stopped after a while, shown at a part of it."""
-    tab(page, "Gait")
+    tab(page, "Scenarios")
     page.locator(".walk-on").click()
     page.wait_for_function("(t) => (pgraph.latest.time ?? [0])[0] > t", arg=until, timeout=LONG)
     page.locator(".walk-on").click()
-    page.locator(".summary dd").first.wait_for(timeout=LONG)
+    page.wait_for_function("() => pgraph.latest.run.summary !== null", timeout=LONG)
     scrub(page, at)
 
 
 def fall(page: Page) -> None:
     """On ice, where it cannot stand."""
-    tab(page, "Gait")
+    tab(page, "Scenarios")
     friction = page.locator('[aria-label="friction of the ground"]')
     friction.fill("0.02")
     friction.press("Enter")
     page.locator(".walk-on").click()
-    page.locator(".summary dd").first.wait_for(timeout=LONG)
+    page.wait_for_function("() => pgraph.latest.run.summary !== null", timeout=LONG)
 
 
 def live(page: Page) -> None:
     """A run that plays while it computes."""
-    page.locator("button.live").click()
+    page.locator(".modes .live").click()
+    page.locator("button.play").click()
     page.wait_for_function("() => (pgraph.latest.time ?? [0])[0] > 0.2", timeout=LONG)
 
 
@@ -127,15 +132,15 @@ def picking(page: Page) -> None:
 def several(page: Page) -> None:
     """Two bodies selected."""
     select(page, "left_femur")
-    page.locator('table.bodies tr[data-name="right_femur"] td.number').click(modifiers=["Control"])
+    page.evaluate("pgraph.send('ToggleBody', { body: 'right_femur' })")
 
 
 def opening(page: Page) -> None:
-    page.locator("button.open").click()
+    menu(page, "open")
 
 
 def saving(page: Page) -> None:
-    page.locator("button.save").click()
+    menu(page, "save")
 
 
 def keys(page: Page) -> None:
@@ -159,14 +164,12 @@ def notice(page: Page) -> None:
     page.evaluate(
         "pgraph.toast('big.json was not opened: it has 9.1 MB; a model file has at most 8 MB.')"
     )
-    dof = page.locator('table.bodies tr[data-name="lumbar"] select').nth(1)
-    dof.focus()
-    dof.select_option("2")
+    page.evaluate("pgraph.toast('Downloaded quadruped.json', true)")
 
 
 def many(page: Page) -> None:
     """A chain of a thousand."""
-    page.locator("button.new").click()
+    menu(page, "new")
     page.locator(".asked input").fill("1000")
     page.locator(".asked .go").click()
     page.wait_for_function("() => pgraph.latest.table.rows.length === 1000")
@@ -178,13 +181,12 @@ def nothing(page: Page) -> None:
 
 
 SCENES = {
-    "page": Scene("quadruped", overview),
+    "page": Scene("quadruped_hips", overview),
     "tab_steps": Scene("quadruped", steps),
     "tab_constraints": Scene("slider_crank", constraints),
     "tab_operators": Scene("quadruped", operators),
     "tab_plots": Scene("quadruped", plots),
     "tab_report": Scene("double_pendulum", report),
-    "tab_pose": Scene("quadruped", pose),
     "tab_show": Scene("quadruped_hips", show),
     "tab_gait": Scene("quadruped_hips", walk),
     "fall": Scene("quadruped_hips", fall),

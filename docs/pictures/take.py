@@ -23,7 +23,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.server import serve
 
-from .scenes import LONG, SCENES, Scene
+from .scenes import LONG, SCENES, Scene, menu
 
 HERE = Path(__file__).parent
 LOOKS = (HERE.parent.parent / "tests" / "app" / "looks.js").read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ Look = tuple[Path, bool, Size]  # a picture's file, whether dark, its size
 def prepared(page: Page, scene: Scene) -> None:
     """The page on the scene's model, everything else as at the start."""
     page.wait_for_selector("table.bodies tr[data-name]")
-    page.locator("button.open").click()
+    menu(page, "open")
     page.locator(f'.item[data-model="{scene.model}"]').click()
     name = pg.Model.load(pgraph_models.path(scene.model)).name
     page.wait_for_function("(name) => pgraph.latest.toolbar.name === name", arg=name)
