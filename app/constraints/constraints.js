@@ -5,7 +5,7 @@
   function build(host) {
     const box = make("div", { className: "ties" },
       make("div", { className: "top" },
-        button("primary add-tie", "+ Add", "A constraint, contact, force, limit or loop", () => choose(host)),
+        button("add-tie", "+ Add", "A constraint, contact, force, limit or loop", () => choose(host)),
         button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); }),
         make("span", { className: "filter" })),
       make("div", { className: "chooser", hidden: true }),

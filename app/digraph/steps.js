@@ -20,7 +20,7 @@ pgraph.steps = (() => {
     box.append(
       make("div", { className: "bar" }, ...kinds, make("span", { className: "spring" }), button("close", "Close", "Back to the digraph", () => walk(""))),
       make("div", { className: "bar" }, first, button("previous", "Back", "one step back", () => go(box, box.at - 1)),
-        button("primary next", "Next", "one step on", () => go(box, box.at + 1)), button("run", "Play", "step after step", () => play(box, !box.timer)),
+        button("next", "Next", "one step on", () => go(box, box.at + 1)), button("run", "Play", "step after step", () => play(box, !box.timer)),
         make("span", { className: "muted where" }), make("div", { className: "stack" })),
       make("div", { className: "said", role: "status" }), make("div", { className: "shown" }));
   }

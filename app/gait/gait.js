@@ -19,7 +19,7 @@
       make("div", { className: "no-gait", hidden: true }, text("p", "muted why")),
       make("div", { className: "gait", hidden: true },
         make("div", { className: "field", title: "When each foot is on the ground" }, text("div", "what", "Gait"), gait,
-          button("primary walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
+          button("walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
         text("p", "muted about"),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
         make("fieldset", {}, make("legend", { textContent: "Steer" }),
