@@ -17,6 +17,7 @@ import numpy as np
 from ..engine.arrays import Geometry, Ground, Search
 from ..engine.contact.curved import HULL_ROOM, RIM
 from ..engine.contact.manifold import MOST
+from ..engine.contact.shapes import DEPTH
 from ..engine.records import (
     BOUNDS,
     BOX,
@@ -292,13 +293,20 @@ class Placed(NamedTuple):
     rotation: Any = np.eye(3)
 
 
-def packed(shapes: Iterable[Placed]) -> Geometry:
-    """The shapes as the kernels take them."""
+def packed(
+    shapes: Iterable[Placed],
+    neighbours: Sequence[Sequence[int]] = (),
+    gravity: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Geometry:
+    """Return the shapes as the kernels take them, with `neighbours` as in `neighbours_of`."""
     shapes = list(shapes)
+    pull = np.array(gravity, float)
+    neighbours = neighbours or [()] * len(shapes)
     found = table(SHAPE, len(shapes))
     solids = [shape.solid for shape in shapes]
     normals, edges = [normals_of(s) for s in solids], [edges_of(s) for s in solids]
     first = np.zeros(3, np.int64)
+    before = 0
     for i, shape in enumerate(shapes):
         s = shape.solid
         counts = np.array((len(s.vertices), len(s.rings), len(edges[i])))
@@ -306,8 +314,10 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         half, middle = s.box
         rotation = np.asarray(shape.rotation, float).ravel()
         place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
-        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place)
+        beside = before, len(neighbours[i])
+        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *beside, *place)
         first += counts
+        before += len(neighbours[i])
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)
     faces = table(FACE, len(lengths))
@@ -319,7 +329,36 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         faces,
         np.array([v for ring in rings for v in ring], np.int64),
         rows_of(EDGE, np.concatenate([np.zeros((0, 4), np.int64), *edges])),
+        np.array([k for beside in neighbours for k in beside], np.int64),
+        pull / (np.linalg.norm(pull) or 1.0),
     )
+
+
+def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
+    """The shapes that make one solid with each shape: those of its row whose boxes meet its own.
+
+    A neighbour touches all that the shape itself may touch (`partners` of each); else it is not
+    there for what may touch the shape alone.
+    """
+    found: list[list[int]] = [[] for _ in shapes]
+    by_row: dict[int, list[int]] = {}
+    for i, shape in enumerate(shapes):
+        if partners[i] and shape.solid.kind != POINTS:
+            by_row.setdefault(shape.row, []).append(i)
+    for row in by_row.values():
+        if len(row) == 1:
+            continue
+        placed = [shapes[i] for i in row]
+        boxes = [p.solid.box for p in placed]
+        turns = [np.asarray(p.rotation, float).reshape(3, 3) for p in placed]
+        middle = np.array([p.position + r @ b[1] for p, b, r in zip(placed, boxes, turns)])
+        half = np.array([abs(r) @ b[0] for b, r in zip(boxes, turns)])
+        reach = np.array([p.solid.reach for p in placed])
+        for k, i in enumerate(row):
+            slack = DEPTH * np.minimum(reach, reach[k])[:, None]
+            meet = np.flatnonzero((abs(middle - middle[k]) <= half + half[k] + slack).all(axis=1))
+            found[i] = [row[m] for m in meet.tolist() if m != k and partners[i] <= partners[row[m]]]
+    return found
 
 
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:

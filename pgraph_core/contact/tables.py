@@ -211,7 +211,8 @@ class _Shapes:
         return [Placed(solid, row, number, position, rotation) for solid in parts]
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
-        geometry = solids.packed(self.placed)
+        neighbours = solids.neighbours_of(self.placed, self._partners())
+        geometry = solids.packed(self.placed, neighbours, self.model.gravity)
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
@@ -238,6 +239,23 @@ class _Shapes:
             bool((ints[:, at.B_TERMS] != 1).any()),
             tuple(self.hulls),
         )
+
+    def _partners(self) -> list[set[Any]]:
+        """What each shape may touch: numbers of shapes, and slots of which it is a member."""
+        found: list[set[Any]] = [set() for _ in self.placed]
+        for a, b, _ in self.pairs:
+            found[a].add(b)
+            found[b].add(a)
+        tied: dict[int, set[int]] = {}
+        for a, b in self.apart if self.members else ():
+            tied.setdefault(a, set()).add(b)
+            tied.setdefault(b, set()).add(a)
+        rows = {p.body: p.row for p in self.placed}
+        for i, slot in self.members:
+            mine = self.placed[i]
+            others = {b for b in tied.get(mine.body, ()) if rows.get(b) != mine.row}
+            found[i].add((slot, frozenset(others)))
+        return found
 
     def _room(self, a: int, b: int) -> int:
         """For the contact points of two shapes."""

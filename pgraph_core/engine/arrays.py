@@ -173,6 +173,8 @@ class Geometry(NamedTuple):
     faces: Any  # of FACE
     rings: Any  # (nr,) vertices around a face, counterclockwise from outside
     edges: Any  # of EDGE
+    neighbours: Any  # (nn,) shapes that touch others of the same row
+    down: Any  # (3,) direction of gravity, zero without it
 
 
 class Ground(NamedTuple):
@@ -355,7 +357,7 @@ USER = named(User, i8, F2, I1)
 LINKS = named(Links, *[i8] * 6)
 SCENE = named(Scene, I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER, LINKS)
 OUT = plain(named(Frames, F2, F2, F2, F3, F2, F2, F3, array_of(PAIR, 2), F2))
-GEOMETRY = named(Geometry, array_of(SHAPE), F2, F2, array_of(FACE), I1, array_of(EDGE))
+GEOMETRY = named(Geometry, array_of(SHAPE), F2, F2, array_of(FACE), I1, array_of(EDGE), I1, F1)
 GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)

@@ -12,9 +12,8 @@ from ..records import POINTS, SPHERE
 from ..rows import spin_of
 from ..vec import dot, sub, xyz
 from .contacts import contacts_at, endpoints, middle
+from .shapes import DEPTH, NEAR
 
-NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
-DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
 ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
 HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 SURE = 1.02  # a bound of a closing speed over its value now

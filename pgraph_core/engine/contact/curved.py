@@ -27,7 +27,7 @@ from .convex import (
     lowest,
 )
 from .manifold import CROSSING, clip_polygon, copy, swap, tangents, thin
-from .shapes import put
+from .shapes import put, rim_direction
 
 COARSE = 1e-5  # of the sizes: what the polytope leaves to be made exact
 CORNERS = 48  # limit on the corners of the polytope
@@ -415,7 +415,7 @@ def outline(geometry, room, core, d, row):
         set_point(room, row, support(room, core, d), 0)
         return 1, 0.0
     if core.kind == CYLINDER:
-        return outline_of_cylinder(room, core, d, row)
+        return outline_of_cylinder(geometry, room, core, d, row)
     side = core.side
     _, k = lowest(room, side, d)
     if side.faces == 0:
@@ -460,11 +460,11 @@ def straight_edge(geometry, room, core, n, row):
 
 
 @sweep
-def outline_of_cylinder(room, core, d, row):
+def outline_of_cylinder(geometry, room, core, d, row):
     """The rim of the end that faces against d, or the line along its side."""
     g = mul_t(core.rotation, d)
     across = math.sqrt(g[0] * g[0] + g[1] * g[1])
-    x, y = (-g[0] / across, -g[1] / across) if across > FLAT * 1e-3 else (1.0, 0.0)
+    x, y, _ = mul_t(core.rotation, rim_direction(geometry, core.rotation, d))
     radius, half = core.half[0], core.half[2]
     r = core.rotation
     if abs(g[2]) < across:
@@ -531,7 +531,8 @@ def curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     if not s <= limit:
         return n
     radii = (radius_a, radius_b)
-    return touch_points(geometry, room, row, a, b, radii, s, normal, origin, size, margin, out, n)
+    touch = radii, s, normal, True
+    return touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, n)
 
 
 @part
@@ -542,12 +543,14 @@ def round_by(shapes, i):
 
 
 @sweep
-def touch_points(geometry, room, row, a, b, radii, s, n, origin, size, margin, out, count):
+def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, count):
     """Write the contact points of two cores whose separation s is along n, from B to A.
 
-    Where a flat face lies in the contact plane, what faces it is clipped to it; of two parallel
-    edges one is clipped to the other; else there is one point.
+    `touch` is (radii of both, s, n, whether the deepest point counts where it is beside the face
+    that others are clipped to). Where a flat face lies in the contact plane, what faces it is
+    clipped to it; of two parallel edges one is clipped to the other; else there is one point.
     """
+    radii, s, n, whole = touch
     back = scale(-1.0, n)
     radius_a, radius_b = radii
     many_a, cos_a = outline(geometry, room, a, n, row)
@@ -591,7 +594,9 @@ def touch_points(geometry, room, row, a, b, radii, s, n, origin, size, margin, o
         if room[k].height - radius_a - radius_b <= margin:
             swap(room, low + kept, k)
             kept += 1
-    if kept == 0 or deepest > s + PREFER * size:  # the deepest lies beside what was clipped
+    if whole and (
+        kept == 0 or deepest > s + PREFER * size
+    ):  # the deepest lies beside what was clipped
         set_point(room, low + kept, x if of_a else one, DEEPEST)
         room[low + kept].height = s
         kept += 1

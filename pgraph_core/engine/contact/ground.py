@@ -11,9 +11,7 @@ from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID, HULL
 from ..vec import add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, xyz
 from .manifold import thin
-from .shapes import put, vertex
-
-UPRIGHT = 1e-12  # below it the lowest direction of a cylinder's rim is rounding
+from .shapes import put, rim_direction, vertex
 
 
 @part
@@ -66,17 +64,16 @@ def above(ground, p):
 
 @part
 def rim_point(geometry, ground, poses, i, k):
-    """(point k of a cylinder, its feature): the lowest of either rim, then three quarter turns on.
+    """Return point k of a cylinder and its feature.
 
-    Only the lower end is turned around: five points, whose lowest is the cylinder's.
+    The first two are the lowest of either rim, the others are quarter turns from there around the
+    lower rim.
     """
     n = normal_of(ground)
     r = matrix(poses[i].rotation)
     axis = (r[2], r[5], r[8])
     tilt = dot(n, axis)
-    down = add_scaled(scale(tilt, axis), -1.0, n)
-    size = math.sqrt(dot(down, down))
-    down = scale(1.0 / size, down) if size > UPRIGHT else (r[0], r[3], r[6])
+    down = rim_direction(geometry, r, n)
     far = k == 1 if k < 2 else tilt <= 0.0  # the end at +z
     if k == 2 or k == 4:
         down = cross(axis, down)

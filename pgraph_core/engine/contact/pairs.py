@@ -13,6 +13,7 @@ from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
 from .convex import node, solid_solid, triangle_nodes
 from .curved import curved_pair
 from .manifold import MOST, thin
+from .seams import hidden_side, open_face
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
 from .shapes import label, vertex
 
@@ -126,6 +127,8 @@ def field_contacts(geometry, poses, i, j, margin, room, out, n):
                     start = n
                     n = single_pair(geometry, poses, i, k, j, triangle, margin, room, out, n)
                     n = without_covered(geometry, poses, j, triangle, out, start, n)
+                    if hidden_side(geometry, poses, i, j, out, start, n) > 0:
+                        n = start
                     for c in range(start, min(n, out.shape[0])):
                         out[c].feature += POINT * (k + triangle)
                     if n - first > CROWD:
@@ -182,28 +185,57 @@ def without_covered(geometry, poses, j, triangle, out, start, n):
 
 @part
 def is_covered(geometry, j, triangle, p, normal):
-    """Whether p is beside its triangle, or on an edge over which the neighbour's surface rises."""
+    """Whether p is beside its triangle, or the surface rises around what leans on the normal.
+
+    That is a side or a corner of the triangle: the triangles around it rise over the plane through
+    it.
+    """
     u, v, w, borders = triangle_nodes(geometry, j, triangle)
     field = geometry.shapes[j]
     columns = field.columns
     rows = field.vertices // columns
     size = field.half_extents[0] / rows + field.half_extents[1] / columns
-    for k in range(borders, 3):
+    level = -math.inf
+    for k in range(3):
+        x, y = (u, v, w)[k]
+        level = max(level, dot(normal, node(geometry, j, x, y)))
+    level += ON_EDGE * size
+    leaning = 0
+    for k in range(3):
         one, two, three = ((u, v, w), (v, w, u), (w, u, v))[k]
         a, b = node(geometry, j, one[0], one[1]), node(geometry, j, two[0], two[1])
         away = (b[1] - a[1], a[0] - b[0])
         beside = away[0] * (p[0] - a[0]) + away[1] * (p[1] - a[1])
-        if beside > ON_EDGE * size * size:
+        if k >= borders and beside > ON_EDGE * size * size:
             return True
-        if beside < -ON_EDGE * size * size:
-            continue
-        # the triangle on the other side of the edge: its third corner mirrors ours
-        x, y = one[0] + two[0] - three[0], one[1] + two[1] - three[1]
-        if 0 <= x < rows and 0 <= y < columns:
-            q = node(geometry, j, x, y)
-            if dot(normal, sub(q, p)) > ON_EDGE * size:
+        if dot(normal, a) > level - 2.0 * ON_EDGE * size:
+            leaning += 1
+    if leaning == 3:
+        return False
+    for k in range(3):
+        one, two, three = ((u, v, w), (v, w, u), (w, u, v))[k]
+        a, b = node(geometry, j, one[0], one[1]), node(geometry, j, two[0], two[1])
+        leans = dot(normal, a) > level - 2.0 * ON_EDGE * size
+        if leaning == 2 and leans and dot(normal, b) > level - 2.0 * ON_EDGE * size:
+            x, y = one[0] + two[0] - three[0], one[1] + two[1] - three[1]
+            if rises(geometry, j, x, y, normal, level):
                 return True
+        if leaning == 1 and leans:
+            for c in range(6):
+                x, y = ((1, 0), (1, 1), (0, 1), (-1, 0), (-1, -1), (0, -1))[c]
+                if rises(geometry, j, one[0] + x, one[1] + y, normal, level):
+                    return True
     return False
+
+
+@part
+def rises(geometry, j, x, y, normal, level):
+    """Whether a heightfield has a node (x, y) and it is above a level along a normal."""
+    field = geometry.shapes[j]
+    columns = field.columns
+    if not (0 <= x < field.vertices // columns and 0 <= y < columns):
+        return False
+    return dot(normal, node(geometry, j, x, y)) > level
 
 
 @sweep
@@ -233,6 +265,9 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
         for m in range(points(geometry.shapes, j)):
             start = n
             n = single_pair(geometry, poses, i, k, j, m, margin, room, out, n)
+            side = hidden_side(geometry, poses, i, j, out, start, n)
+            if side > 0:
+                n = open_face(geometry, poses, i, k, j, m, side, margin, room, out, start)
             for c in range(start, min(n, out.shape[0])):
                 out[c].feature += POINT * (k + m)
     label(out, first, n, i, j, contact)

@@ -1,5 +1,7 @@
 """Shapes in the world: poses, bounding boxes, and how a contact point is written."""
 
+import math
+
 from ..compiler.jit import part, sweep
 from ..records import CAPSULE, SPHERE
 from ..rows import origin_of, rotation_of
@@ -11,11 +13,16 @@ from ..vec import (
     mat_mul,
     matrix,
     mul,
+    scale,
     set_matrix,
     set_xyz,
     sub,
     xyz,
 )
+
+NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
+DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
+UPRIGHT = 1e-12  # rad: a tilt below it is rounding
 
 
 @sweep
@@ -33,6 +40,24 @@ def vertex(geometry, poses, i, k):
     """Vertex k of shape i in the world."""
     local = load(geometry.vertices, geometry.shapes[i].first_vertex + k, 0)
     return add(xyz(poses[i].position), mul(matrix(poses[i].rotation), local))
+
+
+@part
+def rim_direction(geometry, r, n):
+    """Return the unit direction, across a cylinder's axis, that its rim has a point in.
+
+    The rim stands on a plane with normal n. Any few points of a disc carry less than the disc, but
+    not those in the direction in which it would tip: where the cylinder leans, or, as far as it
+    stands flat to the depth that is tolerated, where its weight leans.
+    """
+    axis = (r[2], r[5], r[8])
+    lean = add_scaled(scale(dot(n, axis), axis), -1.0, n)
+    size = math.sqrt(dot(lean, lean))
+    pull = xyz(geometry.down)
+    pull = add_scaled(pull, -dot(pull, axis), axis)
+    lean = add_scaled(lean, max(DEPTH - size, 0.0), pull)
+    size = math.sqrt(dot(lean, lean))
+    return scale(1.0 / size, lean) if size > UPRIGHT else (r[0], r[3], r[6])
 
 
 @part

@@ -56,7 +56,7 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
-from ..contact.closing import DEPTH, closed_gap, smaller_size, thinner
+from ..contact.closing import closed_gap, smaller_size, thinner
 from ..contact.contacts import (
     ADDING,
     FROZEN,
@@ -85,7 +85,7 @@ from ..contact.meeting import (
 )
 from ..contact.newton import gather
 from ..contact.passing import keep_poses, note_passages
-from ..contact.shapes import place
+from ..contact.shapes import DEPTH, place
 from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, opened
 from ..records import RIGID

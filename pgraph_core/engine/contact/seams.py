@@ -1,0 +1,293 @@
+"""Seams of solids that are made of several shapes: where they are flat, nothing catches.
+
+Shapes that one row carries are one solid, their union. It pushes only along normals that it has at
+the place or next to it: the limiting normal cone of the union [Mordukhovich 2006, 1.1]. The pair
+routines know one convex shape of the union at a time, so the normal of an edge or of a side face
+that a neighbour covers comes out of them, too. It is hidden: everything of the shape that leans
+against the contact plane is, near the contact point, inside neighbours that reach beyond the plane.
+A touch whose points are all hidden is replaced by that of an open face.
+"""
+
+import math
+
+from ..compiler.jit import part, sweep
+from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, HULL, POINTS
+from ..vec import add, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
+from .convex import face_corner
+from .curved import between, core_of, round_by, touch_points
+from .manifold import tangents
+from .shapes import DEPTH, NEAR, vertex
+
+
+@part
+def to_local(poses, i, p):
+    return mul_t(matrix(poses[i].rotation), sub(p, xyz(poses[i].position)))
+
+
+@part
+def is_solid(kind):
+    """Whether faces bound a kind of shape."""
+    return kind in (BOX, HULL)
+
+
+@sweep
+def extent(geometry, i, n):
+    """The largest n · x over a shape, in its frame [m]."""
+    shape = geometry.shapes[i]
+    half = xyz(shape.half_extents)
+    if shape.kind == CYLINDER:
+        return half[0] * math.sqrt(n[0] * n[0] + n[1] * n[1]) + half[2] * abs(n[2])
+    if shape.kind == ELLIPSOID:
+        x, y, z = half[0] * n[0], half[1] * n[1], half[2] * n[2]
+        return math.sqrt(x * x + y * y + z * z)
+    found = -math.inf
+    for k in range(shape.first_vertex, shape.first_vertex + shape.vertices):
+        found = max(found, dot(n, load(geometry.vertices, k, 0)))
+    return found + shape.radius
+
+
+# -- the boundary of a neighbour -------------------------------------------------------------------
+
+
+@part
+def boundaries(geometry, i):
+    """Number of planes that bound a shape near a point of it."""
+    kind = geometry.shapes[i].kind
+    if is_solid(kind):
+        return geometry.shapes[i].faces
+    return 3 if kind == CYLINDER else 6 if kind == HEIGHTFIELD else 1
+
+
+@sweep
+def boundary(geometry, i, k, x):
+    """(outward normal, n · y of its places y) of plane k that bounds shape i near place x.
+
+    In the shape's frame. Round surfaces have the plane that is tangent at x.
+    """
+    shape = geometry.shapes[i]
+    kind = shape.kind
+    half = xyz(shape.half_extents)
+    if is_solid(kind):
+        n = load(geometry.normals, shape.first_face + k, 0)
+        ring = geometry.rings[geometry.faces[shape.first_face + k].first]
+        return n, dot(n, load(geometry.vertices, shape.first_vertex + ring, 0))
+    if kind == HEIGHTFIELD:
+        return boundary_of_field(geometry, i, k, x)
+    if kind == CYLINDER and k > 0:
+        return (0.0, 0.0, 1.0 if k == 1 else -1.0), half[2]
+    if kind == CYLINDER:
+        n = (x[0], x[1], 0.0)
+    elif kind == CAPSULE:
+        n = (x[0], x[1], x[2] - min(max(x[2], -shape.half_length), shape.half_length))
+    elif kind == ELLIPSOID:
+        n = (x[0] / half[0] ** 2, x[1] / half[1] ** 2, x[2] / half[2] ** 2)
+    else:
+        n = x
+    size = math.sqrt(dot(n, n))
+    n = scale(1.0 / size, n) if size > 0.0 else (1.0, 0.0, 0.0)
+    return n, extent(geometry, i, n)
+
+
+@part
+def node_of_cell(geometry, i, x, k):
+    """Corner k of the cell of a heightfield that is under or nearest to a place in its frame."""
+    shape = geometry.shapes[i]
+    columns = shape.columns
+    rows = shape.vertices // columns
+    u = (x[0] / shape.half_extents[0] + 1.0) * 0.5 * (rows - 1)
+    v = (x[1] / shape.half_extents[1] + 1.0) * 0.5 * (columns - 1)
+    r = int(min(max(u, 0.0), rows - 2.0)) + k // 2
+    c = int(min(max(v, 0.0), columns - 2.0)) + k % 2
+    return load(geometry.vertices, shape.first_vertex + r * columns + c, 0)
+
+
+@part
+def boundary_of_field(geometry, i, k, x):
+    """As `boundary`: the triangle that a place is over or under, four sides, the bottom."""
+    shape = geometry.shapes[i]
+    half = xyz(shape.half_extents)
+    if k == 5:
+        return (0.0, 0.0, -1.0), half[2] - shape.middle[2]
+    if k > 0:
+        sign = 1.0 if k > 2 else -1.0
+        return (sign, 0.0, 0.0) if k % 2 == 1 else (0.0, sign, 0.0), half[0 if k % 2 == 1 else 1]
+    a, c = node_of_cell(geometry, i, x, 0), node_of_cell(geometry, i, x, 3)
+    below = (x[0] - a[0]) * (c[1] - a[1]) > (x[1] - a[1]) * (c[0] - a[0])
+    b = node_of_cell(geometry, i, x, 2 if below else 1)
+    n = cross(sub(b, a), sub(c, a))
+    n = scale((1.0 if below else -1.0) / math.sqrt(dot(n, n)), n)
+    return n, dot(n, a)
+
+
+@sweep
+def has(geometry, k, x, size):
+    """Whether place x in the frame of shape k is in it."""
+    shape = geometry.shapes[k]
+    deep = DEPTH * size
+    for c in range(3):
+        if abs(x[c] - shape.middle[c]) > shape.half_extents[c] + deep:
+            return False
+    for c in range(boundaries(geometry, k)):
+        m, offset = boundary(geometry, k, c, x)
+        if dot(m, x) - offset > deep:
+            return False
+    return True
+
+
+@sweep
+def reaches_beyond(geometry, poses, k, p, n, size):
+    """Whether point p is in shape k, which reaches beyond the plane through it with normal n."""
+    x = to_local(poses, k, p)
+    if not has(geometry, k, x, size):
+        return False
+    local = mul_t(matrix(poses[k].rotation), n)
+    level = dot(local, x) + NEAR * size
+    if geometry.shapes[k].kind != HEIGHTFIELD:
+        return extent(geometry, k, local) > level
+    beyond = False
+    for c in range(4):
+        beyond = beyond or dot(local, node_of_cell(geometry, k, x, c)) > level
+    return beyond
+
+
+@sweep
+def holds(geometry, poses, k, p, g, size):
+    """Whether shape k, which holds point p, holds the way from there to g at first."""
+    x, y = to_local(poses, k, p), to_local(poses, k, g)
+    deep = DEPTH * size
+    for c in range(boundaries(geometry, k)):
+        m, offset = boundary(geometry, k, c, x)
+        if dot(m, x) - offset > -deep and dot(m, y) - offset > deep:
+            return False
+    return True
+
+
+# -- what leans against a contact plane ------------------------------------------------------------
+
+
+@part
+def leaning(geometry, i):
+    """Number of places that `lean` gives."""
+    kind = geometry.shapes[i].kind
+    if is_solid(kind):
+        return geometry.shapes[i].vertices
+    return 8 if kind == HEIGHTFIELD else 4
+
+
+@sweep
+def lean(geometry, poses, i, k, p, n, size):
+    """(place, whether it counts): corner k of what of shape i leans against the plane at p.
+
+    Vertices in the plane with normal n; of a round surface, places beside p in the plane.
+    """
+    shape = geometry.shapes[i]
+    kind = shape.kind
+    if is_solid(kind):
+        g = vertex(geometry, poses, i, k)
+        return g, dot(n, sub(g, p)) > -NEAR * size
+    r = matrix(poses[i].rotation)
+    if kind == HEIGHTFIELD:
+        x = node_of_cell(geometry, i, to_local(poses, i, p), k % 4)
+        if k > 3:
+            x = (x[0], x[1], shape.middle[2] - shape.half_extents[2])
+        g = add(xyz(poses[i].position), mul(r, x))
+        return g, dot(n, sub(g, p)) > -NEAR * size
+    sign = shape.reach if k % 2 == 0 else -shape.reach
+    t, u = tangents(n)
+    if kind == CYLINDER:
+        axis = (r[2], r[5], r[8])
+        around = cross(axis, n)
+        square = dot(around, around)
+        if square > NEAR:
+            t = scale(1.0 / math.sqrt(square), around)
+        if square > NEAR and k > 1:  # the ends of a line along its side
+            x = to_local(poses, i, p)
+            along = math.copysign(shape.half_length, sign) - x[2]
+            return add_scaled(p, along, axis), abs(along * dot(axis, n)) < NEAR * size
+    return add_scaled(p, sign, t if k < 2 else u), True
+
+
+@sweep
+def is_hidden(geometry, poses, i, p, n, size):
+    """Whether neighbours of shape i hide what of it pushes along n at point p."""
+    shape, neighbours = geometry.shapes[i], geometry.neighbours
+    first, last = shape.first_neighbour, shape.first_neighbour + shape.neighbours
+    beyond = False
+    for m in range(first, last):
+        beyond = beyond or reaches_beyond(geometry, poses, neighbours[m], p, n, size)
+    if not beyond or shape.kind == POINTS:
+        return False
+    for c in range(leaning(geometry, i)):
+        g, counts = lean(geometry, poses, i, c, p, n, size)
+        if not counts:
+            continue
+        held = False
+        for m in range(first, last):
+            k = neighbours[m]
+            if not held and reaches_beyond(geometry, poses, k, p, n, size):
+                held = holds(geometry, poses, k, p, g, size)
+        if not held:
+            return False
+    return True
+
+
+@sweep
+def hidden_side(geometry, poses, i, j, out, first, n):
+    """Which of two shapes hides all points from `first` to n of their touch: 0 none, 1 i, 2 j.
+
+    A point whose gap is larger than the depth that is tolerated is a distance, not a touch; one
+    that is beside its shape, as where a rim is longer than the face under it, shows nothing.
+    """
+    size = min(geometry.shapes[i].reach, geometry.shapes[j].reach)
+    of_a, of_b = geometry.shapes[i].neighbours > 0, geometry.shapes[j].neighbours > 0
+    near = False
+    for c in range(first, min(n, out.shape[0])):
+        point = out[c]
+        if not (of_a or of_b) or point.gap > DEPTH * size:
+            continue
+        near = True
+        p, q, normal = xyz(point.point_a), xyz(point.point_b), xyz(point.normal)
+        if of_b and has(geometry, j, to_local(poses, j, q), size):
+            of_b = is_hidden(geometry, poses, j, q, normal, size)
+        if of_a and has(geometry, i, to_local(poses, i, p), size):
+            of_a = is_hidden(geometry, poses, i, p, scale(-1.0, normal), size)
+    if not near:
+        return 0
+    return 2 if of_b else 1 if of_a else 0
+
+
+@sweep
+def open_face(geometry, poses, i, only_a, j, only_b, side, margin, room, out, n):
+    """Append where shapes i and j touch along a face of one of them that is not hidden.
+
+    `side` is 1 for the faces of i, 2 for those of j: the one that separates them most, if they
+    overlap beneath it.
+    """
+    shapes = geometry.shapes
+    origin = xyz(poses[i].position)
+    a, row = core_of(geometry, poses, i, only_a, origin, room, 0)
+    b, row = core_of(geometry, poses, j, only_b, origin, room, row)
+    own = b if side == 2 else a
+    radii = round_by(shapes, i), round_by(shapes, j)
+    faces = 2 if own.kind == CYLINDER else own.side.faces
+    below = math.inf
+    for _ in range(faces):
+        s, normal = -math.inf, (0.0, 0.0, 1.0)
+        for f in range(faces):
+            if own.kind == CYLINDER:
+                outward = mul(own.rotation, (0.0, 0.0, 1.0 if f == 0 else -1.0))
+            else:
+                _, outward = face_corner(geometry, room, own.side, f)
+            way = outward if side == 2 else scale(-1.0, outward)
+            separation = dot(way, between(room, a, b, way))
+            if s < separation < below:
+                s, normal = separation, way
+        if not s > -math.inf or s - radii[0] - radii[1] > margin:
+            return n
+        touch = radii, s, normal, False
+        size = shapes[i].reach + shapes[j].reach
+        end = touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, n)
+        if end == n or hidden_side(geometry, poses, i, j, out, n, end) == 0:
+            return end
+        below = s
+    return n
