@@ -61,7 +61,8 @@ DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # of Newton's method: change of speeds; the best λ so far
 SPEEDS = 22  # of joints without impulses, behind the articulated factors
-VECTORS = 23
+GYRE = 23  # of the search for velocities at the middle of a step, `spinning.GYRE_ROWS` of them
+VECTORS = GYRE + 26
 
 
 class Drives(NamedTuple):

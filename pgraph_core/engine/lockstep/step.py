@@ -18,13 +18,23 @@ from ..contact.cone import only
 from ..contact.contacts import STILL
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
-from ..rows import TRANSLATE, armature_of, kind_of, origin_of, rotation_of, v_of
+from ..rows import (
+    TRANSLATE,
+    armature_of,
+    kind_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    spin_of,
+    v_of,
+)
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.moreau import goes_on_sliding, turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
+from ..tree.spinning import GYRATES
 from ..vec import accumulate, add_scaled, cross, dot, load, mul, sub
 from .block import (
     ACTIVE,
@@ -226,6 +236,12 @@ def finish(rows, drives, ways, near, b, h, passive):
     positions(rows, work)
     velocities(rows, const, work, v, linear)
     lane[ALONE] = 0.0
+    for k in range(1, rows.shape[0]):
+        p = parent_of(rows, k)
+        if p > 0:
+            w, u = spin_of(work, k), spin_of(work, p)
+            most_turn = larger(dot(w, w), dot(u, u)) * h * h
+            lane[ALONE] = either(lane[ALONE], more(most_turn, GYRATES * GYRATES))
     find(ways, near, b, h)
     x[DONE, 0] = x[LEDGER, 0] + h * lane[PUT_IN]
     x[DONE, 1] = x[LEDGER, 1] + h * lane[LOST]

@@ -23,6 +23,7 @@ from ..arrays import (
     FACTORED,
     GAINED,
     GIVEN,
+    GYRE,
     HARD,
     LAMBDA,
     MISSED,
@@ -33,6 +34,7 @@ from ..arrays import (
     STEPS_DONE,
     STIFFNESS,
     SWEEPS_DONE,
+    ZERO,
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
@@ -104,7 +106,7 @@ from ..rows import (
 )
 from ..tree.kinematics import base_axes, frames, positions
 from ..tree.moving import advance
-from ..tree.spinning import keep_spinning
+from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
 from ..vec import (
     add,
     add_scaled,
@@ -229,9 +231,14 @@ def part_of_step(run, done, h, w, look):
     tally.share = w / h
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, flow))
     this.counters[0].evaluations += 1
-    relax(rows, const, space.vectors, given)
     if w > 0.0:
-        keep_spinning(rows, const, work, before, w, space.vectors[STEP], vdot)
+        vectors = space.vectors
+        for j in range(nv):
+            vectors[ZERO, j] = 0.0
+        gyre = vectors[GYRE : GYRE + GYRE_ROWS]
+        keep_gyrating(rows, const, work, q, before, w, vectors[ZERO], gyre, vdot)
+        keep_spinning(rows, const, work, before, w, vectors[STEP], vdot)
+    relax(rows, const, space.vectors, given)
     for j in range(nv):
         damping[j] = space.vectors[DAMPING, j]
     positions(rows, work)

@@ -1,10 +1,14 @@
-"""Angular velocity of a free body, or of a ball on the ground, over a whole step.
+"""Angular velocity of a free body, of a ball on the ground, and of trees over a whole step.
 
 Euler's equations I Ω' + Ω × I Ω = τ are solved by the implicit midpoint rule in the body's axes.
 Without a torque, Ωᵀ I Ω and |I Ω| stay constant at any speed, because the rule keeps quadratic
 invariants ([Hairer et al. 2006, ch. IV.2]). A body rotates about its own angular velocity, first by
 that before the step and then by that after it. So both have the same components in the body's axes
 at either end as in its axes at the middle of the step, where all is solved.
+
+A tree takes the same rule in its joint velocities: M (v⁺ - v) = h (τ - C(½ (v + v⁺))), with M and
+C of the middle of the step. So bodies that carry rotors keep |I Ω| and their energy as single
+bodies do.
 """
 
 import math
@@ -13,7 +17,22 @@ from ...tolerances import EPS, LONGEST_STEP, TINY
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
 from ..linear import factor3, solve3
-from ..rows import BALL, FREE, kind_of, mass_of, parent_of, rotation_of, v_of
+from ..rows import (
+    BALL,
+    FREE,
+    acceleration_of,
+    gravity_of,
+    kind_of,
+    mass_of,
+    nv_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    set_velocity,
+    spin_of,
+    v_of,
+    velocity_of,
+)
 from ..vec import (
     about_origin,
     add,
@@ -21,6 +40,7 @@ from ..vec import (
     add_scaled,
     cross,
     dot,
+    load3,
     mul,
     mul_t,
     rodrigues,
@@ -30,12 +50,26 @@ from ..vec import (
     sub,
     sym_mul,
 )
-from .kinematics import base_axes
+from .articulated import articulated
+from .kinematics import accelerate, base_axes, frames, linear_velocity, positions
+from .moving import advance
 
 TURN = LONGEST_STEP / 2  # [rad] rotation in a substep that converges for any inertia
 MOST_SUBSTEPS = 400  # limit on substeps, beyond which a body keeps its angular velocity
 NEWTON = 30
 ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rounding
+# Turn of a body in a step [rad] from which on its tree takes the midpoint rule. Below it,
+# gyroscopic torques of the step's start change the energy by less than half of that per radian.
+GYRATES = 0.025
+DIRECTIONS = 8  # of a search, before it begins again
+SEARCHES = 20
+CLOSE = 1e-7  # of what is missed: what a search leaves is squared by the next one
+# rows of scratch: the tree of every row, whether it gyrates, velocities at the middle, by how much
+# they are missed, what does not change of them, C', C' at another place, that place, the
+# correction, then directions and what each does
+TREE, FAST, MIDDLE, MISS, FIXED, BIAS, OTHER, SHIFTED, CORRECTION, WAYS = range(10)
+EFFECTS = WAYS + DIRECTIONS
+GYRE_ROWS = EFFECTS + DIRECTIONS
 
 
 @sweep
@@ -72,6 +106,260 @@ def keep_spinning(rows, const, work, v, h, free, vdot):
             )
             linear = add_scaled(add(linear, swing), 1.0 / h, orbit)
             store3(vdot, j + 3, mul_t(axes, linear))
+
+
+@sweep
+def find_gyrating(rows, work, h, scratch):
+    """Mark the trees of several rows in which one turns far in a step; whether there are any."""
+    tree, fast = scratch[TREE], scratch[FAST]
+    found = False
+    for k in range(1, rows.shape[0]):
+        p = parent_of(rows, k)
+        tree[k - 1] = tree[p - 1] if p > 0 else k - 1
+        fast[k - 1] = 0.0
+    for k in range(1, rows.shape[0]):
+        p, w = parent_of(rows, k), spin_of(work, k)
+        if p > 0:
+            u = spin_of(work, p)
+            if max(dot(w, w), dot(u, u)) * h * h > GYRATES * GYRATES:
+                fast[int(tree[k - 1])] = 1.0
+                found = True
+    return found
+
+
+@part
+def gyrates(rows, scratch, k):
+    """Return whether row k belongs to a tree that is marked."""
+    return scratch[FAST, int(scratch[TREE, k - 1])] > 0.0
+
+
+@part
+def product(a, b, n):
+    total = 0.0
+    for j in range(n):
+        total += a[j] * b[j]
+    return total
+
+
+@sweep
+def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
+    """Replace v' of trees that turn fast by their change over the step, a time h apart.
+
+    `work`, q and v' belong to the step's middle and `v` to its start; `zero` (nv,) holds zeros. The
+    velocities at the midpoint solve x = v + h/2 (v' + C'(x) - C'(v)), where C' = -M⁻¹ C, by
+    Newton's method with generalised conjugate residuals ([Eisenstat et al. 1983]). C' is
+    quadratic, so that its central differences are its derivatives.
+    """
+    if not find_gyrating(rows, work, h, scratch):
+        return
+    x, miss, fixed, bias = scratch[MIDDLE], scratch[MISS], scratch[FIXED], scratch[BIAS]
+    n = v.shape[0]
+    articulated(rows, const, q, v, zero, work, bias)
+    for j in range(n):
+        x[j] = v[j]
+        miss[j] = 0.0
+        scratch[CORRECTION, j] = 0.0
+    for k in range(1, rows.shape[0]):
+        if gyrates(rows, scratch, k):
+            for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
+                x[j] += 0.5 * h * vdot[j]
+                fixed[j] = x[j] - 0.5 * h * bias[j]
+    for _ in range(SEARCHES):
+        articulated(rows, const, q, x[:n], zero, work, bias)
+        for k in range(1, rows.shape[0]):
+            if gyrates(rows, scratch, k):
+                for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
+                    miss[j] = fixed[j] + 0.5 * h * bias[j] - x[j]
+        if not product(miss, miss, n) > ENOUGH * ENOUGH * product(x, x, n):
+            break
+        search(rows, const, work, q, h, zero, scratch, n)
+    for k in range(1, rows.shape[0]):
+        if gyrates(rows, scratch, k):
+            for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
+                vdot[j] = 2.0 * (x[j] - v[j]) / h
+    keep_momentum(rows, const, work, q, v, h, scratch, vdot)
+    articulated(rows, const, q, v, zero, work, bias)  # `work` as before
+
+
+@sweep
+def search(rows, const, work, q, h, zero, scratch, n):
+    """Correct the midpoint's velocities by what they miss, to first order.
+
+    Directions are kept so that what they do is orthonormal.
+    """
+    x, miss, correction = scratch[MIDDLE], scratch[MISS], scratch[CORRECTION]
+    for j in range(n):
+        correction[j] = 0.0
+    least = CLOSE * CLOSE * product(miss, miss, n)
+    for m in range(DIRECTIONS):
+        way, effect = scratch[WAYS + m], scratch[EFFECTS + m]
+        for j in range(n):
+            way[j] = miss[j]
+        derivative(rows, const, work, q, h, zero, scratch, way, effect, n)
+        for i in range(m):
+            share = product(scratch[EFFECTS + i], effect, n)
+            for j in range(n):
+                effect[j] -= share * scratch[EFFECTS + i, j]
+                way[j] -= share * scratch[WAYS + i, j]
+        size = math.sqrt(product(effect, effect, n))
+        if not size > 0.0:
+            break
+        for j in range(n):
+            effect[j] /= size
+            way[j] /= size
+        share = product(effect, miss, n)
+        for j in range(n):
+            correction[j] += share * way[j]
+            miss[j] -= share * effect[j]
+        if not product(miss, miss, n) > least:
+            break
+    for j in range(n):
+        x[j] += correction[j]
+
+
+@sweep
+def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
+    """Write how x - h/2 C'(x) changes along a way, at the midpoint's velocities."""
+    place, x = scratch[SHIFTED], scratch[MIDDLE]
+    for j in range(n):
+        place[j] = x[j] + way[j]
+        effect[j] = 0.0
+    articulated(rows, const, q, place[:n], zero, work, scratch[BIAS])
+    for j in range(n):
+        place[j] = x[j] - way[j]
+    articulated(rows, const, q, place[:n], zero, work, scratch[OTHER])
+    for k in range(1, rows.shape[0]):
+        if gyrates(rows, scratch, k):
+            for j in range(v_of(rows, k), v_of(rows, k) + nv_of(kind_of(rows, k))):
+                effect[j] = way[j] - 0.25 * h * (scratch[BIAS, j] - scratch[OTHER, j])
+
+
+# -- momentum of trees that float ------------------------------------------------------------------
+
+
+@sweep
+def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
+    """Give trees that float and gyrate the momentum that external forces leave over the step.
+
+    The midpoint rule gives its change for the middle's places, and the step ends at others. The
+    whole tree gets the rigid motion that makes up for it, by Newton's method: it also turns the
+    momentum that is there.
+    """
+    place, middle = scratch[SHIFTED], scratch[MIDDLE]
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) != FREE or parent_of(rows, k) > 0 or not gyrates(rows, scratch, k):
+            continue
+        tree = scratch[TREE, k - 1]
+        for j in range(v.shape[0]):
+            middle[j] = v[j] + 0.5 * h * vdot[j]
+        frames(rows, const, work, q, middle)
+        positions(rows, work)
+        fixed = origin_of(work, k)
+        accelerate(rows, const, work, middle, vdot)
+        torque, force = forces_of(rows, const, work, scratch[TREE], tree, fixed)
+        for i in range(q.shape[0]):
+            place[i] = q[i]
+        advance(rows, place[: q.shape[0]], v, -0.5 * h)
+        spin, push, _, _ = momentum_of(rows, const, work, place, v, scratch[TREE], tree, fixed)
+        spin, push = add_scaled(spin, h, torque), add_scaled(push, h, force)
+        aim = fixed, spin, push
+        for _ in range(NEWTON):
+            if not correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
+                break
+
+
+@sweep
+def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
+    """Correct v' of free row k so that its tree ends with a momentum; whether it was notable.
+
+    `aim` is (a fixed point, angular momentum about it, linear momentum).
+    """
+    fixed, spin, push = aim
+    place, after = scratch[SHIFTED], scratch[CORRECTION]
+    for j in range(v.shape[0]):
+        after[j] = v[j] + h * vdot[j]
+    for i in range(q.shape[0]):
+        place[i] = q[i]
+    advance(rows, place[: q.shape[0]], after, 0.5 * h)
+    now, pushed, body, inertia = momentum_of(
+        rows, const, work, place, after, scratch[TREE], scratch[TREE, k - 1], fixed
+    )
+    m, mc = body
+    c = scale(1.0 / m, mc)
+    force = sub(push, pushed)
+    torque = sub(sub(spin, now), cross(c, force))
+    own = sub(now, cross(c, pushed))  # about the centre of mass
+    central = about_origin(inertia, -m, c)
+    x = add_cross(sym_mul(central, (1.0, 0.0, 0.0)), (0.5 * h, 0.0, 0.0), own)
+    y = add_cross(sym_mul(central, (0.0, 1.0, 0.0)), (0.0, 0.5 * h, 0.0), own)
+    z = add_cross(sym_mul(central, (0.0, 0.0, 1.0)), (0.0, 0.0, 0.5 * h), own)
+    yz = cross(y, z)
+    size = 1.0 / dot(x, yz)
+    turn = scale(size, (dot(torque, yz), dot(torque, cross(z, x)), dot(torque, cross(x, y))))
+    arm = sub(sub(origin_of(work, k), fixed), c)
+    move = add_cross(scale(1.0 / m, force), turn, arm)
+    axes = base_axes(const, work, 0, k)
+    j = v_of(rows, k)
+    store3(vdot, j, add_scaled(load3(vdot, j), 1.0 / h, mul_t(axes, turn)))
+    store3(vdot, j + 3, add_scaled(load3(vdot, j + 3), 1.0 / h, mul_t(axes, move)))
+    changed = dot(turn, turn) + dot(move, move)
+    return changed > ENOUGH * ENOUGH * product(after, after, v.shape[0])
+
+
+@sweep
+def momentum_of(rows, const, work, q, v, trees, tree, fixed):
+    """Momentum of a tree at (q, v), angular about a fixed point and linear; then its inertia.
+
+    (angular, linear, (mass, mass times its centre from the point), inertia about the point).
+    """
+    frames(rows, const, work, q, v)
+    positions(rows, work)
+    none = (0.0, 0.0, 0.0)
+    spin, push, first, total = none, none, none, 0.0
+    inertia = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    set_velocity(work, 0, none)
+    for k in range(1, rows.shape[0]):
+        if trees[k - 1] != tree:
+            continue
+        speed = linear_velocity(rows, const, work, v, k, velocity_of(work, parent_of(rows, k)))
+        set_velocity(work, k, speed)
+        r, w = rotation_of(work, k), spin_of(work, k)
+        m, com, central = mass_of(const, k)
+        c = mul(r, com)
+        p = scale(m, add_cross(speed, w, c))
+        own = rotate_sym(r, central)
+        arm = sub(add(origin_of(work, k), c), fixed)
+        spin = add(add_cross(spin, arm, p), sym_mul(own, w))
+        push = add(push, p)
+        first = add_scaled(first, m, arm)
+        total += m
+        own = about_origin(own, m, arm)
+        inertia = (
+            inertia[0] + own[0], inertia[1] + own[1], inertia[2] + own[2],
+            inertia[3] + own[3], inertia[4] + own[4], inertia[5] + own[5],
+        )  # fmt: skip
+    return spin, push, (total, first), inertia
+
+
+@sweep
+def forces_of(rows, const, work, trees, tree, fixed):
+    """(torque about a fixed point, force) that accelerate a tree, after `accelerate`."""
+    torque, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(1, rows.shape[0]):
+        if trees[k - 1] != tree:
+            continue
+        r, w = rotation_of(work, k), spin_of(work, k)
+        m, com, central = mass_of(const, k)
+        c = mul(r, com)
+        alpha, linear = acceleration_of(work, k)
+        linear = add(linear, gravity_of(const))
+        linear = add_cross(add_cross(linear, alpha, c), w, cross(w, c))
+        own = rotate_sym(r, central)
+        arm = sub(add(origin_of(work, k), c), fixed)
+        torque = add_cross(torque, arm, scale(m, linear))
+        torque = add(torque, add_cross(sym_mul(own, alpha), w, sym_mul(own, w)))
+        force = add_scaled(force, m, linear)
+    return torque, force
 
 
 @part
