@@ -161,6 +161,23 @@ class Steps:
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
 
+    def rehearse(self, tally: Any) -> None:
+        """Take the first step of time stepping without going on, for the forces of frame 0.
+
+        A frame has the forces of the step that ends there, the first frame those of the step that
+        begins there. Where something hits in that step, the impulse is left to its end.
+        `tally` (1,) is that of the contacts.
+        """
+        from ..engine.contact.contacts import FROZEN
+        from ..engine.stepping.moreau import moreau_jean
+
+        before = tally.copy(), self.counters_table.copy()
+        first = self.plan.width[0] if self.tolerance is None else self.times[1] - self.times[0]
+        moreau_jean(self.address, min(float(first), float(self.control["widest"]) or np.inf))
+        hit = tally["cuts"][0] > before[0]["cuts"][0]
+        tally[:], self.counters_table[:] = before
+        tally["frozen"] = 0 if hit else FROZEN
+
     def solve_tighter(self) -> None:
         """Solve the equations of given implicit steps to a tolerance FINER times tighter."""
         if self.tolerance is None:

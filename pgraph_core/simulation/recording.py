@@ -389,6 +389,9 @@ class Recording:
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
         self.bound()
+        stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
+        if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
+            self.steps.rehearse(self.scene.touching.tally_table)
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
