@@ -9,6 +9,7 @@ followed along the velocity. At a singular position it touches zero, as the squa
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ LISTED = 4
 TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
 LOOKS = 4  # parabolas through the eigenvalue
 NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
+LIGHT = 10 * NULL  # ratio of masses whose rows are told apart from null ones: n rows share a trace
 
 # -- redundant rows ---------------------------------------------------------------------------
 
@@ -114,6 +116,7 @@ class Passed(NamedTuple):
 
     t: float
     rows: tuple[str, ...]  # rows that are redundant only there
+    q: Array
 
 
 class _Look:
@@ -123,6 +126,7 @@ class _Look:
         self.scene, self.t, self.q, self.v = scene, t, q, v
         self.rows = int(scene.space.watch[0]["rows"])
         self.seen: dict[float, tuple[Array, Array]] = {}
+        self.places: dict[float, Array] = {}
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
         """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met.
@@ -139,6 +143,7 @@ class _Look:
         for _ in range(2):  # onto the constraints, and Ω there
             self.scene.space.vectors[FACTORED, 2] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
+        self.places[tau] = q
         omega = self.scene.space.omega[: self.rows, : self.rows]
         size = float(omega.trace()) / max(self.rows, 1) or 1.0
         if not (np.isfinite(size) and np.isfinite(scaled := omega / size).all()):
@@ -153,7 +158,7 @@ class _Look:
             return None
         always = standing_for(usual.T)
         rows = [r for r in standing_for(vectors[:, :count].T, 10 * FAINT) if r not in always]
-        return Passed(self.t + tau, tuple(named(self.scene, rows)))
+        return Passed(self.t + tau, tuple(named(self.scene, rows)), self.places[tau])
 
     def lowest(self, width: float, nulls: int) -> float:
         """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
@@ -206,14 +211,20 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
     return _Look(scene, *start).only_there(0.0, usual[:, values < NULL])
 
 
-def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool) -> str:
+def singular_notice(
+    scene: Scene,
+    start: Instant,
+    end: Instant,
+    redundant: bool,
+    genuine: Callable[[float, Array], bool],
+) -> str:
     """Return a warning about singular positions that a run passed, or "".
 
     `start` and `end` are those of the run. `redundant` tells whether rows were redundant at the
-    start.
+    start, and `genuine` whether they are at a place by their directions alone, whatever masses do.
     """
     dips = int(scene.space.watch[0]["count"])
-    places = passed(scene) if dips else []
+    places = [p for p in passed(scene) if genuine(p.t, p.q)] if dips else []
     if not places:
         began = _began(scene, start, end) if redundant else None
         where = "the run began at a singular position"
@@ -229,6 +240,46 @@ def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool)
         f"{where}: {listed} {'says' if len(began.rows) < 2 else 'say'} nothing new there, so that "
         "more than one motion leads on; it took the one that its velocity or rounding was on, and "
         + TOO_LOW
+    )
+
+
+# -- masses that hide rows -------------------------------------------------------------------------
+
+
+def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
+    """Return how many rows of J are redundant at q or next to it, whatever the masses are.
+
+    Rows of unit length, in which a radian counts as the mechanism's extent, say nothing new where a
+    singular value is below ten times FAINT of the largest.
+    """
+    state = Rows.of(mech, active, q, None, t)
+    rows = np.where(state.turns, state.J / state.size, state.J)
+    sizes = np.linalg.norm(rows, axis=1)
+    if not len(rows) or not sizes.all():
+        return len(rows)
+    found = np.linalg.svd(rows / sizes[:, None], compute_uv=False)
+    return len(rows) - int((found > 10 * FAINT * found[0]).sum())
+
+
+def unequal(mech: Dynamics, active: Ints) -> str:
+    """Return a sentence on the most unequal masses that active constraints join, or "".
+
+    Ω = J M⁻¹ Jᵀ then has eigenvalues whose ratio is that of the masses. Below the square of FAINT
+    the smallest is taken for zero.
+    """
+    mass = {body.name: body.mass for body in mech.model.bodies}
+    held = [mech.model.constraints[i] for i in active.tolist()]
+    tied = sorted({n for c in held for n in (c.body, getattr(c, "other", "")) if mass.get(n)})
+    if len(tied) < 2:
+        return ""
+    light, heavy = min(tied, key=mass.__getitem__), max(tied, key=mass.__getitem__)
+    if mass[light] >= (1 - NOTABLE) * LIGHT * mass[heavy]:
+        return ""
+    return (
+        f"'{light}' has {mass[light]:.3g} kg and '{heavy}' {mass[heavy]:.3g} kg: constraints "
+        f"resolve mass ratios up to {1 / LIGHT:.3g}; give '{light}' at least "
+        f"{LIGHT * mass[heavy]:.3g} kg, or join the bodies as parent and child, where no ratio is "
+        "too large"
     )
 
 
@@ -269,20 +320,24 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
 # -- constraints against contacts and limits ----------------------------------------------------
 
 
-def holding(mech: Dynamics, active: Ints, t: float, q: Array, way: Array) -> list[str]:
+def holding(
+    mech: Dynamics, active: Ints, t: float, q: Array, way: Array, closed: Sequence[Array] = ()
+) -> list[str]:
     """Return the names of the constraints that determine the change of a gap, [] if it is free.
 
-    `way` (nv,) is the gradient of the gap.
+    `way` (nv,) is the gradient of the gap, `closed` those of gaps that are closed meanwhile.
     """
     if len(active) == 0 or not np.any(way):
         return []
     state = Rows.of(mech, active, q, None, t)
     wanted = state.gradient(way)
-    combination = np.asarray(np.linalg.lstsq(state.scaled.T, wanted)[0], dtype=np.float64)
-    left = state.scaled.T @ combination - wanted
-    if np.linalg.norm(left) > FAINT * np.linalg.norm(wanted):
+    rows = np.vstack((state.scaled, *(state.gradient(other) for other in closed)))
+    combination = np.asarray(np.linalg.lstsq(rows.T, wanted)[0], dtype=np.float64)
+    left = rows.T @ combination - wanted
+    own = combination[: len(state.scaled)]
+    if max(np.linalg.norm(left), FAINT - np.abs(own).max()) > FAINT * np.linalg.norm(wanted):
         return []
-    return _parts(state, combination)
+    return _parts(state, own)
 
 
 def approach(mech: Dynamics, q: Array, body: str, point: Array, normal: Array) -> Array:

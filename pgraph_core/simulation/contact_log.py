@@ -154,7 +154,7 @@ def contact_notices(
         share, of = share / moved if moved else 0.0, "how far it moved"
     if share > DEEP:
         k, when = int(tally["deepest_pair"]), float(tally["deepest_time"])
-        why = driven_into(mech, active, tables.touches[k], t, q, when)
+        why = driven_into(mech, tables, active, k, frames, when)
         found.append(
             f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
             f"{share:.2g} of {of}; "
@@ -302,7 +302,7 @@ def sunk(
         deepest = int(np.argmin(gap[:, k]))
         if size > 0.0 and -gap[deepest, k] > SUNK * size:
             when = float(t[deepest])
-            why = driven_into(mech, active, pair, t, q, when)
+            why = driven_into(mech, tables, active, k, (t, q, gap), when)
             found.append(
                 f"at t = {when:.6g} s contact '{pair.name}' is {-gap[deepest, k]:.3g} m deep, "
                 f"{-gap[deepest, k] / size:.2g} of the size of what touches, beyond what its law "
@@ -405,24 +405,38 @@ def _named(names: list[str]) -> str:
 
 
 def driven_into(
-    mech: Mechanism, active: Ints, pair: ContactPair, t: Array, q: Array, when: float
-) -> str:
-    """Return the constraint that drives the bodies of a contact into each other, or ""."""
-    if EVERY in pair[1:3]:
-        return ""
+    mech: Mechanism, tables: Tables, active: Ints, k: int, frames: tuple[Array, Array, Array],
+    when: float,
+) -> str:  # fmt: skip
+    """Return the constraint that drives the bodies of pair k into each other, or "".
+
+    It may do so through bodies between them, by other pairs that are closed then.
+    """
+    t, q, gap = frames
     i = min(int(np.searchsorted(t, when)), len(t) - 1)
+    pairs = [p if EVERY not in p[1:3] else None for p in tables.touches]
+    pair, when = pairs[k], float(t[i])
+    if pair is None:
+        return ""
     normal = np.array(mech.model.ground_normal)
-    way = mech.jacobian(q[i], pair.body)[3:]
     if pair.other != GROUND:
-        way = way - mech.jacobian(q[i], pair.other)[3:]
         apart = mech.pose(q[i], pair.body)[0] - mech.pose(q[i], pair.other)[0]
         size = float(np.linalg.norm(apart))
         normal = apart / size if size else normal
-    return _by(
-        holding(mech, active, float(t[i]), q[i], way.T @ normal),
-        pair.body,
-        f"contact '{pair.name}'",
-    )
+    way = normal @ _parting(mech, pair, q[i])
+    if alone := holding(mech, active, when, q[i], way):
+        return _by(alone, pair.body, f"contact '{pair.name}'")
+    others = [p for n, p in enumerate(pairs) if p and n != k and gap[i, n] <= 0.0]
+    rows = [row for other in others for row in _parting(mech, other, q[i])]
+    by = holding(mech, active, when, q[i], way, rows) if rows else []
+    names = " and ".join(f"'{p.name}'" for p in [pair, *others][:LISTED])
+    return _by(by, pair.body, f"contacts {names}")
+
+
+def _parting(mech: Mechanism, pair: ContactPair, q: Array) -> Array:
+    """Return how the two bodies of a pair move from each other, (3, nv) in world axes."""
+    way = mech.jacobian(q, pair.body)[3:]
+    return way if pair.other == GROUND else way - mech.jacobian(q, pair.other)[3:]
 
 
 def contradicted(
@@ -452,7 +466,8 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
     named = " and ".join(f"'{name}'" for name in names[:LISTED])
     return (
-        f"{drive.format(named)} '{body}' against {what}, and neither gives way: change one of them"
+        f"{drive.format(named)} '{body}' against {what}, and neither gives way: end the motion "
+        "before, or drive by a servo, whose force is finite"
     )
 
 

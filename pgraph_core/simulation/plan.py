@@ -608,6 +608,15 @@ class _Rate:
         forces = self.plan.drives, self.plan.loads
         return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
 
+    def explicit(self) -> float:
+        """[1/s] of what time stepping takes at a step's start: dampers and servos of single joints
+        count at its end, however stiff they are."""
+        drives = self.plan.drives
+        table = drives.table.copy()
+        implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
+        table["damping"][implicit] = table["stiffness"][implicit] = 0.0
+        return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
+
     def without_forces(self) -> float:
         """[1/s] of the same motion without springs, dampers and other forces."""
         return self._of(NO_FORCES) if self.known else 0.0
@@ -773,6 +782,10 @@ def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
         return []
     if rate() * step <= limit:
         return []
+    if plan.method.name == "moreau_jean":
+        x = rate.explicit() * step
+        least = f"give steps below {limit * step / x:.3g} s" if x > limit else ""
+        return [f"{STIFF} lambda*dt = {x:.3g}, stable up to {limit:g}; {least}"] if least else []
     x, widest = rate() * step, limit / rate()
     if rate.swings():
         return [

@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
-from ..analysis.singular import Instant, blocked, redundancy, singular_notice
+from ..analysis.singular import (
+    Instant,
+    blocked,
+    nulls_of,
+    redundancy,
+    singular_notice,
+    unequal,
+)
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene
@@ -382,8 +389,9 @@ class Recording:
         elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
             if notice := redundancy(self.scene):
-                self._redundant = True
-                self.ended.notices.append(notice)
+                self._redundant = self._is_redundant(self.start, self.q)
+                notice = notice if self._redundant else self._unequal()
+                self.ended.notices += [notice] if notice else []
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
@@ -626,7 +634,7 @@ class Recording:
         match status:
             case Status.CANNOT_CLOSE:
                 torn = "the mechanism may be torn or at a singular position"
-                return self._contradicted() or self._blocking() or torn
+                return self._contradicted() or self._unequal() or self._blocking() or torn
             case Status.STEP_TOO_SMALL:
                 return "forces may jump there, or the tolerance may be too small: try a larger one"
             case Status.TOO_MANY_STEPS:
@@ -648,6 +656,14 @@ class Recording:
         t, q = float(self.steps.times[last]), self.out.q[last]
         return contradicted(self.mech, self._active, points, t, q)
 
+    def _is_redundant(self, t: float, q: Array) -> bool:
+        """Whether rows say nothing new at q, or next to it, by their directions alone."""
+        return nulls_of(self.mech, self._active, t, q) > 0
+
+    def _unequal(self) -> str:
+        """A sentence on masses that differ too much for the active constraints, or ""."""
+        return unequal(self.mech, self._active)
+
     def _blocking(self) -> str:
         """Return the reason why the last recorded state cannot move to second order, or ""."""
         if self.done == 0:
@@ -668,7 +684,9 @@ class Recording:
             return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
-        if notice := singular_notice(self.scene, self._first, end, self._redundant):
+        if notice := singular_notice(
+            self.scene, self._first, end, self._redundant, self._is_redundant
+        ):
             self.ended.notices.append(notice)
         self._redundant = False
 
