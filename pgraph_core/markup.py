@@ -19,8 +19,8 @@ from xml.parsers import expat
 from .errors import FileError, Problem, shown
 
 LARGEST = 64_000_000  # bytes of a file
-MOST = 1_000_000  # elements
-DEEPEST = 200  # elements inside elements
+MOST_ELEMENTS = 1_000_000  # elements
+MOST_NESTED = 200  # elements inside elements
 LONGEST = 1_000_000  # characters of one attribute
 
 
@@ -171,10 +171,10 @@ def parse_markup(content: bytes, name: str) -> Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
-        if count > MOST:
-            raise refuse(f"has more than {MOST} elements")
-        if len(open_elements) >= DEEPEST:
-            raise refuse(f"nests more than {DEEPEST} elements")
+        if count > MOST_ELEMENTS:
+            raise refuse(f"has more than {MOST_ELEMENTS} elements")
+        if len(open_elements) >= MOST_NESTED:
+            raise refuse(f"nests more than {MOST_NESTED} elements")
         if any(len(x) > LONGEST for x in attributes.values()):
             raise refuse(f"has an attribute of more than {LONGEST} characters")
         element = Element(tag, attributes, parser.CurrentLineNumber)

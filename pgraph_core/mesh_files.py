@@ -16,7 +16,7 @@ from .markup import Element, Source, content_of, parse_markup, reason_of
 
 FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
 LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
-FARTHEST = 1e12  # a coordinate beyond this has no volume in float64
+LARGEST_COORDINATE = 1e12  # a coordinate beyond this has no volume in float64
 Scale: TypeAlias = "float | tuple[float, float, float]"
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 
@@ -71,8 +71,8 @@ def parsed_mesh(file: str | Path) -> Any:
     if faces.min() < 0 or faces.max() >= len(vertices):
         text = f"has faces of vertices that are not there; it has {len(vertices)} vertices"
         raise FileError(Problem(where, "", text))
-    if not (np.abs(vertices) < FARTHEST).all():
-        text = f"has coordinates that are not finite numbers below {FARTHEST:g}"
+    if not (np.abs(vertices) < LARGEST_COORDINATE).all():
+        text = f"has coordinates that are not finite numbers below {LARGEST_COORDINATE:g}"
         raise FileError(Problem(where, "", text))
     return mesh
 
@@ -132,7 +132,7 @@ def _damage(error: Exception) -> str:
 
 Array = np.ndarray
 PRIMITIVES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
-DEEPEST = 100  # nodes that name nodes
+MOST_REFERENCES = 100  # nodes that name nodes
 
 
 def triangles(content: bytes, name: str) -> tuple[Array, Array, Counter[Any]]:
@@ -176,7 +176,7 @@ class _Collada:
 
     def _node(self, node: Element, before: Array, depth: int) -> None:
         self.count += 1
-        if depth > DEEPEST or self.count > 100_000:
+        if depth > MOST_REFERENCES or self.count > 100_000:
             raise self.source.wrong(node, "", "its nodes name each other in a circle")
         turn = before.copy()
         for child in node.children:

@@ -30,6 +30,10 @@ DIFFERENCED = 1e-9
 # From 1e-8 to 1e-4.
 NOTABLE = 1e-6
 
+# An error or depth that a person sees in a graph or picture, relative to what it shows: one in a
+# hundred is a pixel or two. From 5e-3 to 2e-2.
+VISIBLE = 1e-2
+
 # Square of a length or an angle that is added to a square, so that a quotient by its root is
 # finite at zero without a branch. Its root is far below EPS times any length that is used.
 # From 5e-61 to 2e-60.

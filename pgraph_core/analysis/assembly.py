@@ -20,7 +20,7 @@ from ..tolerances import FAINT, LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
 from .rows import ANGLE, Rows, apart
 
 ASSEMBLY_ROUNDS = 50  # limit on projections, enough from a nearby state
-ROUNDS = 150
+CLOSING_ROUNDS = 150
 IDLE = 8  # steps in a row that gain nothing notable, and the search ends
 TRIES = 3  # from other starts, where the first ends in a valley
 
@@ -164,7 +164,7 @@ def closed(rows: Rows) -> Closing:
     return best
 
 
-def descended(rows: Rows, enough: float = ROUNDING, rounds: int = ROUNDS) -> Closing:
+def descended(rows: Rows, enough: float = ROUNDING, rounds: int = CLOSING_ROUNDS) -> Closing:
     """`closed` from this start alone, down to a gap of `enough` times the mechanism's size."""
     damping = 0.1
     idle = 0

@@ -35,7 +35,7 @@ from .linear import Balance, state_of
 from .rows import apart
 from .targets import bounds, single
 
-ROUNDS = 300
+BALANCE_ROUNDS = 300
 HALVINGS = 40
 
 
@@ -274,7 +274,7 @@ class _Search:
     def downhill(self) -> Place | None:
         """Return a minimum of the energy, or the start if it is an equilibrium, or None."""
         least = np.inf
-        for taken in range(ROUNDS):
+        for taken in range(BALANCE_ROUNDS):
             here, ways = self.here, self.ways()
             self.size = max(self.size, here.force)
             left = ways.left / self.size
@@ -338,7 +338,7 @@ class _Search:
     def along_the_forces(self) -> Place | None:
         """Follow the flow of the forces to its end by growing steps of implicit Euler."""
         least, before, h = np.inf, 0.0, 0.0
-        for taken in range(ROUNDS):
+        for taken in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)
             slope = self.slope(here, free)
             self.size = max(self.size, here.force)
@@ -367,7 +367,7 @@ class _Search:
     def balanced(self) -> Place | None:
         """Return a balance of the forces by damped least squares, stable or not, or None."""
         damping, least = 1e-3, np.inf
-        for _ in range(ROUNDS):
+        for _ in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)
             slope = self.slope(here, free)
             norm = float(np.linalg.norm(slope))

@@ -23,7 +23,7 @@ from .linear import acting, state_of
 from .rows import Rows
 
 WHERE = "inverse_kinematics"
-ROUNDS = 100
+REACH_ROUNDS = 100
 MOST_STARTS = 100_000
 STRIDE, STRIDES = 0.25, 8  # of the size, that a hand moves a point in one call; its rounds
 
@@ -164,7 +164,7 @@ def single(rows: Rows) -> Array:
 
 
 def _descended(
-    rows: Rows, wanted: list[Target], low: Array, high: Array, rounds: int = ROUNDS
+    rows: Rows, wanted: list[Target], low: Array, high: Array, rounds: int = REACH_ROUNDS
 ) -> tuple[Array, float]:
     """Return (q, residual [m]) from a start. Rotations count by the radius of gyration."""
     damping, left = 1e-3, np.inf

@@ -21,7 +21,7 @@ from ..simulation.stepper import Stepper
 from .instances import COPY, Instances
 
 OF_VERTICES = (POINTS, SPHERE, CAPSULE, BOX)  # shapes that touch a plane by balls at vertices
-CROWD = 64  # shapes: impacts of more are not located one by one
+LOCATED = 64  # shapes: impacts of more are not located one by one
 
 
 def on_feet(stepper: Stepper) -> bool:
@@ -44,7 +44,7 @@ def on_feet(stepper: Stepper) -> bool:
         or (contacts.laws["law"] != RIGID).any()
     ):
         return False
-    each = len(np.unique(may.on_ground["shape"])) == len(may.on_ground) == len(shapes) <= CROWD
+    each = len(np.unique(may.on_ground["shape"])) == len(may.on_ground) == len(shapes) <= LOCATED
     kinds, roots = rows[:, at.KIND], rows[1:, at.PARENT] == 0
     one = len(rows) > 2 and roots.sum() == 1 and kinds[1] != at.BALL
     return bool(

@@ -28,7 +28,7 @@ from ..engine.records import (
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
-from ..model.contact import CROWD
+from ..model.contact import PAIRED
 from ..model.fields import EVERY, GROUND
 from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocity
 from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
@@ -46,8 +46,8 @@ LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
 ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
 ON_FIELD = 64  # room for contact points of a shape on a heightfield
 SINKS = 1e-4  # default depth of a contact under its weight, relative to the bodies' size
-LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
-DEEPEST = 0.1  # default depth due to the initial speed, relative to the thinner shape
+LOWEST = 0.05  # restitution of soft and penalty contacts: less would take ever more
+START_DEPTH = 0.1  # default depth due to the initial speed, relative to the thinner shape
 
 
 class ContactPair(NamedTuple):
@@ -117,7 +117,7 @@ class _Shapes:
 
     def add(self, c: Contact) -> None:
         """All touches that a contact asks for."""
-        if c.body == EVERY and c.other == EVERY and len(self._shaped()) > CROWD:
+        if c.body == EVERY and c.other == EVERY and len(self._shaped()) > PAIRED:
             slot = self._slot(c.name, c)
             self.members += [(i, slot) for b in self._shaped() for i in self._shapes(b, c)]
             return
@@ -319,7 +319,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
         speed, mass = float(np.sum(np.sort(among)[-2:])), _moved(c, mech.topology, mech.system)
         soft, stiffness = c.law == "soft", float(row["stiffness"])
         if c.stiffness is None and 0.0 < thin < np.inf:
-            deep = DEEPEST * thin
+            deep = START_DEPTH * thin
             energy = mass * speed**2  # = k d², or 4/5 k d^2.5
             needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
             stiffness = max(stiffness, needed)
@@ -361,14 +361,14 @@ def pull_of(model: Model) -> float:
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a linear contact with this restitution, at least LEAST.
+    """Return the damping ratio of a linear contact with this restitution, at least LOWEST.
 
     The contact never pulls: it ends with the force, before the spring is relaxed
     ([Schwager & Pöschel 2007]).
     """
     from scipy.optimize import brentq
 
-    wanted = min(max(restitution, LEAST), 1.0)
+    wanted = min(max(restitution, LOWEST), 1.0)
     if wanted == 1.0:
         return 0.0
 
@@ -383,7 +383,7 @@ def damping_ratio(restitution: float) -> float:
 
 
 def loss_of_impact(restitution: float) -> float:
-    """χ of k d^1.5 (1 + χ d' / V) that gives this restitution, LEAST at least, at any speed.
+    """χ of k d^1.5 (1 + χ d' / V) that gives this restitution, LOWEST at least, at any speed.
 
     V is the speed of an impact with the energy E that is left. With y = |d'| / V it falls by
     d ln E = -2 χ y² / (1 ± χ y (1 - y²)) dy: + on the way in, from y = 1 to 0; - on the way back,
@@ -392,7 +392,7 @@ def loss_of_impact(restitution: float) -> float:
     from scipy.integrate import quad
     from scipy.optimize import brentq
 
-    e = min(max(restitution, LEAST), 1.0)
+    e = min(max(restitution, LOWEST), 1.0)
     if e == 1.0:
         return 0.0
 

@@ -31,7 +31,7 @@ from .tree.dynamics import motion, newton_euler
 from .tree.kinematics import outboard
 from .vec import add, cross, dot, sub
 
-ROUNDS = 12
+FIXED_POINT_ROUNDS = 12
 IDLE = EPS**-0.25  # weight of a joint without a motor, of the largest: the gain of a round
 WANTED, TORQUE, SHIFT, WEIGHT, ROW, AGAIN, FLOW = 0, 1, 2, 3, 4, 5, 6
 VECTORS = 7  # rows of the workspace
@@ -168,7 +168,7 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, 
         weight[j] = cost[j] if cost[j] > 0.0 else IDLE * dearest
     if not set_factor(turned, weight, m, gram):
         return 1
-    for _ in range(ROUNDS):
+    for _ in range(FIXED_POINT_ROUNDS):
         for r in range(m):
             row[r] = 0.0
         for j in range(n):

@@ -169,7 +169,7 @@ def whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
 
 # -- standing --------------------------------------------------------------------------------------
 
-ROUNDS = 6  # bent legs move the centre of mass: a sixth of the way a round
+BENDING_ROUNDS = 6  # bent legs move the centre of mass: a sixth of the way a round
 
 
 def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
@@ -178,7 +178,7 @@ def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
     q[3] = 1.0
     wanted = height_under(mech.model, a.centre[0], a.centre[2]) + gait.height
     high = a.centre[1]
-    for _ in range(ROUNDS):
+    for _ in range(BENDING_ROUNDS):
         q[1] += wanted - high
         _bend(mech, gait, a, q)
         high = whole(mech, q)[1][1]

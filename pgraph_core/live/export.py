@@ -39,10 +39,10 @@ from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-MOST = 600  # recorded pictures
+SHOWN = 600  # recorded pictures
 USUAL = 10.0  # [s] default duration of motion
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
-KEPT = 6  # digits of the numbers of the drawing
+DIGITS = 6  # digits of the numbers of the drawing
 
 
 def recorded(model: Model, scenario: str | None = None, t_end: float | None = None) -> Result:
@@ -203,7 +203,7 @@ class _Drawing:
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
         names, model = self.mech.names, self.mech.model
-        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), MOST + 1)).round().astype(int)
+        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), SHOWN + 1)).round().astype(int)
         self.rows = np.unique(rows)
         self.pose = np.asarray(run.body_pose)[self.rows]
         self.turns = shapes.to_matrix(self.pose[..., 3:])
@@ -265,7 +265,7 @@ class _Drawing:
                         piece.kind, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), np.eye(3), piece.file
                     )])  # fmt: skip
                     one["kind"], one["mesh"] = "mesh", len(meshes)
-                    places = [float(f"{x:.{KEPT}g}") for x in solid.vertices.ravel().tolist()]
+                    places = [float(f"{x:.{DIGITS}g}") for x in solid.vertices.ravel().tolist()]
                     meshes.append((places, solid.faces.ravel()))
                 drawn.append(one)
         for field in self.wanted:

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from .fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
 from .world import Ground, below_kinetic
 
-CROWD = 20  # number of bodies up to which every two are a separate contact pair
+PAIRED = 20  # number of bodies up to which every two are a separate contact pair
 
 
 class Frictions(NamedTuple):

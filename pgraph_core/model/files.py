@@ -56,7 +56,7 @@ FOREIGN = {
 
 LARGEST = 64_000_000  # bytes of a file
 MOST_VALUES = 5_000_000
-DEEPEST = 100  # levels of brackets
+MOST_BRACKETS = 100  # levels of brackets
 STRINGS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)  # also one that does not end: linear
 BRACKETS = re.compile(r"[\[\]{}]")
 SHALLOW = 16  # levels of brackets, more than models have
@@ -334,8 +334,8 @@ def _refuse_too_large(text: str, source: str) -> None:
     depth = 0
     for bracket in BRACKETS.findall(bare):
         depth += 1 if bracket in "[{" else -1
-        if depth > DEEPEST:
-            text = f"no model: its brackets nest too deeply; {DEEPEST} levels at most"
+        if depth > MOST_BRACKETS:
+            text = f"no model: its brackets nest too deeply; {MOST_BRACKETS} levels at most"
             raise FileError(Problem(source, "", text))
 
 

@@ -26,9 +26,9 @@ TEXT = {  # fields that hold words, of parts and what is in them
 }  # fmt: skip
 DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula would have two places
 LONGEST = 200  # characters of a formula
-MOST = 10_000  # formulas of a model: evaluating them takes about a second
+MOST_FORMULAS = 10_000  # formulas of a model: evaluating them takes about a second
 LONGEST_NAME = 60
-DEEPEST = 10  # limit on nested lists with formulas, more than any field has
+MOST_LISTS = 10  # limit on nested lists with formulas, more than any field has
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
 
@@ -202,9 +202,9 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
         raise ModelError(Problem("model", "formulas", text))
     parts = {kind: data.get(kind, ()) for kind in KINDS}
     cells = (f for kind in KINDS for f in _inline(kind, parts[kind]))
-    inline = list(islice(cells, MOST + 1))
-    if len(formulas) > MOST or len(inline) > MOST:
-        text = f"are at most {MOST} in a model; write numbers in the other cells"
+    inline = list(islice(cells, MOST_FORMULAS + 1))
+    if len(formulas) > MOST_FORMULAS or len(inline) > MOST_FORMULAS:
+        text = f"are at most {MOST_FORMULAS} in a model; write numbers in the other cells"
         raise ModelError(Problem("model", "formulas", text))
     given = [_formula(item) for item in formulas]
     if not given and not inline:
@@ -264,7 +264,7 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
     """True if a cell of a dictionary holds a formula."""
     if isinstance(value, str):
         return is_formula(value)
-    if depth > DEEPEST:
+    if depth > MOST_LISTS:
         return False
     if isinstance(value, (list, tuple)):
         for x in value:
@@ -281,7 +281,7 @@ def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
     """The formulas in the cells of a dictionary, with the paths of their cells."""
     if is_formula(value):
         yield path, value.strip()
-    elif len(path) > DEEPEST:
+    elif len(path) > MOST_LISTS:
         return
     elif isinstance(value, Mapping):
         for key, x in value.items():

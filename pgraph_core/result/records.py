@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import NameLookupError, Problem, choices, nearest_first, shown
 from ..model import Model
-from ..model.contact import CROWD
+from ..model.contact import PAIRED
 from ..model.fields import EVERY, GROUND
 from ..packing import Array
 from ..portable import EqualByFields, keep_unchanged
@@ -215,7 +215,7 @@ class ByTouch(Named):
             c.name for c in self._model.contacts if c.name in self and c.pair == (EVERY, EVERY)
         ]
         if crowds:
-            text = f"of more bodies than {CROWD} is one entry, '{crowds[0]}'; name two bodies in a"
+            text = f"of more bodies than {PAIRED} is one entry, '{crowds[0]}'; name two bodies in a"
             return f"a contact {text} contact of their own"
         return self._missing((a, b)).replace("is called", "is between")
 

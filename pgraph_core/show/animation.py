@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import viser
 
 PICTURES = 30  # a second
-MOST_PICTURES = 3000
+SHOWN = 3000
 ASPECT = 1.2  # aspect of the narrowest usual window, in which everything must be visible
 QUIET = "<style>.mantine-Notification-root { display: none; }</style>"  # viser's on software GL
 MOMENTS = 16  # moments of a run that the camera must show
@@ -79,7 +79,7 @@ def draw(
     kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
     drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)
     drawn.show(found)
-    count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
+    count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, SHOWN))
     times = np.linspace(t[0], t[-1], count)
     for time in times:
         positions, wxyz = between(t, pose, float(time))

@@ -14,7 +14,7 @@ from .bodies import extent, looks
 from .notebook import numbered
 from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
-FINER = 2  # pixels that are drawn for each that is shown, each way
+OVERSAMPLING = 2  # pixels that are drawn for each that is shown, each way
 SHADOWS = 1536  # pixels of the sun's screen, each way
 TILT = (-0.45, 0.25, 1.0)  # direction of the sun: right, towards the viewer, up
 MOST_PIXELS = 8192  # each way
@@ -60,7 +60,7 @@ class Drawing:
         self.ground = self._plane(model, low)
         self._steps(model)
         self.tones = tones(stage.DARK if dark else stage.LIGHT, model.up)
-        width, height = self.size[0] * FINER, self.size[1] * FINER
+        width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
         self._picture = np.empty((height, width, 3), np.float32)
         self._depth, self._seen = np.empty((height, width)), np.empty((height, width), np.int32)
         self._shade = np.empty((SHADOWS, SHADOWS)), np.empty((SHADOWS, SHADOWS), np.int32)
@@ -140,11 +140,11 @@ class Drawing:
 
         Not finite behind the camera.
         """
-        return self._projected(places, self.camera(pose)) / (FINER, FINER, 1.0)
+        return self._projected(places, self.camera(pose)) / (OVERSAMPLING, OVERSAMPLING, 1.0)
 
     def camera(self, pose: np.ndarray) -> Camera:
         """The camera that looks at bodies at `pose` (nb, 7)."""
-        width, height = self.size[0] * FINER, self.size[1] * FINER
+        width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
         step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
         eye = self._view.position + self._gone(pose)
@@ -155,8 +155,8 @@ class Drawing:
         deep = -off @ self._way
         deep = np.where(deep > 1e-3 * self._reach, deep, np.nan)
         pixel = float(np.linalg.norm(camera.right))
-        x = off @ self._right / deep / pixel + self.size[0] * FINER / 2
-        y = -(off @ self._above) / deep / pixel + self.size[1] * FINER / 2
+        x = off @ self._right / deep / pixel + self.size[0] * OVERSAMPLING / 2
+        y = -(off @ self._above) / deep / pixel + self.size[1] * OVERSAMPLING / 2
         return np.column_stack((x, y, 1.0 / deep))
 
     def _sun(self, places: np.ndarray) -> Sun:

@@ -118,7 +118,7 @@ def _framed(title: str, line: str, body: str) -> str:
 
 WIDTH, HEIGHT = 132, 88
 ROUND = 20  # points around a ball or a rim
-MOST = 400  # pieces that are drawn: the nearest bodies of a large model
+MOST_PIECES = 400  # pieces that are drawn: the nearest bodies of a large model
 
 
 def picture(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
@@ -145,7 +145,7 @@ def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
     middle = (low + high) / 2
     found = []
     for drawn in every:
-        drawn = sorted(drawn, key=lambda part: part[0])[-MOST:]
+        drawn = sorted(drawn, key=lambda part: part[0])[-MOST_PIECES:]
         found.append(_svg("".join(_shape(*part[1:], middle, scale) for part in drawn)))
     return found
 
@@ -156,7 +156,7 @@ def _parts(
     """(how near, corners in the picture, colour, opacity) of each piece."""
     drawn: list[tuple[float, np.ndarray, shapes.Color, float]] = []
     for look, at, turn in zip(looks, positions, R):
-        for piece in look.pieces[:MOST]:
+        for piece in look.pieces[:MOST_PIECES]:
             corners = at + outline(piece) @ turn.T
             flat = corners @ view.T
             color = piece.color or look.color

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import shapes
-from .drawing import CODES, FINER
+from .drawing import CODES, OVERSAMPLING
 from .notebook import hull, outline
 
 LINES = 14  # lines of the ground on each side of its middle
@@ -95,10 +95,10 @@ def _horizon(drawing: Any, pose: np.ndarray) -> float:
     """Return the row of the horizon in the picture, from 0 at the top to its height."""
     camera, height = drawing.camera(pose), drawing.size[1]
     normal = np.array(drawing.ground.normal)
-    start = np.array(camera.corner) + np.array(camera.right) * drawing.size[0] * FINER / 2
+    start = np.array(camera.corner) + np.array(camera.right) * drawing.size[0] * OVERSAMPLING / 2
     sinks = np.array(camera.down) @ normal
     row = -(start @ normal) / sinks if sinks else np.inf
-    return float(np.clip(row / FINER, 0, height))
+    return float(np.clip(row / OVERSAMPLING, 0, height))
 
 
 def _gradient(name: str, colors: list[str]) -> str:

@@ -43,6 +43,7 @@ from ..model.force import ends_of
 from ..packing import Array, Ints
 from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
+from ..tolerances import NOTABLE, VISIBLE
 from .plan import Idle, RunPlan
 from .switches import Change
 
@@ -50,9 +51,6 @@ if TYPE_CHECKING:
     from .event_scene import ContactPoint
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
-LOOSE = 1e-6  # reported violation of a contact law, relative to the largest force
-DEEP = 1e-2  # reported penetration, relative to the thickness of the shapes
-BEYOND = 1e-2  # reported overshoot of a limit, relative to its range
 SUNK = 0.5  # depth of a soft contact beyond its meaning, relative to the shapes' size
 PRESSED = 30.0  # initial depth that throws bodies apart, relative to that due to weight
 LISTED = 3
@@ -142,7 +140,7 @@ def contact_notices(
             "motion after it is not to be relied on; a smaller step would do"
         )
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
-    if tally["worst"] > LOOSE * tally["force"]:
+    if tally["worst"] > NOTABLE * tally["force"]:
         found.append(
             f"the contact solver stopped before it was exact: at t = {tally['worst_time']:.6g} s "
             f"{names[tally['worst_pair']]} missed its law by {tally['worst']:.3g} N; the largest "
@@ -152,7 +150,7 @@ def contact_notices(
     if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
         moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
         share, of = share / moved if moved else 0.0, "how far it moved"
-    if share > DEEP:
+    if share > VISIBLE:
         k, when = int(tally["deepest_pair"]), float(tally["deepest_time"])
         why = driven_into(mech, tables, active, k, frames, when)
         found.append(
@@ -272,7 +270,7 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
             gap = np.copysign(lengths, values[at.VALUE]) - values[at.VALUE]
         else:
             gap = q[:, terms[own, 1]] @ factors[own] - values[at.VALUE]
-        passed = np.flatnonzero(gap < -BEYOND * values[at.SIZE])
+        passed = np.flatnonzero(gap < -VISIBLE * values[at.SIZE])
         if len(passed):
             i, deepest = int(passed[0]), float(-gap.min())
             if spring is not None:

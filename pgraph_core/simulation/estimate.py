@@ -19,16 +19,15 @@ from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
+from ..tolerances import EPS, SOLVED, VISIBLE
 from .grazing import limits_on_coordinates, undecided
 from .offset import apart, may_jump, offset_plan
-from .options import FINER, SAME
+from .options import FINER
 from .plan import RunPlan, fastest_rate, fastest_swings
 from .recording import Recording
 
 MORE = 1.25  # least number of steps of a finer run relative to the run
 PARTED = 0.3  # rad, or of the motion's size: beyond it, errors no longer add up
-VISIBLE = 0.01  # error that is visible in a graph, relative to the motion
-EPS = float(np.finfo(float).eps)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
     f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
@@ -209,7 +208,7 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
         return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
     frames = plan.times[: 0 if len(plan.method.tableau.dense) else None]  # frames that end steps
     ends = np.union1d(plan.corners, frames)
-    wide = np.diff(ends) > SAME * float(np.ptp(plan.times)) / steps
+    wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
     halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
@@ -240,5 +239,5 @@ def _until_its_end(record: Recording) -> RunPlan:
     if plan.tolerance is not None or n < 2:
         return replace(plan, times=times, changes=changes)
     spans, substeps = np.diff(times), plan.substeps[: n - 1].copy()
-    substeps[-1] = np.ceil(spans[-1] / plan.width[n - 2] - SAME)
+    substeps[-1] = np.ceil(spans[-1] / plan.width[n - 2] - SOLVED)
     return replace(plan, times=times, changes=changes, substeps=substeps, width=spans / substeps)

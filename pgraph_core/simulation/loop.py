@@ -31,7 +31,8 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
-from .options import FINER, FIXED_RTOL, MOST_CHOSEN, RTOL
+from ..tolerances import SOLVED
+from .options import FINER, MOST_CHOSEN, RTOL
 from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Steps:
         if given is None:
             control["widths"], control["most"] = GIVEN, NO_LIMIT
             control["turning"] = plan.step
-            control["rtol"] = FIXED_RTOL if plan.method.implicit else 0.0
+            control["rtol"] = SOLVED if plan.method.implicit else 0.0
             return
         control["widths"] = WIDEST if given.fixed else CHOSEN
         control["rtol"], control["atol"] = given.rtol, given.atol
@@ -397,5 +398,5 @@ def _matrices(nv: int) -> tuple[Array, Any]:
     """Workspace of implicit methods."""
     from ..engine.stepping import implicit
 
-    real = np.zeros((3 * nv + implicit.ROWS, max(2 * nv, implicit.LEAST)))
+    real = np.zeros((3 * nv + implicit.ROWS, max(2 * nv, implicit.LEAST_COLUMNS)))
     return real, np.zeros((nv + 2, max(2 * nv, 1)), dtype=np.complex128)

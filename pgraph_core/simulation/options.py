@@ -18,17 +18,16 @@ from ..model.checks import force_problems, late_limits
 from ..model.fields import listed
 from ..model.force import OnJoint
 from ..packing import Array, Ints
+from ..tolerances import EPS, SOLVED
 
-LEAST_RTOL = 1e-15  # the error of a step is rounding below it
+LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
 USUAL = 1e-3  # s: fixed steps where nothing is given
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000
 FRAMES = 1000  # recorded by default
-SAME = 1e-9  # difference of equal times relative to the step
 RTOL = 1e-8  # default tolerance of adaptive runs
 FINER = 32.0  # ratio of the tolerances of a run and of the one that tells its error
-FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
 STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
@@ -123,7 +122,7 @@ class Options(NamedTuple):
             return None
         widest = length if step is None else positive("step", step)
         fixed = step is not None and rtol is None
-        rtol = rtol or (FIXED_RTOL if fixed else RTOL)
+        rtol = rtol or (SOLVED if fixed else RTOL)
         return Tolerance(rtol, float(atol), widest, int(most), fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
@@ -265,7 +264,7 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
         return frame_times(t_start, t_end, frames, t_eval)
     steps = max(int(np.ceil(span / step - 1e-9)), 1)
     apart = _steps_apart(steps)
-    width = step if abs(steps * step - span) <= SAME * step else span / steps
+    width = step if abs(steps * step - span) <= SOLVED * step else span / steps
     times: Array = t_start + width * np.arange(0.0, steps + apart, apart)
     times = times[: -(-steps // apart) + 1]
     times[-1] = t_end
@@ -286,7 +285,7 @@ def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
     apart = times[1:] - times[:-1]
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1.0)
     off = np.abs(times[1:] - times[0] - step * np.cumsum(substeps)).max(initial=0.0)
-    whole = off <= SAME * step + 4 * np.finfo(float).eps * np.abs(times).max()
+    whole = off <= SOLVED * step + 4 * np.finfo(float).eps * np.abs(times).max()
     width = np.full(len(apart), step) if whole else apart / substeps
     return substeps.astype(np.int64), width
 

@@ -34,6 +34,7 @@ from ..model import Contact, Force, Scenario, Table
 from ..model.fields import EVERY, GROUND, Frozen
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
+from ..tolerances import NOTABLE
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -661,10 +662,10 @@ def fastest_swings(
 
     def moved(e: Array) -> Array:
         at = q.copy()
-        motion.move(mech.packed.rows, at, e, stiffness.MOVE)
+        motion.move(mech.packed.rows, at, e, NOTABLE)
         return at
 
-    axes, h = np.eye(n), stiffness.MOVE
+    axes, h = np.eye(n), NOTABLE
     by_q = np.array([acceleration(moved(e), v) - acceleration(moved(-e), v) for e in axes]).T
     by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
     slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])

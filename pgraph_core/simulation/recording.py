@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # significance of a torque pulse relative to the peak acceleration
 UNFELT = 0.02  # share of such a pulse in the motion below which it was missed
-KEPT = 2**15  # numbers in the frames of a run, for which a mechanism keeps room
+MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
@@ -136,7 +136,7 @@ class Recording:
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
         watched = self.watch is not None and (self.watch.called or self.watch.log)
         size = len(plan.times) * (mech.nq + 2 * mech.nv + 6 * (1 + len(plan.ever)))
-        return not acts and not watched and size <= KEPT
+        return not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
         """The run is over: the next one like it may go on in its workplace."""

@@ -20,12 +20,13 @@ from ..engine.arrays import FACTORED
 from ..engine.records import CONTACT_TALLY, COUNTERS
 from ..engine.stepping import gauss
 from ..errors import InputError, Problem
+from ..tolerances import EPS
 from .loop import MANY
 
 if TYPE_CHECKING:
     from .stepper import Stepper
 
-MOST_COUNTED = 2**53  # a count above it is not exact as a number
+MOST_COUNTED = int(2 / EPS)  # a count above it is not exact as a number
 COUNT = (0, MOST_COUNTED)
 ENDLESS = ("clip", "jacobian_rate", "jacobian_time", "clock")  # may be infinite or unknown
 ADDRESSES = ("guard", "approach")  # addresses, of which this process keeps its own

@@ -29,8 +29,9 @@ from ..portable import TRIED, Elsewhere, Portable, ReadOnly, put_back, sealed, u
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
+from ..tolerances import SOLVED
 from .loop import Outcome
-from .options import SAME, USUAL, Options, begun, driven, first_of, inputs_of, positive
+from .options import USUAL, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Recording
 from .snapshots import ADDRESSES, check, laws_of, refuse
@@ -344,8 +345,8 @@ class Stepper(Portable):
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """Call `record` over a time `dt` [s], with narrower steps if it is not a multiple."""
         dt = positive("dt", dt, call="Stepper.record_over")
-        n = max(1, math.ceil(dt / self._width - SAME))
-        whole = abs(n * self._width - dt) <= SAME * self._width
+        n = max(1, math.ceil(dt / self._width - SOLVED))
+        whole = abs(n * self._width - dt) <= SOLVED * self._width
         return self._recorded(n, self._width if whole else dt / n, frames, tau)
 
     def _recorded(self, n: int, width: float, frames: int | None, tau: Any) -> Result:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 
 _Address = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_uint64] * 3)
-MOST = 100_000  # events of a run: more are a mistake
-FARTHEST = 1e9  # m: gaps beyond it count as this
+MOST_EVENTS = 100_000  # events of a run: more are a mistake
+LARGEST_GAP = 1e9  # m: gaps beyond it count as this
 
 
 class Monitor(Protocol):
@@ -187,9 +187,11 @@ class Watch:
             monitor, number = self.monitors[i], i - self.waiting
             self.log.append(UserEvent(t, monitor.name, number, q.copy(), v.copy()))
             ends = monitor.name if monitor.terminal else ends
-        if len(self.log) > MOST:
+        if len(self.log) > MOST_EVENTS:
             raise refusal(
-                "simulate", "events", f"{MOST} of them by t = {t:.6g} s: a function may be noise"
+                "simulate",
+                "events",
+                f"{MOST_EVENTS} of them by t = {t:.6g} s: a function may be noise",
             )
         return ends
 
@@ -357,9 +359,9 @@ class Condition:
         scene = self._alone()
         self._evaluated(scene.address, t, q, v)
         assert scene.touching is not None
-        found = scene.touching.found[: find(scene.address, FARTHEST, 0)]
+        found = scene.touching.found[: find(scene.address, LARGEST_GAP, 0)]
         gaps = found["gap"][np.isin(found["pair"], self.given.place)]
-        return float(gaps.min(initial=FARTHEST))
+        return float(gaps.min(initial=LARGEST_GAP))
 
     def _push(self, t: float, q: Array, v: Array) -> Array:
         """The force of a contact: of the state where that gives it, else of the last step [N]."""

@@ -25,7 +25,7 @@ from ..tolerances import EPS, SOLVED
 
 COARSE = 0.1  # errors above show no order
 TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
-LEAST = 3  # points of a slope
+SLOPE_POINTS = 3  # points of a slope
 OFF = 0.5  # orders closer than this are the same: methods have whole ones
 STEADY = 0.75  # least to largest slope within points that show an order
 MOST_STEPS = 2048
@@ -228,7 +228,7 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
     usable = [(n, e) for n, e in ordered if max(8 * EPS, floor) < e < COARSE]
     best, most = None, 1.0
     for first in range(len(usable)):
-        for last in range(first + LEAST, len(usable) + 1):
+        for last in range(first + SLOPE_POINTS, len(usable) + 1):
             shrunk = usable[first][1] / usable[last - 1][1]
             if shrunk > most and _steady(usable[first:last]):
                 best, most = (first, last), shrunk
@@ -241,7 +241,7 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
 def _steady(points: Sequence[tuple[float, float]]) -> bool:
     """True if slopes over two intervals (one interval for three points) are alike."""
     n, e = np.log(np.array(points)).T
-    apart = 2 if len(points) > LEAST else 1
+    apart = 2 if len(points) > SLOPE_POINTS else 1
     slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
     return bool(slopes.min() > 0.0 and slopes.min() >= STEADY * slopes.max())
 

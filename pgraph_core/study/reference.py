@@ -26,7 +26,7 @@ OF_STATES = ("q", "point", "direction", "rotation")  # observables that follow f
 FINEST = {"dop853": (1e-14, 1e-13), "radau5": (1e-13, 1e-12)}
 
 LARGE = 20  # degrees of freedom from which implicit methods cost too much for a second opinion
-FINER = 1e-7  # tolerance of the reference, relative to the largest error that is OK
+REFERENCE_SHARE = 1e-7  # tolerance of the reference, relative to the largest error that is OK
 RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
 CALM = 1e4  # radians of the fastest oscillation up to which implicit methods cost far more
 ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
@@ -275,7 +275,7 @@ def known_motion(
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])
-    rtol = min(SOLVED, max(FINER * target, 1e-12))
+    rtol = min(SOLVED, max(REFERENCE_SHARE * target, 1e-12))
     allowed = PATIENCE * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []

@@ -24,7 +24,7 @@ INT, UNSIGNED, REAL, ARRAY, TUPLE, NONE = range(6)
 OF_SCALAR = {"i8": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
 # words of the table, then a word for each result, then for each argument its message and its kind
 FUNCTION, ARGUMENTS, SIZE, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT, FAILED, FIRST = range(11)
-MOST = 8  # results
+MOST_RESULTS = 8  # results
 ORDERED, WRITEABLE = 0x101, 0x400  # NumPy's flags: C-contiguous and aligned, and writeable
 EQUAL = 2  # Py_EQ
 
@@ -280,7 +280,7 @@ def _enter(made: ir.Module, take: Any) -> None:
     b, (own, given, number) = code.builder, code.function.args
     table = b.bitcast(code.python("PyBytes_AsString", own), WORDS)
     words = b.alloca(WORD, code.word(table, SIZE))
-    results = b.alloca(WORD, WORD(MOST))
+    results = b.alloca(WORD, WORD(MOST_RESULTS))
     at_kind, at_word = b.alloca(WORDS), b.alloca(WORDS)
 
     def fail(exception: str, message: Any) -> None:

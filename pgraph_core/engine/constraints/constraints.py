@@ -4,7 +4,7 @@
 `space` is named in `layout`; blocks in `blocks`.
 """
 
-from ...tolerances import DIP, ROUNDING
+from ...tolerances import DIP, EPS, ROUNDING
 from .. import layout as at
 from ..arrays import (
     CHANGE,
@@ -54,7 +54,7 @@ from .proximal import (
     solve_proximal,
 )
 
-NO_GAP = 1e-14  # relative to the mechanism's size: rounding
+NO_GAP = 64 * EPS  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
 NEAR = 1e-4  # largest distance of a state from that of reused factors

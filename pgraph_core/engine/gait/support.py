@@ -29,8 +29,8 @@ from ..vec import (
 )
 from .tables import FEET
 
-ROUNDS = 6
-MOST = 4.0  # weights: the largest load of one foot
+SHARE_ROUNDS = 6
+LARGEST_LOAD = 4.0  # weights: the largest load of one foot
 
 
 @part
@@ -54,7 +54,7 @@ def carry(feet, s, goal, com, mat):
     """Add to the feet's forces what meets `goal`, [torque about `com`, force], heading axes."""
     weigh(feet, s, com, mat)
     factor(mat)
-    for _ in range(ROUNDS):
+    for _ in range(SHARE_ROUNDS):
         for i in range(6):
             mat[i, 6] = goal[i]
         for f in range(FEET):
@@ -85,7 +85,7 @@ def where(mask, x, y):
 @part
 def in_cone(force, w, s):
     """A force that pushes enough, and not more than friction holds."""
-    up = smaller(MOST * s.mass * s.gravity * w, larger(s.least_load * w, force[1]))
+    up = smaller(LARGEST_LOAD * s.mass * s.gravity * w, larger(s.least_load * w, force[1]))
     side = force[2] * s.lever
     size = math.sqrt(force[0] * force[0] + side * side)
     some = more(size, 0.0)

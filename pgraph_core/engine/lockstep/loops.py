@@ -76,7 +76,7 @@ from .block import (
     take_drives,
 )
 from .block import TAKEN as STEPS
-from .step import BY_ITSELF, IN_LANES, LEAST, OUT, act, exchange, is_running, load_run
+from .step import BY_ITSELF, IN_LANES, LEAST_INSTANCES, OUT, act, exchange, is_running, load_run
 
 
 class Held(NamedTuple):
@@ -538,7 +538,7 @@ def step_block(
     since, how, lane = state[0], state[1], s.lane[0]
     evaluations = max(tableau[1].shape[0], 1)
     traced = trace.shape[0] > 0
-    least = 1 if traced else LEAST
+    least = 1 if traced else LEAST_INSTANCES
     running = 0
     for i in range(first, end):
         running += 1 if is_running(codes, i) else 0

@@ -448,7 +448,7 @@ def lay_out(work, frames):
 
 BLOCK = group(*[F3] * 15)
 OUT, IN_LANES, BY_ITSELF = 0, 1, 2  # continuation of an instance of the block
-LEAST = 3  # instances in a block, or each goes by itself
+LEAST_INSTANCES = 3  # instances in a block, or each goes by itself
 
 
 @kernel(
@@ -500,11 +500,11 @@ def step_block(
         since[w] = 0
         swept[w] = 0
         ways_on[w] = OUT
-        if first + w < end and is_running(codes, i) and running < LEAST:
+        if first + w < end and is_running(codes, i) and running < LEAST_INSTANCES:
             load_run(copy, own, numbers, tables, kind, i)
             codes[i] = call_advance(advance, (run, n))
             exchange(copy, own, tables[0, 0] + i * tables[0, 1], True)
-        elif running >= LEAST:
+        elif running >= LEAST_INSTANCES:
             load_run(copy, own, numbers, tables, kind, i)
             good = take_in(run, ways, drives, s, w, True)
             if walk != 0:
@@ -513,7 +513,7 @@ def step_block(
             if first + w < end and is_running(codes, i):
                 ways_on[w] = IN_LANES if good else BY_ITSELF
         lane[LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
-    if running < LEAST:
+    if running < LEAST_INSTANCES:
         return
     mine = own[own.shape[0] - memory :]
     loaded = -1

@@ -44,7 +44,7 @@ from .state import NOT_SOLVED, STEP, copied, size_of_state
 # rows of the real matrix from nv on, before which it holds the mass matrix: 2 nv wide
 Z, RATE, KEPT = 0, 3, 6  # (ξ, v), (ξ', p') and p of up to three stages
 PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
-ROUNDS = 60
+STAGE_ROUNDS = 60
 LOST = 1e3  # corrections over the motion: they grow
 STILL = 64  # largest correction of a motionless position in units of rounding
 TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
@@ -298,7 +298,7 @@ def gauss(run, h):
     solved = False
     power = 0.0
     loss = 0.0
-    for n in range(ROUNDS):
+    for n in range(STAGE_ROUNDS):
         power = 0.0
         loss = 0.0
         for i in range(count):

@@ -29,7 +29,7 @@ PIVOTS, PIVOTS_C = 0, 1
 Z, F, W = 2, 5, 8  # 3 each: stages, their slopes, decoupled stages
 RIGHT, SCRATCH, WEIGHTS, SPEEDS, POWERS = 11, 12, 13, 14, 15
 ROWS = 16
-LEAST = 6  # columns
+LEAST_COLUMNS = 6  # columns
 
 MOVE = EPS ** (1 / 3)  # step of central differences over their scale: their error is least
 KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian (RADAU5's THET)

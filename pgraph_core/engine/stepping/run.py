@@ -33,7 +33,7 @@ from .widths import (
 LOOK_BACK = void(i8)
 call_look_back = caller(LOOK_BACK)
 
-KEPT = 1.2  # a change of width below it is not worth factoring the matrices again
+WORTH_FACTORING = 1.2  # a change of width below it is not worth factoring the matrices again
 
 
 @kernel(void(I1, plain(RUN)))
@@ -103,7 +103,7 @@ def step_once(run):
         return refuse(run, error, h)
     if control.widths == CHOSEN:
         widen(control, method, min(error, 1.0), h)
-        if data.tableau.dense.shape[0] == 0 and h < control.width < KEPT * h:
+        if data.tableau.dense.shape[0] == 0 and h < control.width < WORTH_FACTORING * h:
             control.width = h
     code = accept(run, h, end, corner)
     if code == at.DONE and links.watch != 0 and is_due(run):

@@ -2,13 +2,13 @@
 
 import math
 
+from ...tolerances import NOTABLE
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, f8, group, i8
 from ..motion import call_acceleration, opened
 from ..tree.moving import advance
 
-MOVE = 1e-6  # [rad, m] finite difference: small against curvature, large against rounding
-ROUNDS = 20
+POWER_ROUNDS = 20
 SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 
 # rows of `stages`: the state, along which it is moved, the moved state, τ, v' of both
@@ -27,7 +27,7 @@ def apply_slope(scene, accelerate, size, stages, flow):
         largest = max(largest, abs(xi[j]))
     if not largest > 0.0:
         largest = 1.0
-    h = MOVE / largest
+    h = NOTABLE / largest
     q = stages[MOVED, :nq]
     v = stages[MOVED, nq : nq + nv]
     for i in range(nq + nv):
@@ -57,7 +57,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
         stages[ALONG, nv + j] = stages[ALONG, j]  # or dampers alone would not be seen
     rate = 0.0
     most = 0.0
-    for n in range(ROUNDS):
+    for n in range(POWER_ROUNDS):
         if n > 0:
             apply_slope(scene, accelerate, size, stages, flow)
             apply_slope(scene, accelerate, size, stages, flow)
@@ -69,7 +69,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
             return rate
         found = math.sqrt(length) if n > 0 else 0.0  # growth of a vector of length one
         most = max(most, found)
-        if found < MOVE * most:  # within the error of differences
+        if found < NOTABLE * most:  # within the error of differences
             return found
         for j in range(2 * nv):
             stages[ALONG, j] /= length
