@@ -84,7 +84,7 @@ pgraph.camera = (() => {
   // A double click is on a body that its first click selected, or on nothing: then all comes into view.
   window.addEventListener("dblclick", ({ target }) => {
     if (target.tagName !== "CANVAS" || target.closest(".pgraph") || pgraph.picking.aiming()) return;
-    if (document.querySelector(".pgraph-pill.hover[hidden]")) send("Select", { body: null });
+    if (target.style.cursor !== "pointer") send("Select", { body: null }); // viser's sign of a body
     look("fit");
   });
 

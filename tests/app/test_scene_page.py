@@ -437,3 +437,11 @@ def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
     page.locator('tr[data-name="shank"] td.number').hover()
     page.wait_for_function(lit, arg="shank")
     assert page.locator(".pgraph-pill.hover").is_hidden()
+
+    far = distance(page)  # a double click frames the body, or on nothing all
+    page.mouse.dblclick(*on_screen(page, middle_of(served, "arm")))
+    until(lambda: "arm" in selections(served) and distance(page) < 0.8 * far, "the arm alone")
+    at_rest(page)
+    box = page.locator("canvas:not(.pgraph *)").first.bounding_box()
+    page.mouse.dblclick(box["x"] + 5, box["y"] + box["height"] / 2)
+    until(lambda: "arm" not in selections(served) and distance(page) > 0.9 * far, "all")
