@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, Problem, choices, explained, shown
+from .fields import GROUND
 from .model import Model
 from .model.constraint import InJoints
-from .model.fields import GROUND
 from .portable import EqualByFields, Portable, keep_unchanged
 
 Ints: TypeAlias = "NDArray[np.int64]"

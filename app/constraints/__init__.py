@@ -12,10 +12,11 @@ from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import pgraph_core as pg
-from pgraph_core.model import fields
-from pgraph_core.model.fields import About
-from pgraph_core.model.force import OnJoint
+from pgraph_core import fields
+from pgraph_core.fields import About
+from pgraph_core.forces import OnJoint
 from pgraph_core.model.output import OF_JOINT, READINGS
+from pgraph_core.units import UNITS
 
 Part = Literal["constraints", "contacts", "forces", "sites", "outputs"]
 Slot = Literal["body", "other"]
@@ -80,16 +81,14 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
     "torque_over": About("Torque is", "", "constant, or straight lines between times"),
     "force_over": About("Force is", "", "constant, or straight lines between times"),
 }
-SOFT = {"stiffness": "N/m^1.5", "damping": "s/m"}  # units of a soft contact
 
 
 def about(item: Any, field: str) -> About:
     """What a form shows of a field of a part, or of one of its cells."""
     known = type(item).model_fields
-    found = fields.about(known[field], field) if field in known else CELLS.get(field, About(field))
-    if getattr(item, "law", "") == "soft" and field in SOFT:
-        return found._replace(unit=SOFT[field])
-    return found
+    if field not in known:
+        return CELLS.get(field, About(field))
+    return fields.about(known[field], field)._replace(unit=UNITS.get(item.dim_of(field), ""))
 
 
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.fields import PAIR
 from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
-from pgraph_core.model.fields import PAIR
 from pgraph_core.rotation import matrix
 
 from ..core.cells import (
@@ -111,14 +111,8 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
             return {"coefficients": {body: _unit_row(model, body)}}
         case "forces", "servo":
             return {**gains(model, body), "target": start}
-        case "forces", "speed_servo":
-            return {"kd": 1.0}
-        case "forces", "drag":
-            return {"size": (0.1, 0.1, 0.1), "density": 1000.0}
-        case "forces", "spring":
-            return {"stiffness": 100.0}
-        case "forces", "torsion":
-            return {"stiffness": 1.0}
+        case "forces", _:
+            return dict(pg.Force.KINDS[kind].NEW)
     return {}
 
 

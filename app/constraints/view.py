@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.model.force import OnJoint
+from pgraph_core.forces import OnJoint
 
 from ..core.bridge import Bridge
 from ..core.cells import (

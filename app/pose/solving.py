@@ -10,8 +10,8 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.analysis.targets import nearest
+from pgraph_core.fields import fields_of
 from pgraph_core.joints import Motion
-from pgraph_core.model.fields import fields_of
 from pgraph_core.paper import frames
 from pgraph_core.paper.motion import bodies_of, elementary, q_slices
 from pgraph_core.show.shapes import to_wxyz

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.fields import About, about
+from pgraph_core.fields import About, about
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
-from pgraph_core.model.fields import about
+from pgraph_core.fields import about
 from pgraph_core.model.parameters import evaluated, names_in
 
 from ..core import cells

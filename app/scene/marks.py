@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.fields import GROUND
+from pgraph_core.fields import GROUND
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID

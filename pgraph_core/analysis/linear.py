@@ -28,6 +28,7 @@ from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..errors import choices
+from ..forces import LOADS
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..rotation import skew
@@ -130,7 +131,7 @@ class Balance:
     def load_torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of springs between bodies and wrenches at t = 0."""
         tau = np.zeros(self.mech.nv)
-        if len(self.loads.table):
+        if self.loads.number:
             motion.load_torque(self.scene.address, q, v, tau)
         return tau
 
@@ -173,7 +174,7 @@ class Balance:
         by_q, by_v = torque_slopes(mech, q, v, self.vdot)
         spring, damper = drive_slopes(self.drives, q, v)
         by_q, by_v = by_q - spring, by_v - damper
-        if len(self.loads.table):
+        if self.loads.number:
             by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
             by_v = by_v - slopes_in_v(self.loads, v, lambda x: self.load_torque(q, x))
         if (pushed := self.touching) is not None and pushed.depth:
@@ -459,7 +460,7 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
     """The kernel of derivatives and its workspace, kept with the mechanism from the first call."""
     if not mech._slopes:
         packed, n, whole = mech.packed, mech.nv, slice(None)
-        sprung = len(packed.passive.table) or len(packed.passive_loads.table)
+        sprung = len(packed.passive.table) or packed.passive_loads.number
         space = kernels.Slopes(
             *packed.tree, mech._work,
             passive=np.empty((n if sprung else 0, 2 * n)),
@@ -486,7 +487,7 @@ def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array,
 def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
     """Slopes in q and v of the torque of springs and dampers, of joints and between bodies."""
     by_q, by_v = drive_slopes(mech.packed.passive, q, v)
-    if len(mech.packed.passive_loads.table):
+    if mech.packed.passive_loads.number:
         by_v = by_v + slopes_in_v(mech.packed.passive_loads, v, lambda x: mech._load_torque(q, x))
         by_q = by_q + differences(mech, q, lambda x: mech._load_torque(x, v))
     return by_q, by_v
@@ -498,8 +499,8 @@ def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
     Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
     of the largest speed times the cube root of EPS err least where a drag changes its side.
     """
-    quadratic = len(loads.table) and (loads.table["density"] > 0).any()
-    h = EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0))) if quadratic else 1.0
+    linear = all(kind.linear(table) for kind, (table, _) in zip(LOADS, loads))
+    h = 1.0 if linear else EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0)))
     return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
 
 

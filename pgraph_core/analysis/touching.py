@@ -12,11 +12,12 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import motion
 from ..engine.records import CREEP
+from ..fields import GROUND
+from ..forces import ends_of
+from ..forces.spring import points_of
 from ..model import Contact, Force, Spring, Tendon
-from ..model.fields import GROUND
-from ..model.force import ends_of
 from ..packing import Array, Drives, Loads
-from ..packing.forces import length_at, points_of_spring, terms_of
+from ..packing.forces import length_at, terms_of
 from ..tolerances import EPS, SOLVED
 
 DEPTHS = (0.1, 1e-2, 1e-3)  # steps of finite differences relative to the least depth
@@ -32,7 +33,7 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
     """(from a spring's other end to its own (3,) [m], how that changes with v (3, nv))."""
-    own, other = points_of_spring(f, mech.model)
+    own, other = points_of(f, mech.model.body(f.body))
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
     for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):
         if name == GROUND:

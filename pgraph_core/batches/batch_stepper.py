@@ -17,10 +17,10 @@ from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine.compiler.jit import made_by_numba
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
+from ..forces import OnJoint
 from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
-from ..model.force import OnJoint
 from ..packing import Array, Ints, System
 from ..portable import TRIED, Elsewhere, Portable, put_back, sealed, unsealed
 from ..result.records import Named
@@ -138,7 +138,7 @@ class BatchStepper(Portable):
         first, starts, numbers, varying = _tables(self._noted(kinds))
         record = first.recording
         self._pushed = len(record.scene.active) > 1 or record.scene.touching is not None
-        self._pushed |= len(record.plan.loads.table) > 0
+        self._pushed |= record.plan.loads.number > 0
         made = [first]
         for _ in range(min(self.threads, self.size) - 1):
             made.append(Stepper(Mechanism(first.mech.model), **self._options))

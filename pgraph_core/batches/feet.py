@@ -34,9 +34,7 @@ def on_feet(stepper: Stepper) -> bool:
         return False
     contacts, rows = scene.touching.contacts, scene.packed.rows
     may, shapes, tally = contacts.candidates, contacts.geometry.shapes, scene.touching.tally
-    among = (
-        len(may.pairs) + len(may.members) + len(contacts.ground.patches) + len(scene.loads.table)
-    )
+    among = len(may.pairs) + len(may.members) + len(contacts.ground.patches) + scene.loads.number
     if (
         among
         or tally["limits"]

@@ -306,7 +306,7 @@ class TreeLanes(Instances):
         rows = stepper.mech.packed.rows[1:]
         self._angles = rows[rows[:, at.KIND] == at.ROTATE, at.QI]
         plan = stepper.recording.plan
-        self._timed = len(plan.drives.table) > plan.drives.passive or len(plan.loads.knots) > 0
+        self._timed = len(plan.drives.table) > plan.drives.passive or plan.loads.wrench[1].size > 0
         self._corners, lags = plan.corners, plan.drives.table["lag"]
         self._cut = bool(np.any((lags > 0.0) & (lags < 2.0 * (plan.step or 0.0))))
 
@@ -440,7 +440,7 @@ class TreeLanes(Instances):
 
         Where there are no loads, nothing of them is compiled.
         """
-        some = unnamed(loads) if len(loads.table) else None
+        some = unnamed(loads) if loads.number else None
         rows = self.workers[0].stepper.mech.packed.rows
         return rows, self._constants(self.kind[which]), unnamed(drives), some
 

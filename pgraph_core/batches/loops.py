@@ -31,7 +31,7 @@ def on_constraints(stepper: Stepper, varying: Ints) -> bool:
     record = stepper.recording
     scene, steps = record.scene, record.steps
     drives = scene.drives.table
-    acts = scene.touching is not None or scene.user is not None or len(scene.loads.table)
+    acts = scene.touching is not None or scene.user is not None or scene.loads.number
     follows = drives["terms"].any() or drives["lag"].any() or drives["integrates"].any()
     if not JIT or stepper.method not in IN_LANES or not scene.active[0] or acts or follows:
         return False

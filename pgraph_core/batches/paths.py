@@ -11,8 +11,8 @@ from pydantic import BaseModel
 
 from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, shown
+from ..forces import OnJoint
 from ..model import Model
-from ..model.force import OnJoint
 
 KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "bodies": "body",

@@ -13,10 +13,10 @@ from .. import joints
 from ..engine import packing
 from ..engine.compiler.jit import JIT, ready
 from ..errors import explained
+from ..fields import GROUND
 from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
-from ..model.fields import GROUND
 from ..model.world import DOWN
 from ..portable import Portable
 from .checks import (

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from .. import joints
 from ..engine import packing
 from ..errors import ModelError, Problem, choices, shown
+from ..fields import GROUND, name_problem
 from ..given import array_of
 from ..joints import JointKind, Motion, MotionKind
 from ..model import Body
 from ..model.checks import tree_problems
-from ..model.fields import GROUND, name_problem
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]

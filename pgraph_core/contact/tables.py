@@ -27,12 +27,13 @@ from ..engine.records import (
     rows_of,
 )
 from ..errors import ModelError, PgraphError, Problem
+from ..fields import EVERY, GROUND
+from ..forces.spring import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import PAIRED
-from ..model.fields import EVERY, GROUND
 from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocity
 from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
-from ..packing.forces import points_of_spring, terms_of
+from ..packing.forces import terms_of
 from ..rotation import matrix
 from ..tolerances import NAMED
 from ..topology import Topology
@@ -492,7 +493,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
             continue
         bodies = [mech.topology.number(name) for name in spring.pair]
         ends = [int(mech.system.bodies_i[number, at.ROW]) for number in bodies]
-        places = points_of_spring(spring, mech.model)
+        places = points_of(spring, mech.model.body(spring.body))
         for sign, bound, side in ((1.0, spring.low, "low"), (-1.0, spring.high, "high")):
             if bound is None:
                 continue

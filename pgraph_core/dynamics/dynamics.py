@@ -595,7 +595,7 @@ class Dynamics(Portable):
         with self._lock:
             scene.given[:] = given
             motion.drive_torque(scene.address, q, v, tau)
-        return tau + self._load_torque(q, v) if len(scene.loads.table) else tau
+        return tau + self._load_torque(q, v) if scene.loads.number else tau
 
     def _load_torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of springs and torsion springs between bodies."""

@@ -118,7 +118,8 @@ class Scene(Unportable):
         """Return the arrays of the description. blocks_f also holds states."""
         kept, packed = self._kept, self.packed
         found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
-        found += [kept.drives.table, kept.drives.knots, kept.drives.terms, *kept.loads]
+        found += [kept.drives.table, kept.drives.knots, kept.drives.terms]
+        found += [array for own in kept.loads for array in own]
         found += [kept.blocks.blocks_i, *kept.blocks[2:5]]
         if self.touching is not None:
             found += self.touching.numbers
@@ -325,13 +326,11 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
     In n states at times t (n,), at the bodies' origins, world axes: `external` of these states.
     """
     external = np.zeros((len(t), packed.nb, 6))
-    acting = on_bodies(forces)
-    if acting:
-        carriers = np.array([[packed.topology.number(name) for name in f.pair] for f in acting])
+    if on_bodies(forces):
         scene = Scene(packed, packed.passive, packed.loads(forces), NO_CONSTRAINTS)
         for i in range(len(t)):
             state = (t[i], q[i], v[i], external[i])
-            motion.load_wrenches(scene.address, carriers, *packed.system[2:4], *state)
+            motion.load_wrenches(scene.address, *packed.system[2:4], *state)
     return external
 
 

@@ -12,8 +12,8 @@ from ..engine import layout as at
 from ..engine.records import table
 from ..engine.tree import bodies as kernels
 from ..engine.tree import sensors
+from ..fields import GROUND
 from ..model import Body, Model
-from ..model.fields import GROUND
 from ..model.output import OF_JOINT, OF_LOAD, READINGS, Output
 from ..packing import Array, Ints, System, quaternions
 from ..packing.packed import Packed

@@ -6,13 +6,14 @@ arrays. `opened` gives it back with its names; reading by name costs no instruct
 position. The columns of the arrays are named in `layout`.
 """
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
+from ..forces import LOADS as KINDS_OF_LOADS
 from .compiler.address import stored
-from .compiler.kinds import C2, F1, F2, F3, I1, I2, array_of, i8, named, plain
+from .compiler.kinds import C2, F1, F2, F3, I1, I2, array_of, group, i8, named, plain
 from .records import (
     APART,
-    APPLIED_FORCE,
     BODY_WRENCH,
     BOUNDS,
     CANDIDATE,
@@ -76,11 +77,15 @@ class Drives(NamedTuple):
     terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 
 
-class Loads(NamedTuple):
-    """Forces between two bodies, or on one."""
+class Loads(namedtuple("_Loads", [one.kind for one in KINDS_OF_LOADS])):
+    """Forces between two bodies, or on one: (table, knots) of each kind, by its name."""
 
-    table: Any  # of APPLIED_FORCE
-    knots: Any  # (nk, 7) time [s], torque, force
+    __slots__ = ()
+
+    @property
+    def number(self) -> int:
+        """How many loads there are."""
+        return sum(len(table) for table, _ in self)
 
 
 class Blocks(NamedTuple):
@@ -349,7 +354,7 @@ class Run(NamedTuple):
 
 
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
-LOADS = named(Loads, array_of(APPLIED_FORCE), F2)
+LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS))
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(
     Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2

@@ -12,13 +12,13 @@ from .compiler.jit import kernel, part
 from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
-from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
+from .forces import drive, elastic
+from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
-from .rows import carrier_of, offset_of, origin_of, rotation_of
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .tree.moving import advance
-from .vec import accumulate, add, add_cross, finite, mul, scale, sub
+from .vec import finite
 
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
 _call_user = caller(i8(f8, u8, u8, u8))
@@ -80,7 +80,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         put_in += user_torque(user, t, q, v, tau)
     data = opened(scene)  # again: what is not needed is not read
     loads, space, links = data.loads, data.space, data.links
-    if loads.table.shape[0] > 0:
+    if count_of_loads(loads) > 0:
         positions(rows, work)
         velocities(rows, const, work, v, space.linear)
         more, lost = apply_loads(loads, work, space.linear, t)
@@ -177,26 +177,15 @@ def energy(scene, q, v):
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
 
 
-@kernel(void(i8, I2, I2, F2, f8, F1, F1, F2))
-def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
-    """Add the loads to `external` (nb, 6); `carriers` (nl, 2) are the numbers of their bodies."""
+@kernel(void(i8, I2, F2, f8, F1, F1, F2))
+def load_wrenches(scene, bodies_i, bodies_f, t, q, v, external):
+    """Add the loads to `external` (nb, 6)."""
     data = opened(scene)
     rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    for i in range(carriers.shape[0]):
-        p, torque, force, end, _, _ = load_of(loads, i, work, space.linear, t)
-        for side in range(2):
-            b = carriers[i, side]
-            if b > 0:
-                k = carrier_of(bodies_i, b)
-                origin = mul(rotation_of(work, k), offset_of(bodies_f, b))
-                origin = add(origin_of(work, k), origin)
-                arm = sub(p if side == 0 else end, origin)
-                sign = 1.0 if side == 0 else -1.0
-                accumulate(external, b - 1, 0, scale(sign, add_cross(torque, arm, force)))
-                accumulate(external, b - 1, 3, scale(sign, force))
+    collect_loads(loads, bodies_i, bodies_f, work, space.linear, t, external)
 
 
 @kernel(void(i8, F1, F1, F1))

@@ -175,28 +175,6 @@ JOINT_FORCE = record(
 )
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 
-WRENCH, SPRING, TORSION, DRAG = 0, 1, 2, 3  # kinds of applied forces
-APPLIED_FORCE = record(  # points and directions in the home axes of their rows
-    kind=INTEGER,
-    row_a=INTEGER,  # the row that gets the force
-    row_b=INTEGER,  # the row that gets the opposite, 0: the ground
-    in_body=INTEGER,  # 1: a wrench in body axes
-    first_knot=INTEGER,  # of a wrench
-    knots=INTEGER,
-    point_a=(REAL, 3),  # from the row's origin [m]
-    point_b=(REAL, 3),
-    axis=(REAL, 3),  # of a torsion spring, in A
-    reference_a=(REAL, 3),  # perpendicular to it: where the angle is measured
-    reference_b=(REAL, 3),
-    stiffness=REAL,  # [N/m, N m/rad]
-    damping=REAL,  # [N s/m, N m s/rad]
-    rest=REAL,  # [m, rad]
-    box=(REAL, 3),  # edges of the box whose drag it is [m]
-    axes=(REAL, 9),  # of the box, row-major
-    density=REAL,  # of the fluid [kg/m³]
-    viscosity=REAL,  # [Pa s]
-)
-
 # -- shapes ----------------------------------------------------------------------------------------
 
 SPHERE, CAPSULE, BOX, CYLINDER, HULL, POINTS = 0, 1, 2, 3, 4, 5  # kinds of shape

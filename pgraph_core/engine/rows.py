@@ -7,7 +7,7 @@ column, a later one may write over: the names say which of its meanings is read.
 
 from . import layout as at
 from .compiler.jit import part
-from .vec import accumulate, load, load6, load9, store, store9
+from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, store9, sub
 
 ROTATE, TRANSLATE, BALL, FREE = at.ROTATE, at.TRANSLATE, at.BALL, at.FREE
 
@@ -406,3 +406,18 @@ def set_body(bodies_f, b, offset, home, mass, com, inertia):
     store(bodies_f, b, at.B_COM, com)
     store(bodies_f, b, at.B_INERTIA, inertia[:3])
     store(bodies_f, b, at.B_INERTIA + 3, inertia[3:])
+
+
+# -- points that are fixed in a row ---------------------------------------------------------------
+
+
+@part
+def point_of(local, work, k):
+    """A point that is fixed in row k, in the world."""
+    return add(origin_of(work, k), mul(rotation_of(work, k), local))
+
+
+@part
+def point_velocity(work, linear, k, p):
+    """Velocity of the material point of row k that is at p."""
+    return add_cross(load(linear, k, 0), spin_of(work, k), sub(p, origin_of(work, k)))

@@ -13,10 +13,10 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, choices, explained, shown
+from ..fields import GROUND
 from ..model import Gear, Model
 from ..model.body import inertia_problems
 from ..model.doubts import MILLI, wide
-from ..model.fields import GROUND
 from ..model.files import ALLOW
 from ..model.model import LOST
 from ..tolerances import SOLVED

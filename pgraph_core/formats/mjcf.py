@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, ModelError, Problem, explained, needed, shown
+from ..fields import GROUND, name_problem
 from ..joints import parallel
 from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
-from ..model.fields import GROUND, name_problem
 from ..model.files import ALLOW, kept_mesh
 from ..rotation import matrix, multiply, unit
 from .conversion import (

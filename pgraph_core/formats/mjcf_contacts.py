@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import choices
+from ..fields import EVERY, GROUND
 from ..model import Contact
-from ..model.fields import EVERY, GROUND
 from ..rotation import quaternion_of
 from ..tolerances import SOLVED
 from .mjcf_parts import Reading

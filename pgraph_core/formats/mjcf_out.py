@@ -10,6 +10,8 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, choices, explained, shown
+from ..fields import EVERY, GROUND
+from ..forces import OnJoint, ends_of
 from ..model import (
     Body,
     Contact,
@@ -24,9 +26,7 @@ from ..model import (
     Tendon,
     Wrench,
 )
-from ..model.fields import EVERY, GROUND
 from ..model.files import gathered, write_atomic
-from ..model.force import OnJoint, ends_of
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..errors import choices, needed, shown
+from ..fields import GROUND, name_problem
 from ..model import (
     Actuator,
     Constraint,
@@ -28,7 +29,6 @@ from ..model import (
     Tendon,
     Wrench,
 )
-from ..model.fields import GROUND, name_problem
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
 from ..tolerances import SOLVED

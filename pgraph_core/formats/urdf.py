@@ -25,10 +25,10 @@ from ..errors import (
     explained,
     shown,
 )
+from ..fields import GROUND, name_problem
 from ..markup import Element, Source, read_markup, reason_of
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
-from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of, quaternion_of
 from .conversion import (
     Folders,

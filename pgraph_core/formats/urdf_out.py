@@ -12,8 +12,8 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, explained
+from ..fields import GROUND
 from ..model import Body, Constraint, Gear, Model, Motor, Shape
-from ..model.fields import GROUND
 from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
 from .conversion import NO_LIMIT, Report, named

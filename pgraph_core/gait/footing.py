@@ -13,8 +13,8 @@ from ..dynamics.arguments import wrong_type
 from ..dynamics.states import turned
 from ..engine.gait.tables import Terrain
 from ..errors import explained
+from ..fields import fields_of
 from ..model import Contact, Ground, Model, Step
-from ..model.fields import fields_of
 from ..packing import Array
 from ..result import Result
 from ..result.records import SWING

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.compiler.jit import ENGINE
-from ..engine.compiler.sources import code_of, sources
+from ..engine.compiler.sources import code_of, sources, text_of
 
 HERE = Path(__file__).parent
 WASM, ABOUT = HERE / "kernels.wasm", HERE / "kernels.json"
@@ -48,7 +48,7 @@ def source_hash() -> str:
     found = hashlib.sha256()
     for path in sorted(files):
         name = path.relative_to(ENGINE.parent).as_posix()
-        found.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
+        found.update(f"{name}\n{code_of(text_of(path))}\n".encode())
     return found.hexdigest()[:16]
 
 

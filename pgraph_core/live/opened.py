@@ -16,9 +16,9 @@ import numpy as np
 from ..batches.paths import KINDS, Path, with_numbers
 from ..engine.packing import pack
 from ..errors import InputError, PgraphError, Problem, choices
+from ..fields import about
 from ..mechanism import Mechanism
 from ..model import Model
-from ..model.fields import about
 from ..packing import length_in
 from .run import BASE, LiveRun
 

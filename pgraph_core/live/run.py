@@ -19,8 +19,9 @@ from ..engine import motion
 from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
 from ..engine.compiler.kinds import Array, Group
-from ..engine.records import APPLIED_FORCE, CHOSEN, SPRING, STEP_CONTROL, WIDEST, table
+from ..engine.records import CHOSEN, STEP_CONTROL, WIDEST, table
 from ..errors import InputError, Problem, choices
+from ..forces import spring
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force
@@ -185,7 +186,7 @@ def _aligned(address: int) -> int:
 BASE = 1 << 21  # [bytes] address of images: above the stack and the constants of the kernels
 # methods of a figure
 SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
-LOADS, CORNERS = offset_of(SCENE, "loads", "table"), offset_of(RUN, "corners")
+LOADS, CORNERS = offset_of(SCENE, "loads", "spring"), offset_of(RUN, "corners")
 LONGEST = 100_000_000  # limit on the steps of a reader's run
 
 
@@ -243,11 +244,11 @@ class LiveRun:
         scene, steps, packed = self.record.scene, self.record.steps, self.mech.packed
         kept = scene._kept
         # one spring more than the scene has, for the mouse: the struct does not count it
-        own = len(kept.loads.table)
-        self._pull = table(APPLIED_FORCE, own + 1)
-        self._pull[:own] = kept.loads.table
-        self._pull[own]["kind"] = SPRING
-        kept = kept._replace(loads=kept.loads._replace(table=self._pull[:own]))
+        springs, knots = kept.loads.spring
+        own = len(springs)
+        self._pull = table(spring.ROW, own + 1)
+        self._pull[:own] = springs
+        kept = kept._replace(loads=kept.loads._replace(spring=(self._pull[:own], knots)))
         roots = {"scene": Root(SCENE, kept), "run": Root(RUN, steps._kept)}
         if scene.touching is not None:
             roots["contacts"] = Root(CONTACTS, scene.touching._kept)
@@ -342,7 +343,7 @@ class LiveRun:
             "widths": {"chosen": CHOSEN, "widest": WIDEST} if chosen else None,
             "control": self._control,
             "fields": CONTROL,
-            "spring": offsets(APPLIED_FORCE),
+            "spring": offsets(spring.ROW),
             "links": self.links(),
             "arrays": described,
             "copies": copies,

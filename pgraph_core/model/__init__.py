@@ -1,5 +1,19 @@
 """The description of a multibody system: frozen, validated, with every problem said at once."""
 
+from ..curves import Polynomial as Polynomial
+from ..curves import Sine as Sine
+from ..curves import Table as Table
+from ..curves import VectorTable as VectorTable
+from ..forces import Actuator as Actuator
+from ..forces import Drag as Drag
+from ..forces import Force as Force
+from ..forces import Motor as Motor
+from ..forces import Servo as Servo
+from ..forces import SpeedServo as SpeedServo
+from ..forces import Spring as Spring
+from ..forces import Tendon as Tendon
+from ..forces import Torsion as Torsion
+from ..forces import Wrench as Wrench
 from .body import Body as Body
 from .body import Shape as Shape
 from .constraint import Constraint as Constraint
@@ -20,20 +34,6 @@ from .constraint import Universal as Universal
 from .constraint import Velocity as Velocity
 from .constraint import Weld as Weld
 from .contact import Contact as Contact
-from .curves import Polynomial as Polynomial
-from .curves import Sine as Sine
-from .curves import Table as Table
-from .curves import VectorTable as VectorTable
-from .force import Actuator as Actuator
-from .force import Drag as Drag
-from .force import Force as Force
-from .force import Motor as Motor
-from .force import Servo as Servo
-from .force import SpeedServo as SpeedServo
-from .force import Spring as Spring
-from .force import Tendon as Tendon
-from .force import Torsion as Torsion
-from .force import Wrench as Wrench
 from .model import Model as Model
 from .output import Output as Output
 from .output import Site as Site

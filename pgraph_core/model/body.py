@@ -14,18 +14,7 @@ from pydantic import model_validator
 
 from .. import joints
 from ..errors import PgraphError, shown
-from ..joints import (
-    PER_MOTION,
-    Finding,
-    JointKind,
-    Motion,
-    MotionKind,
-    Numbers,
-    joint_problems,
-    physics_problems,
-)
-from ..tolerances import NOTABLE, SOLVED
-from .fields import (
+from ..fields import (
     EVERY,
     GROUND,
     Described,
@@ -50,7 +39,19 @@ from .fields import (
     vectors,
     whole,
 )
-from .sentences import along
+from ..joints import (
+    PER_MOTION,
+    Finding,
+    JointKind,
+    Motion,
+    MotionKind,
+    Numbers,
+    joint_problems,
+    physics_problems,
+)
+from ..sentences import along
+from ..tolerances import NOTABLE, SOLVED
+from ..units import KG, NONE, J, M, Q, S
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 
@@ -105,102 +106,106 @@ class Body(Described):
     )
     axes: Vec3s = field(
         "one direction [x, y, z] a motion, in the body's axes at q = 0",
-        converter=vectors, default=(), label="Axis",
+        converter=vectors, default=(), role="joint", label="Axis",
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
         "('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
-        converter=_motions_in, default=(),
+        converter=_motions_in, default=(), role="joint",
     )  # fmt: skip
     link: Vec3 = field(
         "three finite numbers [x, y, z] from the parent's origin [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), label="Link vector", unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), label="Link vector", dim=M, role="point",
         help="from the parent's origin to this body's, parent axes, q = 0",
     )  # fmt: skip
     rotation: Quat = field(
         "a unit quaternion [w, x, y, z] in the parent's axes",
-        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation", role="frame",
         help="of this body's axes in the parent's, q = 0",
     )  # fmt: skip
-    mass: Number = field(
-        "a finite number >= 0 [kg]", default=1.0, ge=0, unit="kg", help="at least 0"
-    )
+    mass: Number = field("a finite number >= 0 [kg]", default=1.0, ge=0, dim=KG, help="at least 0")
     com: Vec3 = field(
         "three finite numbers [x, y, z] in body axes [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), label="Centre of mass", unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), label="Centre of mass", dim=M, role="point",
         help="in body axes",
     )  # fmt: skip
     inertia: Mat3 = field(
         "a symmetric 3x3 matrix of finite numbers about the centre of mass, or three principal "
         "moments [kg m^2]",
         converter=inertia_matrix, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
-        unit="kg m²", help="in body axes; symmetric",
+        dim=KG * M**2, role="tensor", help="in body axes; symmetric",
     )  # fmt: skip
     tip: Vec3 | None = field(
         "three finite numbers [x, y, z] in body axes [m], or nothing",
-        converter=maybe_vector, default=None, unit="length",
+        converter=maybe_vector, default=None, dim=M, role="point",
         help="point of interest, in body axes; empty: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
         "one finite number a position coordinate [rad, m]",
-        converter=per_motion, default=(), label="q", help="initial joint position",
+        converter=per_motion, default=(), dim=Q, role="joint", label="q",
+        help="initial joint position",
     )  # fmt: skip
     v: PerMotion = field(
         "one finite number a degree of freedom [rad/s, m/s]",
-        converter=per_motion, default=(), label="v", help="initial joint velocity",
+        converter=per_motion, default=(), dim=Q / S, role="joint", label="v",
+        help="initial joint velocity",
     )  # fmt: skip
     stiffness: PerMotion = field(
         "numbers >= 0, one for all or one a motion",
-        converter=per_motion, default=(), unit="N m/rad, N/m",
+        converter=per_motion, default=(), dim=J / Q**2,
         help="spring of each motion of the joint",
     )  # fmt: skip
     damping: PerMotion = field(
         "numbers >= 0, one for all or one a motion",
-        converter=per_motion, default=(), unit="N m s/rad, N s/m",
+        converter=per_motion, default=(), dim=J * S / Q**2,
         help="viscous damper of each motion of the joint",
     )  # fmt: skip
     rest: PerMotion = field(
         "finite numbers, one for all or one a motion",
-        converter=per_motion, default=(), label="Rest position",
+        converter=per_motion, default=(), dim=Q, label="Rest position",
         help="where the spring is relaxed",
     )  # fmt: skip
     friction: PerMotion = field(
         "numbers >= 0 [N m, N], one for all or one a motion",
-        converter=per_motion, default=(), unit="N m, N",
+        converter=per_motion, default=(), dim=J / Q,
         help="Coulomb's, of each rotation or translation",
     )  # fmt: skip
     armature: PerMotion = field(
         "numbers >= 0, one for all or one a motion",
-        converter=per_motion, default=(), unit="kg m², kg",
+        converter=per_motion, default=(), dim=J * S**2 / Q**2,
         help="inertia of the drive, felt by the joint alone",
     )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
         "[least, greatest] position [rad, m], each may be left open by null, one pair "
         "for all motions or one a motion",
-        converter=_limits_in, default=(), help="least and greatest position; empty: open",
+        converter=_limits_in, default=(), dim=Q, help="least and greatest position; empty: open",
     )  # fmt: skip
     limit_restitution: PerMotion = field(
         "numbers from 0 to 1, one for all or one a motion",
-        converter=per_motion, default=(), label="Rebound",
+        converter=per_motion, default=(), dim=NONE, label="Rebound",
         help="velocity that comes back at a limit, 0 to 1",
     )  # fmt: skip
     shape: OneShape | None = field(
-        "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None
+        "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None, role="parts"
     )
 
     shapes: tuple[OneShape, ...] = field(
-        "a list of shapes; the first of them is `shape`", converter=_shapes_in, default=()
+        "a list of shapes; the first of them is `shape`",
+        converter=_shapes_in,
+        default=(),
+        role="parts",
+        since=2,
     )
     density: Number | None = field(
-        "a number > 0 [kg/m^3], or nothing", default=None, gt=0, unit="kg/m³"
+        "a number > 0 [kg/m^3], or nothing", default=None, gt=0, dim=KG / M**3, since=2
     )
     derived: tuple[Derived, ...] = field(
         "a list of 'mass', 'com', 'inertia', 'tip': what follows from the shapes",
-        converter=_derived_in, default=(),
+        converter=_derived_in, default=(), since=2,
     )  # fmt: skip
 
     any_inertia: Flag = field(
-        "true or false: keep an inertia that no rigid body has", default=False
+        "true or false: keep an inertia that no rigid body has", default=False, since=2
     )
 
     if TYPE_CHECKING:  # also an argument, in place of `joint`

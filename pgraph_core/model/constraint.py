@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from .curves import Curve
-from .fields import (
+from ..curves import Curve
+from ..fields import (
     GROUND,
     AtPoint,
     Flag,
@@ -28,6 +28,7 @@ from .fields import (
     refuse_no_direction,
     vector,
 )
+from ..units import NONE, M, Q, S
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
@@ -75,7 +76,7 @@ class AtPoints(AtPoint, ToOther):
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; left out: where `point` is in the "
         "initial state",
-        converter=maybe_vector, default=None, unit="length",
+        converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the other; empty: where the point is at first",
     )  # fmt: skip
 
@@ -85,12 +86,12 @@ class AlongAxes(AtPoints):
 
     axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`",
-        converter=maybe_vector, default=None,
+        converter=maybe_vector, default=None, role="direction",
         help="direction in the axes of the body; empty: as in the initial state",
     )  # fmt: skip
     other_axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `other`",
-        converter=maybe_vector, default=None,
+        converter=maybe_vector, default=None, role="direction",
         help="direction in the axes of the other; empty: as in the initial state",
     )  # fmt: skip
 
@@ -163,11 +164,11 @@ class Distance(AtPoints):
     kind: Literal["distance"] = field(KIND, default="distance")
     other_point: Vec3 = field(
         "three finite numbers in the axes of `other` [m]",
-        converter=vector, unit="length", help="in the axes of the other",
+        converter=vector, dim=M, role="point", help="in the axes of the other",
     )  # fmt: skip
     length: Number | None = field(
         "a length > 0 [m]; left out: as in the initial state",
-        default=None, gt=0, unit="length", help="of the rod; empty: as in the initial state",
+        default=None, gt=0, dim=M, help="of the rod; empty: as in the initial state",
     )  # fmt: skip
 
 
@@ -236,9 +237,9 @@ class Gear(OfOne):
     other: Text = field("the name of a body", default=GROUND, label="Other")
     ratio: Number = field(
         "a finite number: q of `body` is ratio x q of `other` + offset",
-        default=1.0, help="q of the body = ratio × q of the other + offset",
+        default=1.0, dim=NONE, help="q of the body = ratio × q of the other + offset",
     )  # fmt: skip
-    offset: Number = field("a finite number [rad, m]", default=0.0, unit="rad, m")
+    offset: Number = field("a finite number [rad, m]", default=0.0, dim=Q)
     other_coordinate: Whole = field(
         "the number of a degree of freedom of the joint of `other`, from 0",
         default=0, ge=0, le=5, label="Other's",
@@ -265,7 +266,7 @@ class Motion(OfOne):
     kind: Literal["motion"] = field(KIND, default="motion")
     q_of_t: Curve = field(
         "a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
-        converter=_followed, label="Follows", help="how the position depends on time",
+        converter=_followed, dim=Q, label="Follows", help="how the position depends on time",
     )  # fmt: skip
 
 
@@ -280,7 +281,7 @@ class Rolling(AlongAxes):
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
         "a radius > 0 [m]; left out: that of the body's shape",
-        default=None, gt=0, unit="length", help="empty: that of the body's shape",
+        default=None, gt=0, dim=M, help="empty: that of the body's shape",
     )  # fmt: skip
 
 
@@ -293,7 +294,8 @@ class Skate(AtPoint, ToOther):
     kind: Literal["skate"] = field(KIND, default="skate")
     axis: Vec3 = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`",
-        converter=vector, help="direction in the axes of the body, across the blade",
+        converter=vector, role="direction",
+        help="direction in the axes of the body, across the blade",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -315,18 +317,19 @@ class Velocity(Sum):
     kind: Literal["velocity"] = field(KIND, default="velocity")
     value: Number = field(
         "a finite number [rad/s, m/s]",
-        default=0.0, unit="rad/s, m/s", help="what the sum of coefficients × v is",
+        default=0.0, dim=Q / S, help="what the sum of coefficients × v is",
     )  # fmt: skip
 
 
 class Coupling(Sum):
     """A weighted sum of joint positions is constant: the sum of coefficients x q is `value`."""
 
+    SINCE: ClassVar[int] = 3
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a sum of joint positions has a value, as a tendon without stretch"
 
     kind: Literal["coupling"] = field(KIND, default="coupling")
     value: Number = field(
         "a finite number [rad, m]",
-        default=0.0, unit="rad, m", help="what the sum of coefficients × q is",
+        default=0.0, dim=Q, help="what the sum of coefficients × q is",
     )  # fmt: skip

@@ -7,7 +7,8 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
+from ..fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
+from ..units import NONE, Dim, M, N, S
 from .world import Ground, below_kinetic
 
 PAIRED = 20  # number of bodies up to which every two are a separate contact pair
@@ -50,40 +51,46 @@ class Contact(Described):
     )  # fmt: skip
     friction: Number | None = field(
         "Coulomb's coefficient >= 0; left out: that of the ground",
-        default=None, ge=0, help="Coulomb's coefficient; empty: that of the ground",
+        default=None, dim=NONE, ge=0, help="Coulomb's coefficient; empty: that of the ground",
     )  # fmt: skip
     static_friction: Number | None = field(
         "a coefficient >= friction, of what does not slide; left out: friction, or the ground's",
-        default=None, ge=0, help="of what does not slide yet; empty: as friction",
+        default=None, dim=NONE, since=2, ge=0,
+        help="of what does not slide yet; empty: as friction",
     )  # fmt: skip
     rolling_friction: Number | None = field(
         "a length >= 0 [m]: torque against rolling over normal force; left out: the ground's",
-        default=None, ge=0, unit="length",
+        default=None, ge=0, dim=M, since=2,
         help="torque against rolling over normal force; empty: that of the ground",
     )  # fmt: skip
     spinning_friction: Number | None = field(
         "a length >= 0 [m]: torque about the normal over normal force; left out: the ground's",
-        default=None, ge=0, unit="length",
+        default=None, ge=0, dim=M, since=2,
         help="torque about the normal over normal force; empty: that of the ground",
     )  # fmt: skip
     restitution: Number | None = field(
         "a number from 0 to 1; left out: that of the ground",
-        default=None, ge=0, le=1, help="0 to 1; empty: that of the ground",
+        default=None, dim=NONE, ge=0, le=1, help="0 to 1; empty: that of the ground",
     )  # fmt: skip
     stiffness: Number | None = field(
         "a number > 0 [N/m; of a soft contact N/m^1.5]; left out: from the masses",
-        default=None, gt=0, unit="N/m", help="empty: from the masses",
+        default=None, gt=0, dim=N / M, help="empty: from the masses",
     )  # fmt: skip
     damping: Number | None = field(
         "a number >= 0 [N s/m; of a soft contact s/m]; left out: from the restitution",
-        default=None, ge=0, unit="N s/m", help="empty: from the restitution",
+        default=None, ge=0, dim=N * S / M, help="empty: from the restitution",
     )  # fmt: skip
     points: Vec3s = field(
         "a list of points [x, y, z] of `body` [m]; left out: its shape",
-        converter=vectors, default=(), unit="length",
+        converter=vectors, default=(), dim=M, role="point",
         help="that touch, in the axes of the body; none: its shape",
     )  # fmt: skip
     active: Flag = field("true or false", default=True)
+
+    def dim_of(self, name: str) -> Dim:
+        """The dimension of a field: those of a soft contact have their own."""
+        soft = {"stiffness": N / M**1.5, "damping": S / M} if self.law == "soft" else {}
+        return soft.get(name) or super().dim_of(name)
 
     def frictions(self, ground: Ground) -> Frictions:
         """The four coefficients, with what is left out from the ground."""

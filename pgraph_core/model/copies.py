@@ -6,15 +6,15 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from ..curves import VectorTable
+from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
+from ..forces import Between, Force
 from ..joints import SIZE, Motion
 from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
-from .curves import Table, VectorTable
 from .editing import renamed
-from .fields import GROUND, OfSums, Quat, Vec3
-from .force import Between, Drag, Force, Torsion, Wrench
 from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
@@ -181,27 +181,13 @@ class _Copy:
             return {}
         if not isinstance(part, Site) and not self._in_reach(part):
             return None
-        if isinstance(part, Contact):
-            return {"points": tuple(map(self.mirror.point, part.points))}
-        if isinstance(part, Site):
-            turn = self.mirror.quaternion(part.rotation)
-            return {"point": self.mirror.point(part.point), "rotation": turn}
         if not self._same_coordinates(part):
             return None
-        if isinstance(part, Wrench):
-            return self._wrench(part)
-        change: dict[str, Any] = {
-            key: self.mirror.point(x)
-            for key in ("point", "other_point") if (x := getattr(part, key, None)) is not None
-        }  # fmt: skip
-        if part.body == self.root.parent and _takes_point(part) and "point" not in change:
+        if getattr(part, "frame", "body") == "world" and not self._upright():
+            return None  # in world axes, where the parent's are not these at q = 0
+        change = self.mirror.fields(part)
+        if part.body == self.root.parent and isinstance(part, AtPoint) and part.point is None:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
-        if isinstance(part, Drag):
-            change["rotation"] = self.mirror.quaternion(part.rotation)
-        for key in ("axis", "other_axis"):
-            if (axis := getattr(part, key, None)) is not None:
-                turns = isinstance(part, Torsion)
-                change[key] = self.mirror.axial(axis) if turns else self.mirror.point(axis)
         return change
 
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
@@ -215,7 +201,7 @@ class _Copy:
             getattr(part, f, None) for f in ("other_point", "other_axis")
         )
 
-    def _same_coordinates(self, part: Constraint | Force) -> bool:
+    def _same_coordinates(self, part: Constraint | Contact | Force | Site) -> bool:
         """Whether the degrees of freedom that a part acts on have the same values reflected."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
@@ -226,17 +212,6 @@ class _Copy:
             if isinstance(part, Gear):
                 used.append((part.other, part.other_coordinate))
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
-
-    def _wrench(self, force: Wrench) -> dict[str, Any] | None:
-        """In the body's axes, or in world axes where the parent's are these at q = 0."""
-        assert self.mirror is not None
-        if force.frame == "world" and not self._upright():
-            return None
-        change = {
-            "torque": self.mirror.value(force.torque, self.mirror.axial),
-            "force": self.mirror.value(force.force, self.mirror.point),
-        }
-        return change | ({"point": self.mirror.point(force.point)} if force.point else {})
 
     def _upright(self) -> bool:
         """Whether the parent's axes are world axes at q = 0."""
@@ -307,6 +282,34 @@ class Mirror:
         ones = (1.0,) * body.dof
         return self.coordinates("v", ones, body.sequence)[coordinate] == 1.0
 
+    def fields(self, part: Frozen) -> dict[str, Any]:
+        """The fields that the reflection changes, by their roles."""
+        of_role = {
+            "point": self.point, "direction": self.point, "vector": self.point,
+            "axial": self.axial, "frame": self.quaternion, "tensor": self.tensor,
+            "screw": self.screw,
+        }  # fmt: skip
+        found: dict[str, Any] = {}
+        for name, info in type(part).model_fields.items():
+            role, value = facts(info).role, getattr(part, name)
+            if role in of_role and value is not None:
+                found[name] = self.value(value, of_role[role])
+        return found
+
+    def tensor(self, rows: Sequence[Sequence[float]]) -> Any:
+        """(3, 3) numbers."""
+        return tuple(
+            tuple(a * b * x + 0.0 for b, x in zip(self.sign, row))
+            for a, row in zip(self.sign, rows)
+        )
+
+    def screw(self, rows: Sequence[Any]) -> Any:
+        """(6, 6) numbers between displacements and turns."""
+        signs = (*self.sign, *(-x for x in self.sign))
+        return tuple(
+            tuple(a * b * x + 0.0 for b, x in zip(signs, row)) for a, row in zip(signs, rows)
+        )
+
     def body(self, body: Body) -> Body:
         """The reflected row, its parent and name as they were."""
         motions = tuple(
@@ -314,18 +317,10 @@ class Mirror:
             if m.kind in ("rotate", "translate") else (m.kind, m.axis)
             for m in body.sequence
         )  # fmt: skip
-        inertia = tuple(
-            tuple(a * b * x + 0.0 for b, x in zip(self.sign, row))
-            for a, row in zip(self.sign, body.inertia)
-        )
         return body.unchecked_copy({
+            **self.fields(body),
             "motions": motions,
             "axes": tuple(axis for kind, axis in motions if kind in ("rotate", "translate")),
-            "link": self.point(body.link),
-            "rotation": self.quaternion(body.rotation),
-            "com": self.point(body.com),
-            "inertia": inertia,
-            "tip": body.tip and self.point(body.tip),
             "q": self.coordinates("q", body.q, body.sequence),
             "v": self.coordinates("v", body.v, body.sequence),
             "shapes": tuple(map(self.shape, body.shapes)),
@@ -334,14 +329,16 @@ class Mirror:
     def shape(self, shape: Shape) -> Shape:
         """At the reflected place; its solid is symmetric about its own planes, but for a mesh
         and for one that tapers along z."""
-        w, x, y, z = self.quaternion(shape.rotation)
+        moved = self.fields(shape)
         if shape.end_radius is not None and self.sign[2] < 0:
-            w, x, y, z = -x, w, z, -y  # half a turn about its own x
-        moved = {"position": self.point(shape.position), "rotation": (w, x, y, z)}
+            w, x, y, z = moved["rotation"]
+            moved["rotation"] = (-x, w, z, -y)  # half a turn about its own x
         return shape.unchecked_copy(moved)
 
-    def value(self, x: Any, reflect: Callable[[Sequence[float]], Vec3]) -> Any:
-        """A vector, or a table of vectors over time."""
+    def value(self, x: Any, reflect: Callable[[Any], Any]) -> Any:
+        """What `reflect` takes, a table of it over time, or several."""
         if isinstance(x, VectorTable):
             return x.unchecked_copy({"value": tuple(map(reflect, x.value))})
-        return x if isinstance(x, (int, float, Table)) or x is None else reflect(x)
+        if reflect in (self.point, self.axial) and (not x or isinstance(x[0], tuple)):
+            return tuple(map(reflect, x))
+        return reflect(x)

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import shown
+from ..fields import EVERY, GROUND, Vec3
+from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import beyond
 from ..tolerances import NAMED, SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
-from .fields import EVERY, GROUND, Vec3
-from .force import Drag, OnJoint, Servo, SpeedServo, Spring, Torsion, ends_of
 from .parameters import names_in
 from .world import DOWN
 
@@ -173,21 +173,13 @@ def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
 def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
     """Forces that are zero in every motion."""
     for f in model.forces:
-        where, gains = f"force '{f.name}'", ""
-        if isinstance(f, (Spring, Torsion)) and not (f.stiffness or f.damping or any(ends_of(f))):
-            gains = "stiffness and damping are 0"
-        elif isinstance(f, Drag) and not (f.density or f.viscosity):
-            gains = "density and viscosity are 0"
-        elif isinstance(f, Servo) and not (f.kp or f.kd or f.torque):
-            gains = "kp and kd are 0"
-        elif isinstance(f, SpeedServo) and not (f.kd or f.torque):
-            gains = "kd is 0"
+        where = f"force '{f.name}'"
         if isinstance(f, Servo) and isinstance(f.target, float) and in_degrees(f.target):
             motions = by_name[f.body].sequence
             if len(motions) == 1 and motions[0].kind == "rotate" and f.gear == 1.0:
                 yield f"{where}: {several_turns(f.target, 'target')}"
-        if gains:
-            yield f"{where}: it does nothing, since its {gains}"
+        if f.idle:
+            yield f"{where}: it does nothing, since {f.idle}"
         elif isinstance(f, OnJoint) and f.coefficients and f.body not in f.coefficients:
             yield (
                 f"{where}: it acts on the sum over {', '.join(f.coefficients)}, and its body "

@@ -7,13 +7,13 @@ from typing import Any, TypeVar
 
 from .. import joints, words
 from ..errors import ModelError, Problem, nearest
+from ..fields import Described, OfKinds, OfSums, fields_of, listed
+from ..forces import Force, OnJoint, Tendon
 from ..rotation import multiply, rotate
 from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
 from .contact import Contact
-from .fields import Described, OfKinds, OfSums, fields_of, listed
-from .force import Force, OnJoint, Tendon
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 

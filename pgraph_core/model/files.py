@@ -8,7 +8,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, ModelError, Problem, shown
+from ..fields import GROUND, Frozen, OfKinds, facts
+from ..forces import Force
 from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
 from ..mesh_files import parsed_mesh
 from .body import Body
-from .fields import GROUND
+from .constraint import Constraint
+from .contact import Contact
 from .parameters import Formula, inlined
 from .shape import Shape
 from .world import Ground
@@ -71,40 +74,26 @@ def formats() -> Any:
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     """JSON text of a model's fields, without what a body has anyway (its kind's motions, zeros)."""
-    version = 2 if fields["parameters"] else 1  # the oldest that can read it
-    data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": version, **fields}
+    data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": 1, **fields}
     _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
-    if any(body.keys() & NEW_IN_2 for body in data["bodies"]):
-        data["schema_version"] = 2
-    constraints = [{"other": GROUND, **c} for c in data["constraints"]]  # also where it has none
-    data["constraints"] = [_in_order(c, ORDER) for c in constraints]
-    for holder in (data, *data["scenarios"]):
-        forces = [_in_order(force, ORDER_OF_FORCES) for force in holder["forces"]]
-        plain = {"gear": 1.0, "coefficients": {}, "lag": 0.0, "integrates": False}
-        holder["forces"] = [{k: x for k, x in f.items() if plain.get(k) != x} for f in forces]
-        if any(f.keys() & NEW_IN_3 or f["kind"] in KINDS_OF_3 for f in holder["forces"]):
-            data["schema_version"] = 3
-    if any(c["kind"] == "coupling" for c in data["constraints"]):
-        data["schema_version"] = 3
+    for i, c in enumerate(data["constraints"]):  # older versions ask for `other` of every kind
+        first = {key: c[key] for key in ("name", "kind", "body")}
+        data["constraints"][i] = {**first, "other": GROUND, **c}
+    for holder, name, kinds in _of_kinds(data):
+        holder[name] = [_without_new(kinds.class_for(x), x) for x in holder[name]]
+    data["contacts"] = [_without_new(Contact, x) for x in data["contacts"]]
+    data["ground"] = _without_new(Ground, data["ground"])
     for scenario in data["scenarios"]:
         if not scenario["switches"]:
             del scenario["switches"]
-    for name in ("rolling_friction", "spinning_friction"):
-        if data["ground"][name] == 0:
-            del data["ground"][name]
-    if any(part.keys() & FRICTIONS for part in (data["ground"], *data["contacts"])):
-        data["schema_version"] = max(data["schema_version"], 2)
-    plain = Ground().model_dump(mode="json", exclude_none=True, exclude=FRICTIONS)
-    if data["ground"] == plain:
-        del data["ground"]
-    if data["sites"] or data["outputs"]:
-        data["schema_version"] = 3
-    if any("step" not in scenario for scenario in data["scenarios"]):
-        data["schema_version"] = 4
     data["outputs"] = [
         {k: x for k, x in o.items() if (k, x) != ("coordinate", 0)} for o in data["outputs"]
     ]
+    data["schema_version"] = max(_versions(data))
+    plain = Ground().model_dump(mode="json", exclude_none=True)
+    if data["ground"] == _without_new(Ground, plain):
+        del data["ground"]
     for key in ("contacts", "parameters", "sites", "outputs"):
         if not data[key]:
             del data[key]
@@ -116,6 +105,32 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         else:
             lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[OfKinds]]]:
+    """(object, key in it, class) of each list of parts that have kinds."""
+    yield data, "constraints", Constraint
+    for holder in (data, *data["scenarios"]):
+        yield holder, "forces", Force
+
+
+def _without_new(kind: type[Frozen], data: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a part, without those that schema 1 lacks where they hold their defaults."""
+    new = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
+    return {k: x for k, x in data.items() if k not in new or x != new[k]}
+
+
+def _versions(data: dict[str, Any]) -> Iterator[int]:
+    """The oldest schema that has what is there, one of each part."""
+    yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
+    yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
+    parts = [(Ground, data["ground"])]
+    parts += [(Body, x) for x in data["bodies"]] + [(Contact, x) for x in data["contacts"]]
+    for holder, name, kinds in _of_kinds(data):
+        parts += [(kinds.class_for(x), x) for x in holder[name]]
+    for kind, part in parts:
+        yield getattr(kind, "SINCE", 1)
+        yield from (facts(info).since for key, info in kind.model_fields.items() if key in part)
 
 
 def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
@@ -157,26 +172,6 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
 
 
 USUAL = {"role": "both", "opacity": 1.0}  # of shapes, which files leave out
-NEW_IN_2 = {
-    "shapes",
-    "density",
-    "derived",
-    "any_inertia",
-}  # fields of a body that schema 1 does not have
-NEW_IN_3 = {
-    "coefficients",
-    "gear",
-    "torque_low",
-    "input_low",
-    "input_high",
-    "lag",
-    "start",
-    "integrates",
-    "low",
-    "high",
-}  # of a force
-KINDS_OF_3 = {"speed_servo", "actuator", "tendon", "drag"}
-FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
@@ -189,25 +184,6 @@ def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
         and not isinstance(shape["scale"], list)
         for shape in shapes
     )
-
-
-# the order in which files have the fields of forces and constraints
-ORDER = (
-    "name", "kind", "body", "other", "point", "other_point", "axis", "other_axis", "length",
-    "ratio", "offset", "coordinate", "other_coordinate", "q_of_t", "radius", "coefficients",
-    "value", "active",
-)  # fmt: skip
-ORDER_OF_FORCES = (
-    "name", "kind", "body", "other", "coordinate", "torque", "force", "frame", "point",
-    "other_point", "axis", "stiffness", "damping", "rest", "kp", "kd", "target", "torque_limit",
-    "coefficients", "gear", "torque_low", "input", "speed", "gain", "input_low", "input_high",
-    "lag", "integrates", "start", "state_low", "state_high", "friction", "low", "high", "size",
-    "density", "viscosity", "rotation",
-)  # fmt: skip
-
-
-def _in_order(part: dict[str, Any], order: tuple[str, ...]) -> dict[str, Any]:
-    return {key: part[key] for key in order if key in part}
 
 
 def parse(text: str, source: str) -> dict[str, Any]:

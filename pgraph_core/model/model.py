@@ -21,6 +21,8 @@ from ..errors import (
     nearest_first,
     shown,
 )
+from ..fields import GROUND, Vec3, field, fields_of, listed, whole
+from ..forces import Force, ends_of
 from . import files
 from .body import Body
 from .checks import PARTS, model_problems, problems
@@ -42,9 +44,7 @@ from .editing import (
     renamed_in_scenarios,
     without,
 )
-from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .files import gathered, located
-from .force import Force, ends_of
 from .output import Output, Site
 from .parameters import (
     Formula,
@@ -57,7 +57,7 @@ from .parameters import (
 )
 from .poses import home_poses, poses
 from .scenario import Scenario
-from .sentences import in_our_words
+from ..sentences import in_our_words
 from .world import DOWN, World
 
 # fields of a body that nothing else in a model depends on, but for the tree

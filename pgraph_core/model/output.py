@@ -6,7 +6,8 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import GROUND, Described, Quat, Text, Vec3, Whole, field, quaternion, refuse, vector
+from ..fields import GROUND, Described, Quat, Text, Vec3, Whole, field, quaternion, refuse, vector
+from ..units import M
 
 
 class Site(Described):
@@ -20,12 +21,12 @@ class Site(Described):
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
         "three finite numbers in the axes of `body` [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), dim=M, role="point",
         help="its origin in the axes of the body",
     )  # fmt: skip
     rotation: Quat = field(
         "a quaternion [w, x, y, z] that is not zero, of its axes in those of `body`",
-        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0),
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from ..errors import ModelError, Problem, choices, shown
-from .fields import Frozen, Text, fields_of
+from ..fields import Frozen, Text, fields_of
 
 PartKind = Literal["bodies", "constraints", "contacts", "forces"]
 KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")

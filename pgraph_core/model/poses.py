@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from .. import joints
+from ..fields import GROUND
 from ..rotation import Array, matrix, quaternion_of, rodrigues, unit_vector
 from .body import Body
-from .fields import GROUND
 
 
 @dataclass(frozen=True)

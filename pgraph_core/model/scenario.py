@@ -9,9 +9,7 @@ from pydantic import Field, model_validator
 
 from .. import joints
 from ..errors import Problem, choices, no_method, shown
-from .body import Body
-from .constraint import Constraint
-from .fields import (
+from ..fields import (
     EMPTY,
     ByName,
     Described,
@@ -26,7 +24,9 @@ from .fields import (
     names_or_none,
     refuse,
 )
-from .force import Force
+from ..forces import Force
+from .body import Body
+from .constraint import Constraint
 
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]

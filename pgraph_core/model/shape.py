@@ -12,9 +12,7 @@ import numpy.typing as npt
 from pydantic import BeforeValidator, model_validator
 
 from ..errors import ModelError, Problem, shown
-from ..mesh_files import load_mesh
-from ..rotation import matrix
-from .fields import (
+from ..fields import (
     Finite,
     Frozen,
     Number,
@@ -29,6 +27,9 @@ from .fields import (
     refuse,
     vector,
 )
+from ..mesh_files import load_mesh
+from ..rotation import matrix
+from ..units import NONE, M
 
 Array = np.ndarray
 
@@ -73,30 +74,30 @@ class Shape(Frozen):
     size: Vec3 | None = field(
         "the three edge lengths of a box [m]; of a heightfield along x and y, and how far its "
         "solid reaches below its lowest height",
-        converter=maybe_vector, default=None, label="Edges", unit="length",
+        converter=maybe_vector, default=None, label="Edges", dim=M,
     )  # fmt: skip
-    radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
+    radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, dim=M)
     radii: Vec3 | None = field(
         "the three half axes of an ellipsoid [m]",
-        converter=maybe_vector, default=None, label="Half axes", unit="length",
+        converter=maybe_vector, default=None, label="Half axes", dim=M,
     )  # fmt: skip
     heights: Heights | None = field(
         "rows of heights of a heightfield [m], finite numbers, all rows equally long: "
         "heights[i][j] is at place i along x and j along y",
-        converter=_heights_in, default=None, unit="length",
+        converter=_heights_in, default=None, dim=M,
     )  # fmt: skip
     length: Number | None = field(
         "a length > 0 along z [m], a capsule's without its caps",
-        default=None, gt=0, unit="length",
+        default=None, gt=0, dim=M,
     )  # fmt: skip
     end_radius: Number | None = field(
         "a radius > 0 [m] at the far end (+z) of a capsule or cylinder that is only drawn",
-        default=None, gt=0, unit="length", help="at the far end, where it tapers; empty: the same",
+        default=None, gt=0, dim=M, help="at the far end, where it tapers; empty: the same",
     )  # fmt: skip
     file: Text | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
         "a factor > 0 on the mesh, or three, one an axis, that are not zero",
-        converter=_scale_in, default=1.0,
+        converter=_scale_in, default=1.0, dim=NONE,
     )  # fmt: skip
     hull: Literal["convex", "parts"] | None = field(
         "'convex': a mesh touches by its convex hull, closed or not; 'parts': by several convex "
@@ -105,22 +106,26 @@ class Shape(Frozen):
     )  # fmt: skip
     position: Vec3 = field(
         "three finite numbers [x, y, z] [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), dim=M, role="point",
     )  # fmt: skip
     rotation: Quat = field(
         "a quaternion [w, x, y, z]",
-        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation", role="frame",
     )  # fmt: skip
 
     role: Literal["visual", "collision", "both"] = field(
-        "'visual': drawn, 'collision': touches, or 'both'", default="both", help="what it is for"
+        "'visual': drawn, 'collision': touches, or 'both'",
+        default="both",
+        since=2,
+        help="what it is for",
     )
     colour: Colour | None = field(
         "three numbers [red, green, blue] from 0 to 1, or '#rrggbb'",
-        converter=_colour_in, default=None, help="#rrggbb; empty: the colour of its branch",
+        converter=_colour_in, default=None, dim=NONE, since=2,
+        help="#rrggbb; empty: the colour of its branch",
     )  # fmt: skip
     opacity: Number = field(
-        "a number from 0 to 1", default=1.0, ge=0, le=1,
+        "a number from 0 to 1", default=1.0, dim=NONE, since=2, ge=0, le=1,
         help="1: nothing is seen through it; 0: not drawn",
     )  # fmt: skip
 

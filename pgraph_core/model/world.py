@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import shown
-from .fields import (
+from ..fields import (
     EMPTY,
     Described,
     Frozen,
@@ -23,6 +23,7 @@ from .fields import (
     maybe_vector,
     refuse,
 )
+from ..units import NONE, RAD, M, S
 from .parameters import name_problems
 
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
@@ -34,13 +35,13 @@ Pair = tuple[Number, Number]
 class Step(Frozen):
     """A rectangle that stands above the plane of the ground, or below it."""
 
-    low: Pair = Field(
-        description="the least coordinates of the rectangle along the two axes that are not up [m]"
+    low: Pair = field(
+        "the least coordinates of the rectangle along the two axes that are not up [m]", dim=M
     )
-    high: Pair = Field(
-        description="the greatest coordinates of it along the two axes that are not up [m]"
+    high: Pair = field(
+        "the greatest coordinates of it along the two axes that are not up [m]", dim=M
     )
-    height: Number = Field(description="a finite number: how far it lies above the plane [m]")
+    height: Number = field("a finite number: how far it lies above the plane [m]", dim=M)
 
     @model_validator(mode="before")
     @classmethod
@@ -65,35 +66,39 @@ class Ground(Frozen):
 
     slope: Number = field(
         "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
-        gt=-math.pi / 2, lt=math.pi / 2, unit="angle", help="by which the plane rises",
+        gt=-math.pi / 2, lt=math.pi / 2, dim=RAD, help="by which the plane rises",
     )  # fmt: skip
     uphill: Vec3 | None = field(
         "the direction [x, y, z] in which it rises; left out: the first axis not up",
-        converter=maybe_vector, default=None,
+        converter=maybe_vector, default=None, role="direction",
         help="direction in which it rises; empty: the first axis that is not up",
     )  # fmt: skip
     friction: Number = field(
-        "Coulomb's coefficient >= 0 of contacts that give none", default=0.5, ge=0,
+        "Coulomb's coefficient >= 0 of contacts that give none", default=0.5, dim=NONE, ge=0,
         help="Coulomb's coefficient of contacts that give none",
     )  # fmt: skip
     static_friction: Number | None = field(
         "a coefficient >= friction, of what does not slide; left out: friction",
-        default=None, ge=0, help="of what does not slide yet; empty: as friction",
+        default=None, dim=NONE, since=2, ge=0,
+        help="of what does not slide yet; empty: as friction",
     )  # fmt: skip
     rolling_friction: Number = field(
         "a length >= 0 [m]: torque against rolling over normal force", default=0.0, ge=0,
-        unit="length", help="torque against rolling over normal force",
+        dim=M, since=2, help="torque against rolling over normal force",
     )  # fmt: skip
     spinning_friction: Number = field(
         "a length >= 0 [m]: torque about the normal over normal force", default=0.0, ge=0,
-        unit="length", help="torque about the normal over normal force",
+        dim=M, since=2, help="torque about the normal over normal force",
     )  # fmt: skip
     restitution: Number = field(
-        "a number from 0 to 1, of contacts that give none", default=0.0, ge=0, le=1,
+        "a number from 0 to 1, of contacts that give none", default=0.0, dim=NONE, ge=0, le=1,
         help="0 to 1, of contacts that give none",
     )  # fmt: skip
     steps: tuple[Step, ...] = field(
-        "a list of {'low': [a, b], 'high': [a, b], 'height': h}", converter=_steps_in, default=()
+        "a list of {'low': [a, b], 'high': [a, b], 'height': h}",
+        converter=_steps_in,
+        default=(),
+        role="parts",
     )
 
     @property
@@ -138,7 +143,11 @@ class World(Described):
     name: Text = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
     gravity: Vec3 = field(
-        "three finite numbers [x, y, z] [m/s^2]", converter=_gravity_in, default=DOWN["z"]
+        "three finite numbers [x, y, z] [m/s^2]",
+        converter=_gravity_in,
+        default=DOWN["z"],
+        dim=M / S**2,
+        role="vector",
     )
     ground: Ground = field(
         "the ground: {'slope': ..., 'steps': ...}", converter=_ground_in, default=Ground()

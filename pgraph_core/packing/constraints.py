@@ -14,6 +14,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import ModelError, Problem
+from ..fields import OfKinds
 from ..model import (
     Constraint,
     Coupling,
@@ -38,7 +39,6 @@ from ..model import (
     Weld,
 )
 from ..model.constraint import AlongAxes, AtPoints
-from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
 from ..tolerances import NOTABLE
 from ..topology import Topology

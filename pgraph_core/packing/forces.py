@@ -13,31 +13,56 @@ from typing import Any
 import numpy as np
 
 from .. import joints
-from ..engine import layout as at
-from ..engine.records import (
-    APPLIED_FORCE,
-    DRAG,
-    JOINT_FORCE,
-    SPRING,
-    TORSION,
-    WRENCH,
-    rows_of,
-    table,
-)
-from ..model import Body, Drag, Force, Model, Spring, Table, Tendon, Torsion, VectorTable, Wrench
-from ..model.fields import OfSums
-from ..model.force import OnBody, OnJoint
-from ..rotation import matrix, normals_of, unit, unit_vector
+from ..engine.records import JOINT_FORCE, rows_of, table
+from ..fields import GROUND, OfSums
+from ..forces import LOADS, Load, OnBody, OnJoint
+from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Loads, System, home_of, joint_coordinates, point_in_row
 
-NO_LOADS = Loads(table(APPLIED_FORCE, 0), np.zeros((0, 7)))
-ORIGIN = (0.0, 0.0, 0.0)
+
+def empty(kind: Load) -> tuple[Any, Array]:
+    """(table, knots) of a kind without any load."""
+    return table(kind.row, 0), np.zeros((0, kind.columns))
+
+
+NO_LOADS = Loads(*map(empty, LOADS))
 
 
 def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
     """Return the forces that act on bodies. The others act in joints."""
     return [f for f in forces if isinstance(f, OnBody)]
+
+
+def exerts(f: Force) -> bool:
+    """Whether a force may act in a run: one on bodies that is zero throughout does not."""
+    return not isinstance(f, OnBody) or f.exerts
+
+
+class Placed:
+    """Where the bodies of a packed model are; `Places` of `forces`."""
+
+    def __init__(self, model: Model, topology: Topology, packed: System, home: Sequence[Array]):
+        """`home`: the bodies' poses in the initial state."""
+        self.body, self.number, self.packed, self._home = model.body, topology.number, packed, home
+
+    def home(self, name: str) -> Array:
+        """Return the home orientation (3, 3) of a body."""
+        return home_of(self.packed, self.number(name))
+
+    def in_row(self, name: str, point: Any) -> Array:
+        """Return a point in a body's axes as one in the home axes of its row (3,) [m]."""
+        return point_in_row(self.packed, self.number(name), point)
+
+    def at_start(self, name: str, point: Any) -> Array:
+        """Return where a point of a body is in the initial state (3,) [m]."""
+        if name == GROUND:
+            return np.array(point)
+        return self._home[0][self.number(name) - 1] + self.turn_at_start(name) @ np.array(point)
+
+    def turn_at_start(self, name: str) -> Array:
+        """Return the orientation (3, 3) of a body in the initial state."""
+        return np.eye(3) if name == GROUND else self._home[1][self.number(name) - 1]
 
 
 def loads(
@@ -47,113 +72,23 @@ def loads(
     forces: tuple[Force, ...],
     home: tuple[Array, Array],
 ) -> Loads:
-    """The wrenches and springs in `forces`; `home`: the bodies' poses in the initial state."""
-    ours = on_bodies(forces)
-    found = table(APPLIED_FORCE, len(ours))
-    knots = [np.zeros((0, 7))]
+    """The loads in `forces`; `home`: the bodies' poses in the initial state."""
+    at = Placed(model, topology, packed, home)
+    return Loads(*(_loads(kind, [f for f in forces if type(f) is kind.part], at) for kind in LOADS))
+
+
+def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array]:
+    """(table, knots) of the loads of one kind."""
+    found, (_, none) = table(kind.row, len(ours)), empty(kind)
+    knots = [none]
     for one, f in zip(found, ours):
-        ends = tuple(topology.number(name) for name in f.pair)
-        one["kind"] = TYPES[type(f)]
-        one["row_a"], one["row_b"] = (int(packed.bodies_i[n, at.ROW]) for n in ends)
-        one["first_knot"] = sum(map(len, knots))
-        match f:
-            case Wrench():
-                knots.append(_set_wrench(one, f, packed, ends[0]))
-            case Spring():
-                _set_spring(one, f, model, packed, ends, home)
-            case Torsion():
-                _set_torsion(one, f, packed, ends)
-            case Drag():
-                _set_drag(one, f, model, packed, ends[0])
-    return Loads(found, np.concatenate(knots))
-
-
-TYPES: dict[type[OnBody], int] = {Wrench: WRENCH, Spring: SPRING, Torsion: TORSION, Drag: DRAG}
-SCALES: dict[type[OnBody], tuple[str, str]] = {  # where both are zero, a force exerts nothing
-    Wrench: ("torque", "force"), Spring: ("stiffness", "damping"),
-    Torsion: ("stiffness", "damping"), Drag: ("density", "viscosity"),
-}  # fmt: skip
-
-
-def exerts(f: Force) -> bool:
-    """Whether a force may act in a run: one on bodies that is zero throughout does not."""
-    if not isinstance(f, OnBody):
-        return True
-    values = (getattr(f, name) for name in SCALES[type(f)])
-    return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
-
-
-def _set_wrench(one: Any, f: Wrench, packed: System, a: int) -> Array:
-    """Its point; returns the knots (n, 7) of its torque and force over time."""
-    one["point_a"] = point_in_row(packed, a, f.point or ORIGIN)
-    own = _knots(f)
-    one["knots"] = len(own)
-    one["in_body"] = f.frame == "body"
-    return _in_row(own, packed, a) if f.frame == "body" else own
-
-
-def points_of_spring(f: Spring, model: Model) -> tuple[Sequence[float], Sequence[float]]:
-    """Its points in the axes of its two bodies [m]: by default a tip, and the other's origin."""
-    return f.point or model.body(f.body).tip_point, f.other_point or ORIGIN
-
-
-def _set_spring(
-    one: Any, f: Spring, model: Model, packed: System, ends: tuple[int, ...],
-    home: tuple[Array, Array],
-) -> None:  # fmt: skip
-    """Its points, stiffness, damping and length at rest."""
-    a, b = ends
-    point, other = points_of_spring(f, model)
-    one["point_a"], one["point_b"] = point_in_row(packed, a, point), point_in_row(packed, b, other)
-    one["stiffness"], one["damping"] = f.stiffness, f.damping
-    apart = _place(home, a, point) - _place(home, b, other)
-    one["rest"] = np.linalg.norm(apart) if f.rest is None else f.rest
-
-
-def _set_torsion(one: Any, f: Torsion, packed: System, ends: tuple[int, ...]) -> None:
-    """Its axis, stiffness, damping and angle at rest."""
-    axis = home_of(packed, ends[0]) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
-    one["axis"] = axis
-    # at q = 0 all rows have the world's axes
-    one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
-    one["stiffness"], one["damping"], one["rest"] = f.stiffness, f.damping, f.rest
-
-
-def _set_drag(one: Any, f: Drag, model: Model, packed: System, a: int) -> None:
-    """The box, and the fluid around it."""
-    point = model.body(f.body).com if f.point is None else f.point
-    one["point_a"] = point_in_row(packed, a, point)
-    one["axes"] = (home_of(packed, a) @ matrix(unit(f.rotation))).ravel()
-    one["box"], one["density"], one["viscosity"] = f.size, f.density, f.viscosity
-
-
-def _place(home: tuple[Array, Array], number: int, point: Any) -> Array:
-    """Where a point of a body is in the initial state [m]."""
-    if number == 0:
-        return np.array(point)
-    return home[0][number - 1] + home[1][number - 1] @ np.array(point)
-
-
-def _in_row(knots: Array, packed: System, number: int) -> Array:
-    """Torques and forces in body axes, taken to the home axes of the body's row."""
-    turn = home_of(packed, number)
-    return np.hstack((knots[:, :1], knots[:, 1:4] @ turn.T, knots[:, 4:] @ turn.T))
-
-
-def _knots(f: Wrench) -> Array:
-    """(n, 7) time, torque, force of a wrench, at the times of both tables together."""
-    parts = [f.torque, f.force]
-    times = {t for part in parts if isinstance(part, VectorTable) for t in part.t}
-    t = np.array(sorted(times) or [0.0])
-    return np.hstack((t[:, None], *(_over(t, part) for part in parts)))
-
-
-def _over(t: Array, value: Any) -> Array:
-    """(n, 3) a vector, or a table of vectors, at times t."""
-    if not isinstance(value, VectorTable):
-        return np.tile(np.array(value, dtype=float), (len(t), 1))
-    columns = np.array(value.value).T
-    return np.stack([np.interp(t, value.t, column) for column in columns], axis=1)
+        one["body_a"], one["body_b"] = (at.number(name) for name in f.pair)
+        one["row_a"], one["row_b"] = (at.packed.row_of(int(one[x])) for x in ("body_a", "body_b"))
+        own = kind.pack(f, one, at)
+        own = none if own is None else own
+        one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
+        knots.append(own)
+    return found, np.concatenate(knots)
 
 
 # -- drives --------------------------------------------------------------------------------
@@ -316,8 +251,9 @@ def _at_bounds(row: Any, knots: Array) -> Array:
 
 
 def bends_of_loads(loads: Loads) -> Array:
-    """Return the times at which a table of these loads bends [s]."""
-    return _times_of_tables(loads.knots[:, 0], loads.table["first_knot"], loads.table["knots"])
+    """Return the times at which a table of these wrenches bends [s]."""
+    table, knots = loads.wrench
+    return _times_of_tables(knots[:, 0], table["first_knot"], table["knots"])
 
 
 def _times_of_tables(t: Array, first: Any, count: Any) -> Array:

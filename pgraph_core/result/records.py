@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NameLookupError, Problem, choices, nearest_first, shown
+from ..fields import EVERY, GROUND
 from ..model import Model
 from ..model.contact import PAIRED
-from ..model.fields import EVERY, GROUND
 from ..packing import Array
 from ..portable import EqualByFields, keep_unchanged
 

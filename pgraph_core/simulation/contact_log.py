@@ -36,10 +36,10 @@ from ..engine.records import (
     rows_of,
     table,
 )
+from ..fields import EVERY, GROUND
+from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
-from ..model.fields import EVERY, GROUND
-from ..model.force import ends_of
 from ..packing import Array, Ints
 from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event

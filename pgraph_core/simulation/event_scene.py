@@ -20,9 +20,9 @@ from ..engine.contact import phases
 from ..engine.contact import points as point_kernels
 from ..engine.records import ACCEPTANCE, POINT, POINT_FRAME, SLIP, STANCE, table
 from ..errors import InputError, Problem
+from ..fields import GROUND
 from ..mechanism import Mechanism
 from ..model import Body, Contact, Model
-from ..model.fields import GROUND
 from ..packing import Array, Drives, Ints, Loads, System, point_in_row
 from ..packing.constraints import Blocks, block_arrays
 from ..rotation import matrix, normals_of

@@ -10,13 +10,13 @@ import numpy as np
 
 from .. import words
 from ..errors import InputError, Problem, choices, one_of, shown
+from ..fields import listed
+from ..forces import OnJoint
 from ..given import array_of
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
-from ..model.fields import listed
-from ..model.force import OnJoint
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 

@@ -27,11 +27,11 @@ from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
 from ..engine.tree.heights import lowest
 from ..errors import InputError, Problem, choices, nearest_first
+from ..fields import EVERY, GROUND, Frozen
 from ..given import array_of
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
-from ..model.fields import EVERY, GROUND, Frozen
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
 from ..tolerances import NOTABLE

@@ -19,10 +19,10 @@ from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
 from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
+from ..forces import OnJoint
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
-from ..model.force import OnJoint
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
 from ..portable import TRIED, Elsewhere, Portable, ReadOnly, put_back, sealed, unsealed

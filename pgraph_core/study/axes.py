@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, PgraphError, refusal
+from ..fields import GROUND
 from ..joints import SIZE
 from ..model import Body, Force, Model, Spring, Torsion
-from ..model.fields import GROUND
 from ..topology import Topology
 from .rescaling import changed, rescaled
 

@@ -21,9 +21,9 @@ from .. import words
 from ..batches.paths import Path, counting, distinct, with_numbers
 from ..dynamics.arguments import numbers_in, wrong_type
 from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
+from ..fields import whole
 from ..mechanism import Mechanism
 from ..model import Model
-from ..model.fields import whole
 from ..model.files import write_atomic
 from ..portable import Hinting, installed
 from ..simulation import simulate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.model.fields import fields_of
+from pgraph_core.fields import fields_of
 from pgraph_core.rotation import matrix, multiply
 from tests import fifty_digits
 from tests.random_models import State, random_body, random_quaternion, random_state

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.model.force import ends_of
+from pgraph_core.forces import ends_of
 
 pytestmark = pytest.mark.quick
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import io
 import os
@@ -15,6 +16,7 @@ from .jit import ENGINE
 
 IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 HERE = Path(__file__).parent
+FORCES, LIMITS = ENGINE.parent / "forces", ENGINE.parent / "tolerances.py"
 # how machine code is kept, found and called: no kernel is compiled from it
 KEEPING = {
     HERE / f"{name}.py"
@@ -34,14 +36,20 @@ LOWERING = frozenset(HERE.glob("lowering/*.py"))  # what numba is told of every 
 
 @cache
 def imported(module: Path) -> tuple[Path, ...]:
-    """The files that a module imports by `from .x import y`, the only form in the engine."""
+    """The files that a module imports by `from .x import y`, the only form in the engine.
+
+    Of a module of forces these are files of the engine and of forces: no kernel is compiled from
+    what a description imports.
+    """
     found: list[Path] = []
     for dots, dotted, names in IMPORT.findall(module.read_text(encoding="utf-8")):
         package = module.parents[len(dots) - 1].joinpath(*filter(None, dotted.split(".")))
         inside = [package / f"{name}.py" for name in re.findall(r"\w+", names)]
         candidates = (package.with_suffix(".py"), package / "__init__.py", *inside)
         found += [path for path in candidates if path.is_file() and path not in KEEPING]
-    return tuple(found)
+    if ENGINE in module.parents:
+        return tuple(found)
+    return tuple(path for path in found if {ENGINE, FORCES} & {*path.parents} or path == LIMITS)
 
 
 @cache
@@ -83,9 +91,23 @@ def code_hash(path: Path) -> str:
     """Hash of a file's code, without comments and docstrings."""
     digest = digest_of(path)
     if digest not in CODE_OF:
-        text = code_of(path.read_text(encoding="utf-8"))
+        text = code_of(text_of(path))
         CODE_OF[digest] = hashlib.sha256(text.encode()).hexdigest()[:16]
     return CODE_OF[digest]
+
+
+def text_of(path: Path) -> str:
+    """A source; of forces what kernels are made of, without what describes and packs."""
+    text = path.read_text(encoding="utf-8")
+    if path.parent != FORCES:
+        return text
+    lines = text.splitlines(keepends=True)
+    for one in ast.parse(text).body:
+        kernel = isinstance(one, ast.FunctionDef) and one.decorator_list
+        if isinstance(one, (ast.ClassDef, ast.FunctionDef)) and not kernel:
+            for k in range(one.lineno - 1, one.end_lineno or 0):
+                lines[k] = ""
+    return "".join(lines)
 
 
 def code_of(source: str) -> str:

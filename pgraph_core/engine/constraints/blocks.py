@@ -32,7 +32,7 @@ from ..layout import (
     T_TURN,
     T_VELOCITY,
 )
-from ..rows import acceleration_of, origin_of, parent_of, rotation_of, spin_of
+from ..rows import acceleration_of, origin_of, parent_of, point_velocity, rotation_of, spin_of
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
 
@@ -342,12 +342,6 @@ def residual(blocks, work, space, t, q, out):
         elif kind == T_COORD or kind == T_LIMIT:
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 1, q)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, 0)
-
-
-@part
-def point_velocity(work, linear, k, p):
-    """Velocity of the material point of row k that is at p."""
-    return add_cross(load(linear, k, 0), spin_of(work, k), sub(p, origin_of(work, k)))
 
 
 @part

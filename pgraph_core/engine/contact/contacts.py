@@ -8,7 +8,7 @@ from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, f8, i8, plain, void
 from ..constraints.blocks import point_velocity, velocities
-from ..forces import apply
+from ..loads import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import ACCEPTANCE, CREEP, PENALTY, RIGID, SLIP, SOFT, STANCE, SWING
 from ..rows import offset_of, origin_of, rotation_of

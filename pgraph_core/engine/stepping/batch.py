@@ -7,12 +7,13 @@ for instances that share their parameters, or (blocks, n + 1, columns, W).
 import math
 
 from .. import layout as at
-from ..arrays import DRIVES, LOADS, Loads, opened_run
+from ..arrays import DRIVES, LOADS, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, I2, f8, group, i8, none, plain, void
 from ..compiler.lane import constants, lanes
-from ..forces import drive, torque_of_loads
+from ..forces import drive
+from ..loads import torque_of_loads
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard
 from ..tree.moving import normalise_all
@@ -57,7 +58,7 @@ def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none
             outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
             linear = w[:, at.VELOCITY : at.VELOCITY + 3]
             moving(rows, c, w, lanes(v[i]), linear)
-            torque_of_loads(rows, c, Loads(loads[0], loads[1]), w, linear, s)
+            torque_of_loads(rows, c, loads, w, linear, s)
             for j in range(out.shape[0]):
                 out[j] -= s[j]
 

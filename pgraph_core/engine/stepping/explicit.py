@@ -7,10 +7,11 @@ address of a run, or `trees` are trees in lanes; the other one is None.
 import math
 
 from .. import layout as at
-from ..arrays import Loads, opened_run
+from ..arrays import opened_run
 from ..compiler.jit import kernel, sweep
 from ..constraints.blocks import velocities
-from ..forces import apply_loads, drive
+from ..forces import drive
+from ..loads import apply_loads
 from ..motion import opened
 from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.articulated import articulated, inboard, joint_acceleration
@@ -39,7 +40,7 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
     outboard(rows, const, work, q, v)
     linear = work[:, at.VELOCITY : at.VELOCITY + 3]
     moving(rows, const, work, v, linear)
-    more, lost = apply_loads(Loads(loads[0], loads[1]), work, linear, t)
+    more, lost = apply_loads(loads, work, linear, t)
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     return put_in + more, dissipated + lost

@@ -10,8 +10,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from .. import words
-from ..errors import Problem, nearest, shown
+from . import words
+from .errors import Problem, nearest, shown
 
 GROUND = "ground"
 PAIR = ("body", "other")  # the fields of a part that name bodies

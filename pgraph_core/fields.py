@@ -17,6 +17,7 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
+    Literal,
     NamedTuple,
     NoReturn,
     Self,
@@ -41,8 +42,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
-from .. import words
-from ..errors import (
+from . import words
+from .errors import (
     ModelError,
     Problem,
     explained,
@@ -51,8 +52,9 @@ from ..errors import (
     nearest_first,
     shown,
 )
-from ..portable import Hinting
+from .portable import Hinting
 from .sentences import GROUND, PAIR, all_problems, in_our_words
+from .units import NONE, UNITS, Dim, M, S
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
@@ -70,17 +72,41 @@ class About(NamedTuple):
     help: str = ""
 
 
+Role = Literal[
+    "", "point", "direction", "vector", "axial", "frame", "tensor", "screw", "joint", "parts"
+]
+
+
+class Facts(NamedTuple):
+    """What a field is.
+
+    The role says how a reflection changes it. A `point`, `direction` or `vector` is reflected, an
+    `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3 by 3 numbers, a
+    `screw` 6 by 6. A `joint` goes by the motions of a joint. `parts` have fields of their own.
+    Everything else stays. A file that gives the field a value
+    other than its default needs the schema version `since`.
+    """
+
+    dim: Dim | None  # None: not a number
+    over: Dim  # of the first column of a table
+    role: Role
+    since: int
+    help: str
+
+
 @overload
 def field(
     description: str, *, converter: Callable[[Given], Held], default: Any = ...,
-    label: str = ..., unit: str = ..., help: str = ..., gt: float = ..., ge: float = ...,
-    lt: float = ..., le: float = ...,
+    label: str = ..., dim: Dim = ..., over: Dim = ..., role: Role = ..., since: int = ...,
+    help: str = ...,
+    gt: float = ..., ge: float = ..., lt: float = ..., le: float = ...,
 ) -> Held: ...  # fmt: skip
 @overload
 def field(
     description: str, *, default: Any = ...,
-    label: str = ..., unit: str = ..., help: str = ..., gt: float = ..., ge: float = ...,
-    lt: float = ..., le: float = ...,
+    label: str = ..., dim: Dim = ..., over: Dim = ..., role: Role = ..., since: int = ...,
+    help: str = ...,
+    gt: float = ..., ge: float = ..., lt: float = ..., le: float = ...,
 ) -> Any: ...  # fmt: skip
 def field(
     description: str,
@@ -88,25 +114,29 @@ def field(
     converter: Callable[[Any], Any] | None = None,
     default: Any = PydanticUndefined,
     label: str = "",
-    unit: str = "",
+    dim: Dim | None = None,
+    over: Dim = S,
+    role: Role = "",
+    since: int = 1,
     help: str = "",
     **bounds: Any,
 ) -> Any:
     """A field of a part. `converter` is for type checkers: what may be given, and what is held."""
-    return Field(
-        default,
-        description=description,
-        title=label or None,
-        json_schema_extra={"unit": unit, "help": help},
-        **bounds,
-    )
+    found = Field(default, description=description, title=label or None, **bounds)
+    found.metadata.append(Facts(dim, over, role, since, help))
+    return found
+
+
+def facts(info: FieldInfo) -> Facts:
+    """Return what a field is; of one that `field` did not declare, nothing."""
+    return next((x for x in info.metadata if isinstance(x, Facts)), Facts(None, S, "", 1, ""))
 
 
 def about(info: FieldInfo, name: str) -> About:
     """What a form shows of a field that `field` declared."""
-    extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
+    own = facts(info)
     label = info.title or name.replace("_", " ").capitalize()
-    return About(label, str(extra.get("unit", "")), str(extra.get("help", "")))
+    return About(label, UNITS.get(own.dim or NONE, ""), own.help)
 
 
 PLAIN = frozenset((float, int, str))  # most of what a description holds
@@ -494,6 +524,10 @@ class Described(Frozen):
                     where += f" pg.{kind.__name__}(...)"
                 raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
 
+    def dim_of(self, name: str) -> Dim:
+        """The dimension of a field's numbers."""
+        return facts(type(self).model_fields[name]).dim or NONE
+
     @classmethod
     def word(cls) -> str:
         """Return the word for a part of this class in sentences."""
@@ -515,6 +549,8 @@ class OfKinds(Described):
     # field -> its value in files where it has no meaning: older ones give it to every kind
     NOTHING: ClassVar[Mapping[str, Any]] = {}
     ABOUT: ClassVar[str] = ""  # of a kind: one line for who chooses
+    SINCE: ClassVar[int] = 1  # of a kind: the version of the first schema that has it
+    NEW: ClassVar[Mapping[str, Any]] = {}  # of a kind: what a form gives to a new one
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -642,7 +678,7 @@ class AtPoint(Described):
 
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; left out: its tip",
-        converter=maybe_vector, default=None, unit="length",
+        converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the body; empty: its tip",
     )  # fmt: skip
 
@@ -683,7 +719,7 @@ class OnSum(OfSums):
     body: Text = field("the name of a body", default="", label="Body")
     coefficients: ByName = field(
         "body name -> numbers, one a degree of freedom of its joint",
-        converter=by_name, label="Coefficient", help="one a degree of freedom",
+        converter=by_name, label="Coefficient", dim=NONE, help="one a degree of freedom",
     )  # fmt: skip
 
     @model_validator(mode="after")

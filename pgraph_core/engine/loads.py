@@ -1,0 +1,172 @@
+"""Loads on bodies and between two: loops over the kinds of `forces`, made when they are compiled.
+
+Each kind has a table of its own, so that nothing asks for the kind of a row while a kernel runs.
+"""
+
+from ..forces import LOADS
+from .compiler.jit import part, sweep
+from .rows import (
+    add_bias,
+    bias_of,
+    carrier_of,
+    link_of,
+    offset_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    set_bias,
+)
+from .tree.kinematics import joint_force
+from .vec import accumulate, add, add_cross, mul, scale, sub
+
+
+@part
+def apply(work, k, p, torque, force):
+    """A wrench at p on row k, off the bias force P; the ground takes any."""
+    if k > 0:
+        arm = sub(p, origin_of(work, k))
+        add_bias(work, k, scale(-1.0, add_cross(torque, arm, force)), scale(-1.0, force))
+
+
+def _applying(kind):
+    law = kind.law
+
+    @sweep
+    def all_of(own, work, linear, t):
+        """Apply the loads of one kind; powers in and dissipated [W]."""
+        table, knots = own
+        put_in = 0.0
+        dissipated = 0.0
+        for i in range(table.shape[0]):
+            p, torque, force, end, more, lost = law(table[i], knots, work, linear, t)
+            apply(work, table[i].row_a, p, torque, force)
+            apply(work, table[i].row_b, end, scale(-1.0, torque), scale(-1.0, force))
+            put_in += more
+            dissipated += lost
+        return put_in, dissipated
+
+    return all_of
+
+
+def _collecting(kind):
+    law = kind.law
+
+    @sweep
+    def all_of(own, bodies_i, bodies_f, work, linear, t, external):
+        """Add the loads of one kind to `external` (nb, 6)."""
+        table, knots = own
+        for i in range(table.shape[0]):
+            p, torque, force, end, _, _ = law(table[i], knots, work, linear, t)
+            collect(table[i].body_a, bodies_i, bodies_f, work, p, 1.0, torque, force, external)
+            collect(table[i].body_b, bodies_i, bodies_f, work, end, -1.0, torque, force, external)
+
+    return all_of
+
+
+@part
+def collect(b, bodies_i, bodies_f, work, p, sign, torque, force, external):
+    """Add a wrench at p, times a sign, to that of body b at its origin."""
+    if b > 0:
+        k = carrier_of(bodies_i, b)
+        origin = add(origin_of(work, k), mul(rotation_of(work, k), offset_of(bodies_f, b)))
+        moment = add_cross(torque, sub(p, origin), force)
+        accumulate(external, b - 1, 0, scale(sign, moment))
+        accumulate(external, b - 1, 3, scale(sign, force))
+
+
+def _storing(kind):
+    energy = kind.energy
+
+    @sweep
+    def all_of(own, work):
+        """Energy of the loads of one kind [J]."""
+        table, knots = own
+        total = 0.0
+        for i in range(table.shape[0]):
+            total += energy(table[i], knots, work)
+        return total
+
+    return all_of
+
+
+# Each chain is a function that calls another one for the kinds that are left.
+
+
+def _counts(n):
+    if n == len(LOADS):
+        return part(lambda loads: 0)
+    rest = _counts(n + 1)
+
+    @part
+    def count(loads):
+        return loads[n][0].shape[0] + rest(loads)
+
+    return count
+
+
+def _applies(n):
+    if n == len(LOADS):
+        return part(lambda loads, work, linear, t: (0.0, 0.0))
+    first, rest = _applying(LOADS[n]), _applies(n + 1)
+
+    @part
+    def chain(loads, work, linear, t):
+        put_in, dissipated = first(loads[n], work, linear, t)
+        more, lost = rest(loads, work, linear, t)
+        return put_in + more, dissipated + lost
+
+    return chain
+
+
+def _collects(n):
+    if n == len(LOADS):
+        return part(lambda loads, bodies_i, bodies_f, work, linear, t, external: None)
+    first, rest = _collecting(LOADS[n]), _collects(n + 1)
+
+    @part
+    def chain(loads, bodies_i, bodies_f, work, linear, t, external):
+        first(loads[n], bodies_i, bodies_f, work, linear, t, external)
+        rest(loads, bodies_i, bodies_f, work, linear, t, external)
+
+    return chain
+
+
+def _stores(n):
+    if n == len(LOADS):
+        return part(lambda loads, work: 0.0)
+    rest = _stores(n + 1)
+    if LOADS[n].energy is None:
+        return rest
+    first = _storing(LOADS[n])
+
+    @part
+    def chain(loads, work):
+        return first(loads[n], work) + rest(loads, work)
+
+    return chain
+
+
+# number of loads of all kinds
+count_of_loads = _counts(0)
+# all loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]
+apply_loads = _applies(0)
+# all loads added to `external` (nb, 6), after `positions` and `velocities`
+collect_loads = _collects(0)
+# energy of the springs between bodies [J], after `positions`
+elastic_loads = _stores(0)
+
+
+@sweep
+def torque_of_loads(rows, const, loads, work, linear, tau):
+    """τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and `velocities`.
+
+    P is used up.
+    """
+    for k in range(rows.shape[0]):
+        set_bias(work, k, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    apply_loads(loads, work, linear, 0.0)
+    for k in range(rows.shape[0] - 1, 0, -1):
+        moment, force = bias_of(work, k)
+        joint_force(rows, const, work, k, scale(-1.0, force), scale(-1.0, moment), tau)
+        p = parent_of(rows, k)
+        add_bias(work, p, add_cross(moment, link_of(work, k), force), force)

@@ -1,0 +1,30 @@
+"""Forces besides gravity: a file a kind, with all that the kind is.
+
+A file holds the description (its fields, what they are, what is refused), how it is packed for the
+kernels, its law and its energy. A new kind on bodies is a file with a `LOAD`, and its lines here.
+Signs and angles are in docs/description.md.
+"""
+
+# isort: off
+# in the order in which kinds are listed; the first one stands for no known kind
+from .base import Between as Between
+from .base import Force as Force
+from .base import Load as Load
+from .base import OnBody as OnBody
+from .base import Places as Places
+from .base import ends_of as ends_of
+from .joint import Actuator as Actuator
+from .joint import Motor as Motor
+from .joint import OnJoint as OnJoint
+from .joint import Servo as Servo
+from .joint import SpeedServo as SpeedServo
+from .tendon import Tendon as Tendon
+from .wrench import Wrench as Wrench
+from .spring import BetweenPoints as BetweenPoints
+from .spring import Spring as Spring
+from .torsion import Torsion as Torsion
+from .drag import Drag as Drag
+from . import drag, spring, torsion, wrench
+
+# kinds of force on bodies, in the order of their tables
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD)

@@ -1,0 +1,160 @@
+"""What all kinds of force share, and what a kind of load brings to the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ..curves import Table, VectorTable
+from ..engine.records import INTEGER, record
+from ..errors import shown
+from ..fields import GROUND, Number, OfKinds, Text, Vec3, WithOther, field, refuse
+
+KIND = "the name of a kind of force"
+Array = npt.NDArray[np.float64]
+
+
+def over_time(value: float | Table | Mapping[str, npt.ArrayLike]) -> Number | Table:
+    """A number or a table over time."""
+    return value  # type: ignore[return-value]
+
+
+def vector_over_time(value: npt.ArrayLike | VectorTable | Mapping[str, Any]) -> Vec3 | VectorTable:
+    """Three numbers, or a table of them over time."""
+    return value  # type: ignore[return-value]
+
+
+class Force(OfKinds):
+    """Acts on `body`.
+
+    Its kinds are the classes that `pgraph_core.forces` lists: one file each.
+    """
+
+    PASSIVE: ClassVar[bool] = False  # acts in every question, others in runs only
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
+    WORD: ClassVar[str] = "force"
+    NOTHING: ClassVar[Mapping[str, Any]] = {
+        "other": GROUND, "coordinate": 0, "torque": 0.0, "kp": 0.0, "kd": 0.0, "target": 0.0,
+        "gear": 1.0, "coefficients": {},
+    }  # fmt: skip
+
+    name: Text = field("text that is not empty", label="Name")
+    kind: Text = field(KIND, label="Kind")
+    body: Text = field("the name of a body", label="Body")
+
+    def __init__(self, /, **data: Any):
+        """A force of the given kind. Raises ModelError."""
+        super().__init__(**data)
+
+    @property
+    def idle(self) -> str:
+        """Why it does nothing in any motion; "" where it does something."""
+        return ""
+
+
+def ends_of(f: Force) -> tuple[float | None, float | None]:
+    """Least and greatest length that a force allows [m, rad]; None where it bounds none."""
+    return getattr(f, "low", None), getattr(f, "high", None)
+
+
+def refuse_crossed_ends(f: Force) -> None:
+    """Refuse a least length above the greatest."""
+    low, high = ends_of(f)
+    if low is not None and high is not None and low > high:
+        refuse([("low", f"must be at most high, {shown(high)}; given {shown(low)}")])
+
+
+class Places(Protocol):
+    """Where the bodies of a mechanism are, for packing."""
+
+    def home(self, name: str) -> Array:
+        """Return the home orientation (3, 3) of a body."""
+        ...
+
+    def in_row(self, name: str, point: npt.ArrayLike) -> Array:
+        """Return a point in a body's axes as one in the home axes of its row (3,) [m]."""
+        ...
+
+    def at_start(self, name: str, point: npt.ArrayLike) -> Array:
+        """Return where a point of a body is in the initial state (3,) [m]."""
+        ...
+
+    def turn_at_start(self, name: str) -> Array:
+        """Return the orientation (3, 3) of a body in the initial state."""
+        ...
+
+    def body(self, name: str) -> Any:
+        """Return the description of a body."""
+        ...
+
+
+class OnBody(Force):
+    """Acts on `body` itself."""
+
+    SCALES: ClassVar[tuple[str, ...]] = ()  # where all these fields are zero, it exerts nothing
+
+    @property
+    def exerts(self) -> bool:
+        """Whether it may act in a run."""
+        values = (getattr(self, name) for name in self.SCALES)
+        return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
+
+    @property
+    def idle(self) -> str:
+        if self.exerts or any(ends_of(self)):
+            return ""
+        return f"its {' and '.join(self.SCALES)} are 0"
+
+
+class Between(WithOther, OnBody):
+    """Acts between `body` and `other`."""
+
+    PASSIVE: ClassVar[bool] = True
+
+
+HEADER = {
+    "row_a": INTEGER,  # the row that gets the force
+    "row_b": INTEGER,  # the row that gets the opposite, 0: the ground
+    "body_a": INTEGER,  # numbers of their bodies
+    "body_b": INTEGER,
+    "first_knot": INTEGER,
+    "knots": INTEGER,
+}
+
+
+def row(**fields: Any) -> np.dtype[Any]:
+    """Return the record type of a kind of load: what it acts on, its knots, and its own fields.
+
+    Points and directions are in the home axes of their rows.
+    """
+    return record(**HEADER, **fields)
+
+
+def _always(table: Any) -> bool:
+    return True
+
+
+class Load(NamedTuple):
+    """A kind of force on bodies, as kernels take it.
+
+    `pack(f, one, at)` writes the numbers of a force into its row, and returns its knots or None.
+    `law(one, knots, work, linear, t)` returns (p, torque, force, end, power put in, power lost):
+    torque and force [N m, N] on A at p, the opposite on B at `end`, world axes, powers in W.
+    `energy(one, knots, work)` is what it stores [J].
+    """
+
+    part: type[OnBody]
+    row: np.dtype[Any]
+    pack: Callable[[Any, Any, Places], Array | None]
+    law: Any
+    energy: Any = None
+    columns: int = 1  # of its knots
+    linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
+
+    @property
+    def kind(self) -> str:
+        """The name of the kind."""
+        return self.part.own_kind()

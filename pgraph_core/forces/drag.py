@@ -1,0 +1,120 @@
+"""The drag of a fluid on a box: Stokes and pressure, as MuJoCo's inertia boxes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from ..engine.compiler.jit import part
+from ..engine.records import REAL
+from ..engine.rows import point_of, point_velocity, rotation_of, spin_of
+from ..engine.vec import dot, matrix, mul, mul_t, xyz
+from ..errors import shown
+from ..fields import Number, Quat, Vec3, field, maybe_vector, quaternion, refuse, vector
+from ..rotation import matrix as turn_of
+from ..rotation import unit
+from ..units import KG, PA, M, S
+from .base import KIND, Load, OnBody, Places, row
+
+
+class Drag(OnBody):
+    """The drag of a fluid at rest on a box fixed in `body`, viscous and by its pressure.
+
+    Along an edge a: -3 pi d viscosity u - density b c |u| u / 2; about it: -pi d^3 viscosity w -
+    density a (b^4 + c^4) |w| w / 64; d the mean edge, u and w the velocity of the middle and the
+    spin. That is MuJoCo's fluid model by inertia boxes. Passive.
+    """
+
+    ABOUT: ClassVar[str] = "a fluid's drag on a box around the body"
+    PASSIVE: ClassVar[bool] = True
+    SINCE: ClassVar[int] = 3
+    SCALES: ClassVar[tuple[str, ...]] = ("density", "viscosity")
+    NEW: ClassVar[dict[str, Any]] = {"size": (0.1, 0.1, 0.1), "density": 1000.0}
+
+    kind: Literal["drag"] = field(KIND, default="drag")
+    size: Vec3 = field(
+        "three edges > 0 of the box [m]", converter=vector, dim=M, help="edges of the box"
+    )
+    density: Number = field("a number >= 0 [kg/m^3]", default=0.0, ge=0, dim=KG / M**3)
+    viscosity: Number = field("a number >= 0 [Pa s]", default=0.0, ge=0, dim=PA * S)
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its centre of mass",
+        converter=maybe_vector, default=None, dim=M, role="point",
+        help="middle of the box; empty: the centre of mass",
+    )  # fmt: skip
+    rotation: Quat = field(
+        "a quaternion [w, x, y, z] that is not zero, of the box in the axes of `body`",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _box(self) -> Self:
+        found = []
+        if min(self.size) <= 0:
+            found.append(("size", f"each edge must be > 0 [m]; given {shown(self.size)}"))
+        if not any(self.rotation):
+            found.append(("rotation", "a quaternion must not be zero"))
+        refuse(found)
+        return self
+
+
+def pack(f: Drag, one: Any, at: Places) -> None:
+    """Write the box, and the fluid around it."""
+    point = at.body(f.body).com if f.point is None else f.point
+    one["point_a"] = at.in_row(f.body, point)
+    one["axes"] = (at.home(f.body) @ turn_of(unit(f.rotation))).ravel()
+    one["box"], one["density"], one["viscosity"] = f.size, f.density, f.viscosity
+
+
+@part
+def drag_of(one, turn, spin, speed):
+    """(torque, force) of a fluid on a box that turns at `spin` and whose middle has `speed`."""
+    x, y, z = xyz(one.box)
+    mean = (x + y + z) / 3.0
+    axes = matrix(one.axes)
+    u = mul_t(axes, mul_t(turn, speed))
+    w = mul_t(axes, mul_t(turn, spin))
+    viscous = -3.0 * math.pi * mean * one.viscosity
+    swirl = -math.pi * mean * mean * mean * one.viscosity
+    press = -0.5 * one.density
+    churn = -one.density / 64.0
+    x4, y4, z4 = x * x * x * x, y * y * y * y, z * z * z * z
+    force = (
+        (viscous + press * y * z * math.sqrt(u[0] * u[0])) * u[0],
+        (viscous + press * z * x * math.sqrt(u[1] * u[1])) * u[1],
+        (viscous + press * x * y * math.sqrt(u[2] * u[2])) * u[2],
+    )
+    torque = (
+        (swirl + churn * x * (y4 + z4) * math.sqrt(w[0] * w[0])) * w[0],
+        (swirl + churn * y * (z4 + x4) * math.sqrt(w[1] * w[1])) * w[1],
+        (swirl + churn * z * (x4 + y4) * math.sqrt(w[2] * w[2])) * w[2],
+    )
+    return mul(turn, mul(axes, torque)), mul(turn, mul(axes, force))
+
+
+@part
+def law(one, knots, work, linear, t):
+    """Against the velocity of the box's middle, and against its spin."""
+    a = one.row_a
+    p = point_of(xyz(one.point_a), work, a)
+    speed = point_velocity(work, linear, a, p)
+    torque, force = drag_of(one, rotation_of(work, a), spin_of(work, a), speed)
+    lost = -dot(torque, spin_of(work, a)) - dot(force, speed)
+    return p, torque, force, p, 0.0, lost
+
+
+def linear(table: Any) -> bool:
+    """Whether no drag is by pressure, which is quadratic in speeds."""
+    return not (table["density"] > 0).any()
+
+
+ROW = row(
+    point_a=(REAL, 3),  # middle of the box
+    axes=(REAL, 9),  # of the box, row-major
+    box=(REAL, 3),  # its edges [m]
+    density=REAL,  # of the fluid [kg/m³]
+    viscosity=REAL,  # [Pa s]
+)
+LOAD = Load(Drag, ROW, pack, law, linear=linear)

@@ -1,0 +1,300 @@
+"""Drives: motors, servos and actuators, on a coordinate of a joint or on a sum of coordinates."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+from pydantic import model_validator
+
+from ..curves import Table
+from ..errors import shown
+from ..fields import EMPTY, ByName, Flag, Number, OfSums, Whole, by_name, field, refuse
+from ..units import NONE, Dim, J, Q, S
+from .base import KIND, Force, over_time
+
+
+class OnJoint(Force, OfSums):
+    """Acts on a coordinate of the joint of `body`, or on a sum of coordinates of joints.
+
+    Its length is gear x q, or gear x the sum of coefficients x q; what it gives acts on each
+    coordinate times that factor. One field is its input, which runs and steppers can give.
+    """
+
+    INPUT: ClassVar[str] = "torque"  # the field that is the input
+
+    coordinate: Whole = field(
+        "the number of a degree of freedom of the joint, from 0",
+        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+    )  # fmt: skip
+    coefficients: ByName = field(
+        "body name -> numbers, one a degree of freedom of its joint; empty: `coordinate` alone",
+        converter=by_name, default=EMPTY, label="Coefficient", dim=NONE, since=3,
+        help="acts on a sum: one a degree",
+    )  # fmt: skip
+    gear: Number = field(
+        "a number that is not zero",
+        default=1.0, dim=NONE, since=3, help="its torque acts times this on the joint",
+    )  # fmt: skip
+    torque: Number | Table = field(
+        "a number or a table over time [N m, N]",
+        converter=over_time, default=0.0, dim=J / Q,
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+    torque_limit: Number | None = field(
+        "a number > 0 [N m, N], or nothing",
+        default=None, gt=0, label="At most", dim=J / Q, help="largest magnitude; empty: none",
+    )  # fmt: skip
+    torque_low: Number | None = field(
+        "a number below torque_limit [N m, N], or nothing: -torque_limit",
+        default=None, label="At least", dim=J / Q, since=3,
+        help="least torque; empty: minus the most",
+    )  # fmt: skip
+    input_low: Number | None = field(
+        "the least value of its input, or nothing",
+        default=None, dim=NONE, since=3, help="least value of its input",
+    )  # fmt: skip
+    input_high: Number | None = field(
+        "the greatest value of its input, or nothing",
+        default=None, dim=NONE, since=3, help="greatest value of its input",
+    )  # fmt: skip
+
+    lag: Number = field(
+        "a time >= 0 [s], or nothing: no lag",
+        default=0.0, ge=0, dim=S, since=3, help="time constant with which the input acts",
+    )  # fmt: skip
+    integrates: Flag = field(
+        "true or false: whether the integral of the input acts in its place",
+        default=False, since=3, help="the integral of the input over time acts in its place",
+    )  # fmt: skip
+    start: Number | None = field(
+        "what acts when a run begins, with a lag or integral; left out: the input, or 0",
+        default=None, dim=NONE, since=3,
+        help="what acts first; empty: the input with a lag, 0 with an integral",
+    )  # fmt: skip
+    state_low: Number | None = field(
+        "the least value of the integral, or nothing", default=None, dim=NONE,
+        help="least value of the integral of its input",
+    )  # fmt: skip
+    state_high: Number | None = field(
+        "the greatest value of the integral, or nothing", default=None, dim=NONE,
+        help="greatest value of the integral of its input",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        found = []
+        if self.has_state and not self.law.kp and isinstance(self.law.torque, Table):
+            text = "must be a number where the input has a lag or integral; given a table"
+            found.append(("torque", text))
+        if self.lag and self.integrates:
+            found.append(("lag", "must be 0 where the integral of the input acts"))
+        if self.start is not None and not self.has_state:
+            found.append(("start", "needs a lag, or `integrates`"))
+        found += self._state_problems()
+        if self.gear == 0:
+            found.append(("gear", "must not be zero; given 0"))
+        if self.coefficients and not any(any(x) for x in self.coefficients.values()):
+            found.append(("coefficients", "at least one must differ from zero"))
+        least, most = self.torques
+        if least >= most:
+            found.append(("torque_low", f"must be below torque_limit; given {shown(least)}"))
+        low, high = self.inputs
+        if low > high:
+            text = f"must be at most input_high, {shown(high)}; given {shown(low)}"
+            found.append(("input_low", text))
+        elif text := self.input_problem(getattr(self, self.INPUT)):
+            found.append((self.INPUT, text))
+        refuse(found)
+        return self
+
+    def _state_problems(self) -> list[tuple[str, str]]:
+        """What is wrong with the bounds of the integral."""
+        low, high = self.states
+        if not self.integrates:
+            given = [
+                name for name in ("state_low", "state_high") if getattr(self, name) is not None
+            ]
+            return [(name, "needs `integrates`: it bounds the integral") for name in given]
+        if low > high:
+            text = f"must be at most state_high, {shown(high)}; given {shown(low)}"
+            return [("state_low", text)]
+        if not low <= (start := self.start or 0.0) <= high:
+            return [("start", f"must be from {low:g} to {high:g}; given {shown(start)}")]
+        return []
+
+    def dim_of(self, name: str) -> Dim:
+        """The dimension of a field: bounds of the input, and its integral, go by the input."""
+        acts = super().dim_of(self.INPUT)
+        if name in ("start", "state_low", "state_high"):
+            return acts
+        if name in (self.INPUT, "input_low", "input_high"):
+            return acts / S if self.integrates else acts
+        return super().dim_of(name)
+
+    @property
+    def has_state(self) -> bool:
+        """Whether what acts follows its input over time."""
+        return bool(self.lag) or self.integrates
+
+    @property
+    def states(self) -> tuple[float, float]:
+        """Least and greatest value of the integral of the input."""
+        low, high = self.state_low, self.state_high
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    def input_problem(self, value: float | Table) -> str:
+        """Why a value, or one of a table, is none of its inputs; "" where it is."""
+        low, high = self.inputs
+        values = value.value if isinstance(value, Table) else (value,)
+        bad = next((x for x in values if not low <= x <= high), None)
+        return "" if bad is None else f"must be from {low:g} to {high:g}; given {shown(bad)}"
+
+    @property
+    def inputs(self) -> tuple[float, float]:
+        """Least and greatest value of the input."""
+        low, high = self.input_low, self.input_high
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    @property
+    def torques(self) -> tuple[float, float]:
+        """Least and greatest torque, before the gear [N m, N]."""
+        most = math.inf if self.torque_limit is None else self.torque_limit
+        return (-most if self.torque_low is None else self.torque_low), most
+
+    @property
+    def terms(self) -> tuple[tuple[str, int, float], ...]:
+        """(body, degree of freedom, factor) of each coordinate that it acts on."""
+        if not self.coefficients:
+            return ((self.body, self.coordinate, self.gear),)
+        return tuple((name, k, self.gear * x) for name, k, x in super().terms)
+
+    @property
+    @abstractmethod
+    def law(self) -> Law:
+        """Its torque at an input u: torque + gain u - kp length - kd rate."""
+
+
+class Law(NamedTuple):
+    """torque + gain u - kp length - kd rate, u the input."""
+
+    gain: float
+    torque: float | Table
+    kp: float
+    kd: float
+
+
+class Motor(OnJoint):
+    """`torque` on a coordinate of the joint of `body` (a force where it is a translation)."""
+
+    ABOUT: ClassVar[str] = "a torque or force on a joint"
+
+    kind: Literal["motor"] = field(KIND, default="motor")
+
+    @classmethod
+    def _foreign(cls, field: str, value: Any) -> str:
+        if field in ("kp", "kd"):
+            return "a motor has no kp and kd; use kind 'servo'"
+        return super()._foreign(field, value)
+
+    @classmethod
+    def _empty(cls, field: str, value: Any) -> bool:
+        return field == "target" or super()._empty(field, value)  # as it always was
+
+    @property
+    def law(self) -> Law:
+        return Law(1.0, 0.0, 0.0, 0.0)
+
+
+class Servo(OnJoint):
+    """`torque` + kp (target - q) - kd v on a coordinate of the joint of `body`."""
+
+    ABOUT: ClassVar[str] = "holds or drives a joint at a target: kp, kd"
+    INPUT: ClassVar[str] = "target"
+
+    kind: Literal["servo"] = field(KIND, default="servo")
+    kp: Number = field(
+        "a number >= 0 [N m/rad, N/m]",
+        default=0.0, ge=0, label="kp", dim=J / Q**2,
+        help="torque per position off the target",
+    )  # fmt: skip
+    kd: Number = field(
+        "a number >= 0 [N m s/rad, N s/m]",
+        default=0.0, ge=0, label="kd", dim=J * S / Q**2, help="torque per velocity",
+    )  # fmt: skip
+    target: Number | Table = field(
+        "a number or a table over time [rad, m]",
+        converter=over_time, default=0.0, dim=Q,
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+
+    @property
+    def law(self) -> Law:
+        return Law(self.kp, self.torque, self.kp, self.kd)
+
+    @property
+    def idle(self) -> str:
+        return "" if self.kp or self.kd or self.torque else "its kp and kd are 0"
+
+
+class SpeedServo(OnJoint):
+    """`torque` + kd (speed - v) on a coordinate of the joint of `body`."""
+
+    ABOUT: ClassVar[str] = "drives a joint at a speed: kd"
+    INPUT: ClassVar[str] = "speed"
+    SINCE: ClassVar[int] = 3
+    NEW: ClassVar[dict[str, Any]] = {"kd": 1.0}
+
+    kind: Literal["speed_servo"] = field(KIND, default="speed_servo")
+    kd: Number = field(
+        "a number >= 0 [N m s/rad, N s/m]",
+        default=0.0, ge=0, label="kd", dim=J * S / Q**2,
+        help="torque per velocity off the speed",
+    )  # fmt: skip
+    speed: Number | Table = field(
+        "a number or a table over time [rad/s, m/s]",
+        converter=over_time, default=0.0, dim=Q / S,
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+
+    @property
+    def law(self) -> Law:
+        return Law(self.kd, self.torque, 0.0, self.kd)
+
+    @property
+    def idle(self) -> str:
+        return "" if self.kd or self.torque else "its kd is 0"
+
+
+class Actuator(OnJoint):
+    """`torque` + gain x input - kp q - kd v on a coordinate of the joint of `body`.
+
+    The general linear drive; gains may have any sign. Motors and servos are cases of it.
+    """
+
+    ABOUT: ClassVar[str] = "torque + gain × input - kp q - kd v on a joint"
+    INPUT: ClassVar[str] = "input"
+    SINCE: ClassVar[int] = 3
+
+    kind: Literal["actuator"] = field(KIND, default="actuator")
+    input: Number | Table = field(
+        "a number or a table over time",
+        converter=over_time, default=0.0, dim=NONE,
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+    gain: Number = field(
+        "a finite number [N m, N per input]", default=1.0, dim=J / Q, help="torque per input"
+    )
+    kp: Number = field(
+        "a finite number [N m/rad, N/m]",
+        default=0.0, label="kp", dim=J / Q**2, help="torque against position",
+    )  # fmt: skip
+    kd: Number = field(
+        "a finite number [N m s/rad, N s/m]",
+        default=0.0, label="kd", dim=J * S / Q**2, help="torque against velocity",
+    )  # fmt: skip
+
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, self.torque, self.kp, self.kd)

@@ -1,0 +1,127 @@
+"""A straight spring and damper between two points, with limits of its length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from ..engine.compiler.jit import part
+from ..engine.records import REAL
+from ..engine.rows import point_of, point_velocity
+from ..engine.vec import dot, scale, sub, xyz
+from ..fields import AtPoint, Number, Vec3, field, maybe_vector
+from ..tolerances import TINY
+from ..units import M, N, S
+from .base import KIND, Between, Load, Places, refuse_crossed_ends, row
+
+
+class BetweenPoints(AtPoint, Between):
+    """Acts between a point of `body` and one of `other`, along the straight line."""
+
+    other_point: Vec3 | None = field(
+        "three finite numbers in the axes of `other` [m]; left out: its origin",
+        converter=maybe_vector, default=None, dim=M, role="point",
+        help="in the axes of the other; empty: its origin",
+    )  # fmt: skip
+
+
+def points_of(f: BetweenPoints, body: Any) -> tuple[Sequence[float], Sequence[float]]:
+    """Return its points in the axes of its bodies [m]: by default a tip, and the other's origin.
+
+    `body` is the description of its first body.
+    """
+    return f.point or body.tip_point, f.other_point or (0.0, 0.0, 0.0)
+
+
+def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
+    """Write both points into the row; return how far apart they are in the initial state."""
+    own, other = points_of(f, at.body(f.body))
+    one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
+    return float(np.linalg.norm(at.at_start(f.body, own) - at.at_start(f.other, other)))
+
+
+class Spring(BetweenPoints):
+    """stiffness (length - rest) + damping x its rate pull two points; `low` <= length <= `high`."""
+
+    ABOUT: ClassVar[str] = "pulls two points together, with damper and limits of its length"
+    SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
+    NEW: ClassVar[dict[str, Any]] = {"stiffness": 100.0}
+
+    kind: Literal["spring"] = field(KIND, default="spring")
+    stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, dim=N / M)
+    damping: Number = field("a number >= 0 [N s/m]", default=0.0, ge=0, dim=N * S / M)
+    rest: Number | None = field(
+        "a length >= 0 without force [m]; left out: as in the initial state",
+        default=None, ge=0, dim=M, help="without force; empty: as in the initial state",
+    )  # fmt: skip
+    low: Number | None = field(
+        "the least length > 0 [m], or nothing",
+        default=None, gt=0, dim=M, since=3, help="least length; empty: none",
+    )  # fmt: skip
+    high: Number | None = field(
+        "the greatest length > 0 [m], or nothing",
+        default=None, gt=0, dim=M, since=3, help="greatest length, as of a string; empty: none",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        refuse_crossed_ends(self)
+        return self
+
+
+def pack(f: Spring, one: Any, at: Places) -> None:
+    """Write its points, stiffness, damping and length at rest."""
+    apart = pack_points(f, one, at)
+    one["stiffness"], one["damping"] = f.stiffness, f.damping
+    one["rest"] = apart if f.rest is None else f.rest
+
+
+@part
+def along(p, end):
+    """(unit vector from `end` to p, distance)."""
+    apart = sub(p, end)
+    length = math.sqrt(dot(apart, apart) + TINY)
+    return scale(1.0 / length, apart), length
+
+
+@part
+def line_of(one, work, linear):
+    """(p on A, point on B, unit vector from B's to A's, length, its rate) of a straight load."""
+    p = point_of(xyz(one.point_a), work, one.row_a)
+    end = point_of(xyz(one.point_b), work, one.row_b)
+    d, length = along(p, end)
+    u = sub(
+        point_velocity(work, linear, one.row_a, p), point_velocity(work, linear, one.row_b, end)
+    )
+    return p, end, d, length, dot(d, u)
+
+
+@part
+def length_of(one, work):
+    """The length of a straight load."""
+    p = point_of(xyz(one.point_a), work, one.row_a)
+    _, length = along(p, point_of(xyz(one.point_b), work, one.row_b))
+    return length
+
+
+@part
+def law(one, knots, work, linear, t):
+    """-stiffness (length - rest) - damping x its rate, along the line."""
+    p, end, d, length, speed = line_of(one, work, linear)
+    damping = one.damping * speed
+    pull = one.stiffness * (length - one.rest) + damping
+    return p, (0.0, 0.0, 0.0), scale(-pull, d), end, 0.0, damping * speed
+
+
+@part
+def energy(one, knots, work):
+    """½ stiffness (length - rest)²."""
+    return 0.5 * one.stiffness * (length_of(one, work) - one.rest) ** 2
+
+
+ROW = row(point_a=(REAL, 3), point_b=(REAL, 3), stiffness=REAL, damping=REAL, rest=REAL)
+LOAD = Load(Spring, ROW, pack, law, energy)

@@ -1,0 +1,44 @@
+"""A tendon along joints: spring, damper, friction and limits of a sum of their coordinates."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from ..fields import Number, OnSum, field
+from ..units import J, Q, S
+from .base import KIND, Force, refuse_crossed_ends
+
+
+class Tendon(OnSum, Force):
+    """A tendon along joints: its length is the sum of `coefficients` x q.
+
+    Spring, damper and friction pull it to the length `rest`; it gets no shorter than `low` and no
+    longer than `high`. Passive, as springs and dampers of joints.
+    """
+
+    ABOUT: ClassVar[str] = "spring, damper, friction and limits of a sum of joint coordinates"
+    PASSIVE: ClassVar[bool] = True
+    SINCE: ClassVar[int] = 3
+
+    kind: Literal["tendon"] = field(KIND, default="tendon")
+    stiffness: Number = field("a number >= 0 [N/m, N m/rad]", default=0.0, ge=0, dim=J / Q**2)
+    damping: Number = field("a number >= 0 [N s/m, N m s/rad]", default=0.0, ge=0, dim=J * S / Q**2)
+    friction: Number = field("a number >= 0 [N, N m]", default=0.0, ge=0, dim=J / Q)
+    rest: Number | None = field(
+        "a length without force [m, rad]; left out: as in the initial state",
+        default=None, dim=Q, help="without force; empty: as in the initial state",
+    )  # fmt: skip
+    low: Number | None = field(
+        "the least length [m, rad], or nothing", default=None, dim=Q, help="least length"
+    )
+    high: Number | None = field(
+        "the greatest length [m, rad], or nothing",
+        default=None, dim=Q, help="greatest length",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        refuse_crossed_ends(self)
+        return self

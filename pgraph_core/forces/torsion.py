@@ -1,0 +1,102 @@
+"""A torsion spring and damper: turns two bodies back to an angle about an axis."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal, Self
+
+from pydantic import model_validator
+
+from ..engine.compiler.elementary import atan2
+from ..engine.compiler.jit import part
+from ..engine.records import REAL
+from ..engine.rows import origin_of, rotation_of, spin_of
+from ..engine.vec import add, add_scaled, cross, dot, mul, scale, sub, xyz
+from ..fields import Number, Vec3, field, maybe_vector, refuse_no_direction
+from ..rotation import normals_of, unit_vector
+from ..units import RAD, J, S
+from .base import KIND, Between, Load, Places, row
+
+
+class Torsion(Between):
+    """-stiffness (angle - rest) - damping x its rate turn `body` about `axis` against `other`."""
+
+    ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
+    SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
+    NEW: ClassVar[dict[str, Any]] = {"stiffness": 1.0}
+
+    kind: Literal["torsion"] = field(KIND, default="torsion")
+    axis: Vec3 | None = field(
+        "a direction [x, y, z] that is not zero, in the axes of `body`; left out: z",
+        converter=maybe_vector, default=None, role="axial",
+        help="direction in the axes of the body; empty: z",
+    )  # fmt: skip
+    stiffness: Number = field("a number >= 0 [N m/rad]", default=0.0, ge=0, dim=J / RAD)
+    damping: Number = field("a number >= 0 [N m s/rad]", default=0.0, ge=0, dim=J * S / RAD)
+    rest: Number = field(
+        "the angle without torque [rad]", default=0.0, dim=RAD, help="the angle without torque"
+    )
+
+    @model_validator(mode="after")
+    def _axis_points_somewhere(self) -> Self:
+        refuse_no_direction(axis=self.axis)
+        return self
+
+
+def pack(f: Torsion, one: Any, at: Places) -> None:
+    """Write its axis, stiffness, damping and angle at rest."""
+    axis = at.home(f.body) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
+    one["axis"] = axis
+    # at q = 0 all rows have the world's axes
+    one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
+    one["stiffness"], one["damping"], one["rest"] = f.stiffness, f.damping, f.rest
+
+
+@part
+def twist(one, work):
+    """(angle of A from its rest about its axis, the angle's gradient), angle within ±π.
+
+    The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
+    while both share it; elsewhere it makes the torque the slope of ½ k angle².
+    """
+    turn_a = rotation_of(work, one.row_a)
+    h = mul(turn_a, xyz(one.axis))
+    mine = mul(turn_a, xyz(one.reference_a))
+    other = mul(rotation_of(work, one.row_b), xyz(one.reference_b))
+    n = cross(other, mine)
+    y = dot(h, n)
+    x = dot(other, mine)
+    angle = atan2(y, x) - one.rest
+    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+    across = add(add(cross(h, n), scale(x, h)), scale(-dot(h, mine), other))
+    slope = scale(1.0 / (x * x + y * y), add_scaled(scale(x, across), y, n))
+    return angle, slope
+
+
+@part
+def law(one, knots, work, linear, t):
+    """-stiffness angle - damping x its rate, along the angle's gradient."""
+    angle, axis = twist(one, work)
+    rate = dot(axis, sub(spin_of(work, one.row_a), spin_of(work, one.row_b)))
+    damping = one.damping * rate
+    torque = scale(-one.stiffness * angle - damping, axis)
+    p = origin_of(work, one.row_a)
+    return p, torque, (0.0, 0.0, 0.0), p, 0.0, damping * rate
+
+
+@part
+def energy(one, knots, work):
+    """½ stiffness angle²."""
+    angle, _ = twist(one, work)
+    return 0.5 * one.stiffness * angle * angle
+
+
+ROW = row(
+    axis=(REAL, 3),  # in A
+    reference_a=(REAL, 3),  # perpendicular to it: where the angle is measured
+    reference_b=(REAL, 3),
+    stiffness=REAL,  # [N m/rad]
+    damping=REAL,  # [N m s/rad]
+    rest=REAL,  # [rad]
+)
+LOAD = Load(Torsion, ROW, pack, law, energy)
