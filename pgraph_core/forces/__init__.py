@@ -24,7 +24,8 @@ from .spring import BetweenPoints as BetweenPoints
 from .spring import Spring as Spring
 from .torsion import Torsion as Torsion
 from .drag import Drag as Drag
-from . import drag, spring, torsion, wrench
+from .bushing import Bushing as Bushing
+from . import bushing, drag, spring, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD)
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD)

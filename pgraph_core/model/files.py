@@ -28,8 +28,9 @@ from .parameters import Formula, inlined
 from .shape import Shape
 from .world import Ground
 
-# 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs
-SCHEMA_VERSION = 4
+# 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
+# 4: without bushings and struts
+SCHEMA_VERSION = 5
 STEP = 1e-3  # [s] of a scenario without a step before version 4
 SCHEMA = "pgraph-model"
 
