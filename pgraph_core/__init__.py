@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
     from .forces import Bushing as Bushing
+    from .forces import Lines as Lines
+    from .forces import Strut as Strut
     from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.mjcf_out import write_mjcf as write_mjcf
@@ -105,7 +107,7 @@ _MODULES = {
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
-    "forces": "Bushing",
+    "forces": "Bushing Lines Strut",
     "formats.mjcf": "read_mjcf",
     "formats.mjcf_out": "write_mjcf",
     "formats.conversion": "Report",

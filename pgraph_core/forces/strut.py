@@ -1,0 +1,155 @@
+"""A strut: a spring and a damper by tables over length and speed, with a bump stop."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from ..engine.compiler.jit import part
+from ..engine.records import INTEGER, REAL
+from ..engine.vec import scale
+from ..fields import Frozen, Number, Numbers, field, refuse, several
+from ..units import M, N, S
+from .base import KIND, Array, Load, Places, row
+from .spring import BetweenPoints, length_of, line_of, pack_points
+
+
+class Lines(Frozen):
+    """Straight lines between knots; the first and the last line go on beyond them."""
+
+    x: Numbers = field("ascending numbers, at least one", converter=several)
+    value: Numbers = field("one finite number for each x", converter=several)
+
+    @model_validator(mode="after")
+    def _knots(self) -> Self:
+        x, value = self.x, self.value
+        if not x or len(x) != len(value):
+            refuse([("x", f"must be as many as the values; given {len(x)} and {len(value)}")])
+        if any(a >= b for a, b in pairwise(x)):
+            refuse([("x", "must ascend")])
+        return self
+
+
+class Strut(BetweenPoints):
+    """`spring` over length and `damper` over its rate pull two points together.
+
+    Where the length is less than `bump_length` by d, and falls at the speed u, a stop pushes them
+    apart by bump_stiffness d (1 + bump_damping u), and never pulls (Hunt and Crossley, 1975).
+    """
+
+    ABOUT: ClassVar[str] = "spring and damper by tables over length and speed, with a bump stop"
+    SCALES: ClassVar[tuple[str, ...]] = ("spring", "damper", "bump_stiffness")
+    SINCE: ClassVar[int] = 5
+    NEW: ClassVar[dict[str, Any]] = {"spring": {"x": (0.0, 1.0), "value": (0.0, 100.0)}}
+
+    kind: Literal["strut"] = field(KIND, default="strut")
+    spring: Lines | None = field(
+        "a table {'x': lengths [m], 'value': pulls [N]}, or nothing",
+        default=None, dim=N, over=M, help="pull over length: m N; m N; ...",
+    )  # fmt: skip
+    damper: Lines | None = field(
+        "a table {'x': rates of the length [m/s], 'value': pulls [N]}, or nothing",
+        default=None, dim=N, over=M / S, help="pull over rate of the length: m/s N; m/s N; ...",
+    )  # fmt: skip
+    bump_length: Number = field(
+        "the length >= 0 below which the stop pushes [m]",
+        default=0.0, ge=0, dim=M, help="length below which the stop pushes",
+    )  # fmt: skip
+    bump_stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, dim=N / M)
+    bump_damping: Number = field(
+        "a number >= 0 [s/m]", default=0.0, ge=0, dim=S / M, help="of the stop, per speed"
+    )
+
+    @model_validator(mode="after")
+    def _stop_pushes(self) -> Self:
+        if self.bump_stiffness and not self.bump_length:
+            refuse([("bump_length", "must be > 0 where the stop has a stiffness; given 0")])
+        return self
+
+
+def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
+    """Return (x, value, slope) of the first line, and (n, 2) of each bend: x, change of slope."""
+    if lines is None:
+        return (0.0, 0.0, 0.0), np.zeros((0, 2))
+    x, value = np.array(lines.x), np.array(lines.value)
+    slopes = np.diff(value) / np.diff(x)
+    first = (x[0], value[0], slopes[0] if len(slopes) else 0.0)
+    return first, np.stack((x[1:-1], np.diff(slopes)), axis=1) if len(x) > 2 else np.zeros((0, 2))
+
+
+def pack(f: Strut, one: Any, at: Places) -> Array:
+    """Write its points, the first lines and the stop; return the bends of both tables."""
+    pack_points(f, one, at)
+    one["spring"], springs = bends(f.spring)
+    one["damper"], dampers = bends(f.damper)
+    one["springs"] = len(springs)
+    one["bump_length"], one["bump_stiffness"] = f.bump_length, f.bump_stiffness
+    one["bump_damping"] = f.bump_damping
+    return np.concatenate((springs, dampers))
+
+
+@part
+def value_of(line, knots, first, end, x):
+    """A table of straight lines at x: its first line, and a ramp from each bend."""
+    y = line[1] + line[2] * (x - line[0])
+    for n in range(first, end):
+        y += knots[n, 1] * max(x - knots[n, 0], 0.0)
+    return y
+
+
+@part
+def integral_of(line, knots, first, end, x):
+    """The integral of a table of straight lines from its first knot to x."""
+    from_first = x - line[0]
+    y = (line[1] + 0.5 * line[2] * from_first) * from_first
+    for n in range(first, end):
+        beyond = max(x - knots[n, 0], 0.0)
+        y += 0.5 * knots[n, 1] * beyond * beyond
+    return y
+
+
+@part
+def law(one, knots, work, linear, t):
+    """The pull of spring and damper less the push of the stop, along the line."""
+    p, end, d, length, rate = line_of(one, work, linear)
+    first = one.first_knot
+    middle = first + one.springs
+    damping = value_of(one.damper, knots, middle, first + one.knots, rate)
+    elastic = one.bump_stiffness * max(one.bump_length - length, 0.0)
+    push = max(elastic * (1.0 - one.bump_damping * rate), 0.0)
+    pull = value_of(one.spring, knots, first, middle, length) + damping - push
+    lost = (damping - push + elastic) * rate
+    return p, (0.0, 0.0, 0.0), scale(-pull, d), end, 0.0, lost
+
+
+@part
+def energy(one, knots, work):
+    """The integral of the spring's pull from its first knot, and of the stop's push."""
+    length = length_of(one, work)
+    first = one.first_knot
+    deep = max(one.bump_length - length, 0.0)
+    stored = integral_of(one.spring, knots, first, first + one.springs, length)
+    return stored + 0.5 * one.bump_stiffness * deep * deep
+
+
+def linear(table: Any) -> bool:
+    """Whether no strut has a damper with bends or a damped stop."""
+    straight = table["knots"] == table["springs"]
+    return bool((straight & (table["bump_damping"] == 0.0)).all())
+
+
+ROW = row(
+    point_a=(REAL, 3),
+    point_b=(REAL, 3),
+    spring=(REAL, 3),  # x, value and slope of the first line [m, N, N/m]
+    damper=(REAL, 3),  # [m/s, N, N s/m]
+    springs=INTEGER,  # knots of the spring; the damper's follow
+    bump_length=REAL,  # [m]
+    bump_stiffness=REAL,  # [N/m]
+    bump_damping=REAL,  # [s/m]
+)
+# knots: where a table bends, and by how much its slope changes
+LOAD = Load(Strut, ROW, pack, law, energy, columns=2, linear=linear)
