@@ -108,6 +108,9 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
             return "whole", tuple(x for x in bounds if x is not None)
         if get_origin(kind) is Literal:
             return "choice", get_args(kind)
+        table = isinstance(kind, type) and issubclass(kind, fields.Frozen)
+        if table or (get_origin(kind) is tuple and get_origin(get_args(kind)[0]) is tuple):
+            return "rows", ()
     return "number", ()
 
 

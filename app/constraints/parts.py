@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import PAIR
+from pgraph_core.forces import BetweenPoints
 from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
@@ -215,9 +217,9 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
     match item, field:
         case pg.Constraint(), "point":
             return model.point_of(item)
-        case pg.Spring(), "point":
+        case BetweenPoints() | pg.Bushing(), "point":
             return model.body(item.body).tip_point
-        case (pg.Wrench(), "point") | (pg.Spring() | pg.Rolling(), "other_point"):
+        case (pg.Wrench(), "point") | (BetweenPoints() | pg.Rolling(), "other_point"):
             return (0.0, 0.0, 0.0)
         case (pg.Constraint(), "other_point"):
             p, R = at[item.body]
@@ -242,8 +244,32 @@ def knots(value: Any) -> str:
     if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
         return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
     data = value if isinstance(value, dict) else value.model_dump()
-    rows = zip(data["t"], data["value"])
-    return "; ".join(" ".join(f"{x:g}" for x in _flat((t, v))) for t, v in rows)
+    return _lines(zip(data["t"], data["value"]))
+
+
+def rows(value: Any) -> str:
+    """A table or matrix as one types it: 'a b; c d'; of a diagonal matrix its diagonal."""
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, dict):
+        return _lines(zip(*value.values()))
+    diagonal = not any(x for i, row in enumerate(value) for k, x in enumerate(row) if i != k)
+    return _lines([[row[i] for i, row in enumerate(value)]] if diagonal else value)
+
+
+def rows_of(old: Any, text: str) -> Any:
+    """What `rows` wrote: a table as `old` is one, a matrix, or its diagonal. Raises Refusal."""
+    typed = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
+    found = tuple(tuple(number(x) for x in row) for row in typed)
+    if isinstance(old, tuple):
+        return found[0] if len(found) == 1 else found
+    if any(len(row) != 2 for row in found):
+        raise Refusal("must be rows 'x value; x value; ...', each with two numbers")
+    return {"x": tuple(x for x, _ in found), "value": tuple(y for _, y in found)} if found else None
+
+
+def _lines(rows: Iterable[Iterable[Any]]) -> str:
+    return "; ".join(" ".join(f"{x:g}" for x in _flat(row)) for row in rows)
 
 
 def _flat(value: Any) -> list[float]:
@@ -307,6 +333,8 @@ def _typed(
             return {**data, field: whole(text, *bounds)}
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
+        case _ if form == "rows":
+            return {**data, field: rows_of(getattr(item, field), text)}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table":

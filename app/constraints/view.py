@@ -224,6 +224,10 @@ def _field(
     form, options = typed_as(item, name)
     if form == "choice":
         return [choice(name, about(item, name).label, getattr(item, name), options)]
+    if form == "rows":
+        shows = about(item, name)
+        return [field(name, shows.label, [cell((), parts.rows(cells.get(name)))], unit=shows.unit,
+                      help=shows.help, kind="text", note=shows.help)]  # fmt: skip
     if form == "flag":
         shows, value = about(item, name), parts.FLAG[getattr(item, name)]
         return [choice(name, shows.label, value, parts.FLAG, help=shows.help)]

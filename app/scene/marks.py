@@ -11,6 +11,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
+from pgraph_core.forces import BetweenPoints
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
@@ -227,7 +228,7 @@ def joinings(
     pairs = [
         (f, f.point or model.body(f.body).tip_point)
         for f in forces_of(state)
-        if isinstance(f, pg.Spring)
+        if isinstance(f, BetweenPoints)
     ]
     rods = [(c, model.point_of(c)) for c in model.constraints if c.kind == "distance" and c.active]
     grain = state.derived.grain
