@@ -57,7 +57,6 @@ def rows(effort: Effort) -> Iterator[Row]:
     quadruped = tree_of_quadruped()
     yield from one_call(effort, quadruped)
     yield from native_loop(effort, quadruped)
-    yield from back_ends(effort, quadruped)
     yield from derivatives(effort, scene("chain of 10", pg.Model.serial(10)))
     yield from stance_run(effort)
     yield from stance_call(effort)
@@ -115,19 +114,6 @@ def ours_in_a_loop(place: Scene, number: int) -> Callable[[], None]:
     loop_of_ours(*mech.packed.tree, q, v, tau, work, vdot, 1)
     differ(vdot, mech.forward_dynamics(q, v, tau), 1e-12, "our native loop")
     return lambda: loop_of_ours(*mech.packed.tree, q, v, tau, work, vdot, number)
-
-
-def back_ends(effort: Effort, place: Scene) -> Iterator[Row]:
-    """The three back ends of `forward_dynamics`."""
-    mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
-    name, ours = f"back ends, {place.name}", mech.forward_dynamics(q, v, tau)
-
-    def by(back_end: Any) -> Callable[[], Any]:
-        return lambda: mech.forward_dynamics(q, v, tau, back_end=back_end)
-
-    others = {f"pgraph, {other}": by(other) for other in ("composite", "operators")}
-    agrees = [f"{other} {differ(call(), ours, 1e-9, name)}" for other, call in others.items()]
-    return compared(effort, name, {"pgraph": by("articulated"), **others}, agrees=", ".join(agrees))
 
 
 def derivatives(effort: Effort, place: Scene) -> Iterator[Row]:

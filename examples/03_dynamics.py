@@ -25,9 +25,5 @@ J = mech.jacobian(q, "7")  # eq. (20): [angular; linear] velocity of body 7 = J 
 position, rotation = mech.pose(q, "7")
 print("Jacobian", J.shape, " body 7 is at", position.round(3))
 
-for back_end in ("articulated", "composite", "operators"):  # three algorithms, one answer
-    found = mech.forward_dynamics(q, v, tau, back_end=back_end)
-    print(f"{back_end:12} differs by", np.abs(found - vdot).max())
-
 push = mech.external_at(q, "7", (0, 0, 0, 1, 0, 0))  # 1 N along x at the tip of body 7
 print("pushed, vdot changes by", mech.forward_dynamics(q, v, tau, push) - vdot)

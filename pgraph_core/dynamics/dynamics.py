@@ -8,7 +8,7 @@ import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal, Self, cast, get_args
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shif
 
 FORWARD = closed(dynamics.forward_dynamics)  # simulations do not need it
 NO_EXTERNAL = np.zeros((0, 6))
-BackEnd = Literal["articulated", "composite", "operators"]
 NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
 UNFIT = (TypeError, ValueError, AttributeError)  # errors of fast calls with unsuitable arguments
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
@@ -290,25 +289,19 @@ class Dynamics(Portable):
             return motion.energy(address, q, v)
 
     # -- equations of motion ---------------------------------------------------------------------
-    # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
-    # numbers; the table above `dense` says which algorithm each one stands for. Passive forces act
-    # here: springs, dampers and friction of joints, springs and torsion springs between bodies.
-    # Forces that may depend on time (wrenches, motors, servos) act in runs only.
+    # Passive forces act here: springs, dampers and friction of joints, and springs, dampers and
+    # drags between bodies. Forces that may depend on time (wrenches, motors, servos) act in runs.
 
-    def mass_matrix(self, q: Array, *, back_end: BackEnd = "articulated") -> Array:
+    def mass_matrix(self, q: Array) -> Array:
         """M (nv, nv) of eq. (25), armature included."""
-        if dense(back_end):
-            return operators(self.packed, q, self._rest).mass_matrix
         m = np.zeros((self.nv, self.nv))
         q = position(self.packed, q)
         with self._lock:
             dynamics.mass_matrix(*self.packed.tree, q, self._rest, self._work, m)
         return m
 
-    def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
+    def bias_force(self, q: Array, v: Array) -> Array:
         """Return C (nv,) of eq. (25): velocity terms and gravity, without springs and dampers."""
-        if dense(back_end):
-            return operators(self.packed, q, v).bias_force
         q, v = self._state(q, v)
         return self._inverse(q, v, self._rest, NO_EXTERNAL)
 
@@ -318,8 +311,6 @@ class Dynamics(Portable):
         v: Array,
         vdot: Array,
         external: Array | None = None,
-        *,
-        back_end: BackEnd = "articulated",
     ) -> Array:
         """Return τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
 
@@ -331,7 +322,7 @@ class Dynamics(Portable):
         """
         if self._untold:
             self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
-        return self._tree_torque(q, v, vdot, external, back_end)
+        return self._tree_torque(q, v, vdot, external)
 
     def _tree_torque(
         self,
@@ -339,17 +330,11 @@ class Dynamics(Portable):
         v: Array,
         vdot: Array,
         external: Array | None = None,
-        back_end: BackEnd = "articulated",
     ) -> Array:
         """`inverse_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
-        if dense(back_end):
-            op = operators(self.packed, q, v)
-            vdot = finite("vdot", vdot, self.nv)
-            tau = op.inverse_dynamics(vdot, wrench if len(wrench) else None)
-        else:
-            tau = self._inverse(q, v, vdot, wrench)
+        tau = self._inverse(q, v, vdot, wrench)
         return tau - self._passive(q, v, self._rest) if self._springs else tau
 
     def forward_dynamics(
@@ -358,8 +343,6 @@ class Dynamics(Portable):
         v: Array,
         tau: Array | None = None,
         external: Array | None = None,
-        *,
-        back_end: BackEnd = "articulated",
     ) -> Array:
         """Return v' (nv,) of the tree without its constraints, eq. (26), in O(n).
 
@@ -369,7 +352,7 @@ class Dynamics(Portable):
         """
         if self._untold:
             self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 5)
-        return self._tree_acceleration(q, v, tau, external, back_end)
+        return self._tree_acceleration(q, v, tau, external)
 
     def _tree_acceleration(
         self,
@@ -377,7 +360,6 @@ class Dynamics(Portable):
         v: Array,
         tau: Array | None = None,
         external: Array | None = None,
-        back_end: BackEnd = "articulated",
     ) -> Array:
         """`forward_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
@@ -387,7 +369,7 @@ class Dynamics(Portable):
         if self._springs:
             tau = self._passive(q, v, tau)
         with self._lock:
-            code = accelerated(self.packed, back_end, (q, v, tau), wrench, self._work, vdot)
+            code = accelerated(self.packed, (q, v, tau), wrench, self._work, vdot)
         if code:
             given = {} if external is None else {"external": np.asarray(external, float)}
             self._explain(code, q=q, v=v, tau=tau, **given)
@@ -704,23 +686,6 @@ Dynamics.forward_dynamics = at_once(Dynamics.forward_dynamics)
 Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamics)
 
 
-# -- back ends: three ways to the same answers (checklist C10) -------------------------------------
-#
-# | back end | forward dynamics | M; C and τ | cost |
-# |---|---|---|---|
-# | `articulated` | articulated bodies, three sweeps | composite bodies; Newton-Euler | O(n) |
-# | `composite` | factor of M along the tree | composite bodies; Newton-Euler | O(n depth²) |
-# | `operators` | eq. (26), dense | eq. (25); eqs. (22)-(24) | O(n³), plain NumPy |
-
-
-def dense(back_end: str) -> bool:
-    """True if a back end is the operators. Raises InputError for an unknown name."""
-    if back_end not in get_args(BackEnd):
-        text = f"is {shown(back_end)}; choose one of {choices(get_args(BackEnd))}"
-        raise InputError(Problem("back_end", "", text))
-    return back_end == "operators"
-
-
 def operators(packed: Packed, q: Any, v: Any) -> Operators:
     """The paper's operators at (q, v). Raises InputError."""
     q, v = position(packed, q), finite("v", v, packed.nv)
@@ -729,34 +694,12 @@ def operators(packed: Packed, q: Any, v: Any) -> Operators:
 
 def accelerated(
     packed: Packed,
-    back_end: str,
     state: tuple[Array, Array, Array],
     external: Array | None,
     work: Array,
     vdot: Array,
 ) -> int:
-    """Compute v' by a back end into `vdot`. Returns a kernel's status code. Raises InputError."""
-    wrench = NO_EXTERNAL if external is None else external
-    if dense(back_end):
-        return _by_operators(packed, *state, wrench, work, vdot)
-    tables = packed.system[:4]
-    if back_end == "composite":
-        n = packed.nv
-        space = np.zeros(n), np.zeros_like(work), np.empty(n, np.int64), np.empty((n, n))
-        return dynamics.forward_dynamics_composite(*tables, *state, wrench, *space, vdot)
+    """v' of (q, v, tau) into `vdot`; a kernel's status code."""
     if external is None:
         return ready(FORWARD)(*packed.tree, *state, work, vdot)
-    return dynamics.forward_dynamics_external(*tables, *state, wrench, work, vdot)
-
-
-def _by_operators(
-    packed: Packed, q: Array, v: Array, tau: Array, external: Array, work: Array, vdot: Array
-) -> int:
-    """Compute v' by eq. (26) into `vdot`. Returns a kernel's status code."""
-    op = operators(packed, q, v)
-    tau, wrench = finite("tau", tau, packed.nv), finite("external", external, *external.shape)
-    try:
-        vdot[:] = op.forward_dynamics(tau, wrench if len(external) else None)
-    except np.linalg.LinAlgError:  # M is not positive definite: the sweeps find out at which joint
-        return ready(FORWARD)(*packed.tree, q, v, tau, work, vdot)
-    return 0 if np.isfinite(vdot).all() else -1
+    return dynamics.forward_dynamics_external(*packed.system[:4], *state, external, work, vdot)

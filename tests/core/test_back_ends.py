@@ -1,16 +1,16 @@
-"""Back ends: three algorithms for the same dynamics, and wrenches at points and tips."""
+"""Kernels against the paper's operators, and wrenches at points and tips."""
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
+from pgraph_core.paper import Operators
 
 from .trees import random_case, scaled_error
 
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over at most 12 bodies
-OTHERS = ("composite", "operators")
 
 
 def known(mech, q):
@@ -19,35 +19,28 @@ def known(mech, q):
 
 @given(seeds)
 @settings(max_examples=30)
-def test_all_back_ends_give_the_same_dynamics(seed):
+def test_kernels_and_operators_give_the_same_dynamics(seed):
     s = random_case(seed)
-    mech = pg.Mechanism(s.model)
-    for name in OTHERS:
-        found, expected = (
-            (
-                mech.mass_matrix(s.q, **choice),
-                mech.bias_force(s.q, s.v, **choice),
-                mech.inverse_dynamics(s.q, s.v, s.vdot, s.external, **choice),
-            )
-            for choice in ({"back_end": name}, {})
-        )
-        assert max(map(scaled_error, found, expected)) < ROUNDING
-        for external in (None, s.external):
-            expected = mech.forward_dynamics(s.q, s.v, s.tau, external)
-            found = mech.forward_dynamics(s.q, s.v, s.tau, external, back_end=name)
-            assert scaled_error(found, expected) < known(mech, s.q)
+    mech, op = pg.Mechanism(s.model), Operators(s.model, s.topology, s.q, s.v)
+    found = (
+        mech.mass_matrix(s.q), mech.bias_force(s.q, s.v),
+        mech.inverse_dynamics(s.q, s.v, s.vdot, s.external),
+    )  # fmt: skip
+    expected = op.mass_matrix, op.bias_force, op.inverse_dynamics(s.vdot, s.external)
+    assert max(map(scaled_error, found, expected)) < ROUNDING
+    for external in (None, s.external):
+        found = mech.forward_dynamics(s.q, s.v, s.tau, external)
+        assert scaled_error(op.forward_dynamics(s.tau, external), found) < known(mech, s.q)
 
 
-def test_springs_act_in_every_back_end_and_long_chains_keep_their_digits():
+def test_long_chains_keep_their_digits():
     """A chain of 200 links, where M is dense and worst conditioned, compared as torques."""
     model = pg.Model.serial(200).edit("2", stiffness=30.0, damping=0.4, rest=0.1, friction=0.2)
     mech = pg.Mechanism(model)
     q, v, tau = np.random.default_rng(1).normal(size=(3, 200)) * 0.3
-    for name in OTHERS:
-        vdot = mech.forward_dynamics(q, v, tau, back_end=name)
-        load = abs(mech.mass_matrix(q)) @ abs(vdot)
-        assert max(abs(mech.inverse_dynamics(q, v, vdot) - tau) / load) < 1e-13
-        assert max(abs(mech.inverse_dynamics(q, v, vdot, back_end=name) - tau) / load) < 1e-12
+    vdot = mech.forward_dynamics(q, v, tau)
+    load = abs(mech.mass_matrix(q)) @ abs(vdot)
+    assert max(abs(mech.inverse_dynamics(q, v, vdot) - tau) / load) < 1e-13
 
 
 @given(seeds)

@@ -5,7 +5,7 @@ origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) 
 """
 
 from ..compiler.jit import kernel, part, sweep
-from ..compiler.kinds import F1, F2, I1, I2, i8, void
+from ..compiler.kinds import F1, F2, I2, i8, void
 from ..rows import (
     ROTATE,
     TRANSLATE,
@@ -28,7 +28,6 @@ from ..rows import (
     set_acceleration,
     set_force,
     spin_of,
-    traces_of,
     v_of,
 )
 from ..vec import add, add_cross, cross, dot, finite, load, mul, mul_t, scale, sub, sym_mul
@@ -38,7 +37,6 @@ from .articulated import (
     inboard,
     joint_acceleration,
     singular_row,
-    vanishes,
 )
 from .kinematics import accelerate, base_axes, joint_force, outboard, positions
 
@@ -111,9 +109,7 @@ def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work
     newton_euler(rows, const, v, vdot, work, tau)
 
 
-# -- composite bodies: the mass matrix and its factor along the tree, O(n depth²) -----------------
-# M = Lᵀ D L keeps the zeros of M: only freedoms on one path to the root meet [Featherstone 2008,
-# secs. 6.2, 6.5]. `outer[i]` is the freedom next to i towards the root (λ(i) there), -1: none.
+# -- composite bodies: the mass matrix, O(n depth) [Featherstone 2008, sec. 6.2] ------------------
 
 
 @part
@@ -178,52 +174,6 @@ def outer_freedoms(rows, outer):
             outer[i] = i - 1
 
 
-@sweep
-def factor(outer, m):
-    """M = Lᵀ D L in the lower triangle of `m`, L with ones on its diagonal, D in their place."""
-    for k in range(m.shape[0] - 1, -1, -1):
-        i = outer[k]
-        while i >= 0:
-            a = m[k, i] / m[k, k]
-            j = i
-            while j >= 0:
-                m[i, j] -= a * m[k, j]
-                j = outer[j]
-            m[k, i] = a
-            i = outer[i]
-
-
-@sweep
-def solve(outer, m, x):
-    """M⁻¹ x in place by the factor of M: L⁻¹ D⁻¹ L⁻ᵀ x."""
-    n = m.shape[0]
-    for i in range(n - 1, -1, -1):
-        j = outer[i]
-        while j >= 0:
-            x[j] -= m[i, j] * x[i]
-            j = outer[j]
-    for i in range(n):
-        x[i] /= m[i, i]
-        j = outer[i]
-        while j >= 0:
-            x[i] -= m[i, j] * x[j]
-            j = outer[j]
-
-
-@sweep
-def singular_pivot(rows, work, m):
-    """Return the first row, from the tips, whose pivot of D is rounding, 0 for none."""
-    for k in range(rows.shape[0] - 1, 0, -1):
-        angular, linear = traces_of(work, k)
-        kind = kind_of(rows, k)
-        for c in range(nv_of(kind)):
-            i = v_of(rows, k) + c
-            size = linear if kind == TRANSLATE or c > 2 else angular
-            if vanishes(size, 1.0 / m[i, i]):
-                return k
-    return 0
-
-
 # -- what asks for them ---------------------------------------------------------------------------
 
 
@@ -232,29 +182,6 @@ def mass_matrix(rows, const, q, v, work, m):
     """Compute M of eq. (25) for `v` = 0, since only frames matter. O(n depth)."""
     outboard(rows, const, work, q, v)
     joint_inertia(rows, const, work, m)
-
-
-@kernel(i8(I2, F2, I2, F2, F1, F1, F1, F2, F1, F2, I1, F2, F1), later=True)
-def forward_dynamics_composite(
-    rows, const, bodies_i, bodies_f, q, v, tau, external, zero, work, outer, m, vdot
-):
-    """Compute `forward_dynamics_external` by M v' = τ - C and the factor of M, O(n depth²).
-
-    `zero` (nv,) is v' = 0. `outer` (nv,) and `m` (nv, nv) are workspace.
-    """
-    outboard(rows, const, work, q, v)
-    apply_external(bodies_i, bodies_f, external, work)
-    newton_euler(rows, const, v, zero, work, vdot)
-    for i in range(vdot.shape[0]):
-        vdot[i] = tau[i] - vdot[i]
-    joint_inertia(rows, const, work, m)
-    outer_freedoms(rows, outer)
-    factor(outer, m)
-    singular = singular_pivot(rows, work, m)
-    if singular > 0:
-        return singular
-    solve(outer, m, vdot)
-    return 0 if finite(vdot) else -1
 
 
 @kernel(void(I2, F2, F1, F1, i8, F1, F2, F2))
