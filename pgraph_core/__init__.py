@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .forces import Bushing as Bushing
     from .forces import Lines as Lines
     from .forces import Strut as Strut
+    from .formats import load as load
     from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.mjcf_out import write_mjcf as write_mjcf
@@ -107,6 +108,7 @@ _MODULES = {
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
+    "formats": "load",
     "forces": "Bushing Lines Strut",
     "formats.mjcf": "read_mjcf",
     "formats.mjcf_out": "write_mjcf",
@@ -141,11 +143,11 @@ _MODULES = {
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 _SAME = {  # other programs' names: ours
-    "load": "Model.load", "run": "simulate", "solve": "simulate", "System": "Model",
+    "run": "simulate", "solve": "simulate", "System": "Model",
     "MultibodySystem": "Model", "Link": "Body", "RigidBody": "Body", "Run": "Result",
 }  # fmt: skip
 _NEAR = {  # related names of ours
-    "read": "Model.load", "open": "Model.load", "from_file": "Model.load",
+    "read": "load", "open": "load", "from_file": "load",
     "Simulation": "simulate", "Simulator": "Stepper", "World": "Model", "Robot": "Model Mechanism",
     "Joint": "Body", "FreeJoint": "Body", "Damper": "Spring", "Torque": "Motor",
     "Hinge": "Body Revolute", "Slider": "Body Prismatic", "Ball": "Body", "Limit": "Body Tendon",

@@ -169,7 +169,7 @@ def to_read(text: Any) -> str:
         return ""
     if text.lstrip().startswith("{"):
         return "; to read it: pg.Model.from_json(text)"
-    do = f"; to read a file: pg.Model.load({shown(text)})"
+    do = f"; to read a file: pg.load({shown(text)})"
     if text.isidentifier():
         do += f"; a built-in model: pg.Model.load(pgraph_models.path({shown(text)}))"
     return do

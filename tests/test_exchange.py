@@ -104,7 +104,7 @@ def test_an_inertia_without_mass_is_written_to_urdf(tmp_path):
         pg.Body(name="rotor", parent="a", mass=0.0, inertia=np.diag((0.1, 0.2, 0.3))),
     ]
     pg.write_urdf(pg.Model(bodies=bodies), tmp_path / "m.urdf")
-    again = pg.Model.load(tmp_path / "m.urdf")
+    again = pg.load(tmp_path / "m.urdf")
     (rotor,) = [b for b in again.bodies if b.name == "rotor"]
     np.testing.assert_allclose(rotor.inertia, np.diag((0.1, 0.2, 0.3)))
 
@@ -114,7 +114,7 @@ def test_a_shape_that_urdf_lacks_is_left_out_by_name(tmp_path):
     body = pg.Body(name="egg", mass=1.0, inertia=np.eye(3), shape=shape)
     report = pg.write_urdf(pg.Model(bodies=[body]), tmp_path / "m.urdf")
     assert "egg" in [entry.part for entry in report.of("left out")]
-    assert not pg.Model.load(tmp_path / "m.urdf").bodies[0].shapes
+    assert not pg.load(tmp_path / "m.urdf").bodies[0].shapes
 
 
 @pytest.mark.parametrize(("turn", "reported"), [(0.4, False), (0.5, True)])

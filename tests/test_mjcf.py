@@ -522,7 +522,7 @@ def test_a_written_file_that_mujoco_refuses_is_reported_and_can_be_repaired(tmp_
     assert main(["convert", str(tmp_path / "arm.json"), str(path), "--repair"]) == 0
     compiled(tmp_path)
     assert main(["convert", str(path), str(tmp_path / "back.json")]) == 0
-    assert pg.Model.load(tmp_path / "back.json").bodies == pg.Model.load(path).bodies
+    assert pg.Model.load(tmp_path / "back.json").bodies == pg.load(path).bodies
 
 
 RING = """<mujoco><worldbody><body><joint name="a"/><geom size=".1"/></body>

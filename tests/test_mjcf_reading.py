@@ -390,5 +390,5 @@ def test_a_run_names_what_its_file_has_and_the_model_lacks(tmp_path):
     assert ["odd" in line for line in model.lost] == [True]
     for changed in (model, model.edit("a", mass=2.0), model.replace(gravity=(0, 0, 0))):
         assert any("odd" in line for line in pg.simulate(changed, t_end=0.1).notices)
-    again = pg.Model.load(tmp_path / "model.xml")
+    again = pg.load(tmp_path / "model.xml")
     assert again.lost == model.lost

@@ -311,7 +311,7 @@ def test_parts_that_urdf_does_not_have_are_left_out_or_refused(tmp_path):
     told = "\n".join(str(e) for e in report.of("left out"))
     for part in ("body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity"):
         assert part in told
-    assert [s.kind for s in pg.Model.load(tmp_path / "a.urdf").bodies[0].shapes] == [
+    assert [s.kind for s in pg.load(tmp_path / "a.urdf").bodies[0].shapes] == [
         "cylinder", "sphere", "sphere",
     ]  # fmt: skip
     ball = pg.Model(bodies=[pg.Body(name="b", joint="spherical")])
@@ -354,7 +354,7 @@ def test_commands_report_the_losses_and_warnings_of_an_import(capsys, tmp_path):
     assert main(["convert", str(path), str(tmp_path / "arm.json")]) == 0
     assert "'zz'" in capsys.readouterr().out
     assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
-    assert any("'zz'" in notice for notice in pg.Model.load(path).notices)
+    assert any("'zz'" in notice for notice in pg.load(path).notices)
     assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
     assert ".urdf" in capsys.readouterr().err
 

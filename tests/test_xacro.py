@@ -67,7 +67,7 @@ def test_macros_properties_and_includes_are_expanded(package, include, load):
     ],
 )
 def test_arguments_are_those_given(package, arguments, link, count):
-    model = pg.Model.load(package(), arguments=arguments)
+    model = pg.load(package(), arguments=arguments)
     assert len(model.bodies) == count
     assert model.body("a").link[2] == pytest.approx(link)
 
@@ -119,13 +119,13 @@ def test_what_a_program_would_do_is_not_done_for_a_page(package, tmp_path):
 def test_arguments_of_other_files_are_refused(tmp_path, name):
     (tmp_path / name).write_text(pg.Model.serial(1).to_json())
     with pytest.raises(pg.InputError, match=name):
-        pg.Model.load(tmp_path / name, arguments={"a": 1})
+        pg.load(tmp_path / name, arguments={"a": 1})
 
 
 @pytest.mark.parametrize("value", [None, [1], {"a": 1}])
 def test_arguments_are_texts_or_numbers(package, value):
     with pytest.raises(pg.InputError, match="length"):
-        pg.Model.load(package(), arguments={"length": value})
+        pg.load(package(), arguments={"length": value})
 
 
 def test_without_the_package_the_extra_is_named(tmp_path, monkeypatch):

@@ -66,7 +66,7 @@ def open_model(args: Namespace) -> pg.Model:
     if path.suffix.lower() == ".zip":
         model, report = read_file(args)
         return report.noted(model)
-    return pg.Model.load(path, roots=roots(args), arguments=dict(args.argument))
+    return pg.load(path, roots=roots(args), arguments=dict(args.argument))
 
 
 def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:

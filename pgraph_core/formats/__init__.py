@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, Problem
+from ..errors import FileError, Problem, explained
 from ..markup import ordinary
 from ..model import Model
 from ..model.files import FOREIGN
@@ -23,6 +23,25 @@ from .xacro import SUFFIX, no_arguments
 FORMATS = {"urdf": (read_urdf, write_urdf), "mjcf": (read_mjcf, write_mjcf)}
 READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
 WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
+
+
+@explained
+def load(
+    path: str | Path,
+    /,
+    *,
+    roots: Iterable[str | Path] = (),
+    arguments: Mapping[str, Any] | None = None,
+) -> Model:
+    """Return the model in a file of any format: JSON of Pgraph, URDF, xacro or MJCF, by its suffix.
+
+    Its mesh files are found from the file's folder on; others are refused unless they lie in one of
+    `roots`. `notices` of the model name what is left out or doubtful; `pg.read_urdf` and
+    `pg.read_mjcf` give the whole report. `arguments` are those of a xacro file, which is a program:
+    load only those that you trust. Raises FileError, ModelError or InputError.
+    """
+    model, report = read_model(path, roots, arguments)
+    return report.noted(model)
 
 
 def read_model(

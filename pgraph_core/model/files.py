@@ -9,7 +9,6 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -66,11 +65,6 @@ BRACKETS = re.compile(r"[\[\]{}]")
 SHALLOW = 16  # levels of brackets, more than models have
 SQUARE = bytes.maketrans(b"{}", b"[]")
 OTHERS = bytes(set(range(256)) - set(b'[]{}"'))  # all but brackets and quotes
-
-
-def formats() -> Any:
-    """The readers of other formats, which know the description: imported when first used."""
-    return import_module("pgraph_core.formats")
 
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:

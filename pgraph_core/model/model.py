@@ -845,19 +845,15 @@ class Model(World):
         /,
         *,
         roots: Iterable[str | Path] = (),
-        arguments: Mapping[str, Any] | None = None,
     ) -> Self:
-        """Load a model from a file, with mesh files relative to its folder.
+        """Load a model from a JSON file of Pgraph, with mesh files relative to its folder.
 
-        Meshes outside of that folder are refused unless they are in one of `roots`. Files of other
-        formats (.urdf, .xacro, .xml, .mjcf) are converted, with omissions and doubts in `notices`.
-        `pg.read_urdf` and `pg.read_mjcf` return the whole report. `arguments` are those of a xacro
-        file, which is a program: load only files that you trust. Raises FileError, ModelError or
-        InputError.
+        Meshes outside of that folder are refused unless they are in one of `roots`. `pg.load` reads
+        files of other formats too. Raises FileError or ModelError.
         """
-        if Path(path).suffix.lower() in files.FOREIGN or arguments:
-            model, report = files.formats().read_model(path, roots, arguments)
-            return report.noted(model)
+        if Path(path).suffix.lower() in files.FOREIGN:
+            text = "is no file of Pgraph; read it with pg.load, which converts it"
+            raise FileError(Problem(files.shown_path(path), "", text))
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
