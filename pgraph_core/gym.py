@@ -21,9 +21,9 @@ import numpy.typing as npt
 from .batches.batch_stepper import BatchStepper
 from .dynamics.arguments import finite
 from .errors import InputError, Problem, choices, explained, needed, shown
+from .forces import OnJoint
 from .mechanism import Mechanism, mechanism_of
 from .model import Model, Motor, Servo
-from .model.force import OnJoint
 from .simulation.stepper import Stepper
 
 Array = npt.NDArray[Any]

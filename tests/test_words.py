@@ -43,7 +43,7 @@ def rod(**fields):
         (lambda: pg.Weld(body="a", other="b").name, lambda: "a-b weld"),
         (lambda: rod(density=1e3, shape=pg.Shape(kind="sphere", radius=1.0)).derived,
          lambda: ("mass",)),
-        (lambda: pg.Link, lambda: pg.Body), (lambda: pg.load, lambda: pg.Model.load),
+        (lambda: pg.Link, lambda: pg.Body),
     ],
 )  # fmt: skip
 def test_another_word_for_the_same_means_the_same(theirs, ours):

@@ -9,14 +9,13 @@ from .. import joints, words
 from ..errors import ModelError, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from ..forces import Force, OnJoint, Tendon, ends_of
-from ..sentences import no_such_field
 from ..joints import quaternion_problems
+from ..sentences import no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
-from ..sentences import no_such_field
 from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # bodies by name, None for invalid ones

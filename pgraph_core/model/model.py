@@ -23,6 +23,7 @@ from ..errors import (
 )
 from ..fields import GROUND, Vec3, field, fields_of, listed, whole
 from ..forces import Force, ends_of
+from ..sentences import in_our_words
 from . import files
 from .body import Body
 from .checks import PARTS, model_problems, problems
@@ -57,7 +58,6 @@ from .parameters import (
 )
 from .poses import home_poses, poses
 from .scenario import Scenario
-from ..sentences import in_our_words
 from .world import DOWN, World
 
 # fields of a body that nothing else in a model depends on, but for the tree
