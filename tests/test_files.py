@@ -154,7 +154,7 @@ VERSION_1 = """{
 def test_a_file_too_large_is_refused_before_it_is_read(name: str, tmp_path: Path):
     (tmp_path / name).write_bytes(b"PK" if name == "m.npz" else b"")
     os.truncate(tmp_path / name, 50 << 30)  # without content: no machine could hold it
-    read, word = (pg.Result.load, name) if name == "m.npz" else (pg.Model.load, "64 MB")
+    read, word = (pg.Result.load, name) if name == "m.npz" else (pg.load, "64 MB")
     with pytest.raises(pg.FileError, match=word):
         read(tmp_path / name)
 
@@ -166,7 +166,7 @@ def test_a_pipe_or_a_device_is_neither_read_nor_written(suffix: str, tmp_path: P
     os.mkfifo(pipe)
     device.symlink_to("/dev/zero")
     for path in (pipe, device):
-        for read in (load_mesh,) if suffix == ".stl" else (pg.Model.load, pg.Result.load):
+        for read in (load_mesh,) if suffix == ".stl" else (pg.load, pg.Result.load):
             with pytest.raises(pg.FileError, match="ordinary file"):
                 read(path)
     with pytest.raises(pg.FileError, match="ordinary file"):
@@ -177,7 +177,7 @@ def test_a_pipe_or_a_device_is_neither_read_nor_written(suffix: str, tmp_path: P
 def test_links_in_a_circle_are_refused(tmp_path: Path):
     (tmp_path / "a.json").symlink_to("b.json")
     (tmp_path / "b.json").symlink_to("a.json")
-    for call in (pg.Model.load, MODEL.save):
+    for call in (pg.load, MODEL.save):
         with pytest.raises(pg.FileError, match=r"a\.json"):
             call(tmp_path / "a.json")
 
