@@ -132,6 +132,13 @@ def facts(info: FieldInfo) -> Facts:
     return next((x for x in info.metadata if isinstance(x, Facts)), Facts(None, S, "", 1, ""))
 
 
+def dim_of(part: Frozen, name: str) -> Dim:
+    """Return the dimension of the numbers in a field of a part."""
+    if isinstance(part, Described):
+        return part._dim_of(name)
+    return facts(type(part).model_fields[name]).dim or NONE
+
+
 def about(info: FieldInfo, name: str) -> About:
     """What a form shows of a field that `field` declared."""
     own = facts(info)
@@ -524,7 +531,7 @@ class Described(Frozen):
                     where += f" pg.{kind.__name__}(...)"
                 raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
 
-    def dim_of(self, name: str) -> Dim:
+    def _dim_of(self, name: str) -> Dim:
         """The dimension of a field's numbers."""
         return facts(type(self).model_fields[name]).dim or NONE
 

@@ -88,7 +88,9 @@ def about(item: Any, field: str) -> About:
     known = type(item).model_fields
     if field not in known:
         return CELLS.get(field, About(field))
-    return fields.about(known[field], field)._replace(unit=UNITS.get(item.dim_of(field), ""))
+    return fields.about(known[field], field)._replace(
+        unit=UNITS.get(fields.dim_of(item, field), "")
+    )
 
 
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:

@@ -50,7 +50,7 @@ class Force(OfKinds):
         super().__init__(**data)
 
     @property
-    def idle(self) -> str:
+    def _idle(self) -> str:
         """Why it does nothing in any motion; "" where it does something."""
         return ""
 
@@ -97,14 +97,14 @@ class OnBody(Force):
     SCALES: ClassVar[tuple[str, ...]] = ()  # where all these fields are zero, it exerts nothing
 
     @property
-    def exerts(self) -> bool:
+    def _exerts(self) -> bool:
         """Whether it may act in a run."""
         values = (getattr(self, name) for name in self.SCALES)
         return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
 
     @property
-    def idle(self) -> str:
-        if self.exerts or any(ends_of(self)):
+    def _idle(self) -> str:
+        if self._exerts or any(ends_of(self)):
             return ""
         return f"its {' and '.join(self.SCALES)} are 0"
 

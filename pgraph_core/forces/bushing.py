@@ -85,7 +85,7 @@ class Bushing(AtPoint, Between):
     )  # fmt: skip
 
     @property
-    def exerts(self) -> bool:
+    def _exerts(self) -> bool:
         return bool(np.any(self.stiffness) or np.any(self.damping))
 
     @model_validator(mode="after")

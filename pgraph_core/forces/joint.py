@@ -124,14 +124,14 @@ class OnJoint(Force, OfSums):
             return [("start", f"must be from {low:g} to {high:g}; given {shown(start)}")]
         return []
 
-    def dim_of(self, name: str) -> Dim:
+    def _dim_of(self, name: str) -> Dim:
         """The dimension of a field: bounds of the input, and its integral, go by the input."""
-        acts = super().dim_of(self.INPUT)
+        acts = super()._dim_of(self.INPUT)
         if name in ("start", "state_low", "state_high"):
             return acts
         if name in (self.INPUT, "input_low", "input_high"):
             return acts / S if self.integrates else acts
-        return super().dim_of(name)
+        return super()._dim_of(name)
 
     @property
     def has_state(self) -> bool:
@@ -234,7 +234,7 @@ class Servo(OnJoint):
         return Law(self.kp, self.torque, self.kp, self.kd)
 
     @property
-    def idle(self) -> str:
+    def _idle(self) -> str:
         return "" if self.kp or self.kd or self.torque else "its kp and kd are 0"
 
 
@@ -263,7 +263,7 @@ class SpeedServo(OnJoint):
         return Law(self.kd, self.torque, 0.0, self.kd)
 
     @property
-    def idle(self) -> str:
+    def _idle(self) -> str:
         return "" if self.kd or self.torque else "its kd is 0"
 
 

@@ -43,7 +43,7 @@ class Wrench(OnBody):
     )  # fmt: skip
 
     @property
-    def idle(self) -> str:
+    def _idle(self) -> str:
         return ""  # zeros are what a run or a form fills in
 
 

@@ -87,10 +87,10 @@ class Contact(Described):
     )  # fmt: skip
     active: Flag = field("true or false", default=True)
 
-    def dim_of(self, name: str) -> Dim:
+    def _dim_of(self, name: str) -> Dim:
         """The dimension of a field: those of a soft contact have their own."""
         soft = {"stiffness": N / M**1.5, "damping": S / M} if self.law == "soft" else {}
-        return soft.get(name) or super().dim_of(name)
+        return soft.get(name) or super()._dim_of(name)
 
     def frictions(self, ground: Ground) -> Frictions:
         """The four coefficients, with what is left out from the ground."""

@@ -178,8 +178,8 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
             motions = by_name[f.body].sequence
             if len(motions) == 1 and motions[0].kind == "rotate" and f.gear == 1.0:
                 yield f"{where}: {several_turns(f.target, 'target')}"
-        if f.idle:
-            yield f"{where}: it does nothing, since {f.idle}"
+        if f._idle:
+            yield f"{where}: it does nothing, since {f._idle}"
         elif isinstance(f, OnJoint) and f.coefficients and f.body not in f.coefficients:
             yield (
                 f"{where}: it acts on the sum over {', '.join(f.coefficients)}, and its body "

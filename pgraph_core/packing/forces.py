@@ -36,7 +36,7 @@ def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
 
 def exerts(f: Force) -> bool:
     """Whether a force may act in a run: one on bodies that is zero throughout does not."""
-    return not isinstance(f, OnBody) or f.exerts
+    return not isinstance(f, OnBody) or f._exerts
 
 
 class Placed:

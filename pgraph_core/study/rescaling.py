@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import refusal
-from ..fields import Described, Frozen, OfSums, facts, fields_of
+from ..fields import Frozen, OfSums, dim_of, facts, fields_of
 from ..joints import PER_MOTION, Motion
 from ..model import Body, Force, Model
 from ..model.constraint import InJoints
@@ -44,7 +44,7 @@ class Scale:
             own, value = facts(info), getattr(part, name)
             if own.dim is None or value is None or own.role == "joint":
                 continue
-            dim = part.dim_of(name) if isinstance(part, Described) else own.dim
+            dim = dim_of(part, name)
             if own.role == "screw":
                 found[name] = self.screw(value, dim)
             elif isinstance(value, Frozen):  # a table: its first column, and its values
@@ -98,7 +98,7 @@ def _body(body: Body, s: Scale) -> Body:
     found = s.fields(body)
     found.pop("density", None)  # it followed from shapes
     for name in (*PER_MOTION, "limits"):
-        dim = body.dim_of(name)
+        dim = dim_of(body, name)
         by = [s.of(dim, m.kind == "translate") for m in body.sequence]
         found[name] = tuple(s.times(x, f) for x, f in zip(getattr(body, name), by))
     found["q"] = _coordinates(body.sequence, body.q, Q, s.length)
