@@ -47,7 +47,7 @@ def imported(module: Path) -> tuple[Path, ...]:
         inside = [package / f"{name}.py" for name in re.findall(r"\w+", names)]
         candidates = (package.with_suffix(".py"), package / "__init__.py", *inside)
         found += [path for path in candidates if path.is_file() and path not in KEEPING]
-    if ENGINE in module.parents:
+    if module.parent != FORCES:
         return tuple(found)
     return tuple(path for path in found if {ENGINE, FORCES} & {*path.parents} or path == LIMITS)
 
