@@ -251,8 +251,8 @@ def rows(value: Any) -> str:
     """A table or matrix as one types it: 'a b; c d'; of a diagonal matrix its diagonal."""
     if value is None or isinstance(value, str):
         return value or ""
-    if isinstance(value, dict):
-        return _lines(zip(*value.values()))
+    if isinstance(value, (dict, pg.Lines)):
+        return _lines(zip(*_dict(value).values()))
     diagonal = not any(x for i, row in enumerate(value) for k, x in enumerate(row) if i != k)
     return _lines([[row[i] for i, row in enumerate(value)]] if diagonal else value)
 
@@ -333,8 +333,6 @@ def _typed(
             return {**data, field: whole(text, *bounds)}
         case _ if form == "flag":
             return {**data, field: text == FLAG[True]}
-        case _ if form == "rows":
-            return {**data, field: rows_of(getattr(item, field), text)}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table":
@@ -358,6 +356,8 @@ def _typed(
             return {**data, "points": _points(model, item, data, index, text, display)}
         case "coefficients":
             return _coefficients(model, data, index, text)
+        case _ if form == "rows":
+            return {**data, field: rows_of(getattr(item, field), text)}
     if not text.strip():
         return {**data, field: None}
     new = content(text, of, display)

@@ -397,3 +397,20 @@ def test_a_drive_has_the_unit_and_the_motion_of_its_joint_and_few_fields_first()
     first, _ = fields(turned, name)
     assert first["coordinate"]["options"] == [("0", "along z"), ("1", "about y")]
     assert (first["kd"]["unit"], first["speed"]["unit"]) == ("N m s/rad", "rad/s")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (pg.Lines(x=(0, 1.5), value=(-2, 3)), "0 -2; 1.5 3"),
+        (pg.Bushing(name="r", body="a", stiffness=(1, 2, 3, 4, 5, 6)).stiffness, "1 2 3 4 5 6"),
+        (pg.Bushing(name="r", body="a", stiffness=[[1.0] * 6] * 6).stiffness,
+         "; ".join(["1 1 1 1 1 1"] * 6)),
+    ],
+)  # fmt: skip
+def test_tables_and_matrices_are_typed_as_rows(value, text):
+    assert parts.rows(value) == text
+    typed = parts.rows_of(value, text)
+    fields = {"stiffness": typed} if isinstance(value, tuple) else {}
+    again = pg.Bushing(name="r", body="a", **fields).stiffness if fields else pg.Lines(**typed)
+    assert again == value
