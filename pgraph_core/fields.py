@@ -529,7 +529,8 @@ class Described(Frozen):
                 where = f"{kind.word()} {shown(data['name'])}" if "name" in data else kind.word()
                 if "name" not in data:
                     where += f" pg.{kind.__name__}(...)"
-                raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
+                found = all_problems(kind, data, error, where, kind._followers())
+                raise ModelError(found) from None
 
     def _dim_of(self, name: str) -> Dim:
         """The dimension of a field's numbers."""
@@ -541,7 +542,7 @@ class Described(Frozen):
         return cls.WORD or cls.__name__.lower()
 
     @classmethod
-    def followers(cls) -> Mapping[str, tuple[str, ...]]:
+    def _followers(cls) -> Mapping[str, tuple[str, ...]]:
         """Fields that are not reported where another one is refused."""
         return cls.FOLLOWERS
 
@@ -659,7 +660,7 @@ class OfKinds(Described):
         return _fields_of(tuple(cls.KINDS.values()))
 
     @classmethod
-    def followers(cls) -> Mapping[str, tuple[str, ...]]:
+    def _followers(cls) -> Mapping[str, tuple[str, ...]]:
         return {"kind": tuple(cls.fields_of_kinds() - {"name", "kind", "body", "active"})}
 
 

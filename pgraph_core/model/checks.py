@@ -464,7 +464,7 @@ def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
     if not isinstance(item, Mapping) or (bad and kind is Body):
         return None
     refused = {p.field for p in bad}
-    refused |= {name for field in refused for name in kind.followers().get(field, ())}
+    refused |= {name for field in refused for name in kind._followers().get(field, ())}
     try:
         return kind(**{key: value for key, value in item.items() if key not in refused})
     except ModelError:
