@@ -646,7 +646,7 @@ class OfKinds(Described):
     @classmethod
     def _foreign(cls, field: str, value: Any) -> str:
         kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
-        do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 4 else "leave it out"
+        do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 6 else "leave it out"
         do += f"; given {shown(value)}" if isinstance(value, str) else ""
         return f"means nothing to kind '{cls.own_kind()}'; {do}"
 
