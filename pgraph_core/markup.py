@@ -175,7 +175,7 @@ def parse_markup(content: bytes, name: str) -> Element:
             raise refuse(f"has more than {MOST_ELEMENTS} elements")
         if len(open_elements) >= MOST_NESTED:
             raise refuse(f"nests more than {MOST_NESTED} elements")
-        if any(len(x) > LONGEST for x in attributes.values()):
+        if attributes and max(map(len, attributes.values())) > LONGEST:
             raise refuse(f"has an attribute of more than {LONGEST} characters")
         element = Element(tag, attributes, parser.CurrentLineNumber)
         (open_elements[-1].children if open_elements else roots).append(element)

@@ -32,8 +32,9 @@ from .conversion import (
     suspect_units,
     unphysical,
 )
+from .mjcf_compiled import Compiled, Group
 from .mjcf_contacts import Contacts
-from .mjcf_parts import Compiled, Group, Parts, within_margin
+from .mjcf_parts import Parts, within_margin
 from .mjcf_schema import newer
 
 Array = np.ndarray

@@ -13,7 +13,7 @@ from ..fields import EVERY, GROUND
 from ..model import Contact
 from ..rotation import quaternion_of
 from ..tolerances import SOLVED
-from .mjcf_parts import Reading
+from .mjcf_compiled import Reading
 
 Array = np.ndarray
 PLANE = 0  # mjtGeom
@@ -40,6 +40,7 @@ class Contacts:
         self.filters = filters
         self.placed = self._placed()
         self.floors, self.walls = self._planes()
+        self._body_of = self.m.geom_bodyid.tolist()
 
     def _planes(self) -> tuple[list[int], list[int]]:
         """Planes of the world that are the ground, and others."""
@@ -232,7 +233,7 @@ class Contacts:
         """Return the name of the body that holds a geom here: the ground, "world" or a body."""
         if g in self.floors:
             return GROUND
-        b = int(self.m.geom_bodyid[g])
+        b = self._body_of[g]
         return "world" if b == 0 or g in self.walls else self.reader.names[b]
 
     def _geoms(self, g: int, h: int) -> tuple[int, int]:

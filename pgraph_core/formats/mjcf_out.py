@@ -32,7 +32,8 @@ from ..rotation import matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
-from .mjcf_parts import GREY, MINVAL, SENSORS, end_name
+from .mjcf_compiled import GREY, MINVAL
+from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +30,8 @@ from ..model import (
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
 from ..tolerances import SOLVED
-from .conversion import NO_LIMIT, Report, suspect_rings
+from .conversion import NO_LIMIT, suspect_rings
+from .mjcf_compiled import MINVAL, Reading
 
 Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
@@ -46,119 +45,7 @@ SENSORS: dict[str, Kind] = {  # kind of output for each sensor of MuJoCo
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
     "force": "force", "torque": "torque",
 }  # fmt: skip
-MINVAL = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, below which a mass or an inertia is none
 GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
-
-
-GREY = (0.5, 0.5, 0.5, 1.0)  # the colour that MuJoCo gives a geom without one
-
-
-class Geom(NamedTuple):
-    """The numbers of a geom that make a shape."""
-
-    kind: int
-    group: int
-    size: list[float]
-    pos: list[float]
-    quat: list[float]
-    rgba: tuple[float, ...] | None  # colour of the geom or its material, from 0 to 1
-
-
-class Compiled:
-    """MuJoCo's compiled model. Each table is looked up once, since a look-up makes a new array."""
-
-    def __init__(self, model: Any):
-        self.model = model
-
-    def __getattr__(self, name: str) -> Any:
-        return vars(self).setdefault(name, getattr(self.model, name))
-
-    @cached_property
-    def home(self) -> Any:
-        """MuJoCo's data with places and axes in the initial pose of the file."""
-        mujoco = needed("mujoco", "mjcf")
-        data = mujoco.MjData(self.model)
-        mujoco.mj_kinematics(self.model, data)
-        return data
-
-    @cached_property
-    def geoms(self) -> list[Geom]:
-        """The geoms by their numbers."""
-        plain = (self.geom_rgba == np.array(GREY, np.float32)).all(axis=1)
-        own, material = np.clip(self.geom_rgba, 0.0, 1.0), self.geom_matid
-        of_material = plain & (material >= 0)
-        own[of_material] = np.clip(self.mat_rgba[material[of_material]], 0.0, 1.0)
-        for k, mean in self.textured.items():
-            own[material == k, :3] *= mean
-        colours = map(tuple, own.tolist())
-        bare = (plain & (material < 0)).tolist()
-        rgba = (None if none else one for none, one in zip(bare, colours, strict=True))
-        tables = (self.geom_type, self.geom_group, self.geom_size, self.geom_pos, self.geom_quat)
-        return [*map(Geom, *(table.tolist() for table in tables), rgba)]
-
-    @cached_property
-    def textured(self) -> dict[int, Array]:
-        """The mean colour (3,) of the texture of each material that has one."""
-        role = int(needed("mujoco", "mjcf").mjtTextureRole.mjTEXROLE_RGB)
-        found: dict[int, Array] = {}
-        for k, t in enumerate(self.mat_texid[:, role].tolist()):
-            if t >= 0 and self.tex_nchannel[t] >= 3:
-                count, channels = (
-                    int(self.tex_height[t] * self.tex_width[t]),
-                    int(self.tex_nchannel[t]),
-                )
-                first = int(self.tex_adr[t])
-                pixels = self.tex_data[first : first + count * channels].reshape(count, channels)
-                found[k] = pixels[:, :3].mean(axis=0) / 255
-        return found
-
-    @cached_property
-    def touching(self) -> list[bool]:
-        """For each geom, True if it may touch anything, by its masks or as part of a pair."""
-        able = (self.geom_contype != 0) | (self.geom_conaffinity != 0)
-        for geoms in (self.pair_geom1, self.pair_geom2):
-            able[geoms[self.pair_dim > 0]] = True
-        return able.tolist()
-
-    def set_in(self, table: str) -> Array:
-        """Numbers of the entries that are not zero of a table that some versions lack."""
-        rows = getattr(self, table, np.zeros(0))
-        return np.flatnonzero(rows.any(axis=tuple(range(1, rows.ndim))))
-
-
-class Group(NamedTuple):
-    """Joints of one body about one place: a body of ours."""
-
-    name: str
-    joints: tuple[int, ...]
-    pivot: Array  # position in the body's axes
-    last: bool  # whether the body's mass and shapes are here
-
-
-class Reading(Protocol):
-    """Interface of the reader of the bodies."""
-
-    m: Compiled
-    path: Path
-    report: Report
-    names: list[str]  # names of bodies by MuJoCo's numbers
-    pivot: Array  # (nbody, 3) our origins in their axes
-    gravity: Array  # (3,) that acts [m/s^2]
-    groups: list[list[Group]]
-    place_of_joint: dict[int, tuple[str, int]]  # body and degree of freedom
-    freedoms: dict[str, int]  # degrees of freedom of the joint of each body
-
-    def where(self, tag: str, name: str) -> str:
-        """Return the place of an element in its file."""
-        ...
-
-    def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
-        """Say that an element has no place."""
-        ...
-
-    def solid(self, g: int, b: int) -> dict[str, Any] | None:
-        """A geom as a shape of body b."""
-        ...
 
 
 class Sums(dict[int, float]):

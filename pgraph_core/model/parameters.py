@@ -272,7 +272,9 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
                 return True
     elif isinstance(value, (dict, Mapping)):  # dict: the check of an abstract class is slow
         for key, x in value.items():
-            if type(x) not in NUMBERS and key not in TEXT and holds_formula(x, depth + 1):
+            if type(x) in NUMBERS or (type(x) is tuple and NUMBERS.issuperset(map(type, x))):
+                continue
+            if key not in TEXT and holds_formula(x, depth + 1):
                 return True
     return False
 
