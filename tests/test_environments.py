@@ -63,7 +63,7 @@ def test_the_cache_forgets_what_was_used_longest_ago(tmp_path, monkeypatch):
     (tmp_path / "half written.o.1").write_bytes(bytes(9000))
     os.utime(tmp_path / "half written.o.1", (now - 2e6, now - 2e6))
     assert loading.kept("old 0")  # which is a use
-    monkeypatch.setattr(loading, "MOST", 3500)
+    monkeypatch.setattr(loading, "LARGEST_CACHE", 3500)
     loading._tidy.cache_clear()
     loading.keep("new", bytes(1000))
     left = [k for k in range(5) if loading.kept(f"old {k}")]

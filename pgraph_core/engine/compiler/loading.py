@@ -27,7 +27,7 @@ from .jit import Kernel
 from .lane import LANE_WIDTH
 
 DAY = 86400  # [s] how exactly the last use of an entry is known
-MOST = 2**27  # [bytes] of the cache: all kernels of ten versions
+LARGEST_CACHE = 2**27  # [bytes] of the cache: all kernels of ten versions
 DIGEST = 32  # [bytes] length of a SHA-256
 
 
@@ -102,13 +102,13 @@ def keep(key: str, code: bytes) -> None:
 
 @cache  # once per process, which adds little
 def _tidy(folder: Path) -> None:
-    """Remove the entries that were used longest ago until the cache is at most MOST large."""
+    """Remove the entries that were used longest ago until the cache is at most LARGEST_CACHE large."""
     found = [(one.stat(), one.path) for one in os.scandir(folder) if one.is_file()]
     found.sort(key=lambda entry: entry[0].st_mtime, reverse=True)
     total = 0
     for known, path in found:
         total += known.st_size
-        if total > MOST:
+        if total > LARGEST_CACHE:
             with contextlib.suppress(OSError):  # another process was faster
                 os.unlink(path)
 
