@@ -102,7 +102,7 @@ def keep(key: str, code: bytes) -> None:
 
 @cache  # once per process, which adds little
 def _tidy(folder: Path) -> None:
-    """Remove the entries that were used longest ago until the cache is at most LARGEST_CACHE large."""
+    """Remove the entries used longest ago until the cache holds at most LARGEST_CACHE."""
     found = [(one.stat(), one.path) for one in os.scandir(folder) if one.is_file()]
     found.sort(key=lambda entry: entry[0].st_mtime, reverse=True)
     total = 0
