@@ -51,6 +51,11 @@ FAINT = 1e-3
 # Proximal and sparse resolution of constrained dynamic equations, 2021). From 5e-11 to 2e-10.
 PROXIMAL = 1e-10
 
+# Compliance that makes contact impulses with one effect unique, relative to what the rows of an
+# island meet on average. Of impulses that have no effect it leaves EPS / SHARED, of the others
+# its square after two corrections. From 1e-7 to 1e-5.
+SHARED = 1e-6
+
 # Factor by which a pivot falls below its largest where a position may be singular: the rows there
 # are a tenth as independent as elsewhere. From 50 to 200.
 DIP = 100.0

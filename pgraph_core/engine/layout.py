@@ -99,15 +99,14 @@ T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_
 T_DISC = 5  # the same for a thin disc with the axis AIM_0
 T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
 T_VELOCITY = 7  # Σ coefficient v = VALUE
-T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral
+T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral; in AIM the speed at which it may close
 T_CONTACT = (
     9  # a unilateral contact point with PA and DIR in the world, DIR the normal and both tangents
 )
 
 T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the speed at which it may
 # close in this step [m/s]
-T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds: about the
-# normal within FRICTION [N m s], across it within VALUE [N m s]
+T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 

@@ -145,7 +145,7 @@ def slack_of(blocks_i, blocks_f, i):
     kind = type_of(blocks_i, i)
     if kind == T_CONTACT:
         return value_of(blocks_f, i)
-    return blocks_f[i, at.AIM] if kind == T_SPAN else 0.0
+    return blocks_f[i, at.AIM] if kind == T_SPAN or kind == T_LIMIT else 0.0
 
 
 @part

@@ -127,13 +127,10 @@ def set_block(contacts, blocks, n, i, slides):
 
 
 @part
-def set_turn(contacts, blocks, n, i, force):
-    """Write the torsional friction of contact point n as block i, for normal impulse `force`."""
-    law = contacts.laws[contacts.found[n].pair]
+def set_turn(contacts, blocks, n, i):
+    """Write the torsional friction of contact point n as block i."""
     set_block(contacts, blocks, n, i, True)
     blocks.blocks_i[i, at.B_TYPE] = at.T_TURN
-    blocks.blocks_f[i, at.FRICTION] = law.spinning * force
-    blocks.blocks_f[i, at.VALUE] = law.rolling * force
     blocks.blocks_f[i, at.BOUNCE] = 0.0
 
 

@@ -10,6 +10,7 @@ few sweeps. If impulses are redundant or sweeps stall, Newton's method takes ove
 
 import math
 
+from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import (
     BEFORE,
@@ -20,7 +21,6 @@ from ..arrays import (
     HARD,
     LAMBDA,
     MISSED,
-    OTHER,
     REPORT,
     RHS,
     SPEEDS,
@@ -41,8 +41,8 @@ from ..constraints.blocks import (
 )
 from ..vec import dot, load
 from .contacts import contacts_at
-from .islands import find_islands, forget_order, order_island, several_points
-from .newton import converge, copy_impulses, gather, respond, rows_of, velocity, weigh
+from .islands import find_islands, forget_order, order_island, unique
+from .newton import drop_impulses, gather, respond, rows_of, solve_exact, velocity
 from .sweeps import gauss_seidel, own_block
 
 TOLERANCE = 1e-10  # tolerance relative to the largest velocity among an island's rows
@@ -51,15 +51,6 @@ SWEEPS = 200  # limit on sweeps when Newton's method is not tried
 FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
-WORK = 1e8  # of all factors of an island in one instant
-MOST_STEPS = 40.0  # of Newton's method from one start
-HEAVIER = 1e4  # times the mass that a block moves: the most that k becomes under a heavy body
-# Newton's ways: first compliance, its factors after a step that helped and after one that did not,
-# how many steps that halve nothing are too many, and what counts as closed at first [velocities].
-FROM_LAST = (1e-6, 0.1, 100.0, 8, 0.0)
-FROM_NONE = (1e-4, 0.1, 100.0, 20, 1e-6)
-CAREFUL = (1e-2, 0.3, 10.0, 20, 0.0)
-CLOSE = 1e-8  # of the largest velocity: nearer to the laws no other start is tried
 TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
@@ -157,7 +148,6 @@ def aim(scene, n):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0
         if unilateral:
             vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
-        if kind == at.T_CONTACT or kind == at.T_SPAN:
             vectors[TARGET, r] += slack_of(blocks_i, blocks_f, i)
 
 
@@ -219,18 +209,18 @@ def solve_island(scene, n):
     islands, fine = contacts.islands, contacts.tally[0].fine
     count = islands.first[n + 1] - islands.first[n]
     left = math.inf
-    single = not several_points(scene, n)
-    if single:
-        few = count <= FEW
-        tolerance = fine * (TOLERANCE if few else CROWD)
-        left = gauss_seidel(scene, n, size, FEW_SWEEPS if few else SWEEPS, tolerance)
-        if left <= tolerance or not few:
+    tolerance = TOLERANCE * fine
+    if unique(scene, n):
+        left = gauss_seidel(scene, n, size, SWEEPS if count > FEW else FEW_SWEEPS, tolerance)
+        if left <= tolerance:
             report[MISSED] = max(report[MISSED], left)
             return
     work, room = order_island(scene, n)
-    if room and not (single and work > SWEPT * count):
-        steps = int(min(max(WORK / work, 10.0), MOST_STEPS))
-        left = solve_exact(scene, n, size, steps)
+    if room and work <= SWEPT * count:
+        left, taken = solve_exact(scene, n, size)
+        report[STEPS_DONE] += taken
+        if left > SOLVED:
+            report[HARD] += 1.0
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)
     forget_order(islands)
@@ -260,13 +250,8 @@ def leaves_alone(scene, n, slack):
 
 @sweep
 def drop(scene, n):
-    """No impulses."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        for c in range(size_of(data.blocks.blocks_i, i)):
-            data.space.vectors[LAMBDA, first_of(data.space.slots, i) + c] = 0.0
+    """Set the impulses of island n to zero."""
+    drop_impulses(scene, n)
     respond(scene, n)
 
 
@@ -283,56 +268,6 @@ def largest_velocity(scene, n):
         for c in range(size_of(data.blocks.blocks_i, i)):
             size = max(size, abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
     return size
-
-
-@sweep
-def solve_exact(scene, n, size, most):
-    """λ by Newton's method; what is missed over `size`.
-
-    From the last impulses on, else from none in three ways, each with at most as many steps. The
-    second asks with the heaviest mass of the island what is open, sticks or slides.
-    """
-    data = opened(scene)
-    report = data.space.vectors[REPORT]
-    tolerance = TOLERANCE * contacts_at(data.links.contacts).tally[0].fine
-    left = math.inf
-    weigh(scene, n, 1.0)
-    if pushes(scene, n):
-        left, taken = converge(scene, n, size, FROM_LAST, True, tolerance, most)
-        report[STEPS_DONE] += taken
-        if left <= CLOSE:
-            return left
-        report[HARD] += 1.0
-    for way, heavier in ((FROM_NONE, 1.0), (FROM_NONE, HEAVIER), (CAREFUL, 1.0)):
-        copy_impulses(scene, n, LAMBDA, OTHER)
-        drop(scene, n)
-        weigh(scene, n, heavier)
-        again, taken = converge(scene, n, size, way, False, tolerance, most)
-        report[STEPS_DONE] += taken
-        if heavier > 1.0:
-            weigh(scene, n, 1.0)
-            again, taken = converge(scene, n, size, FROM_LAST, False, tolerance, most)
-            report[STEPS_DONE] += taken
-        if again < left:
-            left = again
-        else:
-            copy_impulses(scene, n, OTHER, LAMBDA)
-        if left <= CLOSE:
-            break
-    respond(scene, n)
-    return left
-
-
-@part
-def pushes(scene, n):
-    """Whether anything in island n pushed in the last step."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    found = False
-    for j in range(islands.first[n], islands.first[n + 1]):
-        r = first_of(data.space.slots, islands.blocks[j])
-        found = found or data.space.vectors[LAMBDA, r] != 0.0
-    return found
 
 
 # -- energy ---------------------------------------------------------------------------------------

@@ -6,10 +6,9 @@ Within one, trees follow each other breadth first from a far end of the graph of
 the matrix of Newton's method then keeps to a narrow envelope [George 1971].
 """
 
-from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
-from ..constraints.blocks import joint_of, joints_of, one_sided
+from ..constraints.blocks import joint_of, joints_of, size_of
 from ..rows import FREE, kind_of, nv_of, parent_of, v_of
 from .contacts import contacts_at
 
@@ -196,23 +195,27 @@ def forget_order(islands):
         islands.seen[islands.tree[islands.freedoms[p]]] = 0
 
 
-@part
-def several_points(scene, n):
-    """True if two blocks of island n act between the same bodies, or one ties any bodies.
+@sweep
+def unique(scene, n):
+    """True if every block of island n moves as many joints that no other moves as it has rows.
 
-    Only then do several impulses have the same effect.
+    Then no two sets of impulses have the same effect, as with the feet of legs.
     """
     data = opened(scene)
-    blocks_i = data.blocks.blocks_i
+    blocks_i, slots, where = data.blocks.blocks_i, data.space.slots, data.space.where
     islands = contacts_at(data.links.contacts).islands
     order, first = islands.blocks, islands.first
-    found = False
+    for j in range(first[n], first[n + 1]):
+        for s in range(joints_of(slots, order[j])):
+            where[joint_of(slots, order[j], s)] += 1
+    found = True
     for j in range(first[n], first[n + 1]):
         i = order[j]
-        kind = blocks_i[i, at.B_TYPE]
-        found = found or not (one_sided(kind) or kind == at.T_TURN)
-        if j > first[n] and kind == at.T_CONTACT:
-            b = order[j - 1]
-            same = blocks_i[i, at.B_A] == blocks_i[b, at.B_A]
-            found = found or (same and blocks_i[i, at.B_B] == blocks_i[b, at.B_B])
+        rows = size_of(blocks_i, i)
+        for s in range(joints_of(slots, i)):
+            rows -= 1 if where[joint_of(slots, i, s)] == 1 else 0
+        found = found and rows <= 0
+    for j in range(first[n], first[n + 1]):
+        for s in range(joints_of(slots, order[j])):
+            where[joint_of(slots, order[j], s)] = 0
     return found

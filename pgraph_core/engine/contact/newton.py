@@ -4,35 +4,40 @@ Unknown are the impulses λ and the speeds w behind the articulated factors, in 
 diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every
 k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
 ([Alart & Curnier 1991]). With k the mass that a block meets, P says what is open, sticks or slides.
-Linearised, with a small compliance s that keeps λ near where it is,
+Linearised, with a compliance s that keeps λ near where it is,
 
     (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
 
 Without Δλ that is (diag(d) + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
 is sparse in the order of the trees. What sticks has R = 1/s: s → 0 is Newton's method, a larger s
-takes shorter steps ([Levenberg 1944]), and among redundant impulses the change of least norm.
+takes shorter steps ([Levenberg 1944]). In proportion to what is missed, s leaves the method its
+speed near the solution ([Fan & Yuan 2005]).
+
+Where many impulses have one effect, those of least norm are wanted. With one compliance for all
+rows that acts on all of λ, λ = P(λ - k (u + s λ)), they are unique; what this lets through is then
+taken out by the same factor, as with redundant constraints ([Carpentier et al. 2021]).
 """
 
 import math
 
+from ...tolerances import PROXIMAL, ROUNDING, SHARED, SOLVED
 from .. import layout as at
-from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
 
-GRAIN = 4e-15  # of the impulses: what is missed by less is rounding
-HARDEST, SOFTEST = 1e-10, 1.0  # s, relative to what a contact meets
-QUIET = 1e-12  # of the velocities: what a first step that changes nothing else should leave
+CAREFUL = 0.1  # s over what is missed, relative to what a block meets and to the velocities
+BOLDEST = 0.01  # the least that steps that help make of it
+TENFOLD = 10.0  # how it grows after a step that does not help, and falls after one that does
 SHORTEST = 0.25  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
-SOFTLY = 1e-2
 FITS = 1e-2  # of what is missed: what a step should take off it
-CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
-FINER = 1e-2  # of the tolerance: where it costs no new factor
-FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin again
+PATIENCE = 12  # steps that do not halve what is missed: then steps are more careful
+MOST_STEPS = 40
+CORRECTIONS = 20  # that take out the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
@@ -69,8 +74,17 @@ def velocity(data, i, w):
 
 
 @part
-def bounds_of(blocks_f, i):
-    return blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE]
+def bounds_of(data, i):
+    """Return (friction, 0) of a contact, or a torque's bounds about and across the normal."""
+    blocks = data.blocks
+    if type_of(blocks.blocks_i, i) != at.T_TURN:
+        return blocks.blocks_f[i, at.FRICTION], 0.0
+    contacts = contacts_at(data.links.contacts)
+    tally = contacts.tally[0]
+    n = i - tally.first_turn
+    law = contacts.laws[contacts.found[n].pair]
+    push = max(data.space.vectors[LAMBDA, first_of(data.space.slots, tally.first_contact + n)], 0.0)
+    return law.spinning * push, law.rolling * push
 
 
 @part
@@ -130,15 +144,14 @@ def state_of(slope):
 
 
 @sweep
-def look(scene, n, soft, fresh, nearness):
-    """P - λ of island n's blocks into MISS, P' into SLOPE.
+def look(scene, n, soft):
+    """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` on all of λ.
 
-    (Root of the sum of squares of what is missed [m/s], its largest, how many blocks have changed
-    their state since the last look.) With `fresh`, s acts on all of λ where a contact slides. What
-    parts slower than `nearness` [m/s] counts as closed.
+    Return (root of the sum of squares of what is missed [m/s], its largest, the number of blocks
+    whose state has changed since the last look).
     """
     data = opened(scene)
-    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
     slots, vectors, kept = space.slots, space.vectors, islands.slope
     total = 0.0
@@ -147,27 +160,20 @@ def look(scene, n, soft, fresh, nearness):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         size, kind = size_of(blocks_i, i), type_of(blocks_i, i)
-        bounds = bounds_of(blocks_f, i)
         mobility = islands.mobility[i]
         k = 1.0 / mobility
         lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
-        z = add_scaled(lam, -k, velocity(data, i, vectors[STEP]))
-        if one_sided(kind):
-            z = (z[0] + k * nearness, z[1], z[2])
-        p, slope = admitted(kind, size, z, bounds)
-        if fresh and on_rim(slope):
-            z = add_scaled(z, -k * soft * islands.weight[i], lam)
-            p, slope = admitted(kind, size, z, bounds)
+        u = add_scaled(velocity(data, i, vectors[STEP]), soft * islands.weight[i], lam)
+        z = add_scaled(lam, -k, u)
+        p, slope = admitted(kind, size, z, bounds_of(data, i))
         miss = sub(p, lam)
         store(kept, i, MISS, miss)
         for c in range(9):
             kept[i, SLOPE + c] = slope[c]
         changed += 0 if kept[i, STATE] == state_of(slope) else 1
         kept[i, STATE] = state_of(slope)
-        grain = GRAIN * math.sqrt(dot(lam, lam))
         total += dot(miss, miss) * mobility * mobility
-        largest = max(abs(miss[0]), max(abs(miss[1]), abs(miss[2])))
-        most = max(most, mobility * (largest - grain))
+        most = max(most, mobility * max(abs(miss[0]), max(abs(miss[1]), abs(miss[2]))))
     return math.sqrt(total), most, changed
 
 
@@ -344,107 +350,174 @@ def go(scene, n, part_of_it):
 
 
 @sweep
-def converge(scene, n, size, way, fresh, tolerance, most):
-    """λ of the laws from λ on, and w with it; (what is missed over `size`, steps taken).
+def solve_exact(scene, n, size):
+    """Solve the laws of island n; return (what is missed over `size`, steps taken).
 
-    `way` has the first compliance, its factors after a step that helped and after one that did not,
-    how many steps that halve nothing are too many, and over `size` how slowly what parts counts as
-    closed at first. With `fresh`, impulses of what slides begin at zero: so they are those of least
-    norm, and do not depend on where they have been.
+    It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
+    mass of the heaviest body what is open, sticks or slides: a light body under it carries it.
     """
-    soft, harder, softer, patience, nearness = way
+    heaviest = weigh(scene, n)
+    left, taken = converge(scene, n, size)
+    if left > SOLVED:
+        copy_impulses(scene, n, LAMBDA, OTHER)
+        drop_impulses(scene, n)
+        rescale(scene, n, heaviest)
+        _, more = converge(scene, n, size)
+        taken += more
+        rescale(scene, n, 1.0 / heaviest)
+        _, again, _ = look(scene, n, 0.0)
+        if again < left * size:
+            left = again / size
+        else:
+            copy_impulses(scene, n, OTHER, LAMBDA)
+            respond(scene, n)
+    copy_impulses(scene, n, LAMBDA, OTHER)
+    again = least_norm(scene, n, size)
+    if again > max(left, SOLVED):
+        copy_impulses(scene, n, OTHER, LAMBDA)
+        respond(scene, n)
+        again = left
+    return again, taken + 1
+
+
+@sweep
+def converge(scene, n, size):
+    """Take Newton steps from λ on; return (what is missed over `size`, steps taken)."""
     islands = contacts_at(opened(scene).links.contacts).islands
-    recent = islands.slope[islands.slope.shape[0] - 1]
     respond(scene, n)
-    norm, left, _ = look(scene, n, soft, False, 0.0)
+    recent = islands.slope[islands.slope.shape[0] - 1]
+    norm, left, _ = look(scene, n, 0.0)
     best = left
     copy_impulses(scene, n, LAMBDA, BEST)
-    if fresh:
-        other, _, _ = look(scene, n, soft, True, 0.0)
-        if other != norm:
-            norm = max(norm, FRESH * size)
-        elif left < QUIET / soft * size:  # less rounding
-            soft = min(QUIET * size / left, SOFTLY) if left > 0.0 else SOFTLY
-    else:
-        look(scene, n, soft, False, nearness * size)
     for c in range(MEMORY):
         recent[c] = norm
-    refactor, symmetric = True, False
-    idle = 0
+    care, boldest, idle = CAREFUL, BOLDEST, 0
     taken = 0
-    enough = tolerance * size
-    while taken < most and (taken == 0 or (left > enough and idle < patience)):
+    while taken < MOST_STEPS and left > SOLVED * size:
         taken += 1
-        before = left
+        soft = min(max(care * left / size, PROXIMAL), 1.0)
         start_from_here(scene, n)
-        found, symmetric = direction(scene, n, soft, refactor, symmetric)
+        if not direction(scene, n, soft, True, False)[0]:
+            break
         bound = 0.0
         for c in range(MEMORY):
             bound = max(bound, recent[c])
         part_of_it = 1.0
-        fits = False
-        changed = 0
-        while found:
+        while True:
             go(scene, n, part_of_it)
-            norm, left, changed = look(scene, n, soft, False, 0.0)
-            fits = norm <= (1.0 - FITS * part_of_it) * bound or left <= enough
+            norm, now, _ = look(scene, n, 0.0)
+            fits = norm <= (1.0 - FITS * part_of_it) * bound or now <= SOLVED * size
             if fits or part_of_it <= SHORTEST:
                 break
             part_of_it *= 0.5
         idle += 1
-        if left < 0.5 * best:
+        if now < 0.5 * best:
             idle = 0
-        if found and left < best:
-            best = left
+        if now < best:
+            best = now
             copy_impulses(scene, n, LAMBDA, BEST)
-        if fits or (found and soft >= SOFTEST):
+        if fits or soft == 1.0:
             recent[taken % MEMORY] = norm
-            chord = part_of_it == 1.0 and changed == 0 and (refactor or left < CHORD * before)
-            refactor = not chord
-            if part_of_it == 1.0 and refactor:
-                soft = max(harder * soft, HARDEST)
+            left = now
+            if part_of_it == 1.0:
+                care = max(care / TENFOLD, boldest)
         else:
-            soft = min(softer * soft, SOFTEST) if refactor else soft
-            refactor = True
+            care *= TENFOLD
             go(scene, n, 0.0)
-            _, left, _ = look(scene, n, soft, False, 0.0)
-        enough = (tolerance if refactor else FINER * tolerance) * size
+            look(scene, n, 0.0)
+        if idle == PATIENCE:
+            idle = 0
+            boldest *= TENFOLD * TENFOLD
+            care = max(care, TENFOLD * boldest)
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken
 
 
 @sweep
-def weigh(scene, n, heavier):
-    """What island n's blocks meet: k of each, and of all between the same bodies the largest.
+def least_norm(scene, n, size):
+    """Go on to the λ of least norm with the same effect; return what is missed over `size`."""
+    share_evenly(scene, n)
+    look(scene, n, SHARED)
+    start_from_here(scene, n)
+    found, symmetric = direction(scene, n, SHARED, True, False)
+    if not found:
+        return math.inf
+    go(scene, n, 1.0)
+    _, left, _ = look(scene, n, 0.0)
+    for _ in range(CORRECTIONS):
+        if left <= ROUNDING * size:
+            break
+        before = left
+        start_from_here(scene, n)
+        direction(scene, n, SHARED, False, symmetric)
+        go(scene, n, 1.0)
+        _, left, _ = look(scene, n, 0.0)
+        if not left < before:
+            go(scene, n, 0.0)
+            left = before
+            break
+    return left / size
 
-    One compliance for all points of a touch shares its load evenly. k is the mass that a block
-    moves, up to `heavier` times as much where others of the island move a heavier one: what lies
-    under a heavy body is light by itself, and yet carries it.
+
+@sweep
+def weigh(scene, n):
+    """Write 1/k of each block of island n, for its largest row, and its compliance for s = 1.
+
+    Return the least share of a block's mobility that a single body has: 1e-6 for 1e6 kg on 1 kg.
     """
     data = opened(scene)
-    blocks_i, own = data.blocks.blocks_i, data.space.own
+    own = data.space.own
     islands = contacts_at(data.links.contacts).islands
-    first, end = islands.first[n], islands.first[n + 1]
-    least = math.inf
-    for j in range(first, end):
+    least = 1.0
+    for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        islands.weight[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
-        if heavier > 1.0:
-            least = min(least, least_mobility(data, islands.tree, i))
-    for j in range(first, end):
+        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
+        islands.weight[i] = islands.mobility[i]
+        least = min(least, least_mobility(data, islands.tree, i) / islands.mobility[i])
+    return least
+
+
+@sweep
+def rescale(scene, n, factor):
+    """Multiply what `weigh` has written by a factor."""
+    islands = contacts_at(opened(scene).links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        islands.mobility[islands.blocks[j]] *= factor
+        islands.weight[islands.blocks[j]] *= factor
+
+
+@sweep
+def share_evenly(scene, n):
+    """Give all contact points of island n one compliance, that of the mean."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    total, count = 0.0, 0
+    for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        mobility = islands.weight[i]
-        islands.mobility[i] = max(min(mobility, least), mobility / heavier)
-    for j in range(first + 1, end):
-        share(blocks_i, islands, islands.blocks[j - 1], islands.blocks[j])
-    for j in range(end - 1, first, -1):
-        share(blocks_i, islands, islands.blocks[j], islands.blocks[j - 1])
+        if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
+            total += islands.mobility[i]
+            count += 1
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
+            islands.weight[i] = total / count
+
+
+@sweep
+def drop_impulses(scene, n):
+    """Set λ of island n to zero."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        for c in range(size_of(data.blocks.blocks_i, i)):
+            data.space.vectors[LAMBDA, first_of(data.space.slots, i) + c] = 0.0
 
 
 @part
 def least_mobility(data, tree, i):
-    """The smaller of the mobilities that a block's two trees give it."""
+    """Return the smaller of the mobilities that a block's two trees give it."""
     slots, dinv = data.space.slots, data.space.vectors[DINV]
     count = joints_of(slots, i)
     least = math.inf
@@ -459,15 +532,6 @@ def least_mobility(data, tree, i):
         x, y, z = numbers(u)
         least = min(least, max(x, max(y, z)))
     return least
-
-
-@part
-def share(blocks_i, islands, source, target):
-    same = blocks_i[source, at.B_A] == blocks_i[target, at.B_A]
-    same = same and blocks_i[source, at.B_B] == blocks_i[target, at.B_B]
-    kinds = type_of(blocks_i, source) == at.T_CONTACT and type_of(blocks_i, target) == at.T_CONTACT
-    if same and kinds:
-        islands.weight[target] = max(islands.weight[target], islands.weight[source])
 
 
 @sweep

@@ -84,7 +84,7 @@ def sweep_once(scene, n, slot, count):
     those of this slot and of the last sweep. Nothing is kept if `count` is 0.
     """
     data = opened(scene)
-    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    blocks_i, space = data.blocks.blocks_i, data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
     lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
@@ -102,7 +102,7 @@ def sweep_once(scene, n, slot, count):
         rows = size_of(blocks_i, i)
         old = rows_of(lam, r, rows)
         u = velocity(data, i, w)
-        new = answer(type_of(blocks_i, i), rows, bounds_of(blocks_f, i), i, own, u, old)
+        new = answer(type_of(blocks_i, i), rows, bounds_of(data, i), i, own, u, old)
         step = sub(new, old)
         for s in range(joints_of(slots, i)):
             k = joint_of(slots, i, s)

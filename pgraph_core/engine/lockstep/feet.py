@@ -159,15 +159,28 @@ def find(ways, near, b, h):
     for n in range(ways.shape[0]):
         kept = kept + points[n, KEPT]
     lane[ALONE] = either(lane[ALONE], more(kept, NEARBY))
-    last = zero - 1.0
+    for m in range(near[0]):
+        activate(ways, b, near[1 + m], h)
     for m in range(near[0]):
         n = near[1 + m]
-        k = ways[n, W_ROW]
-        activate(ways, b, n, h)
-        here = points[n, ACTIVE]
-        same = both(most(last, k + zero), most(k + zero, last))
-        lane[ALONE] = either(lane[ALONE], both(here, same))  # several of a body: Newton's method
-        last = chosen(here, k + zero, last)
+        redundant = more(3.0 + zero, own_joints(ways, near, b, n))
+        lane[ALONE] = either(lane[ALONE], both(points[n, ACTIVE], redundant))
+
+
+@part
+def own_joints(ways, near, b, n):
+    """How many joints point n alone moves, of all points that are active; see `islands.unique`."""
+    zero = 0.0 * b.lane[0, COUNT]
+    own = zero
+    for s in range(ways[n, W_JOINTS]):
+        shared = zero
+        for m in range(near[0]):
+            other = near[1 + m]
+            for r in range(ways[other, W_JOINTS]):
+                if other != n and joint(ways, other, r) == joint(ways, n, s):
+                    shared = either(shared, b.points[other, ACTIVE])
+        own = own + chosen(shared, 0.0, 1.0 + zero)
+    return own
 
 
 @part

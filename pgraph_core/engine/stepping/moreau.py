@@ -58,7 +58,7 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
-from ..contact.closing import closed_gap, smaller_size, thinner
+from ..contact.closing import closed_gap, hits, smaller_size, thinner
 from ..contact.contacts import (
     ADDING,
     FROZEN,
@@ -75,7 +75,7 @@ from ..contact.contacts import (
     slides_now,
     touching,
 )
-from ..contact.impulse import TOLERANCE, solve_impulses
+from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
     closed_limit,
     first_meeting,
@@ -127,7 +127,6 @@ from .state import copied, size_of_state
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
-BOUND_ROUNDS = 5  # rounds of torsional friction and the normal impulses that bound it
 ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
@@ -197,7 +196,7 @@ def changed(before, after, nq, nv):
     for j in range(nq, nq + nv):
         most = max(most, abs(before[j]))
         change = max(change, abs(after[j] - before[j]))
-    return change > TOLERANCE * most
+    return change > SOLVED * most
 
 
 @sweep
@@ -345,8 +344,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
     data = opened(scene)
     blocks = data.blocks
     contacts = contacts_at(data.links.contacts)
-    blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
-    terms_f, active = blocks.terms_f, blocks.active
+    blocks_i, active = blocks.blocks_i, blocks.active
     laws, tally = contacts.laws, contacts.tally[0]
     first = tally.first_limit
     for i in range(first, first + tally.limits):
@@ -357,8 +355,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             continue
         if look and limit_meets(blocks, i, h, w, q, v, vdot):
             return True
-        gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
-        if gap <= 2.0 * closed_limit(blocks, i):
+        if limit_reaches(blocks, i, h, w, q, v, vdot):
             active[0] += 1
             active[active[0]] = i
     if laws.shape[0] == 0:
@@ -391,12 +388,33 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             active[0] += 1
             active[active[0]] = first + n
             if resists_turning(law):
-                k = kept_place(point, contacts.kept, tally.kept, n)
-                push = contacts.kept[k].value[0] if k >= 0 else 0.0
-                set_turn(contacts, blocks, n, tally.first_turn + n, push * w / h)
+                set_turn(contacts, blocks, n, tally.first_turn + n)
                 active[0] += 1
                 active[active[0]] = tally.first_turn + n
     return False
+
+
+@part
+def limit_reaches(blocks, i, h, w, q, v, vdot):
+    """True if limit i is at hand in a sub-step of width w, from its middle q.
+
+    A joint that is too slow for its impact to be located gets the permitted speed, with which it is
+    at the limit in the middle of the next sub-step, which is no wider than h.
+    """
+    blocks_i, blocks_f, terms_i, terms_f, _, _ = blocks
+    gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+    blocks_f[i, at.AIM] = 0.0
+    if gap <= 2.0 * closed_limit(blocks, i):
+        return True
+    rate = total(blocks_i, terms_i, terms_f, i, 0, v)
+    change = total(blocks_i, terms_i, terms_f, i, 0, vdot)
+    size = blocks_f[i, at.SIZE]
+    if hits(-rate, h, size, abs(change)):
+        return False
+    rate += w * change
+    ahead = 0.5 * w if hits(-rate, h, size, abs(change)) else 0.5 * (w + h)
+    blocks_f[i, at.AIM] = 2.0 * gap / (w + h)
+    return gap + ahead * rate < 0.0
 
 
 @sweep
@@ -508,10 +526,6 @@ def solve(scene, m, first, ledger):
     data = opened(scene)
     tally = contacts_at(data.links.contacts).tally[0]
     solve_impulses(scene, m, first)
-    for _ in range(BOUND_ROUNDS):
-        if not bounded_anew(scene, first):
-            break
-        solve_impulses(scene, m, first)
     report = data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[GAINED]
     tally.residual = max(tally.residual, report[MISSED])
@@ -520,30 +534,6 @@ def solve(scene, m, first, ledger):
     if report[CALMED] > 0.0:
         tally.calmed += 1
     return int(report[SWEEPS_DONE] + report[STEPS_DONE])
-
-
-@sweep
-def bounded_anew(scene, first):
-    """Bound torsional friction by the normal impulses. Returns True if a bound has changed."""
-    data = opened(scene)
-    blocks, slots, lam = data.blocks, data.space.slots, data.space.vectors[LAMBDA]
-    contacts = contacts_at(data.links.contacts)
-    tally = contacts.tally[0]
-    changed = False
-    for j in range(first, blocks.active[0] + 1):
-        i = blocks.active[j]
-        n = i - tally.first_turn
-        if tally.first_turn < 0 or n < 0:
-            continue
-        law = contacts.laws[contacts.found[n].pair]
-        push = max(lam[first_of(slots, tally.first_contact + n)], 0.0)
-        before = blocks.blocks_f[i, at.FRICTION] + blocks.blocks_f[i, at.VALUE]
-        now = (law.spinning + law.rolling) * push
-        if abs(now - before) > SOLVED * now:
-            changed = True
-            blocks.blocks_f[i, at.FRICTION] = law.spinning * push
-            blocks.blocks_f[i, at.VALUE] = law.rolling * push
-    return changed
 
 
 @sweep
@@ -717,7 +707,7 @@ def push_out(scene, first, h, q):
             deepest = max(deepest, -found[n].gap)
             deep = deep or -found[n].gap > tolerated(contacts, n, h)
     tally.depth = max(tally.depth, deepest)
-    beyond = spans_beyond(scene, first, q)
+    beyond = limits_beyond(scene, first, q)
     if not (deep or beyond > 0.0):
         return
     deepest = max(deepest, beyond)
@@ -733,8 +723,6 @@ def push_out(scene, first, h, q):
             if n >= room or not own[i, 0] > 0.0:
                 continue
             if n < 0:
-                if type_of(blocks.blocks_i, i) != at.T_SPAN:
-                    continue
                 gap = RECOVER * blocks.blocks_f[i, at.AIM]
             else:
                 gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
@@ -754,23 +742,29 @@ def push_out(scene, first, h, q):
 
 
 @sweep
-def spans_beyond(scene, first, q):
-    """Return the largest excess of a length over its bound at q [m], writing gaps to blocks."""
+def limits_beyond(scene, first, q):
+    """Return the largest excess of a joint or length over its limit at q; gaps go into AIM."""
     data = opened(scene)
     blocks, vectors = data.blocks, data.space.vectors
-    active = blocks.active
+    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
     beyond = 0.0
     moved = False
     for j in range(first, active[0] + 1):
         i = active[j]
-        if type_of(blocks.blocks_i, i) == at.T_SPAN:
+        kind = type_of(blocks_i, i)
+        if kind == at.T_LIMIT:
+            gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+            blocks_f[i, at.AIM] = gap
+            if -gap > 4.0 * closed_limit(blocks, i):
+                beyond = max(beyond, -gap)
+        elif kind == at.T_SPAN:
             if not moved:
                 frames(data.rows, data.const, data.work, q, vectors[STEP])
                 positions(data.rows, data.work)
                 moved = True
-            a, b = ends_of(blocks.blocks_i, i)
-            gap, _, _, _ = span(blocks.blocks_f, i, data.work, a, b)
-            blocks.blocks_f[i, at.AIM] = gap
+            a, b = ends_of(blocks_i, i)
+            gap, _, _, _ = span(blocks_f, i, data.work, a, b)
+            blocks_f[i, at.AIM] = gap
             beyond = max(beyond, -gap)
     return beyond
 

@@ -1,0 +1,33 @@
+"""A drive that is stronger than everything holds a joint at its limit, and not beyond."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+
+@pytest.mark.parametrize("kd", [0.0, 0.1])
+@pytest.mark.parametrize("inertia", [1e-3, 1e-5])
+@pytest.mark.parametrize("step", [None, 1e-4, 5e-3])
+def test_a_servo_does_not_push_a_hinge_through_its_limit(inertia, kd, step):
+    finger = pg.Body(
+        name="finger", axes=(0, 0, 1), mass=0.05, inertia=np.eye(3) * inertia, limits=[(0, 1.5708)]
+    )
+    drive = pg.Servo(name="drive", body="finger", kp=100, kd=kd, target=12.217)
+    model = pg.Model(bodies=[finger], forces=[drive])
+    run = pg.simulate(model, t_end=0.2, step=step, method="moreau_jean", estimate=False)
+    passed = 1e-6 if kd == 0.0 else 0.01  # a damped one may be located a little beyond
+    assert run["finger"].max() < 1.5708 * (1 + passed)
+    assert run["finger"][-1] == pytest.approx(1.5708, rel=1e-6)
+    torque = run.contacts.limit["finger high limit"][-1]
+    assert abs(torque) == pytest.approx(100 * (12.217 - 1.5708), rel=1e-3)
+
+
+@pytest.mark.parametrize(("kp", "step"), [(1e6, 1e-3), (1e4, 5e-3), (1e2, 1e-3)])
+def test_a_servo_does_not_push_a_slider_through_its_limit(kp, step):
+    slide = pg.Body(name="s", joint="prismatic", axes=(1, 0, 0), mass=1.0, limits=[(-0.5, 0.5)])
+    drive = pg.Servo(name="drive", body="s", kp=kp, kd=0.0, target=2.0)
+    model = pg.Model(bodies=[slide], forces=[drive])
+    run = pg.simulate(model, t_end=0.5, step=step, method="moreau_jean", estimate=False)
+    assert abs(run["s"]).max() < 0.5 * (1 + 1e-6)
+    assert run["s"][-1] == pytest.approx(0.5, rel=1e-6)
