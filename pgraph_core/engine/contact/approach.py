@@ -177,7 +177,8 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
             # step would see no force. And a jump of the force would count for the whole step.
             bound = min(bound, ahead / speed if ahead > lead else (ahead + lead) / speed)
     elif not given and gap < 0.0 and closing < 0.0:
-        away = math.hypot(closing, leaving_speed(law, -gap))  # at most, when it leaves
+        pushed = leaving_speed(law, -gap)
+        away = math.sqrt(closing * closing + pushed * pushed)  # at most, when it leaves
         leaves = away * away > -2.0 * contacts.tally[0].pull * gap
         if leaves and -gap > rtol * impact_depth(law, away):
             bound = min(bound, -gap / away)
