@@ -171,10 +171,14 @@ def solve(rows, shift, real, nv, factors, pivots, right, x):
 
 @sweep
 def size_of_local(z, weights, n):
-    """Largest |z| over its tolerance."""
+    """Largest |z| over its tolerance, of real or complex z.
+
+    The absolute value of a complex number would need `hypot` of the C library.
+    """
     worst = 0.0
     for j in range(n):
-        worst = larger(worst, abs(z[j]) * weights[j])
+        size = math.sqrt(z[j].real * z[j].real + z[j].imag * z[j].imag)
+        worst = larger(worst, size * weights[j])
     return worst
 
 
