@@ -16,9 +16,10 @@
     host.dataset.level = level;
     $(".seal").hidden = !level;
     $(".seal").replaceChildren(...(level ? [icon(SIGNS[level], 12)] : []));
-    $(".said").textContent = $(".said").title = said;
+    $(".said").textContent = said;
+    $(".said").title = why || said;
     $(".link").hidden = !report;
-    $(".more").hidden = !why;
+    $(".more").hidden = !why || lines.length > 0; // the lines fill the foot: then the seal tells it when asked
     $(".more").textContent = $(".more").title = why;
     const bar = $("progress");
     bar.hidden = fraction === undefined;

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from pgraph_core.analysis.singular import TOO_LOW
-from pgraph_core.integrators import METHODS
-from pgraph_core.model.scenario import AUTO, METHOD_NAMES
+from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core.state import Run, State
 from ..core.views import Payload
 
 POOR = 1e-2  # relative error or drift above which a run is rough
-FIRST_ORDER = 0.2  # the same for methods of first order, such as the steps of contacts
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
+ENERGY = "Energy drift"
 FEWEST_METRES, FEWEST_DEGREES = 1e-6, 1e-3  # nobody feels less: it is shown as "within" these
 Line = tuple[str, str, bool]  # label, value, True if it is good
 
@@ -49,7 +50,8 @@ def trust(
             report=True,
         )
     level, said, why = verdict(run)
-    return _told(level, said, why, _lines(run), report=True)
+    lines = [] if level == "failed" else _lines(run)  # the reason stands in their place
+    return _told(level, said, why, lines, report=True)
 
 
 def _told(
@@ -59,22 +61,40 @@ def _told(
 
 
 def verdict(run: Run) -> tuple[str, str, str]:
-    """(level, sentence, reason) of a run: "good", "rough", "unknown" or "failed"."""
+    """(level, sentence, reason) of a run: "good", "rough", "unknown" or "failed".
+
+    The level is that of the worst fact.
+    """
     result = run.result
     if not result.status.ok and not run.ended:
         return "failed", "Stopped early", result.message or result.status.value
     if math.isnan(float(result.error_estimate)):
         return "unknown", "Accuracy unknown", "No error was estimated for this run."
     if not math.isfinite(float(result.error_estimate)):
-        return "unknown", "Accuracy unknown", f"The error is {result.accuracy}."
+        return "unknown", f"Reliable {_until(result)}", f"The error is {result.accuracy}."
     doubts = [notice for notice in result.notices if TOO_LOW in notice]
     if doubts:
         return "unknown", "Accuracy unknown", doubts[0]
     amount = felt(run)
-    bad = [f"{what.lower()} {value}" for what, value, good in summary(run) if not good]
-    if bad:
-        return "rough", f"Rough: {amount}", bad[0]
-    return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
+    good = f"Good {amount if amount.startswith('within') else f'to {amount}'}"
+    bad = {what: value for what, value, fine in summary(run) if not fine}
+    if not bad:
+        return "good", good, ""
+    said = good if bad.keys() == {ENERGY} else f"Rough: {amount}"
+    if ENERGY in bad:
+        said += f"; energy drifts {percent(result.energy_drift)}"
+    return "rough", said, "; ".join(f"{what.lower()} {value}" for what, value in bad.items())
+
+
+def _until(result: Any) -> str:
+    """'until 0.396 s': the last time at which the error is known."""
+    known = np.flatnonzero(np.isfinite(result.error_at))
+    return f"until {float(result.t[known[-1] if len(known) else 0]):.3g} s"
+
+
+def percent(part: float) -> str:
+    """'4.9 %', or "none" if it is not known."""
+    return "none" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
 
 
 def felt(run: Run) -> str:
@@ -100,32 +120,25 @@ def length(metres: float) -> str:
 
 
 def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
-    """(what, value, whether it is good, all of it) of the three lines below the verdict."""
+    """(what, short value, whether it is good, all of it) of the three lines below the verdict."""
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
-    found = []
-    if "Error estimate" in lines:
-        value, good = lines["Error estimate"]
-        found.append(("Estimated error", value.partition(",")[0], good, value))
-    if "Energy drift" in lines:
-        value, good = lines["Energy drift"]
-        order = ", first order" if _order(result) == 1 else ""
-        found.append(
-            ("Energy drift", f"{100 * float(result.energy_drift):.2g} %{order}", good, value)
-        )
-    if "Constraint drift" in lines and not lines["Constraint drift"][1]:
-        value, good = lines["Constraint drift"]
-        found[1:2] = [("Constraint drift", value.partition(",")[0], good, value)]
+    error = float(result.error_estimate)
+    short = "none" if math.isnan(error) else f"{error:.2g} rad or m"
+    found = [("Estimated error", _until(result) if math.isinf(error) else short, "Error estimate")]
+    if lines.get("Constraint drift", ("", True))[1]:
+        found.append((ENERGY, percent(result.energy_drift), ENERGY))
+    else:
+        short = lines["Constraint drift"][0].partition(",")[0]
+        found.append(("Constraint drift", short, "Constraint drift"))
     method, step = str(result.header.get("method")), result.header.get("step")
-    size = f", {1e3 * step:g} ms" if isinstance(step, float) else ""
+    size = f", {1e3 * step:.3g} ms" if isinstance(step, float) else ""
     name = METHOD_NAMES.get(method, method).partition(" (")[0]
-    auto = ", automatic" if run.request.method == AUTO else ""
-    found.append((f"Method{auto}", f"{name}{size}", True, lines.get("Method", ("", True))[0]))
-    return found
-
-
-def _order(result: Any) -> int | None:
-    method = METHODS.get(str(result.header.get("method")))
-    return None if method is None else method.order
+    found.append(("Method", f"{name}{size}", "Method"))
+    return [
+        (label, value, good, about or value)
+        for label, value, of in found
+        for about, good in [lines.get(of, ("", True))]
+    ]
 
 
 def outcome(state: State) -> list[Line] | None:
@@ -143,16 +156,15 @@ def summary(run: Run) -> list[Line]:
     result = run.result
     drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
     estimated = not math.isnan(estimate)
-    most = FIRST_ORDER if _order(result) == 1 else POOR
     lines = [
         ("Status", run.ended or result.message or result.status.value, result.status.ok),
         ("Method", str(result.header.get("why", "")), True),
         (
             "Error estimate",
-            f"{result.accuracy}{why(estimate, POOR)}" if estimated else "",
+            f"{result.accuracy}{why(estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        ("Energy drift", f"{drift:.2g} of its range{why(drift, most)}", drift < most),
+        (ENERGY, f"{drift:.2g} of its range{why(drift)}", drift < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -163,12 +175,9 @@ def summary(run: Run) -> list[Line]:
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
 
 
-def why(error: float, most: float) -> str:
+def why(error: float) -> str:
     """Return the advice on a large error or drift, or ""."""
-    if error < POOR:
-        return ""
-    usual = "usual for a method of first order" if error < most else f"above {most:g}"
-    return f": {usual}; a smaller step makes it smaller"
+    return "" if error < POOR else f": above {POOR:g}; a smaller step makes it smaller"
 
 
 def cost(result: Any) -> str:

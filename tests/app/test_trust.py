@@ -4,11 +4,13 @@ import math
 from types import SimpleNamespace as Fake
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_app.run import Request, Run
-from pgraph_app.run.trust import felt, trust, verdict
+from pgraph_app.run.trust import _lines, felt, trust, verdict
 from pgraph_core.analysis.singular import TOO_LOW
 
 from .store import ME, after, begun, do, ran
@@ -21,7 +23,12 @@ FREE = pg.Model(bodies=(pg.Body(name="a", joint="free"),))
 
 def estimated(model: pg.Model, error: float, **more: Any) -> Any:
     """A run whose error estimate is given."""
-    facts = {"error_estimate": error, "status": Fake(ok=True), "notices": (), "message": "", **more}
+    facts = {
+        "error_estimate": error, "status": Fake(ok=True, value="done"), "notices": (),
+        "message": "", "relative_error": np.array([0.0]), "energy_drift": 0.0, "accuracy": "fine",
+        "header": {}, "counters": {}, "timing": {}, "constraint_drift": (),
+        "t": np.array([0.0, 0.396, 0.5]), "error_at": np.array([0.0, 1e-3, error]), **more,
+    }  # fmt: skip
     return Fake(model=model, ended="", request=Request(), result=Fake(**facts))
 
 
@@ -54,9 +61,35 @@ def test_what_puts_the_estimate_in_question_is_said_with_its_reason(run, level):
     assert why
 
 
+def test_an_error_known_for_a_part_of_the_run_says_until_when():
+    run = estimated(FREE, math.inf, accuracy="known until 0.396 s")
+    assert "0.396 s" in verdict(run)[1]
+    rows = dict(line[:2] for line in _lines(run))
+    assert "0.396 s" in rows["Estimated error"]
+
+
+@pytest.mark.parametrize(("drift", "level"), [(0.0, "good"), (0.009, "good"), (0.049, "rough")])
+def test_a_run_is_as_good_as_the_worst_of_its_error_and_its_energy(drift, level):
+    found, said, _ = verdict(estimated(FREE, 0.0022, energy_drift=drift))
+    assert found == level
+    assert "2 mm" in said
+    assert ("4.9 %" in said) == (level == "rough")
+
+
+@pytest.mark.parametrize("error", [math.nan, math.inf, 1e-3])
+@pytest.mark.parametrize("drift", [math.nan, 0.0, 10.0])
+@pytest.mark.parametrize("loops", [(), ((1e-9, 0.0),), ((1.0, 0.0),)])
+def test_three_short_rows_stand_below_each_verdict(error, drift, loops):
+    model = pg.Model.load(pgraph_models.path("four_bar"))
+    known = {"energy_drift": drift, "constraint_drift": np.array(loops).reshape(-1, 2)}
+    rows = _lines(estimated(model, error, accuracy="a sentence of many words, and more", **known))
+    assert len(rows) == 3
+    assert all(0 < len(value) < 28 for _, value, _, _ in rows)
+
+
 def test_small_steps_are_good_and_large_ones_rough():
     levels = []
-    for step in (1e-3, 0.005):
+    for step in (1e-4, 0.005):
         result = pg.simulate(TURNING, t_end=1.0, step=step, method="semi_implicit_euler")
         levels.append(verdict(Run(TURNING, Request(), result))[0])
     assert levels == ["good", "rough"]
