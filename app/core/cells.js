@@ -11,10 +11,11 @@ pgraph.cells = (() => {
   const digits = (x, cell) => {
     if (typeof x !== "number") return x;
     const few = Number(cell.dataset.digits ?? 7), rounded = (count) => String(Number(x.toPrecision(count)));
+    const room = Number(cell.dataset.room ?? few + 2); // [characters]
     // in a narrow cell the zeros before them, and a sign, take their room
-    const text = few < 7 && x !== 0 && Math.abs(x) < 1 ? rounded(Math.max(2, few + (x > 0) + Math.floor(Math.log10(Math.abs(x))))) : rounded(few);
+    const text = few < 7 && x !== 0 && Math.abs(x) < 1 ? rounded(Math.max(2, Math.min(few, room - 2 + (x > 0) + Math.floor(Math.log10(Math.abs(x)))))) : rounded(few);
     const small = x !== 0 && Math.abs(x) < 1e-3 && text.length > (few < 7 ? 6 : 7);
-    return text.includes("e") ? String(Number(x.toPrecision(3))) : small ? x.toExponential(few < 7 && x < 0 ? 1 : 2).replace(/\.?0+e/, "e") : text;
+    return text.includes("e") ? String(Number(x.toPrecision(3))) : small ? x.toExponential(Math.min(2, room - 4 - (x < 0))).replace(/\.?0+e/, "e") : text;
   };
 
   // The current value of the model; typed text that is not yet taken stays.

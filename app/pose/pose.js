@@ -48,7 +48,7 @@
     const pose = (serial, text) => send("MoveJoint", { serial, body: of().body, index: of().index, text });
     const slider = make("input", { type: "range", step: "any" });
     const cell = cells.input(pose, { label: "", numeric: true });
-    cell.dataset.digits = 3;
+    Object.assign(cell.dataset, { digits: 3, room: 8 }); // -0.00123
     cell.addEventListener("keydown", (event) => {
       const by = { Tab: event.shiftKey ? -1 : 1, Enter: 1, ArrowDown: 1, ArrowUp: -1 }[event.key];
       const all = [...document.querySelectorAll(".pgraph .joint .cell")], next = all[all.indexOf(cell) + by];

@@ -77,10 +77,10 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
 
 def hint(state: State, rows: list[Payload]) -> str:
     """Return the hint for missing sliders."""
+    if state.derived.dof > MOST and rows:
+        return "Showing the joints from the ground to the selection."
     if state.derived.dof > MOST:
-        more = f"{state.derived.dof} degrees of freedom are too many to list: "
-        return more + ("shown is the way from the ground to the selection." if rows
-                       else "select a body.")  # fmt: skip
+        return f"{state.derived.dof} degrees of freedom are too many to list: select a body."
     return "" if rows else "Nothing here moves."
 
 
