@@ -7,7 +7,7 @@ pgraph.table = (() => {
     ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, or onto another row to attach it there"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
-    ["Joint", "constraints that touch the body (a mark), the kind of its joint and its degrees of freedom"],
+    ["DoF", "degrees of freedom of its joint, beside the kind of the joint; a mark where constraints or contacts touch the body"],
   ];
   const LAZY = 60; // rows from which cells are made when they come near the view
   let rows = [], byName = new Map(), trs = new Map(), anchor = null, near = null;
@@ -144,7 +144,7 @@ pgraph.table = (() => {
     tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
     tr.querySelector(".dof").textContent = row.dof;
     button.setAttribute("aria-label", constraint);
-    button.title = row.constraints.length ? `${constraint}: click to see them` : `holonomic: its ${row.joint} joint alone; click to add a constraint`;
+    button.title = row.constraints.length ? `${row.held}: ${constraint}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
     button.classList.toggle("on", row.constraints.length > 0);
   }
 

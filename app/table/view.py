@@ -9,6 +9,7 @@ from pgraph_core.show.digraph import gutter
 from ..core.bridge import Bridge
 from ..core.state import State
 from ..core.views import Host, Payload, Place, audience, count, hue
+from ..model.derived import CONTACT
 from .paste import COPIED, copied
 
 
@@ -39,6 +40,13 @@ def table(state: State) -> Payload:
     order = {body.name: row for row, body in enumerate(bodies)}
     ends = tuple((loop.body, loop.other) for loop in d.loops)
     lanes = _lanes(d.parent, tuple(order[name] for name in d.names), ends)
+    constraints, looped = {c.name for c in state.model.constraints}, {loop.name for loop in d.loops}
+    kinds = {
+        "closes a loop": constraints & looped,
+        "has constraints": constraints - looped,
+        "has contacts": {CONTACT, *(contact.name for contact in state.model.contacts)},
+        "has limits": {"limits"},
+    }
     rows = []
     for row, (id_, body) in enumerate(zip(ids, bodies)):
         k = d.number[body.name]
@@ -51,6 +59,7 @@ def table(state: State) -> Payload:
             "dof": body.dof,
             "joint": body.joint,
             "constraints": d.constraints[body.name],
+            "held": held(d.constraints[body.name], kinds),
             "color": hue(d.branches[k - 1]),
             "kind": kind,
             "lane": lanes.lane[k - 1],
@@ -63,6 +72,11 @@ def table(state: State) -> Payload:
         "loops": [loop.name for loop in d.loops],
         "beside": lanes.loops,
     }
+
+
+def held(names: tuple[str, ...], kinds: dict[str, set[str]]) -> str:
+    """'closes a loop, has contacts': the kinds that occur among the names."""
+    return ", ".join(text for text, of in kinds.items() if not of.isdisjoint(names))
 
 
 _lanes = lru_cache(maxsize=16)(gutter)

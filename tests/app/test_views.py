@@ -94,6 +94,17 @@ def test_nobody_selected_gives_the_model(state):
     assert properties(state, ("gone",))["bodies"] == []
 
 
+def test_a_row_tells_what_holds_its_body_beside_its_joint():
+    rows = {row["name"]: row["held"] for row in table(begun(built_in("quadruped")))["rows"]}
+    assert "contacts" in rows["left_hind_paw"]
+    assert "loop" not in rows["left_hind_paw"]
+    held = [row["held"] for row in table(begun(built_in("four_bar")))["rows"]]
+    assert any("loop" in text for text in held)
+    assert not any("contacts" in text for text in held)
+    free = table(begun(pg.Model.serial(2)))["rows"]
+    assert [row["held"] for row in free] == ["", ""]
+
+
 def test_a_model_without_bodies_cannot_be_run(state):
     for one, empty in ((begun(pg.Model(bodies=())), True), (state, False)):
         assert run(one)["empty"] == empty
