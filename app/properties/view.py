@@ -55,7 +55,7 @@ DENSITIES = (
     ("700", "wood, 700"),
 )  # fmt: skip
 ROLES = {
-    "both": "drawn and touches", "visual": "only drawn", "collision": "only touches",
+    "both": "drawing and contact", "visual": "drawing only", "collision": "contact only",
 }  # fmt: skip
 ROTATIONS = {
     "quaternion": ("rotation", WXYZ),

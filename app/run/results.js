@@ -21,7 +21,7 @@
   }
 
   // -- export -----------------------------------------------------------------------------------------
-  const FILES = [["html", "HTML", "A page that plays the run in 3D in any browser"], ["live", "Living figure", "A page in which the reader runs the model and changes its masses"],
+  const FILES = [["html", "HTML", "A page that plays the run in 3D in any browser"], ["live", "Interactive figure", "A page in which the reader runs the model and changes its masses"],
     ["png", "Picture", "PNG of the pose shown, from the standard view"], ["svg", "SVG", "The same for print: sharp at every size"],
     ["mp4", "Film", "MP4 of the run, which any player shows"], ["gif", "GIF", "The run as a small film for slides and mails"],
     ["csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["npz", "NPZ", "The run with its model, to open in Python; with meshes a zip, to be unpacked first"]];
