@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.8  # of the model's size: the arrow of the run's usual largest force
-MOST_VALUES, LEAST_VALUE = 12, 0.02  # forces with a number, the least as a part of the largest
+MOST_VALUES, LEAST_VALUE = 5, 0.02  # forces with a number, the least as a part of the largest
 SITE = 0.09  # of a body's size: a line of a site's frame
 TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
@@ -41,6 +41,7 @@ class Push(NamedTuple):
 
     at: np.ndarray  # (3,) world [m]
     force: np.ndarray  # (3,) world [N]
+    bodies: tuple[str, ...]  # names of what it acts between
     friction: float | None = None  # friction of the ground, None for no cone
 
 
@@ -347,27 +348,30 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
         if c.name in result.constraint_force:
             k = d.number[c.body] - 1
             at = positions[k] + R[k] @ np.asarray(model.point_of(c))
-            found.append(Push(at, np.asarray(result.constraint_force[c.name][frame, 3:])))
+            force = np.asarray(result.constraint_force[c.name][frame, 3:])
+            found.append(Push(at, force, tuple(c.touches)))
     normal = np.asarray(model.ground_normal)
-    for contact, body, wrench in _touches(state):
+    for contact, (body, *others), wrench in _touches(state):
         origin = positions[d.number[body] - 1]
         on_ground = contact.other == "ground"
         at = _place(wrench[frame], origin, normal if on_ground else None)
-        found.append(Push(at, wrench[frame, 3:], _friction(model, contact) if on_ground else None))
+        friction = _friction(model, contact) if on_ground else None
+        found.append(Push(at, wrench[frame, 3:], (body, *others), friction))
     return found
 
 
-def _touches(state: State) -> Iterator[tuple[pg.Contact, str, np.ndarray]]:
-    """Contacts with the body each touches by, and its (n, 6) wrenches about that body's origin."""
+def _touches(state: State) -> Iterator[tuple[pg.Contact, tuple[str, ...], np.ndarray]]:
+    """Contacts, the bodies that touch, and (n, 6) wrenches about the origin of the first."""
     assert state.run is not None
     for key, wrench in state.run.result.contact_force.items():
         for contact in state.model.contacts:
             if key != contact.name and not key.startswith(f"{contact.name}["):
                 continue
-            inside = key[len(contact.name) + 1 : -1].split(", ")[0]
-            body = inside if contact.body == "*" else contact.body
+            inside = key[len(contact.name) + 1 : -1].split(", ")
+            body = inside[0] if contact.body == "*" else contact.body
+            other = inside[-1] if contact.other == "*" else contact.other
             if body in state.derived.number:
-                yield contact, body, np.asarray(wrench)
+                yield contact, (body, other), np.asarray(wrench)
 
 
 def _place(wrench: np.ndarray, origin: np.ndarray, normal: np.ndarray | None) -> np.ndarray:
@@ -403,15 +407,16 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
     return np.array([(at, at + arrow) for at, arrow in drawn]).reshape(-1, 2, 3)
 
 
-def values(state: State, positions: np.ndarray, wxyz: np.ndarray) -> list[list[Any]]:
-    """The largest forces: [x, y, z of the head of the arrow, its force as text]."""
-    found = pushes(state, positions, shapes.to_matrix(wxyz))
+def values(state: State, found: list[Push], selected: Collection[str]) -> list[list[Any]]:
+    """The forces on selected bodies, or the largest: [x, y, z of the arrow's head, its text]."""
+    most = len(found) if selected else MOST_VALUES
+    found = [push for push in found if not selected or not set(selected).isdisjoint(push.bodies)]
     metres = scale(state)
     sized = sorted(((float(np.linalg.norm(p.force)), p) for p in found), key=lambda one: -one[0])
     least = LEAST_VALUE * sized[0][0] if sized else 0.0
     return [
         [*(round(float(x), 5) for x in push.at + metres * push.force), f"{size:.3g} N"]
-        for size, push in sized[:MOST_VALUES]
+        for size, push in sized[:most]
         if size > least
     ]
 

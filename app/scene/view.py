@@ -254,8 +254,10 @@ class ForceView:
 
     def render(self, old: State, new: State) -> None:
         shown = "forces" in new.shown and not new.playback.moves
-        values = marks.values(new, *poses(new)) if shown else []
-        for client in new.clients:
+        positions, wxyz = poses(new)
+        found = marks.pushes(new, positions, shapes.to_matrix(wxyz)) if shown else []
+        for client, page in new.clients.items():
+            values = marks.values(new, found, page.selected)
             if self._sent.get(client, []) != values:
                 self._sent[client] = values
                 self._bridge.send(client, "forces", values)

@@ -236,6 +236,21 @@ BALL = pg.Body(
 )  # fmt: skip
 
 
+def test_values_of_forces_are_those_of_the_selection_or_the_largest():
+    balls = [ball(name=f"b{i}", mass=1.0 + i, q=(i, 0, 0.1, 1, 0, 0, 0)) for i in range(7)]
+    state = simulated(touching(*balls), 0.05)
+    positions, wxyz = poses(state)
+    found = marks.pushes(state, positions, shapes.to_matrix(wxyz))
+
+    def places(*selected):
+        return [round(value[0]) for value in marks.values(state, found, selected)]
+
+    assert len(found) == 7
+    assert places() == [6, 5, 4, 3, 2]
+    assert places("b1") == [1]
+    assert len(places(*(body.name for body in balls))) == 7
+
+
 def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     """One ball lies, and the other touches nothing."""
     state = simulated(touching(BALL, ball(name="high", q=(0.5, 0, 9.0, 1, 0, 0, 0))), 0.05)
