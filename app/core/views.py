@@ -43,8 +43,12 @@ def hue(branch: int) -> str:
 
 
 def count(state: State) -> str:
-    """'16 bodies, 21 DoF'."""
-    return f"{counted(len(state.derived.names), 'body', 'bodies')}, {state.derived.dof} DoF"
+    """'16 bodies, 21 DoF', or '3 bodies, 1 DoF (3 in tree)' once the mobility is known."""
+    tree, report = state.derived.dof, state.mobility
+    left = f"{tree} DoF"
+    if report and report.found and report.model is state.model and report.found.dof != tree:
+        left = f"{report.found.dof} DoF ({tree} in tree)"
+    return f"{counted(len(state.derived.names), 'body', 'bodies')}, {left}"
 
 
 # -- places ----------------------------------------------------------------------------------------

@@ -21,7 +21,16 @@ class ToolbarView:
     def render(self, old: State, new: State) -> None:
         changed = any(
             getattr(old, part) is not getattr(new, part)
-            for part in ("derived", "undo", "redo", "gallery", "kept", "errands", "saved")
+            for part in (
+                "derived",
+                "undo",
+                "redo",
+                "gallery",
+                "kept",
+                "errands",
+                "saved",
+                "mobility",
+            )
         )
         for client in audience(old, new, changed or _pages(old) != _pages(new)):
             self._bridge.send(client, "toolbar", toolbar(new, client))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.constraints.mobility import report
 from pgraph_app.digraph.view import digraph
 from pgraph_app.features import places
 from pgraph_app.model.view import toolbar
@@ -102,6 +103,15 @@ def test_a_row_tells_what_holds_its_body_beside_its_joint():
     assert not any("contacts" in text for text in held)
     free = table(begun(pg.Model.serial(2)))["rows"]
     assert [row["held"] for row in free] == ["", ""]
+
+
+def test_the_degrees_of_freedom_left_are_told_once_they_are_known():
+    state = begun(built_in("four_bar"))
+    assert "3 DoF" in toolbar(state, ME)["count"]
+    known = after(state, report(state.model))
+    assert "1 DoF (3 in tree)" in toolbar(known, ME)["count"]
+    edited = after(known, do.EditBodies(ME, 1, (state.derived.names[0],), "mass", (((), "7"),)))
+    assert "3 DoF" in toolbar(edited, ME)["count"]
 
 
 def test_a_model_without_bodies_cannot_be_run(state):
