@@ -188,7 +188,8 @@ class _Form:
         given = shows(name).unit
         turning, _, sliding = given.partition(", ")
         if sliding:
-            found = [sliding if m.kind == "translate" else turning for m in self.body.sequence]
+            of_motions = [sliding if m.kind == "translate" else turning for m in self.body.sequence]
+            found = [self._as_displayed(unit) for unit in of_motions]
         elif given and quantity_in(given) == "number":
             return given
         else:
@@ -199,6 +200,12 @@ class _Form:
             units = [self.display.unit(quantity_of(self.body, name, at)) for at in places]
             found = [u + per for u in units if u]
         return ", ".join(dict.fromkeys(found))
+
+    def _as_displayed(self, unit: str) -> str:
+        """Return a unit such as "rad/s" with the page's angle or length in place of rad or m."""
+        head, slash, rest = unit.partition("/")
+        names = {"rad": self.display.angle, "m": self.display.length}
+        return names.get(head, head) + slash + rest
 
     def vector(self, name: str, names: tuple[str, ...] = ()) -> Payload:
         about, cells = shows(name), self.cells(name, names)

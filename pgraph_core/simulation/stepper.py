@@ -252,7 +252,7 @@ class Stepper(Portable):
         external, out = np.zeros((1, self.mech.nb, 6)), record.out
         if len(self._carriers):
             state = self.t, out.q[0], out.v[0], external[0]
-            kernels.load_wrenches(record.scene.address, self._carriers, *packed.system[2:4], *state)
+            kernels.load_wrenches(record.scene.address, *packed.system[2:4], *state)
         if out.pushes.size:
             external += out.pushes[:1]
         if record.scene.active[0]:

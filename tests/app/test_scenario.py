@@ -9,7 +9,7 @@ import pgraph_core as pg
 from pgraph_app.core.cells import Display
 from pgraph_app.run import Run
 from pgraph_app.run.worker import simulated
-from pgraph_app.scenario.view import scenario
+from pgraph_app.scenario.view import events, scenario
 
 from . import store
 from .store import ME, begun, do, notice
@@ -131,7 +131,7 @@ def test_a_constraint_waits_for_another(slider):
     assert [(e.contact, e.after) for e in run.events] == [("lock", "on"), ("other", "on")]
     np.testing.assert_allclose(run.q[-1, 0], 1.5, rtol=0, atol=1e-9)
     shown = replace(state, last_run=Run(state.model, state.request, run))
-    log = scenario(shown, Display())["events"]
+    log = events(shown)
     assert [line["text"].split(":")[0] for line in log] == ["lock", "other"]
     left = after(state, do.DeleteSwitch(ME, 1), do.DeleteSwitch(ME, 0))
     assert left.model.scenarios[0].switches == ()

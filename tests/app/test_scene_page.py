@@ -244,7 +244,8 @@ def test_ground_and_camera_follow_the_up_axis(page, served, leg):
             scene = served.viser.get_clients()[max(served.viser.get_clients())].scene
             plane = lambda s=scene: s.get_handle_by_name("/floor").plane  # noqa: E731
             until(lambda a=across, p=plane: p() == a, "the floor")
-        page.wait_for_function(SEEN_FROM, arg=["/floor", [float(k == up) for k in "xyz"]])
+        ask = ["/floor", [float(k == up) for k in "xyz"]]
+        until(lambda a=ask: page.evaluate(SEEN_FROM, a), "the floor, seen from above")
 
 
 # -- the camera ------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ def test_a_ball_is_where_the_camera_projects_its_centre_and_as_large(view):
 
 def test_the_ball_throws_a_shadow_where_the_sun_is_behind_it():
     model = ball((0, 0, 0.3))
-    drawing, pose = drawing_of(model, (320, 240))
+    drawing, pose = drawing_of(model, (320, 240), view="top")
     picture = drawing.draw(pose).astype(float).mean(axis=-1)
     ground, sun = drawing.ground, drawing.towards_sun
     normal = np.array(ground.normal)
