@@ -194,6 +194,9 @@ EDGES = """() => {
 }"""
 
 
+UNIT_BELOW = ("armature", "damping", "density", "rest", "stiffness")  # the unit is a second line
+
+
 def test_a_form_is_one_grid_and_another_body_is_read_from_its_name_on(page, served, quadruped):
     opened(page, served, quadruped)
     for name in ("left_radius", "pelvis"):
@@ -207,12 +210,7 @@ def test_a_form_is_one_grid_and_another_body_is_read_from_its_name_on(page, serv
         first = {row["field"]: row["cells"][0]["left"] for row in rows if row["cells"]}
         assert len(set(first.values())) == 1, first
         for one in rows:
-            if one["field"] not in (
-                "damping",
-                "density",
-                "rest",
-                "stiffness",
-            ):  # their units stand below
+            if one["field"] not in UNIT_BELOW:
                 assert one["lines"] < 1.5, one
             assert one["label"] == 1, one
             widths = [cell["right"] - cell["left"] for cell in one["cells"]]
