@@ -41,7 +41,9 @@ def pose_of_all(page: Any) -> Any:
 
 
 def simulate(page: Any) -> None:
-    """Compute the run again, with what stands in the settings."""
+    """Compute the run again, with what stands in the settings, also after a live run."""
+    until(lambda: page.evaluate("!pgraph.latest.run?.job"), "the end of the run before")
+    page.locator("[data-view=run] button.run").click()
     page.locator("button.play").click(modifiers=["Shift"])
 
 

@@ -234,6 +234,8 @@ SEEN_FROM = """([name, up]) => { let sides = [];
   return sides.length === 1 && sides[0]; }"""
 
 
+# Nightly: in one long session of a page its frame callbacks stop. Known fault, see docs/limits.md.
+@pytest.mark.nightly
 def test_ground_and_camera_follow_the_up_axis(page, served, leg):
     for up, across in (("x", "zy"), ("y", None), ("z", "xy")):
         opened(page, served, leg.replace(up=up))
@@ -256,6 +258,8 @@ def along(page: Any, way: Any, name: str) -> None:
     until(lambda: np.allclose(camera(page)[:3] / distance(page), way, atol=0.01), name)
 
 
+# Nightly: in one long session of a page its frame callbacks stop. Known fault, see docs/limits.md.
+@pytest.mark.nightly
 def test_named_views_fit_and_centre_by_buttons_keys_and_wheel(page, served):
     page.evaluate("document.activeElement?.blur()")
     views = (
@@ -409,6 +413,8 @@ def test_a_body_of_a_batch_is_picked(page, served):
     assert abs(int(page.evaluate("pgraph.latest.selection")) - 60) <= 1  # its neighbours overlap
 
 
+# Nightly: in one long session of a page its frame callbacks stop. Known fault, see docs/limits.md.
+@pytest.mark.nightly
 def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
     page, served, compiled
 ):
