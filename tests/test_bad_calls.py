@@ -351,7 +351,7 @@ LATE = [
     (lambda: walk(QUADRUPED, TROT.edit(height=0.7)), "gait 'trot', height", "0.7 m", "hip"),
     (lambda: study(methods=("rk4", "rk5")), "work_precision, methods", "'rk5'", "rk4", "radau5"),
     (lambda: study(steps=(0.1, -1)), "work_precision, steps", "1e-08 and 1", "(0.1, -1)"),
-    (lambda: study(tolerances=1e-17), "work_precision, tolerances", " and 0.1", "1e-17"),
+    (lambda: study(tolerances=1e-17), "work_precision, tolerances", "8.88178e-16 and 0.1", "1e-17"),
     (lambda: study(tolerances=[10.0**-k for k in range(70)]), "tolerances", "70", "64"),
     (lambda: study(clock="sun"), "work_precision, clock", "wall, processor", "'sun'"),
     (lambda: study(frames=2.5), "work_precision, frames", ">= 3", "2.5"),
