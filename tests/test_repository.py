@@ -1,6 +1,7 @@
 """The documents: their code runs and prints what they show, and their links and figures hold."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -85,14 +86,14 @@ def test_links_pictures_and_files_of_the_documents_are_there():
     assert [file for file in files if f" <{file}>\n" not in contents] == []
 
 
-@pytest.mark.parametrize("part", [*[*WHOLE][:13], pg.Constraint, pg.Force, pg.Shape])
-def test_every_field_and_kind_is_described_once(part):
-    text = (ROOT / "docs" / "description.md").read_text(encoding="utf-8")
-    section = text.split(f"\n## {part.__name__}\n")[1].split("\n## ")[0]
-    blocks = [block.strip().splitlines() for block in section.split("\n\n")]
-    tables = [block[2:] for block in blocks if block and block[0].startswith("|")]
-    named = [[x for row in t for x in re.findall(r"`(\w+)`", row.split("|")[1])] for t in tables]
-    kinds = getattr(part, "KINDS", {})
-    assert sorted(named[0]) == sorted(part.fields_of_kinds() if kinds else part.model_fields)
-    if kinds:
-        assert named[1] == [x for kind, own in kinds.items() for x in (kind, own.__name__)]
+def test_the_page_of_fields_is_that_of_the_classes():
+    """`python docs/fields.py` writes it."""
+    script = runpy.run_path(str(ROOT / "docs" / "fields.py"))
+    assert script["PAGE"].read_text(encoding="utf-8") == script["page"]()
+
+
+def test_every_part_of_a_model_has_its_fields_on_the_page():
+    text = (ROOT / "docs" / "fields.md").read_text(encoding="utf-8")
+    kinds = [kind for base in (pg.Constraint, pg.Force) for kind in base.KINDS.values()]
+    parts = [part for part in WHOLE if not hasattr(part, "KINDS")] + kinds
+    assert [part.__name__ for part in parts if f"\n### {part.__name__}\n" not in text] == []
