@@ -78,7 +78,7 @@ Role = Literal[
 
 
 class Facts(NamedTuple):
-    """What a field is.
+    """Dimension, role, first schema version and help of a field.
 
     The role says how a reflection changes it. A `point`, `direction` or `vector` is reflected, an
     `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3 by 3 numbers, a
@@ -88,7 +88,7 @@ class Facts(NamedTuple):
     """
 
     dim: Dim | None  # None: not a number
-    over: Dim  # of the first column of a table
+    over: Dim  # dimension of the first column of a table
     role: Role
     since: int
     help: str
@@ -128,7 +128,7 @@ def field(
 
 
 def facts(info: FieldInfo) -> Facts:
-    """Return what a field is; of one that `field` did not declare, nothing."""
+    """Return the facts of a field, empty ones if `field` did not declare it."""
     return next((x for x in info.metadata if isinstance(x, Facts)), Facts(None, S, "", 1, ""))
 
 
@@ -140,7 +140,7 @@ def dim_of(part: Frozen, name: str) -> Dim:
 
 
 def about(info: FieldInfo, name: str) -> About:
-    """What a form shows of a field that `field` declared."""
+    """Return the label, unit and help that a form shows for a field."""
     own = facts(info)
     label = info.title or name.replace("_", " ").capitalize()
     return About(label, UNITS.get(own.dim or NONE, ""), own.help)
@@ -558,9 +558,9 @@ class OfKinds(Described):
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # kinds of each class that names a part
     # field -> its value in files where it has no meaning: older ones give it to every kind
     NOTHING: ClassVar[Mapping[str, Any]] = {}
-    ABOUT: ClassVar[str] = ""  # of a kind: one line for who chooses
-    SINCE: ClassVar[int] = 1  # of a kind: the version of the first schema that has it
-    NEW: ClassVar[Mapping[str, Any]] = {}  # of a kind: what a form gives to a new one
+    ABOUT: ClassVar[str] = ""  # one line about the kind, for a list to choose from
+    SINCE: ClassVar[int] = 1  # first schema version that has the kind
+    NEW: ClassVar[Mapping[str, Any]] = {}  # values of a new part in a form
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

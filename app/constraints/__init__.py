@@ -84,7 +84,7 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
 
 
 def about(item: Any, field: str) -> About:
-    """What a form shows of a field of a part, or of one of its cells."""
+    """A field of a part, or one of its cells, as a form shows it."""
     known = type(item).model_fields
     if field not in known:
         return CELLS.get(field, About(field))

@@ -240,7 +240,7 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
 
 
 def knots(value: Any) -> str:
-    """Return a number, or the text of a table over time with `;` between its lines."""
+    """Return a number, or the text of a table over time with semicolons between its lines."""
     if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
         return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
     data = value if isinstance(value, dict) else value.model_dump()
@@ -248,7 +248,7 @@ def knots(value: Any) -> str:
 
 
 def rows(value: Any) -> str:
-    """A table or matrix as one types it: 'a b; c d'; of a diagonal matrix its diagonal."""
+    """Return a table or matrix as text, of a diagonal matrix its diagonal."""
     if value is None or isinstance(value, str):
         return value or ""
     if isinstance(value, (dict, pg.Lines)):
@@ -258,7 +258,7 @@ def rows(value: Any) -> str:
 
 
 def rows_of(old: Any, text: str) -> Any:
-    """What `rows` wrote: a table as `old` is one, a matrix, or its diagonal. Raises Refusal."""
+    """Read the text of `rows`: a table, a matrix, or its diagonal. Raises Refusal."""
     typed = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
     found = tuple(tuple(number(x) for x in row) for row in typed)
     if isinstance(old, tuple):

@@ -75,10 +75,10 @@ class Client:
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # stepped figure: "pgraph" (Fig. 4), "frames" (Fig. 8) or ""
     sees: frozenset[str] = frozenset()  # the views of hidden tabs that it has in sight
-    gallery: int = 0  # how often it asked for the pictures of the models
+    gallery: int = 0  # number of requests for the pictures of the models
     follow: bool = True  # whether its camera goes along with what travels
-    view: tuple[int, str] = (0, "")  # how often a view was asked for, and which
-    gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
+    view: tuple[int, str] = (0, "")  # number of requests for a view, and its name
+    gizmo: str = ""  # field of the selected body that it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
     inspected: Inspected | None = None  # the operator it looks at
     exported: tuple[int, str, str] = (0, "", "")  # number of requested exports, and the last one

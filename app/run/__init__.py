@@ -74,7 +74,7 @@ class Run:
 
     @cached_property
     def size(self) -> float:
-        """How far the bodies reach together as they are drawn at the first frame [m]."""
+        """Return the size of all drawn bodies at the first frame [m]."""
         pose, top = np.asarray(self.result.body_pose), pg.Topology.of(self.model)
         drawn = [self.model.body(name) for name in top.names]
         parent = tuple(top.parent.tolist())

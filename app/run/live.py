@@ -67,7 +67,7 @@ class LiveRunner:
         assert state.live is not None
         try:
             found = joined(state)
-            if found.run is not None:  # what views read first
+            if found.run is not None:  # views read it first
                 _ = found.run.usual_force, found.run.travels
         except Exception as error:  # said on the page: the session goes on
             found = Joined(state.live.id, None, problem=f"The live run is lost: {error!r}")

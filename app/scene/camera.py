@@ -13,11 +13,11 @@ from ..core.state import Client, State, poses
 from . import marks
 from .marks import looks
 
-IN_PLACE = 8.0  # of its size: what flies farther apart is framed as it is at the time
-CLEAR = 0.02  # of a model's size: how far a camera keeps above the ground
-FAR = 2.0  # times the distance from which the model fills the picture
-MOMENTS, FEW = 16, 100  # of a run; bodies at most, whose corners are in a view of all its moments
-TYPICAL_ASPECT = 1.0  # of the view at 1280 x 800
+IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
+CLEAR = 0.02  # height of a camera above the ground over the model's size
+FAR = 2.0  # distance over that from which the model fills the picture
+MOMENTS, FEW = 16, 100  # moments of a run, and most bodies, for a view of all corners
+TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
 
 class CameraView:
@@ -27,9 +27,11 @@ class CameraView:
         self._server, self._bridge = bridge.server, bridge
         self._framed = -1
         self._up = ""
-        # by page: where it was told that the model is; None: it has to be told
+        # place of the model that each page knows, or None
         self._followed: dict[int, list[float] | None] = {}
-        self._views: dict[int, tuple[str, tuple[str, ...]]] = {}  # which view each has, of what
+        self._views: dict[
+            int, tuple[str, tuple[str, ...]]
+        ] = {}  # view of each page, and the bodies in it
 
     def render(self, old: State, new: State) -> None:
         another = new.framed != self._framed or new.model.up != self._up
@@ -75,7 +77,7 @@ class CameraView:
         look(handle, state, page, which, selected)
 
     def _follow(self, client: int, state: State, follows: bool) -> None:
-        """Tell a page where its camera goes along to; it keeps its own way of looking."""
+        """Send a page the point that its camera follows."""
         along = travelled(state) if follows else np.zeros(3)
         at = [round(float(x), 6) for x in along * middle(state)] if along.any() else []
         if at != self._followed.get(client, []):
@@ -148,7 +150,7 @@ def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
 
 
 def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:
-    """(nb,) which bodies a page has in its picture; none where it looks along the vertical."""
+    """Return (nb,) whether each body is in a page's picture, none along the vertical."""
     return holds(handle, state, page, poses(state)[0])
 
 
@@ -209,7 +211,7 @@ def extremes(at: np.ndarray) -> list[int]:
 
 
 def frames(state: State) -> np.ndarray | None:
-    """(nt, nb, 7) the poses of the run that is shown; None of a live one, and of a pose by hand."""
+    """Return the (nt, nb, 7) poses of the shown run, or None for a live run or a pose by hand."""
     if state.run is None or state.pose is not None or state.live is not None:
         return None
     found = np.asarray(state.run.result.body_pose)

@@ -19,9 +19,9 @@ from pgraph_core.show.stage import GRID
 from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
-LONGEST = 0.8  # of the model's size: the arrow of the run's usual largest force
+LONGEST = 0.8  # length of the arrow of the usual largest force over the model's size
 MOST_VALUES, LEAST_VALUE = 5, 0.02  # forces with a number, the least as a part of the largest
-SITE = 0.09  # of a body's size: a line of a site's frame
+SITE = 0.09  # length of an axis of a site's frame over the body's size
 TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
 THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis

@@ -39,7 +39,7 @@ from .marks import looks
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
-ACCENT = (66, 106, 236), (112, 152, 255)  # of what is selected, in the light and the dark theme
+ACCENT = (66, 106, 236), (112, 152, 255)  # colour of the selection in the light and the dark theme
 MOST_FILLED = 30  # bodies of a page
 
 
@@ -51,9 +51,9 @@ class SceneView:
         self._looks: list[Look] = []  # by number
         self._overlays = Overlays(server)
         self._selected: dict[int, list[viser.FrameHandle]] = {}  # by client: `_filled`
-        self._made_from: dict[int, Any] = {}  # what these were made from
+        self._made_from: dict[int, Any] = {}  # sources of the nodes
         self._gizmos = Gizmos(server, send)
-        self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
+        self._boxes: tuple[str, ...] = ()  # notices about meshes that cannot be read
         self._send = send
         self._state: State | None = None
         # it takes long to import, and every body is drawn with it: ready when the first page is
@@ -102,7 +102,7 @@ class SceneView:
         state = self._state
         pulls = event.modifier == PULLING
         if state is None or number > len(self._names) or (state.going and not pulls):
-            return  # what runs live is pulled, not posed
+            return  # a live run is pulled, not posed
         if pulls and state.going is None:
             if event.phase == "start" and state.run is not None:
                 self._send(GoLive(client, here=True))
@@ -146,7 +146,7 @@ class SceneView:
                 frame.position, frame.wxyz = positions[k], wxyz[k]
 
     def _select(self, old: State, new: State, rebuilt: bool) -> None:
-        """What is selected, filled, on that page only."""
+        """Draw the selection of a page, filled, on that page only."""
         for client in self._selected.keys() - new.clients.keys():
             del self._selected[client]
             self._made_from.pop(client, None)
@@ -157,7 +157,7 @@ class SceneView:
                 continue
             made_from = [self._drawn_of(new, name, now.dark) for name in chosen]
             if client in self._selected and made_from == self._made_from.get(client):
-                continue  # it is moved with its body
+                continue  # moves with its body
             self._made_from[client] = made_from
             for frame in self._selected.pop(client, []):
                 frame.remove()
@@ -266,13 +266,13 @@ class ForceView:
 
 
 class StageView:
-    """Light, canvas and floor of each page, in its theme; steps of the ground on all."""
+    """Draw light, canvas and floor of each page in its theme, and the steps of the ground."""
 
     def __init__(self, server: viser.ViserServer):
         self._server = server
         self._lit: dict[int, tuple[bool, str]] = {}  # by client: dark, which way is up
-        self._floors: dict[int, object] = {}  # what each is made from
-        self._ground: object = None  # what the steps are made from
+        self._floors: dict[int, object] = {}  # source of each floor
+        self._ground: object = None  # source of the steps
         self._steps: Any = None
         stage.unlit(server.scene)
 
@@ -301,7 +301,7 @@ class StageView:
 
 
 class ShowView:
-    """Switches for what is drawn, as far as the scene has it; and what the gizmo moves."""
+    """Draw the switches for each kind of drawing in the scene, and the choice of the gizmo."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge

@@ -27,7 +27,7 @@ LISTED = 4
 TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
 LOOKS = 4  # parabolas through the eigenvalue
 NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
-LIGHT = 10 * NULL  # ratio of masses whose rows are told apart from null ones: n rows share a trace
+LIGHT = 10 * NULL  # ratio of masses whose rows differ from null rows, as n rows share a trace
 
 # -- redundant rows ---------------------------------------------------------------------------
 

@@ -25,7 +25,10 @@ from .rows import Rows
 WHERE = "inverse_kinematics"
 REACH_ROUNDS = 100
 MOST_STARTS = 100_000
-STRIDE, STRIDES = 0.25, 8  # of the size, that a hand moves a point in one call; its rounds
+STRIDE, STRIDES = (
+    0.25,
+    8,
+)  # share of the size that a hand moves a point in one call, and the number of rounds
 
 
 class Target(NamedTuple):

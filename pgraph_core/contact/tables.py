@@ -242,7 +242,7 @@ class _Shapes:
         )
 
     def _partners(self) -> list[set[Any]]:
-        """What each shape may touch: numbers of shapes, and slots of which it is a member."""
+        """Return the shapes that each shape may touch, and the slots of which it is a member."""
         found: list[set[Any]] = [set() for _ in self.placed]
         for a, b, _ in self.pairs:
             found[a].add(b)

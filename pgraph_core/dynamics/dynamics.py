@@ -699,7 +699,7 @@ def accelerated(
     work: Array,
     vdot: Array,
 ) -> int:
-    """v' of (q, v, tau) into `vdot`; a kernel's status code."""
+    """Write v' of (q, v, tau) into `vdot`, and return a kernel's status code."""
     if external is None:
         return ready(FORWARD)(*packed.tree, *state, work, vdot)
     return dynamics.forward_dynamics_external(*packed.system[:4], *state, external, work, vdot)

@@ -60,9 +60,9 @@ REPORT = 14  # report on the impulse solver, by these:
 SWEEPS_DONE, STEPS_DONE, MISSED, GAINED, HARD, CALMED = range(6)
 DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
-TRIAL, OTHER, BEST = 19, 20, 21  # of Newton's method: change of speeds; the best λ so far
-SPEEDS = 22  # of joints without impulses, behind the articulated factors
-GYRE = 23  # of the search for velocities at the middle of a step, `spinning.GYRE_ROWS` of them
+TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds in Newton's method, and the best λ so far
+SPEEDS = 22  # joint speeds without impulses, behind the articulated factors
+GYRE = 23  # the `spinning.GYRE_ROWS` columns of the search for velocities at the middle of a step
 VECTORS = GYRE + 26
 
 
@@ -84,7 +84,7 @@ class Loads(namedtuple("_Loads", [one.kind for one in KINDS_OF_LOADS])):
 
     @property
     def number(self) -> int:
-        """How many loads there are."""
+        """Return the number of loads."""
         return sum(len(table) for table, _ in self)
 
 
@@ -176,9 +176,9 @@ class Geometry(NamedTuple):
     shapes: Any  # records of SHAPE
     vertices: Any  # (nv, 3) in the shape's frame [m]
     normals: Any  # (nf, 3) outward, in the shape's frame
-    faces: Any  # of FACE
+    faces: Any  # records FACE
     rings: Any  # (nr,) vertices around a face, counterclockwise from outside
-    edges: Any  # of EDGE
+    edges: Any  # records EDGE
     neighbours: Any  # (nn,) shapes that touch others of the same row
     down: Any  # (3,) direction of gravity, zero without it
 

@@ -22,7 +22,7 @@ from .vec import accumulate, add, add_cross, mul, scale, sub
 
 @part
 def apply(work, k, p, torque, force):
-    """A wrench at p on row k, off the bias force P; the ground takes any."""
+    """Subtract a wrench at p on row k from the bias force P, unless k is the ground."""
     if k > 0:
         arm = sub(p, origin_of(work, k))
         add_bias(work, k, scale(-1.0, add_cross(torque, arm, force)), scale(-1.0, force))
@@ -33,7 +33,7 @@ def _applying(kind):
 
     @sweep
     def all_of(own, work, linear, t):
-        """Apply the loads of one kind; powers in and dissipated [W]."""
+        """Apply the loads of one kind, and return the powers supplied and dissipated [W]."""
         table, knots = own
         put_in = 0.0
         dissipated = 0.0

@@ -1,4 +1,4 @@
-"""What all kinds of force share, and what a kind of load brings to the kernels."""
+"""Base of the kinds of force, and the interface of a load to the kernels."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Force(OfKinds):
 
     @property
     def _idle(self) -> str:
-        """Why it does nothing in any motion; "" where it does something."""
+        """Return the reason why it does nothing in any motion, or ""."""
         return ""
 
 
 def ends_of(f: Force) -> tuple[float | None, float | None]:
-    """Least and greatest length that a force allows [m, rad]; None where it bounds none."""
+    """Return the least and greatest length that a force allows [m, rad], or None."""
     return getattr(f, "low", None), getattr(f, "high", None)
 
 
@@ -68,7 +68,7 @@ def refuse_crossed_ends(f: Force) -> None:
 
 
 class Places(Protocol):
-    """Where the bodies of a mechanism are, for packing."""
+    """Poses and rows of the bodies of a mechanism, for packing."""
 
     def home(self, name: str) -> Array:
         """Return the home orientation (3, 3) of a body."""
@@ -94,11 +94,11 @@ class Places(Protocol):
 class OnBody(Force):
     """Acts on `body` itself."""
 
-    SCALES: ClassVar[tuple[str, ...]] = ()  # where all these fields are zero, it exerts nothing
+    SCALES: ClassVar[tuple[str, ...]] = ()  # fields; if all are zero, it exerts nothing
 
     @property
     def _exerts(self) -> bool:
-        """Whether it may act in a run."""
+        """Return whether it may act in a run."""
         values = (getattr(self, name) for name in self.SCALES)
         return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
 
@@ -151,7 +151,7 @@ class Load(NamedTuple):
     pack: Callable[[Any, Any, Places], Array | None]
     law: Any
     energy: Any = None
-    columns: int = 1  # of its knots
+    columns: int = 1  # number of columns of its knots
     linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
 
     @property

@@ -26,7 +26,7 @@ Row6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 def _square(value: Any) -> Any:
-    """A matrix; six numbers are its diagonal."""
+    """Return a matrix, also from six numbers as its diagonal."""
     value = listed(value)
     flat = isinstance(value, tuple) and not any(isinstance(x, tuple) for x in value)
     if flat and len(value) == 6:
@@ -185,7 +185,7 @@ def energy(one, knots, work):
 ROW = row(
     point_a=(REAL, 3),
     point_b=(REAL, 3),
-    axes_a=(REAL, 9),  # of the frames, row-major
+    axes_a=(REAL, 9),  # axes of both frames, row-major
     axes_b=(REAL, 9),
     stiffness=(REAL, 36),  # row-major, of displacements and then of turns
     damping=(REAL, 36),

@@ -106,15 +106,15 @@ def law(one, knots, work, linear, t):
 
 
 def linear(table: Any) -> bool:
-    """Whether no drag is by pressure, which is quadratic in speeds."""
+    """Return whether no drag is by pressure, which is quadratic in speeds."""
     return not (table["density"] > 0).any()
 
 
 ROW = row(
     point_a=(REAL, 3),  # middle of the box
-    axes=(REAL, 9),  # of the box, row-major
+    axes=(REAL, 9),  # directions of the box, row-major
     box=(REAL, 3),  # its edges [m]
-    density=REAL,  # of the fluid [kg/m³]
+    density=REAL,  # density of the fluid [kg/m³]
     viscosity=REAL,  # [Pa s]
 )
 LOAD = Load(Drag, ROW, pack, law, linear=linear)

@@ -110,7 +110,7 @@ class OnJoint(Force, OfSums):
         return self
 
     def _state_problems(self) -> list[tuple[str, str]]:
-        """What is wrong with the bounds of the integral."""
+        """Return the problem of the bounds of the integral."""
         low, high = self.states
         if not self.integrates:
             given = [
@@ -135,7 +135,7 @@ class OnJoint(Force, OfSums):
 
     @property
     def has_state(self) -> bool:
-        """Whether what acts follows its input over time."""
+        """Return whether the force follows its input over time."""
         return bool(self.lag) or self.integrates
 
     @property
@@ -145,7 +145,7 @@ class OnJoint(Force, OfSums):
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     def input_problem(self, value: float | Table) -> str:
-        """Why a value, or one of a table, is none of its inputs; "" where it is."""
+        """Return the reason why a value or table is not a valid input, or ""."""
         low, high = self.inputs
         values = value.value if isinstance(value, Table) else (value,)
         bad = next((x for x in values if not low <= x <= high), None)
@@ -200,7 +200,7 @@ class Motor(OnJoint):
 
     @classmethod
     def _empty(cls, field: str, value: Any) -> bool:
-        return field == "target" or super()._empty(field, value)  # as it always was
+        return field == "target" or super()._empty(field, value)  # unchanged since version 1
 
     @property
     def law(self) -> Law:

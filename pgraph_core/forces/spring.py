@@ -38,14 +38,14 @@ def points_of(f: BetweenPoints, body: Any) -> tuple[Sequence[float], Sequence[fl
 
 
 def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
-    """Write both points into the row; return how far apart they are in the initial state."""
+    """Write both points into the row, and return their distance in the initial state [m]."""
     own, other = points_of(f, at.body(f.body))
     one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
     return float(np.linalg.norm(at.at_start(f.body, own) - at.at_start(f.other, other)))
 
 
 class Spring(BetweenPoints):
-    """stiffness (length - rest) + damping x its rate pull two points; `low` <= length <= `high`."""
+    """Spring and damper between two points, whose distance stays within `low` and `high`."""
 
     ABOUT: ClassVar[str] = "pulls two points together, with damper and limits of its length"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")

@@ -18,7 +18,7 @@ from .spring import BetweenPoints, length_of, line_of, pack_points
 
 
 class Lines(Frozen):
-    """Straight lines between knots; the first and the last line go on beyond them."""
+    """Straight lines between knots, extended beyond the first and the last one."""
 
     x: Numbers = field("ascending numbers, at least one", converter=several)
     value: Numbers = field("one finite number for each x", converter=several)
@@ -81,7 +81,7 @@ def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
 
 
 def pack(f: Strut, one: Any, at: Places) -> Array:
-    """Write its points, the first lines and the stop; return the bends of both tables."""
+    """Write its points, first lines and stop, and return the bends of both tables."""
     pack_points(f, one, at)
     one["spring"], springs = bends(f.spring)
     one["damper"], dampers = bends(f.damper)
@@ -136,7 +136,7 @@ def energy(one, knots, work):
 
 
 def linear(table: Any) -> bool:
-    """Whether no strut has a damper with bends or a damped stop."""
+    """Return whether no strut has a damper with bends or a damped stop."""
     straight = table["knots"] == table["springs"]
     return bool((straight & (table["bump_damping"] == 0.0)).all())
 

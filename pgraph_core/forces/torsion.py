@@ -92,7 +92,7 @@ def energy(one, knots, work):
 
 
 ROW = row(
-    axis=(REAL, 3),  # in A
+    axis=(REAL, 3),  # axes of A
     reference_a=(REAL, 3),  # perpendicular to it: where the angle is measured
     reference_b=(REAL, 3),
     stiffness=REAL,  # [N m/rad]

@@ -56,7 +56,7 @@ def _over(t: Array, value: Any) -> Array:
 
 
 def pack(f: Wrench, one: Any, at: Places) -> Array:
-    """Write its point; return time [s], torque and force at its knots."""
+    """Write its point, and return time [s], torque and force at its knots."""
     one["point_a"] = at.in_row(f.body, f.point or (0.0, 0.0, 0.0))
     one["in_body"] = f.frame == "body"
     parts = (f.torque, f.force)

@@ -36,7 +36,7 @@ def load(
     """Return the model in a file of any format: JSON of Pgraph, URDF, xacro or MJCF, by its suffix.
 
     Its mesh files are found from the file's folder on; others are refused unless they lie in one of
-    `roots`. `notices` of the model name what is left out or doubtful; `pg.read_urdf` and
+    `roots`. `notices` of the model name what is omitted or doubtful; `pg.read_urdf` and
     `pg.read_mjcf` give the whole report. `arguments` are those of a xacro file, which is a program:
     load only those that you trust. Raises FileError, ModelError or InputError.
     """

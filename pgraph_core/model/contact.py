@@ -93,7 +93,7 @@ class Contact(Described):
         return soft.get(name) or super()._dim_of(name)
 
     def frictions(self, ground: Ground) -> Frictions:
-        """The four coefficients, with what is left out from the ground."""
+        """Return the four coefficients, the ground's where the contact has none."""
         kinetic = ground.friction if self.friction is None else self.friction
         static = self.static_friction
         if static is None:

@@ -184,7 +184,7 @@ class _Copy:
         if not self._same_coordinates(part):
             return None
         if getattr(part, "frame", "body") == "world" and not self._upright():
-            return None  # in world axes, where the parent's are not these at q = 0
+            return None  # the parent's axes are not the world's at q = 0
         change = self.mirror.fields(part)
         if part.body == self.root.parent and isinstance(part, AtPoint) and part.point is None:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
@@ -202,7 +202,7 @@ class _Copy:
         )
 
     def _same_coordinates(self, part: Constraint | Contact | Force | Site) -> bool:
-        """Whether the degrees of freedom that a part acts on have the same values reflected."""
+        """Return whether the degrees of freedom of a part keep their values when reflected."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
         if isinstance(part, OfSums):
@@ -214,7 +214,7 @@ class _Copy:
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
     def _upright(self) -> bool:
-        """Whether the parent's axes are world axes at q = 0."""
+        """Return whether the parent's axes are world axes at q = 0."""
         name = self.root.parent
         while name != GROUND and self.known[name].rotation == (1.0, 0.0, 0.0, 0.0):
             name = self.known[name].parent
@@ -327,8 +327,10 @@ class Mirror:
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:
-        """At the reflected place; its solid is symmetric about its own planes, but for a mesh
-        and for one that tapers along z."""
+        """Return a shape at the reflected place.
+
+        Its solid is symmetric about its own planes, except for a mesh and one that tapers along z.
+        """
         moved = self.fields(shape)
         if shape.end_radius is not None and self.sign[2] < 0:
             w, x, y, z = moved["rotation"]
@@ -336,7 +338,7 @@ class Mirror:
         return shape.unchecked_copy(moved)
 
     def value(self, x: Any, reflect: Callable[[Any], Any]) -> Any:
-        """What `reflect` takes, a table of it over time, or several."""
+        """Reflect one value, a table of values over time, or several values."""
         if isinstance(x, VectorTable):
             return x.unchecked_copy({"value": tuple(map(reflect, x.value))})
         if reflect in (self.point, self.axial) and (not x or isinstance(x[0], tuple)):

@@ -30,7 +30,7 @@ from .world import Ground
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts
 SCHEMA_VERSION = 5
-STEP = 1e-3  # [s] of a scenario without a step before version 4
+STEP = 1e-3  # step of a scenario without one before version 4 [s]
 SCHEMA = "pgraph-model"
 
 NOT_JSON = {
@@ -166,7 +166,7 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-USUAL = {"role": "both", "opacity": 1.0}  # of shapes, which files leave out
+USUAL = {"role": "both", "opacity": 1.0}  # default fields of shapes, which files omit
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:

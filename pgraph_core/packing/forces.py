@@ -35,12 +35,12 @@ def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
 
 
 def exerts(f: Force) -> bool:
-    """Whether a force may act in a run: one on bodies that is zero throughout does not."""
+    """Return whether a force may act in a run. One on bodies that is always zero does not."""
     return not isinstance(f, OnBody) or f._exerts
 
 
 class Placed:
-    """Where the bodies of a packed model are; `Places` of `forces`."""
+    """Poses and rows of the bodies of a packed model, as `Places` of `forces`."""
 
     def __init__(self, model: Model, topology: Topology, packed: System, home: Sequence[Array]):
         """`home`: the bodies' poses in the initial state."""
@@ -72,7 +72,7 @@ def loads(
     forces: tuple[Force, ...],
     home: tuple[Array, Array],
 ) -> Loads:
-    """The loads in `forces`; `home`: the bodies' poses in the initial state."""
+    """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
     return Loads(*(_loads(kind, [f for f in forces if type(f) is kind.part], at) for kind in LOADS))
 

@@ -30,7 +30,7 @@ class Look(NamedTuple):
     links: tuple[tuple[float, float, float], ...]  # positions of its children's joints at q = 0 [m]
     pieces: tuple[shapes.Piece, ...]
     color: shapes.Color
-    plain: bool = False  # in its branch's colour
+    plain: bool = False  # drawn in the colour of its branch
 
     def alike(self, other: Look) -> bool:
         """True if both are drawn the same."""

@@ -28,8 +28,12 @@ PAINTS: tuple[Color, ...] = (
     (205, 208, 214), (95, 127, 224), (217, 131, 74), (63, 156, 134), (168, 104, 187),
     (176, 158, 60), (214, 104, 140),
 )  # fmt: skip
-COAT, RUBBER, TINT = (218, 220, 224), (48, 54, 64), 0.55  # of bodies; the share of the paint
-LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
+COAT, RUBBER, TINT = (
+    (218, 220, 224),
+    (48, 54, 64),
+    0.55,
+)  # colours of bodies, and the share of the paint
+LUMA = (0.299, 0.587, 0.114)  # weights of red, green and blue (ITU-R BT.601)
 LARGEST = float(np.finfo(float).max ** 0.5) / 10  # [m] squares of it can be added
 STAND_IN: Color = (214, 51, 132)  # magenta, which no branch has
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, least radius [m]
@@ -295,7 +299,7 @@ def reach(
 
 
 def branches(parent: Sequence[int]) -> tuple[int, ...]:
-    """The branch of each body: 0 of what carries several tips, else 1, 2, ... as tips are met."""
+    """Return the branch of each body: 0 if it carries several tips, else 1, 2, ... by tips."""
     n = len(parent)
     tips = [0] * (n + 1)
     for k in range(n, 0, -1):

@@ -1,4 +1,4 @@
-"""What bodies stand on and in, drawn by viser: light, canvas, floor and steps."""
+"""Surroundings of the bodies, drawn by viser: light, canvas, floor and steps."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Tones(NamedTuple):
     above: Color  # light from all around
     below: Color
     around: float
-    key: float  # of the light from the upper left in front, which casts the shadow
-    rim: float  # of the light from behind
+    key: float  # strength of the light from the upper left in front, which casts the shadow
+    rim: float  # strength of the light from behind
     shadow: float  # on the floor
 
 
@@ -42,10 +42,10 @@ LIGHT = Tones((238, 241, 245), (250, 251, 252), (195, 202, 213), (255, 255, 255)
               1.75, 1.5, 0.7, 0.34)  # fmt: skip
 DARK = Tones((14, 17, 22), (29, 35, 44), (62, 71, 85), (206, 218, 240), (72, 82, 100),
              1.3, 1.6, 1.1, 0.55)  # fmt: skip
-WARM, COOL = (255, 246, 234), (214, 226, 255)  # of the key and the rim
+WARM, COOL = (255, 246, 234), (214, 226, 255)  # colours of the key and the rim
 # Towards the lights, with z up and the camera at the start as in TOWARDS.
 KEY, RIM, SKY = (1.6, -1.5, 3.4), (-2.0, 2.4, 1.2), (0.0, 0.0, 1.0)
-OVERHEAD = 0.4  # of the light from straight above, which darkens what is close to the ground
+OVERHEAD = 0.4  # strength of the light from above, which shades what is close to the ground
 
 
 def turned(direction: Sequence[float], up: str) -> tuple[float, float, float]:
@@ -182,10 +182,12 @@ TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
 class Framing(NamedTuple):
     """Margins of the camera's picture."""
 
-    field_of_view: float = 0.5  # of the height [rad]: bodies keep their shape
-    margin: float = 0.8  # of half the width and height
+    field_of_view: float = (
+        0.5  # angle over the height [rad], small enough to keep the shape of bodies
+    )
+    margin: float = 0.8  # share of half the width and height
     distance: float = 0.02  # least distance [m], of a model that is a point
-    lean: float = 1e-3  # of a view along the vertical, which has no upright picture
+    lean: float = 1e-3  # tilt of a view along the vertical, which would have no upright direction
 
 
 FRAMING = Framing()

@@ -37,7 +37,7 @@ def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
         if not np.isfinite(near.value) or len(shared) < 2:
             continue
         k = int(np.clip(np.searchsorted(shared, near.t), 1, len(shared) - 1))
-        error = 2.0 * max(  # of a method of order 1: twice the difference to half the step
+        error = 2.0 * max(  # method of order 1: twice the difference to half the step
             abs(
                 near.watched(float(shared[n]), record.out.q[i[n]], record.out.v[i[n]])
                 - near.watched(float(shared[n]), other.out.q[j[n]], other.out.v[j[n]])

@@ -657,7 +657,7 @@ class Recording:
         return contradicted(self.mech, self._active, points, t, q)
 
     def _is_redundant(self, t: float, q: Array) -> bool:
-        """Whether rows say nothing new at q, or next to it, by their directions alone."""
+        """Return whether rows are dependent at q, or next to it, by their directions alone."""
         return nulls_of(self.mech, self._active, t, q) > 0
 
     def _unequal(self) -> str:

@@ -34,7 +34,7 @@ class Scale:
     time: float
 
     def of(self, dim: Dim, slides: bool = False) -> float:
-        """The factor of a dimension; coordinates are lengths where they slide."""
+        """Return the factor of a dimension, where sliding coordinates are lengths."""
         return dim.factor(self.length, self.mass, self.time, self.length if slides else 1.0)
 
     def fields(self, part: Frozen, slides: bool = False) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class Scale:
         )
 
     def times(self, value: Any, by: float) -> Any:
-        """Numbers, however nested, times a factor; None stays."""
+        """Return nested numbers times a factor, and None unchanged."""
         if value is None:
             return None
         several = isinstance(value, (tuple, list))
@@ -96,7 +96,7 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
 
 def _body(body: Body, s: Scale) -> Body:
     found = s.fields(body)
-    found.pop("density", None)  # it followed from shapes
+    found.pop("density", None)  # derived from shapes
     for name in (*PER_MOTION, "limits"):
         dim = dim_of(body, name)
         by = [s.of(dim, m.kind == "translate") for m in body.sequence]
@@ -119,7 +119,7 @@ def _coordinates(
 
 
 def _force(f: Force, model: Model, s: Scale) -> Force:
-    """A length that is a sum of turns and slides is in radians; slides get another coefficient."""
+    """Give slides another coefficient in a length that is a sum of turns and slides."""
     if not isinstance(f, OfSums):
         return f.unchecked_copy(s.fields(f))
     bodies = {name: model.body(name) for name, _, _ in f.terms}

@@ -170,7 +170,7 @@ class _Take:
         self.b.store(value, self.code.place(self.words, at))
 
     def is_a(self, wanted: Any) -> Any:
-        """Whether the object is of a type or of one below it."""
+        """Return whether the object is of a type or of a subtype."""
         b = self.b
         same = b.icmp_unsigned("==", self.type, wanted)
         with b.if_else(same) as (then, other):
@@ -186,7 +186,7 @@ class _Take:
         return result
 
     def number(self, value: Any, suspicious: Any) -> None:
-        """Lay out a number; where it is suspicious, Python says whether there was an error."""
+        """Lay out a number, and ask Python about an error if the number is suspicious."""
         with self.b.if_then(suspicious, likely=False):
             failed = self.code.python("PyErr_Occurred")
             self.must(self.b.icmp_unsigned("==", failed, OBJECT(None)))
@@ -207,7 +207,7 @@ class _Take:
         self.number(value, self.b.icmp_signed("==", value, WORD(-1)))
 
     def real(self) -> None:
-        """A float; an array of one number is none."""
+        """Lay out a float. An array of one number is refused."""
         self.must(self.b.not_(self.is_a(self.code.pointer(self.ndarray))))
         value = self.code.python("PyFloat_AsDouble", self.given)
         self.number(value, self.b.fcmp_ordered("==", value, DOUBLE(-1.0)))
@@ -269,7 +269,7 @@ class _Take:
         b.ret(HALF(1))
 
     def none(self) -> None:
-        """None, which takes no word."""
+        """Lay out None, which takes no word."""
         self.must(self.b.icmp_unsigned("==", self.given, self.code.data("_Py_NoneStruct")))
         self.done(1, 0)
 

@@ -26,8 +26,8 @@ from . import archive, calls, sources
 from .jit import Kernel
 from .lane import LANE_WIDTH
 
-DAY = 86400  # [s] how exactly the last use of an entry is known
-LARGEST_CACHE = 2**27  # [bytes] of the cache: all kernels of ten versions
+DAY = 86400  # resolution of the last use of an entry [s]
+LARGEST_CACHE = 2**27  # size of the cache [bytes], enough for all kernels of ten versions
 DIGEST = 32  # [bytes] length of a SHA-256
 
 
@@ -80,7 +80,7 @@ def kept(key: str) -> bytes | None:
         digest, code = content[:DIGEST], content[DIGEST:]
         if path and digest and hashlib.sha256(code).digest() == digest:
             if time.time() - path.stat().st_mtime > DAY:
-                os.utime(path)  # it is of use
+                os.utime(path)  # marks the entry as used
             return code
     return None
 

@@ -31,7 +31,7 @@ KEEPING = {
         "wasm",
     )
 }
-LOWERING = frozenset(HERE.glob("lowering/*.py"))  # what numba is told of every kernel
+LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for every kernel
 
 
 @cache
@@ -97,7 +97,7 @@ def code_hash(path: Path) -> str:
 
 
 def text_of(path: Path) -> str:
-    """A source; of forces what kernels are made of, without what describes and packs."""
+    """Return a source. A force's source is reduced to the parts that its kernels use."""
     text = path.read_text(encoding="utf-8")
     if path.parent != FORCES:
         return text

@@ -1,4 +1,4 @@
-"""What `jit` asks of the rest of the compiler, imported when it is asked for.
+"""Parts of the compiler that `jit` imports on demand.
 
 `jit` is the floor on which kernels are written, and `loading` and `lowering` know `jit`. So the
 package hands this module to it, and `jit` imports nothing.
@@ -19,7 +19,7 @@ def code_of(kernel: Any, variant: int) -> Any:
 
 
 def fits(signature: Any, args: tuple[Any, ...]) -> bool:
-    """Whether a signature takes arguments."""
+    """Return whether a signature takes arguments."""
     from .calls import fits
 
     return fits(signature, args)

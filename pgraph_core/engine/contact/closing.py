@@ -14,8 +14,8 @@ from ..vec import dot, sub, xyz
 from .contacts import contacts_at, endpoints, middle
 from .shapes import DEPTH, NEAR
 
-ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
-HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
+ROUNDING = 2.0**-50  # rounding of a gap, relative to the coordinates it is the difference of
+HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
 SURE = 1.02  # a bound of a closing speed over its value now
 SIDEWAYS = 1e-6  # error of a closing speed by a slightly turned normal, relative to the speed
 

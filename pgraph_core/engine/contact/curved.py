@@ -29,7 +29,7 @@ from .convex import (
 from .manifold import CROSSING, clip_polygon, copy, swap, tangents, thin
 from .shapes import put, rim_direction
 
-COARSE = 1e-5  # of the sizes: what the polytope leaves to be made exact
+COARSE = 1e-5  # relative error of the polytope before the exact search
 CORNERS = 48  # limit on the corners of the polytope
 FACES = 160  # rows for its faces, dead ones too
 HORIZON = 96  # rows for the edges around what a new corner sees

@@ -50,14 +50,14 @@ CROWD = 1e-8  # looser tolerance for large heaps, whose forces are not unique
 SWEEPS = 200  # limit on sweeps when Newton's method is not tried
 FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept
-SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
-TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
+SWEPT = 1e3  # a factor's work per block above which its steps cost more than sweeps
+TOGETHER = 1e3  # ratio of a body's speed to that of its contacts, for bodies that move together
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
 
 @sweep
 def solve_impulses(scene, m, first):
-    """λ of all active rows into LAMBDA, from b in RHS; λ given there is where it starts.
+    """Write λ of all active rows into LAMBDA, from b in RHS, starting from the λ given there.
 
     What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
     largest velocity by which a law is missed relative to the largest of its island, the kinetic

@@ -31,13 +31,13 @@ from .contacts import contacts_at
 
 CAREFUL = 0.1  # s over what is missed, relative to what a block meets and to the velocities
 BOLDEST = 0.01  # the least that steps that help make of it
-TENFOLD = 10.0  # how it grows after a step that does not help, and falls after one that does
+TENFOLD = 10.0  # factor of its growth after a failed step, and of its decrease after a good one
 SHORTEST = 0.25  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
-FITS = 1e-2  # of what is missed: what a step should take off it
+FITS = 1e-2  # decrease of the residual that a step should reach, relative
 PATIENCE = 12  # steps that do not halve what is missed: then steps are more careful
 MOST_STEPS = 40
-CORRECTIONS = 20  # that take out the compliance
+CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
@@ -193,7 +193,7 @@ def resisted(slope, ks, x):
 
 @sweep
 def prepare(scene, n, soft, refactor):
-    """Yᵀ of the blocks' own changes of λ into CHANGE; with `refactor`, R and the matrix too.
+    """Write Yᵀ of the blocks' own changes of λ into CHANGE, and R and the matrix if `refactor`.
 
     Whether the matrix is symmetric.
     """
@@ -351,7 +351,7 @@ def go(scene, n, part_of_it):
 
 @sweep
 def solve_exact(scene, n, size):
-    """Solve the laws of island n; return (what is missed over `size`, steps taken).
+    """Solve the laws of island n, and return (residual over `size`, number of steps).
 
     It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
     mass of the heaviest body what is open, sticks or slides: a light body under it carries it.
@@ -382,7 +382,7 @@ def solve_exact(scene, n, size):
 
 @sweep
 def converge(scene, n, size):
-    """Take Newton steps from λ on; return (what is missed over `size`, steps taken)."""
+    """Take Newton steps from λ on, and return (residual over `size`, number of steps)."""
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)
     recent = islands.slope[islands.slope.shape[0] - 1]
@@ -436,7 +436,7 @@ def converge(scene, n, size):
 
 @sweep
 def least_norm(scene, n, size):
-    """Go on to the λ of least norm with the same effect; return what is missed over `size`."""
+    """Go on to the λ of least norm with the same effect, and return the residual over `size`."""
     share_evenly(scene, n)
     look(scene, n, SHARED)
     start_from_here(scene, n)

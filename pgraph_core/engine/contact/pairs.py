@@ -185,7 +185,7 @@ def without_covered(geometry, poses, j, triangle, out, start, n):
 
 @part
 def is_covered(geometry, j, triangle, p, normal):
-    """Whether p is beside its triangle, or the surface rises around what leans on the normal.
+    """Return whether p is beside its triangle, or the surface rises around the leaning shape.
 
     That is a side or a corner of the triangle: the triangles around it rise over the plane through
     it.
@@ -230,7 +230,7 @@ def is_covered(geometry, j, triangle, p, normal):
 
 @part
 def rises(geometry, j, x, y, normal, level):
-    """Whether a heightfield has a node (x, y) and it is above a level along a normal."""
+    """Return whether a heightfield has a node (x, y) above a level along a normal."""
     field = geometry.shapes[j]
     columns = field.columns
     if not (0 <= x < field.vertices // columns and 0 <= y < columns):

@@ -26,7 +26,7 @@ def to_local(poses, i, p):
 
 @part
 def is_solid(kind):
-    """Whether faces bound a kind of shape."""
+    """Return whether faces bound a kind of shape."""
     return kind in (BOX, HULL)
 
 
@@ -103,7 +103,7 @@ def node_of_cell(geometry, i, x, k):
 
 @part
 def boundary_of_field(geometry, i, k, x):
-    """As `boundary`: the triangle that a place is over or under, four sides, the bottom."""
+    """Return the faces of a cell as `boundary` does: its triangle, four sides and the bottom."""
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if k == 5:
@@ -121,7 +121,7 @@ def boundary_of_field(geometry, i, k, x):
 
 @sweep
 def has(geometry, k, x, size):
-    """Whether place x in the frame of shape k is in it."""
+    """Return whether place x in the frame of shape k is inside."""
     shape = geometry.shapes[k]
     deep = DEPTH * size
     for c in range(3):
@@ -136,7 +136,7 @@ def has(geometry, k, x, size):
 
 @sweep
 def reaches_beyond(geometry, poses, k, p, n, size):
-    """Whether point p is in shape k, which reaches beyond the plane through it with normal n."""
+    """Return whether p is in shape k, and k reaches beyond the plane through p with normal n."""
     x = to_local(poses, k, p)
     if not has(geometry, k, x, size):
         return False
@@ -152,7 +152,7 @@ def reaches_beyond(geometry, poses, k, p, n, size):
 
 @sweep
 def holds(geometry, poses, k, p, g, size):
-    """Whether shape k, which holds point p, holds the way from there to g at first."""
+    """Return whether shape k, which holds point p, holds the beginning of the way to g."""
     x, y = to_local(poses, k, p), to_local(poses, k, g)
     deep = DEPTH * size
     for c in range(boundaries(geometry, k)):
@@ -209,7 +209,7 @@ def lean(geometry, poses, i, k, p, n, size):
 
 @sweep
 def is_hidden(geometry, poses, i, p, n, size):
-    """Whether neighbours of shape i hide what of it pushes along n at point p."""
+    """Return whether neighbours of shape i hide its surface with normal n at point p."""
     shape, neighbours = geometry.shapes[i], geometry.neighbours
     first, last = shape.first_neighbour, shape.first_neighbour + shape.neighbours
     beyond = False

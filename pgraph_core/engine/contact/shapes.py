@@ -20,8 +20,8 @@ from ..vec import (
     xyz,
 )
 
-NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
-DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
+NEAR = 1e-9  # gap that counts as closed, relative to the size of the bodies
+DEPTH = 1e-5  # tolerated penetration, relative to the size of the bodies
 UPRIGHT = 1e-12  # rad: a tilt below it is rounding
 
 

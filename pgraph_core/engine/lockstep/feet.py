@@ -169,7 +169,7 @@ def find(ways, near, b, h):
 
 @part
 def own_joints(ways, near, b, n):
-    """How many joints point n alone moves, of all points that are active; see `islands.unique`."""
+    """Return the number of joints that point n alone moves among the active points."""
     zero = 0.0 * b.lane[0, COUNT]
     own = zero
     for s in range(ways[n, W_JOINTS]):

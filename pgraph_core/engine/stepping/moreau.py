@@ -743,7 +743,7 @@ def push_out(scene, first, h, q):
 
 @sweep
 def limits_beyond(scene, first, q):
-    """Return the largest excess of a joint or length over its limit at q; gaps go into AIM."""
+    """Write the gaps of limits at q into AIM, and return the largest excess."""
     data = opened(scene)
     blocks, vectors = data.blocks, data.space.vectors
     blocks_i, blocks_f, terms_i, terms_f, _, active = blocks

@@ -61,9 +61,9 @@ ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rou
 # Turn of a body in a step [rad] from which on its tree takes the midpoint rule. Below it,
 # gyroscopic torques of the step's start change the energy by less than half of that per radian.
 GYRATES = 0.025
-DIRECTIONS = 8  # of a search, before it begins again
+DIRECTIONS = 8  # directions of a search before it restarts
 SEARCHES = 20
-CLOSE = 1e-7  # of what is missed: what a search leaves is squared by the next one
+CLOSE = 1e-7  # relative residual of a search, which the next one squares
 # rows of scratch: the tree of every row, whether it gyrates, velocities at the middle, by how much
 # they are missed, what does not change of them, C', C' at another place, that place, the
 # correction, then directions and what each does
@@ -110,7 +110,7 @@ def keep_spinning(rows, const, work, v, h, free, vdot):
 
 @sweep
 def find_gyrating(rows, work, h, scratch):
-    """Mark the trees of several rows in which one turns far in a step; whether there are any."""
+    """Mark trees of several rows in which one turns far in a step. Return whether any does."""
     tree, fast = scratch[TREE], scratch[FAST]
     found = False
     for k in range(1, rows.shape[0]):
@@ -270,7 +270,7 @@ def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
 
 @sweep
 def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
-    """Correct v' of free row k so that its tree ends with a momentum; whether it was notable.
+    """Correct v' of free row k for a momentum of its tree. Return whether it was notable.
 
     `aim` is (a fixed point, angular momentum about it, linear momentum).
     """
@@ -308,7 +308,7 @@ def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
 
 @sweep
 def momentum_of(rows, const, work, q, v, trees, tree, fixed):
-    """Momentum of a tree at (q, v), angular about a fixed point and linear; then its inertia.
+    """Return the momentum of a tree at (q, v), angular and linear, and its inertia.
 
     (angular, linear, (mass, mass times its centre from the point), inertia about the point).
     """
