@@ -16,7 +16,7 @@ from sphinx.ext.napoleon import Config, NumpyDocstring
 from pgraph_app.cli.main import main as pgraph
 
 HERE = Path(__file__).parent
-COMMAND = re.compile(r"^    pgraph (export .*--live.* -o (\S+))$", re.MULTILINE)
+COMMAND = re.compile(r"^pgraph (export .*--live.* -o (\S+))$", re.MULTILINE)
 
 MOVED = {  # pages of earlier versions, and where their content is
     "batches": "many", "benchmarks": "evidence", "comparison": "limits", "construction": "evidence",
