@@ -8,8 +8,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 import pgraph_core as pg
 from pgraph_core.model import files
 from pgraph_peers import drake as in_drake
@@ -29,12 +27,10 @@ Calls = dict[str, Callable[[], Any]]
 
 def rows(effort: Effort) -> Iterator[Row]:
     quadruped = tree_of_quadruped()
-    yield from from_columns(effort, quadruped)
     yield from from_model(effort, quadruped)
     yield from from_text(effort, quadruped)
     n = effort.pick(1000, 20)
     chain = scene(f"chain of {n}", pg.Model.serial(n), 0.2)
-    yield from from_columns(effort, chain)
     yield from from_model(effort, chain)
     yield from parent_changed(effort, quadruped.model)
     yield from mass_changed(effort, quadruped.model)
@@ -58,37 +54,6 @@ def many_geoms(effort: Effort) -> Iterator[Row]:
             "MjModel.from_xml_path": lambda: mujoco.MjModel.from_xml_path(str(path)),
         }
         yield from compared(effort, f"MJCF file of {count} boxes", sides, unit="file")
-
-
-def from_columns(effort: Effort, place: Scene) -> Iterator[Row]:
-    """Arrays in memory to a Mechanism; the peers build their models from the same numbers."""
-    arrays = arrays_of(place.model)
-
-    def ours() -> pg.Mechanism:
-        return pg.Mechanism(pg.Columns(**arrays))
-
-    q, v = place.state.q, place.state.v
-    found, expected = ours(), pg.Mechanism(place.model)
-    error = differ(found.bias_force(q, v), expected.bias_force(q, v), 1e-12, "columns")
-    sides = {"pgraph": ours, **builders(place)}
-    given = {"unit": "model", "agrees": f"from the model {error}"}
-    return compared(effort, f"columns to Mechanism, {place.name}", sides, **given)
-
-
-def arrays_of(model: pg.Model) -> dict[str, Any]:
-    """The numbers and names of a model of one motion per joint, as columns."""
-    bodies, number = model.bodies, {"ground": 0, **{n: i + 1 for n, i in model.row.items()}}
-    fields = ("link", "rotation", "mass", "com", "inertia")
-    columns = {field: np.array([getattr(b, field) for b in bodies], float) for field in fields}
-    return {
-        "parent": np.array([number[b.parent] for b in bodies]),
-        "joint": np.array([pg.Columns.JOINTS.index(b.joint) for b in bodies]),
-        "axis": np.array([axis for b in bodies for _, axis in b.motions], float),
-        "q": np.array([x for b in bodies for x in b.q]),
-        "names": [b.name for b in bodies],
-        "gravity": np.array(model.gravity),
-        **columns,
-    }
 
 
 def from_model(effort: Effort, place: Scene) -> Iterator[Row]:

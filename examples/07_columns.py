@@ -10,10 +10,10 @@ import pgraph_core as pg
 n = 1000  # links of the back; every link carries a tooth
 back = np.arange(n)  # row i hangs on row i - 1, the first on the ground (0)
 teeth = np.arange(1, n + 1)  # row n + i hangs on row i
-comb = pg.Columns(
-    parent=np.concatenate((back, teeth)),
+comb = pg.Model.from_columns(
+    np.concatenate((back, teeth)),
     link=np.repeat([[0.01, 0.0, 0.0], [0.0, 0.0, -0.05]], n, axis=0),
-    axis=(0.0, 1.0, 0.0),  # one entry for all rows
+    axes=(0.0, 1.0, 0.0),  # one entry for all rows
     mass=np.repeat([0.02, 0.005], n),
     com=(0.0, 0.0, -0.02),
     inertia=1e-6 * np.eye(3),
@@ -32,6 +32,6 @@ print("its angle is kept: ", q[next(tooth)] == q_other[next(tooth)], "and reset:
 print("back where it was: ", np.array_equal(other.edit("2000", parent="1000").pgraph, mech.pgraph))
 
 try:
-    pg.Columns(parent=[0, 1, 2], mass=[1.0, -1.0, 1.0])
+    pg.Model.from_columns([0, 1, 2], mass=[1.0, -1.0, 1.0])
 except pg.ModelError as error:
     print(error)

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from .analysis.assembly import Assembly as Assembly
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
-    from .columns import Columns as Columns
     from .errors import FileError as FileError
     from .errors import InputError as InputError
     from .errors import ModelError as ModelError
@@ -104,7 +103,6 @@ if TYPE_CHECKING:
 # module -> its public names; the imports above say the same to type checkers
 _MODULES = {
     "batches.batch_stepper": "BatchStepper",
-    "columns": "Columns",
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",

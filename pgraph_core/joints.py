@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from .errors import counted, shown
 
@@ -34,6 +34,8 @@ class Motion(NamedTuple):
 
 
 BALL = Motion("ball", Z)
+AXIAL = ("rotate", "translate")  # motions about or along an axis, of one coordinate
+CODES = {kind: float(i) for i, kind in enumerate(get_args(MotionKind))}  # as kernels number them
 
 SIZE: dict[MotionKind, tuple[int, int]] = {  # (nq, nv) of a motion
     "rotate": (1, 1),
@@ -117,7 +119,7 @@ def joint_problems(
     if nv(motions) > 6:
         found.append(("motions", f"give {nv(motions)} degrees of freedom; at most 6"))
     for m in motions:
-        if m.kind in ("rotate", "translate") and not 1e-9 < math.hypot(*m.axis) < 1e9:
+        if m.kind in AXIAL and not 1e-9 < math.hypot(*m.axis) < 1e9:
             found.append(("axes", f"a direction must not be zero; given {list(m.axis)}"))
     found += _parallel_problems(motions)
     for name, value, length in (("q", q, nq(motions)), ("v", v, nv(motions))):
@@ -140,7 +142,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
         text = f"give one pair for all motions, or one a motion: {len(motions)}"
         return [("limits", f"{text}; given {shown(limits)}")]
     bounded = [(pair, m) for pair, m in zip(limits, motions) if pair is not None]
-    if any(m.kind in ("ball", "free") for _, m in bounded):
+    if any(m.kind not in AXIAL for _, m in bounded):
         text = "bound a rotate or translate motion, not a ball or free one"
         return [("limits", f"{text}; given {shown(limits)}")]
     return [
@@ -154,7 +156,7 @@ def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, 
     """(motion, by how much) of positions beyond their limits [rad, m]."""
     start = 0
     for k, (m, pair) in enumerate(zip(motions, limits)):
-        if pair is not None and m.kind in ("rotate", "translate"):
+        if pair is not None and m.kind in AXIAL:
             low, high = pair
             if low is not None and q[start] < low:
                 yield k, low - q[start]
@@ -172,7 +174,7 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
             "turn one of them",
         )
         for a, b in itertools.pairwise(motions)
-        if a.kind == b.kind and a.kind in ("rotate", "translate") and parallel(a.axis, b.axis)
+        if a.kind == b.kind and a.kind in AXIAL and parallel(a.axis, b.axis)
     ]
 
 
@@ -201,7 +203,7 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
     found, start = [], 0
     for m in motions:
         size = SIZE[m.kind][0]
-        if m.kind in ("ball", "free"):
+        if m.kind not in AXIAL:
             quaternion = q[start + size - 4 : start + size]
             if abs(math.hypot(*quaternion) - 1) > 1e-3:
                 given = shown(quaternion)
@@ -226,7 +228,7 @@ def physics_problems(
     if name == "limit_restitution" and any(x > 1 for x in values):
         return [(name, f"must be from 0 to 1; given {list(values)}")]
     scalar = name != "damping"
-    if scalar and any(x and m.kind in ("ball", "free") for x, m in zip(values, motions)):
+    if scalar and any(x and m.kind not in AXIAL for x, m in zip(values, motions)):
         text = "acts on a rotate or translate motion, not on a ball or free one"
         return [(name, f"{text}; given {list(values)}")]
     return []

@@ -17,8 +17,8 @@ DEEP: Any = []
 for _ in range(100_000):
     DEEP = [DEEP]
 CALLS = {
-    "columns": lambda x: pg.Columns([0], mass=x),
-    "parent": lambda x: pg.Columns(x),
+    "columns": lambda x: pg.Model.from_columns([0], mass=x),
+    "parent": lambda x: pg.Model.from_columns(x),
     "energy": lambda x: pg.Mechanism(pg.Model.serial(2)).energy(x, [0, 0]),
     "body": lambda x: pg.Body(name="a", com=x),
     "model": lambda x: pg.Model(bodies=x),

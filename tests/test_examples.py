@@ -10,7 +10,7 @@ EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 PROMISED = {  # where it is not that all checks of the example hold
     "01_table_to_pgraph": "[1 2 3 5 2 4 2 6 7]",
     "04_stance": "323.73 N",
-    "07_columns": "row 2, mass: ",
+    "07_columns": "body '2', mass: ",
     "09_loops": "constraint 'loop': ",
     "10_contacts": "0.054 m/s",
     "16_sweep_a_mass": "4.0 kg: ",

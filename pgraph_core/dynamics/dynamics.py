@@ -13,9 +13,8 @@ from typing import Any, Self, cast
 import numpy as np
 
 from .. import words
-from ..columns import Columns
 from ..engine import layout as at
-from ..engine import motion, packing
+from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import JIT, closed, ready
 from ..engine.tree import bodies, dynamics
@@ -33,7 +32,7 @@ from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shif
 
 FORWARD = closed(dynamics.forward_dynamics)  # simulations do not need it
 NO_EXTERNAL = np.zeros((0, 6))
-NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
+EMPTY = np.empty
 UNFIT = (TypeError, ValueError, AttributeError)  # errors of fast calls with unsuitable arguments
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
@@ -69,34 +68,26 @@ class Dynamics(Portable):
     _rest: Array  # (nv,) v = 0
     _work: Array  # workspace of kernels, unused between calls
     _lock: threading.Lock  # guards `_work` and the scene's workspace
-    _shared: dict[str, Any]  # data that depend on sizes alone, shared with edited mechanisms
 
-    def __init__(self, model: Model | Columns, /):
-        """Number and pack a valid model, or a table in columns. Raises InputError for others."""
-        if not isinstance(model, Columns):  # first: pydantic's answer for its classes takes longer
-            if not isinstance(model, Model):
-                raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
-            model = Columns.of(model)
-        self._take(Packed(model))
-
-    def _take(self, packed: Packed) -> None:
-        """Keep the arrays, and make a workspace."""
+    def __init__(self, model: Model, /):
+        """Number and pack a valid model. Raises InputError for others."""
+        if not isinstance(model, Model):
+            raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
+        packed = Packed(model)
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
-        untold, rest = packed.columns.bound, np.zeros(nv)
-        direct = DIRECT and not packed.springs
-        free = (nq, nv, packed.rows, packed.const, work, rest) if direct and not untold else ()
-        shared = {
-            "nb": packed.nb, "nq": nq, "nv": nv, "_springs": packed.springs,
-            "_rest": rest, "_work": work, "_lock": threading.Lock(),
-        }  # fmt: skip
-        # at once: setting an attribute is guarded
-        vars(self).update(shared, _shared=shared, packed=packed, _free=free, _untold=untold)
+        untold, rest = any(c.active for c in model.constraints), np.zeros(nv)
+        direct = DIRECT and not packed.springs and not untold
+        free = (nq, nv, packed.rows, packed.const, work, rest) if direct else ()
+        vars(self).update(  # at once: setting an attribute is guarded
+            nb=packed.nb, nq=nq, nv=nv, packed=packed, _springs=packed.springs, _free=free,
+            _untold=untold, _rest=rest, _work=work, _lock=threading.Lock(),
+        )  # fmt: skip
 
-    def __getstate__(self) -> Columns:
-        return self.packed.columns
+    def __getstate__(self) -> Model:
+        return self.model
 
-    def __setstate__(self, columns: Columns) -> None:
-        self._take(Packed(columns))
+    def __setstate__(self, model: Model) -> None:
+        Dynamics.__init__(self, model)
 
     def __repr__(self) -> str:
         model, kind = self.model, type(self).__name__
@@ -117,11 +108,9 @@ class Dynamics(Portable):
         return self.packed.model
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """A mechanism of `model.edit(name, **changes)`, at the cost of what changes.
+        """Return the mechanism of `model.edit(name, **changes)`.
 
-        A new parent, mass, com or link is written into the packed table, and nothing else is
-        checked again. Returns itself where nothing changes. Raises ModelError; this mechanism stays
-        as it is.
+        Raises ModelError; this mechanism stays as it is.
         """
         return type(self)(self.model.edit(name, **changes))
 
@@ -152,19 +141,15 @@ class Dynamics(Portable):
     @cached_property
     def pgraph(self) -> Ints:
         """The path-defined directed graph vector, Fig. 4."""
-        return self._walk[0]
+        found = self.topology.pgraph
+        keep_unchanged((found,))
+        return found
 
     @cached_property
     def jdof(self) -> Ints:
         """Joint degrees of freedom along Pgraph, Fig. 4."""
-        return self._walk[1]
-
-    @cached_property
-    def _walk(self) -> tuple[Ints, Ints]:
-        path, jdof = np.empty((2, 2 * self.nb + 1), np.int64)
-        n = packing.pgraph(self.packed.system.bodies_i, path, jdof)
-        found = path[:n].copy(), jdof[:n].copy()
-        keep_unchanged(found)
+        found = self.topology.jdof
+        keep_unchanged((found,))
         return found
 
     @property
@@ -654,34 +639,6 @@ def constrained_at_once(checked: Called) -> Called:
     return cast("Called", constrained_dynamics)
 
 
-def edited_at_once(checked: Called) -> Called:
-    """`edit` of what `Columns` writes into the table, in the workspace of the mechanism before."""
-
-    @functools.wraps(checked)
-    def edit(*args: Any, **changes: Any) -> Any:
-        try:
-            mech, name = args
-            old = mech.packed
-            columns = old.columns._edited(name, changes)
-        except UNFIT:
-            return checked(*args, **changes)
-        if columns is None:
-            return checked(*args, **changes)
-        if columns is old.columns:
-            return mech
-        packed, free, new = old.edited(columns), mech._free, NEW(type(mech))
-        if free:
-            nq, nv, _, _, work, rest = free
-            free = nq, nv, packed.rows, packed.const, work, rest
-        shared = mech._shared
-        own = {"_shared": shared, "packed": packed, "_free": free, "_untold": mech._untold}
-        SET(new, "__dict__", {**shared, **own})
-        return new
-
-    return cast("Called", edit)
-
-
-Dynamics.edit = edited_at_once(Dynamics.edit)
 Dynamics.forward_dynamics = at_once(Dynamics.forward_dynamics)
 Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamics)
 

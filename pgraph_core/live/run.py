@@ -262,7 +262,7 @@ class LiveRun:
         self.position, self.rotation = np.zeros((nb, 3)), np.zeros((nb, 9))
         self.still, self.trial = np.zeros(nv), np.zeros(self.mech.nq + nv)
         self.view_work = np.zeros_like(scene.work)  # apart from the steps' own
-        self.numbers, self.packed_arrays = packed.columns.numbers, packed._arrays
+        self.numbers, self.packed_arrays = packed.numbers, packed._arrays
         scratch = (self.position, self.rotation, self.still, self.trial, self.view_work)
         others = (self._pull, *self.numbers, *self.packed_arrays, *scratch)
         self.image = Image(BASE, roots, others)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
@@ -258,7 +257,6 @@ class Body(Described):
             found += physics_problems(name, getattr(self, name), self.sequence)
         refuse([*found, *([] if self.any_inertia else inertia_problems(self.inertia))])
         vars(self)["checked"] = True  # not a field: a copy is checked again
-        _ = self.records  # from numbers that are at hand and right
         return self
 
     def _derive(self) -> list[tuple[str, str]]:
@@ -317,36 +315,11 @@ class Body(Described):
         """`tip`, or the centre of mass where none is given, in body axes [m]."""
         return self.com if self.tip is None else self.tip
 
-    @cached_property
-    def records(self) -> tuple[bytes, bytes, bytes, bytes]:
-        """The numbers of the row as float64: of the body, of its motions, q and v.
-
-        Body: link 3, rotation 4, mass, com 3, inertia 6 (xx, yy, zz, xy, xz, yz), number of
-        motions. A motion: kind, axis 3, armature, stiffness, damping, rest, friction. Made once a
-        row, when it is validated: packing a model joins them instead of reading fields.
-        """
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = self.inertia
-        body = (*self.link, *_unit(self.rotation), self.mass, *self.com, xx, yy, zz, xy, xz, yz)
-        motions: list[float] = []
-        physics = (self.armature, self.stiffness, self.damping, self.rest, self.friction)
-        for (kind, axis), *numbers in zip(self.motions, *physics):
-            direction = _unit(axis) if kind in ("rotate", "translate") else axis
-            motions += (KIND_CODE[kind], *direction, *numbers)
-        return (
-            struct.pack("18d", *body, len(self.motions)),
-            struct.pack(f"{len(motions)}d", *motions),
-            struct.pack(f"{len(self.q)}d", *self.q),
-            struct.pack(f"{len(self.v)}d", *self.v),
-        )
-
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
-        """Return a copy with changed fields, which keeps its records if only names changed."""
+        """Return a copy with changed fields."""
         if ("shape" in update) != ("shapes" in update):
             update = {**update, **self._shapes_after(update)}
-        copy = super().unchecked_copy(update)
-        if update.keys() <= NAMING:
-            vars(copy)["records"] = self.records
-        return copy
+        return super().unchecked_copy(update)
 
     def _kept(self, update: Mapping[str, Any]) -> dict[str, Any]:
         kept = super()._kept(update)
@@ -374,15 +347,6 @@ def _alike(a: Any, b: Any) -> bool:
     """True if two derived values agree up to rounding."""
     size = np.abs(b).max(initial=0.0)
     return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
-
-
-NAMING = {"name", "parent"}
-KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
-
-
-def _unit(x: tuple[float, ...]) -> tuple[float, ...]:
-    norm = math.hypot(*x)
-    return tuple(c / norm for c in x) if norm != 1.0 else x
 
 
 def _pick_joint(data: dict[str, Any], dof: Any) -> None:

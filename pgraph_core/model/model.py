@@ -27,6 +27,7 @@ from ..sentences import in_our_words
 from . import files
 from .body import Body
 from .checks import PARTS, model_problems, problems
+from .columns import bodies_of
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .copies import Mirror, branch, copied, names_of_copies, other_side
@@ -339,6 +340,38 @@ class Model(World):
         for i in range(2, count + 1):
             rows.append(linked.unchecked_copy({"name": str(i), "parent": str(i - 1)}))
         return cls(name=f"serial {count}", bodies=tuple(rows))
+
+    @classmethod
+    def from_columns(
+        cls,
+        parent: Any,
+        /,
+        *,
+        names: Iterable[str] | None = None,
+        gravity: Any = None,
+        **columns: Any,
+    ) -> Self:
+        """Return a model from a table of nb bodies in NumPy columns.
+
+        Parameters
+        ----------
+        parent : (nb,) array of int
+            Row of each body's parent, from 1, with 0 for the ground.
+        names : sequence of str, optional
+            Names of the bodies, by default "1", "2", ...
+        gravity : (3,) array, optional
+            Gravity [m/s^2].
+        **columns
+            Fields of `Body`, such as `joint`, `link`, `mass` and `inertia`: nb entries, or one that
+            stands for all.
+
+        Raises
+        ------
+        ModelError
+            If an entry does not fit. The message names the body and the column.
+        """
+        given = {} if gravity is None else {"gravity": gravity}
+        return cls(name="columns", bodies=bodies_of(parent, names, columns), **given)
 
     def edit(self, name: str, /, **changes: Any) -> Self:
         """Return a new model in which the part `name` has the changed fields.

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..columns import Columns
 from ..engine import layout as at
 from ..engine.packing import pack
 from ..engine.tree import bodies
@@ -18,8 +17,9 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
+from .table import Numbers, numbers_of
 
-INT, EMPTY, NEW = np.dtype(np.int64), np.empty, object.__new__
+INT, EMPTY = np.dtype(np.int64), np.empty
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
 
@@ -37,7 +37,8 @@ class Packed:
     Nothing here belongs to a state or a run, and nothing changes except caches.
     """
 
-    columns: Columns
+    model: Model
+    numbers: Numbers  # the table of bodies
     rows: Ints
     const: Array
     nb: int
@@ -47,23 +48,13 @@ class Packed:
     # forces last asked for, packed, and when their tables bend
     _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
-    def __init__(self, columns: Columns):
-        """Raises ModelError where parents close a cycle."""
-        self.columns = columns
-        self.between = columns.springs_between
-        self._arrays, self.rows, self.const, springs = packed(columns)
-        self.springs = springs + self.between
-        self.nb, self.nq = len(columns.numbers[1]) - 1, columns.nq
+    def __init__(self, model: Model):
+        self.model, self.numbers = model, numbers_of(model)
+        self.nb, self.nq = len(model.bodies), sum([len(body.q) for body in model.bodies])
+        self._arrays, springs = packed(self.numbers)
+        self.rows, self.const = self._arrays[:2]
+        self.springs = springs + sum([f.PASSIVE for f in model.forces])
         self.nv = len(self._arrays[-1]) - self.nq
-
-    def edited(self, columns: Columns) -> Packed:
-        """The same for columns of the same sizes and forces. Raises ModelError as above."""
-        new = NEW(Packed)
-        new.columns = columns
-        new._arrays, new.rows, new.const, _ = packed(columns)
-        new.between, new.springs = self.between, self.springs
-        new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
-        return new
 
     @property
     def tree(self) -> tuple[Ints, Array]:
@@ -75,17 +66,12 @@ class Packed:
         """All constants of the bodies by name."""
         return system(self._arrays, self.nq)
 
-    @cached_property
-    def model(self) -> Model:
-        """The description, which is made from columns when first used."""
-        return self.columns.model()
-
     # -- names and numbers -----------------------------------------------------------------------
 
     @cached_property
     def topology(self) -> Topology:
         """Names and numbers of the bodies."""
-        numbers, names = self.system.bodies_i[1:], self.columns.names
+        numbers, names = self.system.bodies_i[1:], [body.name for body in self.model.bodies]
         row, parent, dof = (numbers[:, k].copy() for k in (at.TABLE, at.BODY_PARENT, at.DOF))
         row -= 1
         return Topology(tuple([names[i] for i in row.tolist()]), row, parent, dof)
@@ -187,13 +173,11 @@ class Packed:
         return self.loads(tuple(f for f in self.model.forces if f.PASSIVE))
 
 
-def packed(columns: Columns) -> tuple[Arrays, Ints, Array, int]:
-    """(all arrays, rows, const, how many joints have a spring). Raises ModelError for cycles."""
-    parent, body, motion, start = columns.numbers
+def packed(numbers: Numbers) -> tuple[Arrays, int]:
+    """Return the arrays of a table, and how many of its motions have a spring."""
+    _, body, motion, start = numbers
     nb, n = len(body), len(motion) + 1
     rows, const, home = EMPTY((n, 4), INT), EMPTY((n, at.CONST)), EMPTY(len(start))
     bodies_i, bodies_f = EMPTY((nb, at.BODIES_I), INT), EMPTY((nb, at.BODY))
-    springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
-    if springs < 0:
-        columns.model()  # says in words which bodies close a cycle
-    return (rows, const, bodies_i, bodies_f, home), rows, const, springs
+    springs = pack(*numbers, rows, const, bodies_i, bodies_f, home)
+    return (rows, const, bodies_i, bodies_f, home), springs

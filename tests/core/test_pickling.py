@@ -88,7 +88,6 @@ def objects() -> dict[str, tuple[Any, Any]]:
         "Body": (model.bodies[0], itself),
         "Mechanism": (mech, lambda x: x.mass_matrix(x.home()[0]).tobytes()),
         "Topology": (mech.topology, lambda x: x.number(mech.names[0])),
-        "Columns": (pg.Columns.of(model), type),
         "Assembly": (mech.assemble(mech.home()[0] + 1e-3, mech.home()[1])[2], itself),
         "Mobility": (mech.mobility(), itself),
         "Result": (run, arrays),
