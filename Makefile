@@ -13,7 +13,7 @@ help: ## this list
 
 run: $(VENV)/installed ## start the app with the quadruped and open the browser
 	@echo "Starting the page, in 1 to 3 s ..."
-	@$(BIN)/python -m app
+	@$(BIN)/python -m pgraph_app
 
 test: prepared ## set up everything that the tests need, and run them: under ten minutes
 	@echo "Running the tests in $(WORKERS) processes ..."

@@ -7,6 +7,8 @@ starts no compiler, and a pendulum loads no contact, gait or study module.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from . import hooks
+
 if TYPE_CHECKING:
     from .analysis.assembly import Assembly as Assembly
     from .analysis.mobility import Mobility as Mobility
@@ -140,20 +142,6 @@ _MODULES = {
     "verification": "Case Verdict load_cases verify",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
-_SAME = {  # other programs' names: ours
-    "run": "simulate", "solve": "simulate", "System": "Model",
-    "MultibodySystem": "Model", "Link": "Body", "RigidBody": "Body", "Run": "Result",
-}  # fmt: skip
-_NEAR = {  # related names of ours
-    "read": "load", "open": "load", "from_file": "load",
-    "Simulation": "simulate", "Simulator": "Stepper", "World": "Model", "Robot": "Model Mechanism",
-    "Joint": "Body", "FreeJoint": "Body", "Damper": "Spring", "Torque": "Motor",
-    "Hinge": "Body Revolute", "Slider": "Body Prismatic", "Ball": "Body", "Limit": "Body Tendon",
-    "Friction": "Contact Ground Body", "Gravity": "Model", "plot": "Result.plot",
-    "Loop": "Constraint", "Sensor": "Output", "Environment": "Ground", "Sphere": "Shape",
-    "Box": "Shape", "Cylinder": "Shape", "Mesh": "Shape", "odeint": "simulate",
-    "step": "Stepper",
-}  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -162,20 +150,26 @@ def __getattr__(name: str) -> Any:
         value: Any = import_module(".portable", __name__).installed()
     elif name in _HOME:
         value = getattr(import_module(f".{_HOME[name]}", __name__), name)
-    elif name in _SAME:
-        owner, *inside = _SAME[name].split(".")
-        value = __getattr__(owner)
-        value = getattr(value, *inside) if inside else value
     elif name == "gym":
         value = import_module(".gym", __name__)
     else:
         from difflib import get_close_matches
 
-        close = _NEAR.get(name, "").split() or get_close_matches(name, _HOME, n=3)
+        close = get_close_matches(name, _HOME, n=3)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
         raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'{hint}")
     globals()[name] = value
     return value
+
+
+def _page(run: Any, fields: Any = ()) -> str:
+    """Return the page of a living figure, which runs the mechanism again."""
+    from .live.export import page
+
+    return page(run, fields)
+
+
+hooks.page = _page
 
 
 def __dir__() -> list[str]:

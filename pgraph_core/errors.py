@@ -11,7 +11,7 @@ import os
 import struct
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from numbers import Integral, Real
@@ -141,17 +141,9 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     return [*close, *(x for x in names if x not in close)]
 
 
-MOTIONS = dict.fromkeys(  # other programs' names of a joint's field: our form
-    ("slide", "slider", "prismatic", "translation", "translations"),
-    "write joint='prismatic', axes=(x, y, z)",
-) | dict.fromkeys(("hinge", "revolute", "rotations"), "write joint='revolute', axes=(x, y, z)")
-
-
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return 'did you mean mass? choose from ...' for a mistyped name."""
     names = list(known)
-    if name in MOTIONS and "axes" in names:
-        return MOTIONS[name]
     close = words.hint(name, names)
     return f"{f'did you mean {close}? ' if close else ''}choose from {choices(names, limit=40)}"
 
@@ -228,12 +220,6 @@ class NameLookupError(InputError, KeyError):
 
 
 BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, struct.error)
-RETURNED_BY = {  # records, and the calls that return them
-    "Assembly": "mech.assemble()", "Case": "pg.load_cases()", "Footprint": "pg.footprints(run)",
-    "Mobility": "mech.mobility()", "Result": "pg.simulate(...)", "Report": "pg.read_urdf(path)",
-    "StabilityMap": "pg.stability_map(...)", "Study": "pg.work_precision(...)",
-    "Sweep": "pg.sweep(...)", "Verdict": "pg.verify(...)",
-}  # fmt: skip
 
 
 def explained(called: Called) -> Called:
@@ -306,123 +292,51 @@ def _problems_of_call(
     function: Any, args: tuple[Any, ...], named: Mapping[str, Any]
 ) -> list[Problem]:
     """Return the problems of the arguments of a failed call, [] if they fit."""
-    parameters = dict(inspect.signature(function).parameters)
-    own = next(iter(parameters), "") in ("self", "cls", "_cls")
-    where = function.__qualname__
-    if own and not (args and hasattr(args[0], function.__name__)):
-        text = f"is a method: call it on a {where.split('.')[0]}"
-        return [Problem(where, "", text)]
-    once: list[str] = []
-    if own:
-        if not isinstance(args[0], type) and not function.__name__.startswith("__"):
-            once = _names(type(args[0]).__init__)[1:]
-        parameters.pop(next(iter(parameters)))
-        kind = args[0] if isinstance(args[0], type) else type(args[0])
-        where = f"{kind.__name__}.{function.__name__}"
-        where = where.removesuffix(".__init__").removesuffix(".__new__")
-        args = args[1:]
-        if where in RETURNED_BY:
-            text = f"is not made by hand: {RETURNED_BY[where]} returns it"
-            return [Problem(f"pg.{where}", "", text)]
-    return _not_taken(where, parameters, args, named, once) or _misfits(
-        where, function, parameters, args, named
-    )
-
-
-def _not_taken(
-    where: str,
-    parameters: Mapping[str, Any],
-    args: tuple[Any, ...],
-    named: Mapping[str, Any],
-    once: Sequence[str],
-) -> list[Problem]:
-    """Arguments that a signature does not take, and those it misses.
-
-    `once` are the arguments of the class, where it is a method.
-    """
-    kinds = inspect.Parameter
-    placed = [p.name for p in parameters.values() if p.kind <= kinds.POSITIONAL_OR_KEYWORD]
-    only = {p.name for p in parameters.values() if p.kind is kinds.POSITIONAL_ONLY}
-    by_name = [p.name for p in parameters.values() if p.kind in _NAMED and p.name not in only]
-    kinds_there = {p.kind for p in parameters.values()}
-    found: list[Problem] = []
-    if kinds.VAR_KEYWORD not in kinds_there:
-        for name in named:
-            if name not in by_name:
-                text = f"is no argument of it; {nearest(name, by_name)}" if by_name else ""
-                text = "goes first, without its name" if name in only else text
-                if made := name if name in once else words.ours(name, once):
-                    text = f"is given once, as in pg.{where.split('.')[0]}(..., {made}=...)"
-                if name in ("gravity", "ground", "up") and where in ("simulate", "sweep"):
-                    text = f"is of the model: model.replace({name}=...)"
-                found.append(Problem(where, name, text or "is no argument of it; it takes none"))
-    if len(args) > len(placed) and kinds.VAR_POSITIONAL not in kinds_there:
-        first = (
-            f"the first {counted(len(placed), 'argument')}: {choices(placed)}" if placed else "none"
-        )
-        text = f"takes {first} without a name; given {len(args)}"
-        if kinds.VAR_KEYWORD in kinds_there:
-            call = ", ".join((*map(repr, placed), "mass=1.5"))
-            text += f"; the others are field=value, as in {where}({call})"
-        elif by_name:
-            text += "; name the others"
-        text += WITHOUT.get(where.rpartition(".")[2], "")
-        found.append(Problem(where, "", text))
-    given = {*placed[: len(args)], *(named.keys() - only)}
-    for name in placed[: len(args)]:
-        if name in named and name not in only:
-            found.append(Problem(where, name, "is given twice: by its place and by its name"))
-    for p in parameters.values():
-        if p.default is p.empty and p.kind in _NAMED and p.name not in given:
-            if p.name in named:
-                found.append(Problem(where, p.name, "goes first, without its name"))
-                continue
-            usual = ", ".join(
-                x.name for x in parameters.values() if x.default is x.empty and x.kind in _NAMED
-            )
-            usual += ", field=value" if kinds.VAR_KEYWORD in kinds_there else ""
-            found.append(Problem(where, p.name, f"is missing; it is called as {where}({usual})"))
-    return found
-
-
-WITHOUT = {  # hints for functions without arguments
-    "model_copy": "; write model_copy(update={'field': value}), or model.edit(name, field=value)",
-    "to_csv": "; it returns the text: write a file by save('table.csv')",
-    "to_json": "; it returns the text: write a file by save('model.json')",
-}
-_NAMED = (
-    inspect.Parameter.POSITIONAL_ONLY,
-    inspect.Parameter.POSITIONAL_OR_KEYWORD,
-    inspect.Parameter.KEYWORD_ONLY,
-)
+    signature = inspect.signature(function)
+    where = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    parameters = signature.parameters
+    if next(iter(parameters), "") in ("self", "cls", "_cls"):
+        if not (args and hasattr(args[0], function.__name__)):
+            return [Problem(where, "", f"is a method of a {where.split('.')[0]}")]
+        parameters = dict(list(parameters.items())[1:])
+        args, signature = args[1:], signature.replace(parameters=list(parameters.values()))
+    try:
+        given = signature.bind(*args, **named).arguments
+    except TypeError as error:
+        known = _names(function)
+        wrong = [name for name in named if name not in known]
+        if wrong and known:
+            text = f"is no argument of it; {nearest(wrong[0], parameters)}"
+            return [Problem(where, wrong[0], text)]
+        takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
+        return [Problem(where, "", f"{error}; it takes ({takes})")]
+    return _misfits(where, function, parameters, given)
 
 
 def _misfits(
-    where: str,
-    function: Any,
-    parameters: Mapping[str, Any],
-    args: tuple[Any, ...],
-    named: Mapping[str, Any],
+    where: str, function: Any, parameters: Mapping[str, Any], given: Mapping[str, Any]
 ) -> list[Problem]:
-    """Arguments whose type is not the annotated one."""
-    placed = dict(zip(parameters, args))
+    """Return a problem for each argument whose type is not the annotated one."""
     found: list[Problem] = []
-    for name, value in {**placed, **named}.items():
-        if name not in parameters:
-            continue
-        wanted = parameters[name].annotation
+    for name, value in given.items():
+        wanted, form = parameters[name].annotation, parameters[name].kind
         try:
             known = {**vars(typing), **vars(collections.abc), **function.__globals__}
-            wanted = eval(wanted, known) if isinstance(wanted, str) else wanted
+            kind = eval(wanted, known) if isinstance(wanted, str) else wanted
         except Exception:
             continue  # a name that only type checkers import
-        if not _fits(value, wanted):
-            hint = to_read(value) if "pg.Model" in _words(wanted) else ""
-            if isinstance(own := getattr(value, "name", None), str) and _words(wanted) == "text":
-                hint = f"; give its name: {own!r}"
-            text = f"must be {_words(wanted)}; given {shown(value)}{hint}"
-            found.append(Problem(where, name, text))
+        for x in _each(value, form):
+            if not _fits(x, kind):
+                hint = to_read(x) if "Model" in str(wanted) else ""
+                found.append(Problem(where, name, f"must be {wanted}; given {shown(x)}{hint}"))
     return found
+
+
+def _each(value: Any, form: Any) -> Iterable[Any]:
+    """Return the values of a parameter, of which `*names` has several."""
+    if form is inspect.Parameter.VAR_POSITIONAL:
+        return value
+    return value.values() if form is inspect.Parameter.VAR_KEYWORD else (value,)
 
 
 def _fits(value: Any, wanted: Any) -> bool:
@@ -480,41 +394,3 @@ def _numeric(value: Any) -> bool:
         return np.asarray(value).dtype.kind in "fiu" or np.size(value) == 0
     except (TypeError, ValueError):
         return False
-
-
-def _words(wanted: Any) -> str:
-    """Return the values of an annotation in words, such as "text or None"."""
-    origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
-    if origin in (typing.Union, types.UnionType):
-        words = list(dict.fromkeys(map(_words, inner)))
-        words = [word for word in words if word != "text" or "a path" not in words]
-        return " or ".join(words)
-    if origin is typing.Annotated:
-        return _words(inner[0])
-    if origin is typing.Literal:
-        return choices(map(repr, inner))
-    plain = {None: "None", type(None): "None", str: "text", float: "a number", Path: "a path"}
-    plain |= {int: "a whole number", bool: "True or False", bytes: "bytes", dict: "a dictionary"}
-    if wanted in plain:
-        return plain[wanted]
-    kind = origin or wanted
-    if not isinstance(kind, type):
-        return "another value"
-    if kind.__name__ == "ndarray":
-        return "numbers"
-    if kind is collections.abc.Callable:
-        return "a function"
-    if issubclass(kind, collections.abc.Mapping):
-        return "a dictionary"
-    if issubclass(kind, (tuple, collections.abc.Iterable)) and origin is not None:
-        return f"a list of {_several(inner[0])}"
-    return f"a pg.{kind.__name__}"
-
-
-def _several(wanted: Any) -> str:
-    if isinstance(wanted, type) and wanted not in (str, float, int, Path):
-        return f"pg.{wanted.__name__}"
-    word = _words(wanted)
-    return {"text": "names", "a number": "numbers", "a whole number": "whole numbers"}.get(
-        word, word.replace("a path", "paths")
-    )

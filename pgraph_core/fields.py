@@ -52,7 +52,7 @@ from .errors import (
     nearest_first,
     shown,
 )
-from .portable import Hinting
+from .portable import Portable
 from .sentences import GROUND, PAIR, all_problems, in_our_words
 from .units import NONE, UNITS, Dim, M, S
 
@@ -294,7 +294,7 @@ def name_problem(name: str) -> str:
 if TYPE_CHECKING:  # a type checker reads the parameters of a part from its converters
 
     @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
-    class _Base(Hinting):
+    class _Base(Portable):
         model_fields: ClassVar[dict[str, FieldInfo]]
         model_fields_set: set[str]
         model_config: ClassVar[ConfigDict]
@@ -345,14 +345,6 @@ else:
                 moot = getattr(cls, "FOLLOWERS", {})
                 raise ModelError(all_problems(cls, data, error, where, moot)) from None
 
-        def __getattr__(cls, name):
-            """Raises AttributeError, which says where models come from."""
-            if name.startswith("_") or "bodies" not in cls.model_fields:
-                return super().__getattr__(name)
-            text = f"pg.{cls.__name__} has no '{name}'; write pg.Model.load(path) for a file, "
-            text += "pg.Model.from_json(text), pg.read_urdf(path) or pg.read_mjcf(path)"
-            raise AttributeError(text, name=name, obj=cls)
-
         def __dir__(cls):
             """Fields and what our own classes define: without the inside of pydantic."""
             ours = [vars(c) for c in cls.__mro__ if not c.__module__.startswith(FOREIGN)]
@@ -361,7 +353,7 @@ else:
 
     FOREIGN = ("pydantic", "builtins", "abc")
 
-    class _Base(Hinting, BaseModel, metaclass=_Sentences):
+    class _Base(Portable, BaseModel, metaclass=_Sentences):
         pass
 
 

@@ -14,15 +14,11 @@ from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, explained
 from .model import Model
 from .packing import Array
-from .portable import TRIED, Elsewhere
 
 if TYPE_CHECKING:
     from .analysis.linear import Linearisation
 
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
-
-OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
-HINTED = TRIED["Mechanism"]  # methods of other programs
 
 
 @cache
@@ -47,7 +43,7 @@ class Mechanism(Dynamics):
     """
 
     def __dir__(self) -> Iterable[str]:
-        return sorted(set(super().__dir__()) - OF_TOPOLOGY - OF_PACKAGE - HINTED)
+        return sorted(set(super().__dir__()) - OF_TOPOLOGY)
 
     def __contains__(self, name: Any) -> bool:
         """True if its model has a part `name`."""
@@ -126,7 +122,6 @@ class Mechanism(Dynamics):
         vdot: Array,
         actuated: Sequence[str] | None = None,
         weights: Array | Mapping[str, float] | None = None,
-        contacts: Sequence[str] | None = None,
     ) -> Array:
         """Return the torques that give v' while all active constraints hold.
 
@@ -142,9 +137,6 @@ class Mechanism(Dynamics):
             Names of the bodies whose joints carry torques, by default all.
         weights : (nv,) array or dict, optional
             Positive weights of the torques, in number order or by name of body.
-        contacts : sequence of str, optional
-            Names of the contacts that carry load at q. Their forces stay within the friction cones
-            and make the torques as small as possible.
 
         Returns
         -------
@@ -159,8 +151,7 @@ class Mechanism(Dynamics):
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
-        given = (actuated, weights, contacts)
-        return constrained_inverse_dynamics(self, q, v, vdot, *given)
+        return constrained_inverse_dynamics(self, q, v, vdot, actuated, weights)
 
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
@@ -293,10 +284,6 @@ class Mechanism(Dynamics):
 
     linearize = linearise
     center_of_mass = Dynamics.centre_of_mass
-
-
-for _name in OF_PACKAGE | HINTED:
-    setattr(Mechanism, _name, Elsewhere(_name))
 
 
 def mechanism_of(value: Any, where: str) -> Mechanism:

@@ -14,7 +14,7 @@ import numpy as np
 from .errors import FileError, ModelError, PgraphError, Problem, choices, needed
 from .markup import Element, Source, content_of, parse_markup, reason_of
 
-FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
+FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
 LARGEST = 200_000_000  # [bytes] limit on the size of a mesh file
 LARGEST_COORDINATE = 1e12  # a coordinate beyond this has no volume in float64
 Scale: TypeAlias = "float | tuple[float, float, float]"
@@ -56,9 +56,7 @@ def parsed_mesh(file: str | Path) -> Any:
         text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
     try:
-        if suffix == "msh":
-            mesh = trimesh.Trimesh(*_msh(content), process=False)
-        elif suffix == "dae":
+        if suffix == "dae":
             vertices, faces, paints = triangles(content, Path(file).name)
             mesh = trimesh.Trimesh(vertices, faces, process=False, metadata={"paints": paints})
         else:
@@ -82,8 +80,6 @@ def _looks_like(suffix: str, content: bytes) -> bool:
     match suffix:
         case "dae":
             return b"<COLLADA" in content[:10_000]
-        case "msh":
-            return _sizes_of_msh(content) is not None
         case "glb":
             return content[:4] == b"glTF"
         case "ply":
@@ -95,24 +91,6 @@ def _looks_like(suffix: str, content: bytes) -> bool:
             ascii_text = content.lstrip()[:5].lower() == b"solid" and b"facet" in content
             return ascii_text or (len(content) >= 84 and len(content) >= 84 + 50 * triangles > 84)
     return bool(re.search(rb"^\s*v\s", content, re.M) and re.search(rb"^\s*f\s", content, re.M))
-
-
-def _sizes_of_msh(content: bytes) -> tuple[int, int, int, int] | None:
-    """Return numbers of vertices, normals, texture places, faces of a MuJoCo mesh, or None."""
-    if len(content) < 16:
-        return None
-    points, normals, places, faces = np.frombuffer(content, "<i4", 4).tolist()
-    size = 16 + 12 * points + 12 * normals + 8 * places + 12 * faces
-    fits = size == len(content) and points > 0 and min(normals, places, faces) >= 0
-    return (points, normals, places, faces) if fits else None
-
-
-def _msh(content: bytes) -> tuple[Any, Any]:
-    """(vertices, faces) of a binary mesh of MuJoCo."""
-    points, normals, places, faces = _sizes_of_msh(content) or (0, 0, 0, 0)
-    vertices = np.frombuffer(content, "<f4", 3 * points, 16).reshape(-1, 3)
-    after = 16 + 12 * points + 12 * normals + 8 * places
-    return vertices.astype(float), np.frombuffer(content, "<i4", 3 * faces, after).reshape(-1, 3)
 
 
 def _unreadable(file: str | Path, reason: str) -> Problem:

@@ -49,7 +49,7 @@ bodies: links
 """
 # ours: names that are near it, in another form
 _NEAR = """
-joint: type
+joint: type hinge revolute rotations slide slider prismatic translations
 step: h max_step
 t_end: duration tspan t_span time
 t: time

@@ -8,9 +8,7 @@ Installed, this folder is the package `pgraph_models`; from the repository root 
 from __future__ import annotations
 
 import json
-import sys
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,7 +78,3 @@ def cases(name: str) -> tuple[Case, ...]:
         text = f"no case has this name; choose one of {choices(families, 40)}"
         raise InputError(Problem(f"case '{name}'", "", text))
     return tuple(case for case in pg.load_cases(_case_files()[wanted[0]]) if case.name in wanted)
-
-
-if __name__ == "static_models":
-    sys.modules[__name__] = import_module("pgraph_models")

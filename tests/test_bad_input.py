@@ -118,7 +118,7 @@ ROWS = [
     body("q", "quaternion", "[0.0, 0.0, 0.0, 0.0]", dof=3, q=[0, 0, 0, 0]),
     body("v", "revolute", "1", "2", q=5.0, v=[1, 2]),
     body("masss", "did you mean mass?", *pg.Body.model_fields, masss=2),
-    body("slide", "prismatic", "axes", slide=[0, 0, 1]),
+    body("slide", "did you mean joint?", slide=[0, 0, 1]),
     body("com", "[[0.25, 0, 0]]", com=[[0.25, 0, 0]]),
     body("mass", "no parameter", "'m'", mass="=m/2"),
     body("damping", "weld", "1.0", joint="weld", damping=1),

@@ -283,7 +283,7 @@ def test_verify_tells_how_near_it_comes(capsys, tmp_path):
     ("name", "words", "begins"),
     [
         ("a.png", ["--size", "64x48"], b"\x89PNG"),
-        ("a.svg", ["--at", "0.2", "--t-end", "0.3", "--dark"], b"<svg"),
+        ("b.png", ["--at", "0.2", "--t-end", "0.3", "--dark"], b"\x89PNG"),
         ("d.svg", ["--what", "digraph"], b"<svg"),
         ("page.html", ["--live", "--open", "bodies.rod.mass=0.5:2"], b"pgraph_live"),
     ],

@@ -11,7 +11,7 @@ WRITERS = {
     "run.csv": "run.save(path)",
     "run.html": "run.to_html(path)",
     "view.png": "model.to_image(path)",
-    "view.svg": "model.to_image(path)",
+    "digraph.svg": "model.to_image(path, what='digraph')",
     "robot.urdf": "pg.write_urdf(model, path)",
     "robot.xml": "pg.write_mjcf(model, path)",
 }

@@ -68,9 +68,8 @@ def pages(name: str, folder: Path) -> dict[str, str]:
     for kind, given in (("recorded", {}), ("live", {"live": True})):
         run.to_html(folder / f"{kind}.html", **given)
         found[kind] = (folder / f"{kind}.html").read_text()
-    for what in ("view", "digraph"):
-        one.to_image(folder / f"{what}.svg", what=what)
-        found[what] = (folder / f"{what}.svg").read_text()
+    one.to_image(folder / "digraph.svg", what="digraph")
+    found["digraph"] = (folder / "digraph.svg").read_text()
     return found
 
 

@@ -43,7 +43,6 @@ def rod(**fields):
         (lambda: pg.Weld(body="a", other="b").name, lambda: "a-b weld"),
         (lambda: rod(density=1e3, shape=pg.Shape(kind="sphere", radius=1.0)).derived,
          lambda: ("mass",)),
-        (lambda: pg.Link, lambda: pg.Body),
     ],
 )  # fmt: skip
 def test_another_word_for_the_same_means_the_same(theirs, ours):
@@ -63,27 +62,13 @@ def test_another_word_for_the_same_means_the_same(theirs, ours):
 def test_arguments_of_other_programs_give_the_same_run(theirs: dict, ours: dict):
     a, b = (pg.simulate(MODEL, t_end=0.2, **x) for x in (theirs, ours))
     assert np.array_equal(a.q, b.q)
-    assert np.array_equal(a.time, b.t)
-    assert np.array_equal(a.qvel, b.v)
+    assert np.array_equal(a.t, b.t)
 
 
-def test_methods_by_the_names_of_featherstone_are_the_methods():
+def test_the_axes_of_a_jacobian_are_named_by_another_word():
     mech = pg.Mechanism(MODEL)
-    q, v, tau = np.array([0.3]), np.array([0.2]), np.array([0.1])
-    assert np.array_equal(mech.aba(q, v, tau), mech.forward_dynamics(q, v, tau))
-    assert np.array_equal(mech.rnea(q, v, tau), mech.inverse_dynamics(q, v, tau))
-    assert np.array_equal(mech.crba(q), mech.mass_matrix(q))
-    local = mech.jacobian(q, "rod", frame="local")
-    assert np.array_equal(local, mech.jacobian(q, "rod", frame="body"))
-    assert not {"aba", "rnea"} & set(dir(mech))
-
-
-def test_a_stepper_and_a_batch_tell_time_and_state_by_other_names():
-    st, many = pg.Stepper(MODEL, dt=1e-3), pg.BatchStepper(MODEL, num_envs=2, dt=1e-3)
-    st.step(n=5)
-    many.step(n=5)
-    assert st.time == st.t == many.time[0]
-    assert np.array_equal(st.qpos, many.qpos[1])
+    local = mech.jacobian([0.3], "rod", frame="local")
+    assert np.array_equal(local, mech.jacobian([0.3], "rod", frame="body"))
 
 
 def test_a_sweep_takes_a_list_of_one_number_for_the_number():
@@ -103,19 +88,13 @@ def test_a_sweep_takes_a_list_of_one_number_for_the_number():
         (lambda: pg.Model(friction=0.5), ("friction", "ground")),
         (lambda: pg.Motor(name="m", body="rod", limits=(-1, 1)), ("limits", "torque_limit")),
         (lambda: pg.simulate(MODEL, tspan=(0, 1)), ("tspan", "t_end")),
-        (lambda: pg.Stepper(MODEL).step(dt=0.1), ("dt", "pg.Stepper(..., step=...)")),
+        (lambda: pg.Stepper(MODEL).step(dt=0.1), ("dt", "inputs")),
         (lambda: pg.Mechanism(MODEL).inverse_kinematics(position=(0, 0, 1)), ("targets",)),
         (lambda: pg.Contact(friction=0.1), ("body", "missing")),
     ],
 )
 def test_a_word_that_is_only_near_is_refused_with_ours(call, said: tuple[str, ...]):
     holds(str(refusal(call)), *said)
-
-
-@pytest.mark.parametrize("name", ["from_urdf", "from_xml_string", "from_file"])
-def test_a_model_from_a_file_is_named(name: str):
-    with pytest.raises(AttributeError, match="load"):
-        getattr(pg.Model, name)
 
 
 def test_no_word_is_both_taken_and_a_name_of_ours_in_the_same_place():

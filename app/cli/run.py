@@ -264,7 +264,7 @@ def export_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--speed", type=positive, default=1.0, help="of a film: 0.5 is slow motion")
     parser.add_argument(
         "-o", "--output", required=True, metavar="FILE",
-        help="a page (.html), a picture (.png, .svg) or a film (.mp4, .gif)",
+        help="a page (.html), a picture (.png; plot, digraph: .svg) or a film (.mp4, .gif)",
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 // the selected bodies; the questions of toolbar and properties read files the same way.
 pgraph.files = (() => {
   const LARGEST = { json: 8e6, zip: 12e6, mesh: 10e6 }; // [bytes]
-  const MESH = /\.(stl|obj|ply|off|glb|dae|msh)$/i;
+  const MESH = /\.(stl|obj|ply|off|glb|dae)$/i;
   let over = null, archive = null; // what a drop brings; the last zip that was sent
 
   // The file's content by `how` ("text", or "base64"); undefined, and a sentence, where there is none.

@@ -1,7 +1,7 @@
 """Inverse dynamics of mechanisms with loops: joint torques for a motion that constraints permit.
 
-M v' + C - passive = S τ + Jᵀλ + J_cᵀf. Let N span the null space of J, orthonormal in the mass
-metric. The constraints' forces drop out, Nᵀ S τ + Nᵀ J_cᵀ f = Nᵀ r. τ is the solution of least
+M v' + C - passive = S τ + Jᵀλ. Let N span the null space of J, orthonormal in the mass
+metric. The constraints' forces drop out, Nᵀ S τ = Nᵀ r. τ is the solution of least
 weighted norm ([Aghili 2005], [Nakamura and Ghodoussi 1989]).
 """
 
@@ -11,11 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
-from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
@@ -24,18 +22,9 @@ from ..engine.inverse import least_torques as LEAST
 from ..errors import InputError, Problem, choices, shown
 from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
-from ..packing.forces import NO_LOADS
-from ..rotation import normals_of
-from ..tolerances import EPS, NAMED, NOTABLE, ROUNDING, SOLVED, TOUCHING
+from ..tolerances import NAMED, NOTABLE, ROUNDING, SOLVED
 from .mobility import complement, judged
 from .rows import Rows
-
-EDGES = 8  # edges of the first pyramid inside a friction cone
-REFINEMENTS = 12  # refinements of the pyramid, each by the directions in use
-# Cost of a force relative to that of a torque, whose square is half the digits: it decides only if
-# torques do not. What torques cannot balance weighs as much more, before it is balanced exactly
-# (weighting method; Lawson and Hanson, Solving Least Squares Problems, chapter 22).
-LIGHT = EPS**0.25
 
 
 def constrained_inverse_dynamics(
@@ -45,10 +34,9 @@ def constrained_inverse_dynamics(
     vdot: Array,
     actuated: Sequence[str] | None,
     weights: Array | Mapping[str, float] | None,
-    contacts: Sequence[str] | None,
 ) -> Array:
     """Return τ (nv,) of least norm for v', see `Mechanism.constrained_inverse_dynamics`."""
-    at_once = None if contacts else _at_once(mech, (q, v, vdot), actuated, weights)
+    at_once = _at_once(mech, (q, v, vdot), actuated, weights)
     if at_once is not None:
         return at_once
     force = mech._tree_torque(q, v, vdot)  # checks q, v, v'
@@ -63,9 +51,6 @@ def constrained_inverse_dynamics(
     leverage = free[chosen].T * scale  # (n, actuated)
     wanted = free.T @ force
     size = _size(rows, force, vdot)
-    points = _points(mech, q, contacts) if contacts else []
-    if points:
-        wanted = wanted - _carried(points, free, leverage, wanted, size)
     given = np.linalg.lstsq(leverage, wanted, rcond=ROUNDING)[0]
     left = wanted - leverage @ given
     if np.linalg.norm(left) > SOLVED * size:
@@ -219,128 +204,3 @@ def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> P
     text = f"the motion cannot be reached with torques of {by}: forces of up to {most:.3g} (N m or"
     text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
     return Problem(WHERE, "actuated", text)
-
-
-# -- contacts that carry ---------------------------------------------------------------------------
-
-
-class CarryingPoint(NamedTuple):
-    """Point at which a contact acts with force `axes.T @ (normal, tangential, tangential)`."""
-
-    jacobian: Array  # (3, nv) of the body's point against the other's, world axes
-    axes: Array  # (3, 3) normal and two tangents, as rows
-    friction: float
-
-
-def _points(mech: Dynamics, q: Array, names: Sequence[str]) -> list[CarryingPoint]:
-    """The points at which these contacts touch. Raises InputError for one that does not."""
-    from ..engine.contact import contacts as kernels  # compiled only where something touches
-
-    names = (names,) if isinstance(names, str) else tuple(names)
-    known = [c.name for c in mech.model.contacts]
-    for name in names:
-        if name not in known:
-            do = f"choose from {choices(known)}" if known else "the model has no contact"
-            raise InputError(Problem(WHERE, "contacts", f"no contact is named {shown(name)}; {do}"))
-    chosen = tuple(c for c in mech.model.contacts if c.name in names)
-    tables = contact_tables(mech.packed, chosen)
-    assert tables is not None
-    scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, NO_CONSTRAINTS, contacts=tables)
-    none = np.zeros(0)
-    motion.residuals(scene.address, 0.0, q, np.zeros(mech.nv), none, none)  # places the bodies
-    place, turn = mech.poses(q)
-    reach = TOUCHING * radius_of_gyration(mech.packed.system)
-    assert scene.touching is not None
-    count = kernels.find(scene.address, reach, 0)
-    shapes, found = scene.touching.shapes, scene.touching.found[:count]
-    points: list[CarryingPoint] = []
-    carrying: set[str] = set()
-
-    def jacobian(shape: int, x: Array) -> Array:
-        if shape < 0:
-            return np.zeros((3, mech.nv))
-        number = int(mech.packed.system.body_of_row[int(shapes[shape]["row"])])
-        at = turn[number - 1].T @ (x - place[number - 1])
-        return mech.jacobian(q, mech.names[number - 1], at)[3:]
-
-    for one in found:
-        if one["gap"] > reach:
-            continue
-        contact = tables.touches[int(one["pair"])].contact
-        carrying.add(contact.name)
-        normal = np.array(one["normal"])
-        mine = jacobian(int(one["shape_a"]), one["point_a"])
-        other = jacobian(int(one["shape_b"]), one["point_b"])
-        own = mech.model.ground.friction if contact.friction is None else contact.friction
-        points.append(CarryingPoint(mine - other, np.stack((normal, *normals_of(normal))), own))
-    for name in names:
-        if name not in carrying:
-            text = f"contact '{name}' does not touch at q, so it carries nothing; leave it out, or"
-            raise InputError(Problem(WHERE, "contacts", f"{text} put the body down"))
-    return points
-
-
-def _carried(
-    points: list[CarryingPoint], free: Array, leverage: Array, wanted: Array, size: float
-) -> Array:
-    """(n,) what contact forces within their cones do, where the other torques are least.
-
-    Cones by pyramids inside them, refined in the directions that are used: each is a non-negative
-    least-squares problem, and the torques fall from one to the next.
-    """
-    left, sizes, right = np.linalg.svd(leverage, full_matrices=True)
-    rank = int((sizes > ROUNDING * sizes.max(initial=0.0)).sum())
-    by_torque, beyond = left[:, :rank].T / sizes[:rank, None], left[:, rank:].T
-    angles = [np.linspace(0, 2 * np.pi, EDGES, endpoint=False) for _ in points]
-    effect = np.zeros(len(wanted))
-    for _ in range(REFINEMENTS):
-        edges = [_edges(p, a) for p, a in zip(points, angles)]
-        acts = [free.T @ p.jacobian.T @ e for p, e in zip(points, edges)]
-        pushes, each = np.hstack(acts), np.hstack(edges)
-        torques = by_torque @ pushes
-        light = LIGHT * float(np.max(np.abs(torques), initial=0.0)) or 1.0
-        cost = np.vstack((torques, light * _apart(edges)))
-        aim = np.concatenate((by_torque @ wanted, np.zeros(len(cost) - len(by_torque))))
-        weight = float(np.abs(cost).max()) / LIGHT
-        share, _ = nnls(
-            np.vstack((cost, weight * beyond @ pushes)),
-            np.concatenate((aim, weight * beyond @ wanted)),
-            maxiter=100 * each.shape[1],
-        )
-        used = np.flatnonzero(share > 0)
-        share = _balanced(beyond @ pushes[:, used], beyond @ wanted, share[used])
-        before, effect = effect, pushes[:, used] @ share
-        first = 0
-        for k, (point, e) in enumerate(zip(points, edges)):
-            mine = (used >= first) & (used < first + e.shape[1])
-            force = point.axes @ (e[:, used[mine] - first] @ share[mine])
-            first += e.shape[1]
-            if np.hypot(*force[1:]) > 0:
-                angles[k] = np.append(angles[k], np.arctan2(force[2], force[1]))
-        if np.linalg.norm(effect - before) <= SOLVED * size:
-            break
-    return effect
-
-
-def _edges(point: CarryingPoint, angles: Array) -> Array:
-    """Return the normal and the edges of a pyramid in a friction cone (3, 1 + k), normal part 1."""
-    mu = point.friction
-    own = np.stack((np.ones_like(angles), mu * np.cos(angles), mu * np.sin(angles)))
-    return point.axes.T @ np.hstack((np.array([[1.0], [0.0], [0.0]]), own))
-
-
-def _apart(edges: list[Array]) -> Array:
-    """The forces of all points one below the other."""
-    width = sum(e.shape[1] for e in edges)
-    out, column = np.zeros((3 * len(edges), width)), 0
-    for k, e in enumerate(edges):
-        out[3 * k : 3 * k + 3, column : column + e.shape[1]] = e
-        column += e.shape[1]
-    return out
-
-
-def _balanced(balance: Array, owed: Array, share: Array) -> Array:
-    """Return shares >= 0 that meet the balance exactly and are closest to least cost."""
-    for _ in range(3):
-        share = share + np.linalg.lstsq(balance, owed - balance @ share, rcond=ROUNDING)[0]
-    return np.maximum(share, 0.0) if len(share) else share

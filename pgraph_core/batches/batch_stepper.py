@@ -22,7 +22,7 @@ from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
-from ..portable import TRIED, Elsewhere, Portable, put_back, sealed, unsealed
+from ..portable import Portable, put_back, sealed, unsealed
 from ..result.records import Named
 from ..simulation.recording import STATUS
 from ..simulation.snapshots import check
@@ -428,10 +428,6 @@ class BatchStepper(Portable):
         self.__dict__.update(state)
         self._begin()
         self.restore(snapshot)
-
-
-for _name in TRIED["BatchStepper"]:
-    setattr(BatchStepper, _name, Elsewhere(_name))
 
 
 def _compiled(tau: Any, varied: bool) -> Any:

@@ -160,7 +160,9 @@ class Instances:
         places = [Place(arrays, array) for array in arrays]
         laws = [
             replace(law, array=place.of(self.starts)[0])
-            for law, place in zip(laws_of(stepper, arrays), places)
+            for law, place in zip(
+                laws_of(stepper.recording, stepper.width, stepper.knots_given, arrays), places
+            )
         ]
 
         def rows(found: Ints) -> bool:

@@ -37,7 +37,7 @@ from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
-MESHES = (".stl", ".obj", ".msh")
+MESHES = (".stl", ".obj")
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"

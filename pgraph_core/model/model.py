@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, Self, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
@@ -164,7 +164,7 @@ class Model(World):
         Parameters
         ----------
         path : str or path
-            The file to write, with the suffix .png or .svg.
+            The file to write: .png, or .svg of the digraph.
         what : {"view", "digraph"}
             What to draw.
         size : (int, int), optional
@@ -242,11 +242,6 @@ class Model(World):
     def __contains__(self, name: Any) -> bool:
         """True if the model has a part `name`."""
         return any(part.name == name for key in PARTS for part in getattr(self, key))
-
-    def __iter__(self) -> NoReturn:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Refuses. Raises InputError: names, bodies or fields may be meant."""
-        text = "is not gone through: model.bodies are its bodies, list(model.row) their names"
-        raise InputError(Problem("Model", "", text))
 
     def __getitem__(self, name: str, /) -> Part:
         """The part called `name`, as `part(name)` gives it."""

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
-from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import hooks
 from ..dynamics.scene import load_wrenches
 from ..dynamics.states import (
     BodyMotion,
@@ -32,7 +32,7 @@ from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, shown_path, write_atomic
 from ..packing import Array
-from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
+from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
 from .records import (
@@ -79,7 +79,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculate
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
-class Result(EqualByFields, Hinting):
+class Result(EqualByFields, Portable):
     """Result of a run, with arrays of one row per recorded frame.
 
     A run that failed keeps the frames up to the failure. Two runs are equal if their models and all
@@ -206,16 +206,6 @@ class Result(EqualByFields, Hinting):
         """Return True. Use `status.ok` to test whether the run reached its end."""
         return True
 
-    def __len__(self) -> int:
-        """Refuses. Raises InputError: frames, joints or columns may be meant."""
-        text = "has no length: len(run.t) is the number of frames, len(run.mechanism.names) that of"
-        raise InputError(Problem("Result", "", f"{text} bodies"))
-
-    def __iter__(self) -> NoReturn:
-        """Refuses. Raises InputError."""
-        text = "is not gone through: run.to_pandas() is a table, zip(run.t, run.q) are the frames"
-        raise InputError(Problem("Result", "", text))
-
     def _ipython_key_completions_(self) -> list[str]:
         """Return the completions of `run["` in a notebook: the joints."""
         return list(self.mechanism.joints)
@@ -329,7 +319,7 @@ class Result(EqualByFields, Hinting):
             text = "is no page: give a name that ends in .html"
             raise FileError(Problem(str(path), "", text))
         if live or open:
-            write_atomic(path, _figures().page(self, open).encode())
+            write_atomic(path, hooks.page(self, open).encode())
             return
         write_atomic(path, _show().animation_html(self).encode())
 
@@ -342,7 +332,7 @@ class Result(EqualByFields, Hinting):
         Parameters
         ----------
         path : str or path
-            The file to write, with the suffix .png or .svg.
+            The file to write, with the suffix .png.
         t : float, optional
             Time [s], by default the start.
         size : (int, int)
@@ -418,7 +408,7 @@ class Result(EqualByFields, Hinting):
         facts = _show().run_html(self)
         if not len(self.t) or not self.mechanism.names:
             return facts
-        return facts + _show().Embedded(_figures().page(self), FIGURE)._repr_html_()
+        return facts + _show().Embedded(hooks.page(self), FIGURE)._repr_html_()
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
@@ -663,11 +653,6 @@ def _show() -> Any:
     from .. import show
 
     return show
-
-
-def _figures() -> Any:
-    """By name, as a backend: figures stand above results, for they run mechanisms again."""
-    return import_module("pgraph_core.live.export")
 
 
 FIGURE = 560  # [pixels] height of the figure of a run in a notebook

@@ -20,7 +20,6 @@ from .animation import between
 from .digraph import RADIUS, digraph_svg, layout, shown_name
 from .drawing import Drawing, checked_size
 from .notebook import digraph_of
-from .vector import view_svg
 
 DPI = 100  # resolution of plots, whose size is in pixels
 MOST_FRAMES = 20_000  # limit on the frames of a film
@@ -36,14 +35,13 @@ Progress = Callable[[float], Any] | None
 def view(
     model: Any, pose: np.ndarray, path: str | Path, *,
     size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
-) -> str | bytes:  # fmt: skip
+) -> bytes:  # fmt: skip
     """A picture of a model whose bodies, by number, are at `pose` (nb, 7).
 
     Raises InputError, FileError.
     """
-    suffix = _suffix(path, (".png", ".svg"), "picture")
-    drawing = Drawing(model, pose[None], size, view=view, dark=dark)
-    return view_svg(drawing, pose) if suffix == ".svg" else png(drawing.draw(pose))
+    _suffix(path, (".png",), "picture")
+    return png(Drawing(model, pose[None], size, view=view, dark=dark).draw(pose))
 
 
 def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str | bytes:
@@ -70,7 +68,7 @@ def plot(
     return content.getvalue()
 
 
-def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> str | bytes:
+def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> bytes:
     """A picture of a run at the time t [s], by default at its start. Raises InputError."""
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t

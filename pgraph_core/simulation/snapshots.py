@@ -24,7 +24,7 @@ from ..tolerances import EPS
 from .loop import MANY
 
 if TYPE_CHECKING:
-    from .stepper import Stepper
+    from .recording import Recording
 
 MOST_COUNTED = int(2 / EPS)  # a count above it is not exact as a number
 COUNT = (0, MOST_COUNTED)
@@ -77,15 +77,14 @@ def refuse(kind: str) -> None:
     raise InputError(Problem(f"{kind}.restore", "snapshot", text))
 
 
-def laws_of(stepper: Stepper, arrays: Iterable[Any]) -> list[Law]:
-    """The laws of arrays of a stepper's run."""
-    known = {id(law.array): law for law in reversed(_of_run(stepper))}  # the first law counts
+def laws_of(record: Recording, width: float, given: Any, arrays: Iterable[Any]) -> list[Law]:
+    """Return the laws of arrays of a run with steps of `width` [s] and the knots `given`."""
+    known = {id(law.array): law for law in reversed(_of_run(record, width, given))}  # first counts
     return [known.get(id(array)) or Law(array) for array in arrays]
 
 
-def _of_run(stepper: Stepper) -> list[Law]:
-    record = stepper.recording
-    scene, steps, nv = record.scene, record.steps, stepper.mech.nv
+def _of_run(record: Recording, widest: float, given: Any) -> list[Law]:
+    scene, steps, nv = record.scene, record.steps, record.scene.packed.nv
     control = {
         "taken": COUNT,
         "left": (MANY - MOST_COUNTED, MANY),
@@ -97,7 +96,7 @@ def _of_run(stepper: Stepper) -> list[Law]:
 
     def widths(found: Any) -> Any:
         """The width of steps is the stepper's, of which a part may be done."""
-        done, widest = found["done"], stepper.width
+        done = found["done"]
         bounded = (found["bound"] == np.inf) | (steps.control["approach"] != 0)
         bounded &= found["lag"] == steps.control["lag"]
         return (found["widest"] == widest) & (done >= 0) & (done < widest) & bounded
@@ -107,7 +106,7 @@ def _of_run(stepper: Stepper) -> list[Law]:
         Law(steps.stages, finite=False, also=lambda found: np.isfinite(found[..., at.Y, :])),
         Law(steps.counters_table, dict.fromkeys(COUNTERS.names or (), COUNT)),
         _of_active(scene.active),
-        _of_knots(stepper),
+        _of_knots(record, given),
         *_of_space(scene.space, nv),
     ]
     if steps.memory:
@@ -129,10 +128,10 @@ def _of_active(active: Any) -> Law:
     return Law(active, {"": (0, most)}, also=fine)
 
 
-def _of_knots(stepper: Stepper) -> Law:
+def _of_knots(record: Recording, given: Any) -> Law:
     """Only those of constant inputs and targets may change."""
-    knots = stepper.recording.plan.drives.knots
-    fixed = np.setdiff1d(np.arange(len(knots)), stepper.knots_given)
+    knots = record.plan.drives.knots
+    fixed = np.setdiff1d(np.arange(len(knots)), given)
     return Law(knots, also=lambda found: found[..., fixed, :] == knots[fixed])
 
 

@@ -25,7 +25,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..portable import TRIED, Elsewhere, Portable, ReadOnly, put_back, sealed, unsealed
+from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
@@ -477,7 +477,8 @@ class Stepper(Portable):
             refuse("Stepper")
         control = self._steps.control
         here = {name: control[name] for name in ADDRESSES}
-        check("Stepper", laws_of(self, memory), memory, state)
+        laws = laws_of(self._record, self._width, self.knots_given, memory)
+        check("Stepper", laws, memory, state)
         self._active = {*map(int, active)}
         self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
         put_back(state, memory)
@@ -620,10 +621,6 @@ def refuse_as_torques(tau: Any, call: str) -> None:
         text = f"are torques, an array; for {tau} steps write step(n={tau})"
     if text:
         raise InputError(Problem(f"{call}.step", "tau", text))
-
-
-for _name in TRIED["Stepper"]:
-    setattr(Stepper, _name, Elsewhere(_name))
 
 
 def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:

@@ -17,7 +17,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model.files import write_atomic
 from ..packing import Array, row_of_velocity
-from ..portable import Hinting
+from ..portable import Portable
 from ..result import Result, Status
 from ..tolerances import NAMED
 from .measures import OFF, TRUST, joint_errors
@@ -244,7 +244,7 @@ HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluatio
 
 @explained
 @dataclass(frozen=True)
-class StabilityMap(Hinting):
+class StabilityMap(Portable):
     """A verdict on each value of the axis, method and step. `print` shows it as text."""
 
     model: str  # name

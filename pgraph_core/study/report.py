@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem, counted, explained, refusal
 from ..model.files import write_atomic
-from ..portable import Hinting
+from ..portable import Portable
 from ..tolerances import NOTABLE
 from .measures import Errors, Spread
 from .page import (
@@ -181,7 +181,7 @@ class Row:
 
 @explained
 @dataclass(frozen=True)
-class Study(Hinting):
+class Study(Portable):
     """Error against run time of many methods on one motion. `print(study)` shows a table."""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files

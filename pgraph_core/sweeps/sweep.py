@@ -25,7 +25,7 @@ from ..fields import whole
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import write_atomic
-from ..portable import Hinting, installed
+from ..portable import Portable, installed
 from ..simulation import simulate
 from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
@@ -38,7 +38,7 @@ TRIED = 100  # points of which one must be a model for a look before the first r
 
 @explained
 @dataclass(frozen=True, eq=False)
-class Sweep(Hinting):
+class Sweep(Portable):
     """Points and what was measured there, in the order of the design.
 
     `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan where the

@@ -371,13 +371,6 @@ def test_snapshots_pickles_and_copies_go_on_with_the_same_bits(law: str):
         pg.BatchStepper(box(law=law), 3, step=2e-4).restore(saved)
 
 
-@pytest.mark.parametrize(("name", "ours"), [("run", "n="), ("set_state", r"reset\(q, v\)")])
-def test_names_of_other_programs_are_answered_with_ours(name, ours):
-    for stepper in (pg.Stepper(pendulum()), pg.BatchStepper(pendulum(), 2)):
-        with pytest.raises(AttributeError, match=ours):
-            getattr(stepper, name)
-
-
 RADII = {"bodies.rod.shape.radius": [1, 2], "bodies.rod.shapes.0.radius": [2, 3]}
 BATCHES = [  # (model, options of a batch of 2, what is named)
     *((pendulum, {name: value}, name) for name, value in {

@@ -216,15 +216,3 @@ def test_collada_has_the_scene_in_metres(tmp_path):
 def test_a_taper_that_cannot_be_is_refused_with_its_number(given):
     with pytest.raises(pg.ModelError, match=r"0\.(05|48)"):
         pg.Shape(**{"radius": 0.02, "length": 0.2, "end_radius": 0.05, **given})
-
-
-def test_meshes_of_mujoco_are_read(tmp_path):
-    box = trimesh.creation.box((1, 2, 3))
-    sizes = np.array([len(box.vertices), 1, 1, len(box.faces)], "<i4")
-    parts = (box.vertices.astype("<f4"), np.zeros(5, "<f4"), box.faces.astype("<i4"))
-    content = sizes.tobytes() + b"".join(part.tobytes() for part in parts)
-    (tmp_path / "box.msh").write_bytes(content)
-    np.testing.assert_allclose(load_mesh(tmp_path / "box.msh").volume, 6.0)
-    (tmp_path / "cut.msh").write_bytes(content[:-4])
-    with pytest.raises(pg.FileError, match="MSH"):
-        load_mesh(tmp_path / "cut.msh")

@@ -1,6 +1,5 @@
 """Pictures and films: the mechanism where it is, with its colours, at the requested size."""
 
-import re
 import struct
 import zlib
 
@@ -117,18 +116,6 @@ def test_a_picture_has_its_size_and_is_the_same_every_time(tmp_path):
     assert pixels(path).mean() < 0.5 * light.mean()
 
 
-def test_svg_holds_an_outline_around_the_projected_centre(tmp_path):
-    model = ball((0.3, 0.2, 1.0))
-    model.to_image(tmp_path / "a.svg", size=(320, 200))
-    text = (tmp_path / "a.svg").read_text()
-    drawing, pose = drawing_of(model)
-    x, y, _ = drawing.on_screen(pose[:, :3], pose)[0]
-    (outline,) = re.findall(r'<path d="M([^"]*)Z" fill="url', text)
-    corners = np.array([[float(n) for n in pair.split()] for pair in outline.split("L")])
-    assert np.allclose((corners.min(axis=0) + corners.max(axis=0)) / 2, (x, y), atol=3)
-    assert 'width="320" height="200"' in text
-
-
 def test_the_digraph_as_svg_and_png(tmp_path):
     model = pg.Model.serial(3)
     model.to_image(tmp_path / "d.svg", what="digraph", size=(300, 200))
@@ -157,7 +144,7 @@ def test_a_film_has_its_frames_and_shows_the_motion(kind, tmp_path):
 @pytest.mark.parametrize(
     ("call", "given", "fact"),
     [
-        ("to_image", {"path": "a.jpg"}, r"\.png.*\.svg"), ("to_film", {"path": "a.avi"}, r"\.mp4"),
+        ("to_image", {"path": "a.jpg"}, r"\.png"), ("to_film", {"path": "a.avi"}, r"\.mp4"),
         ("to_image", {"size": (0, 10)}, r"\(0, 10\)"), ("to_image", {"size": 100}, "100"),
         ("to_image", {"size": (float("inf"), 100)}, "inf"),
         ("to_image", {"view": "back"}, "'back'"), ("to_image", {"t": 2.0}, r"0 to 0\.1 s"),
