@@ -29,7 +29,7 @@ class Table(Frozen):
 
     @cached_property
     def lines(self) -> NDArray[np.float64]:
-        """(n, 4) time, value, slope and value again of each knot, read-only.
+        """Return the (n, 4) time, value, slope and value again of each knot, read-only.
 
         The last slope is the number of knots per second, from which kernels guess a place.
         """
@@ -84,7 +84,7 @@ class Polynomial(Frozen):
 
 
 def _which(value: Any) -> str | None:
-    """The tag of a curve, given as an object or as its fields: a formula names its kind."""
+    """Return the tag of a curve, given as an object or as its fields."""
     if isinstance(value, dict):
         return str(value.get("kind", "table"))
     return type(value).__name__.lower() if isinstance(value, (Table, Sine, Polynomial)) else None

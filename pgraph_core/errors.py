@@ -1,4 +1,4 @@
-"""Errors as sentences for the person who typed."""
+"""Errors, with messages for the person who typed the input."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_NESTED = 100  # lists within lists
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a description: where, which field, and a sentence that helps."""
+    """One problem of a description: the part, the field, and a sentence about it."""
 
     where: str  # "body 'knee'", "constraint 'paw'", "model", "file mine.json, line 3"
     field: str  # "mass", or "" where no single field is at fault
@@ -42,7 +42,7 @@ class Problem:
 
 
 class PgraphError(Exception):
-    """Bad input. `problems` are all that is wrong, of which the text has the first."""
+    """Invalid input. `problems` lists all problems, and the text has the first one."""
 
     def __init__(self, problems: Iterable[Problem] | Problem):
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
@@ -55,11 +55,11 @@ class PgraphError(Exception):
 
 
 class ModelError(PgraphError):
-    """A description that is not a multibody system."""
+    """A description that is not a valid multibody system."""
 
 
 class FileError(PgraphError):
-    """A file that cannot be read or written, or that holds no model."""
+    """A file that cannot be read or written, or that contains no model."""
 
 
 class InputError(PgraphError):
@@ -77,7 +77,7 @@ class SetError(InputError, AttributeError):
 
 
 def guarded(**advice: str) -> Callable[[Called], Called]:
-    """Makes a class refuse public attributes that are set from outside, where nothing reads them.
+    """Make a class refuse to set public attributes from outside.
 
     Its own methods write them with `vars(self)`. `advice`: what to write instead, by the names
     that are tried, several joined by "_or_"; "other" is for the rest. Classes of users that inherit
@@ -129,13 +129,13 @@ def choices(names: Iterable[str], limit: int = 12) -> str:
 
 
 def one_of(names: Iterable[str]) -> str:
-    """'choose one of a, b', or 'there is none', for the end of a sentence."""
+    """Return 'choose one of a, b', or 'there is none', for the end of a sentence."""
     known = choices(names)
     return f"choose one of {known}" if known else "there is none"
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """The names, those most like `name` before the others."""
+    """Return the names, those most similar to `name` first."""
     names = list(dict.fromkeys(known))
     close = difflib.get_close_matches(name, names, n=3)
     return [*close, *(x for x in names if x not in close)]
@@ -149,7 +149,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
-    """The sentence on the name of an integration method that does not exist."""
+    """Return the sentence about an unknown name of an integration method."""
     names = list(known)
     text = f"no method is called {shown(name)}; choose one of {choices(names)}"
     return text + words.synonym(name, names)
@@ -168,7 +168,7 @@ def to_read(text: Any) -> str:
 
 
 def plain(text: str) -> str:
-    """Text of others for a terminal: what would steer it, or turn its direction, is spelled out."""
+    """Return foreign text for a terminal, with control characters spelled out."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
@@ -179,7 +179,7 @@ def _cut(text: str, limit: int) -> str:
 
 
 def shown(value: Any, limit: int = 60) -> str:
-    """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
+    """Return a value for a sentence: short, with nan and inf spelled out."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     try:
@@ -189,7 +189,7 @@ def shown(value: Any, limit: int = 60) -> str:
 
 
 def _lists(value: Any, most: int, left: list[int]) -> Any:
-    """Lists for tuples and arrays, as far as a sentence shows them: `left` more values."""
+    """Return lists for tuples and arrays, with at most `left` values."""
     left[0] -= 1
     if hasattr(value, "tolist"):
         if hasattr(value, "ndim") and not isinstance(value, memoryview):
@@ -201,12 +201,12 @@ def _lists(value: Any, most: int, left: list[int]) -> Any:
 
 
 def counted(n: int, one: str, many: str = "") -> str:
-    """'1 body', '2 bodies'."""
+    """Return '1 body' or '2 bodies'."""
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 
 def refusal(call: str, field: str, text: str) -> InputError:
-    """The error for an argument of a function that does not fit."""
+    """Return the error for an argument of a function that does not fit."""
     return InputError(Problem(call, field, text))
 
 
@@ -214,7 +214,7 @@ def refusal(call: str, field: str, text: str) -> InputError:
 
 
 class NameLookupError(InputError, KeyError):
-    """A name that a table of results does not have: a KeyError with a sentence."""
+    """An unknown name in a table of results: a KeyError with a sentence."""
 
     __str__ = Exception.__str__
 
@@ -223,7 +223,7 @@ BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, str
 
 
 def explained(called: Called) -> Called:
-    """A function, or a class with its public methods, whose bare errors become sentences.
+    """Wrap a function, or the public methods of a class, so that bare errors become sentences.
 
     A call that fails with an error of Python's own is looked at then: arguments that the signature
     does not take, or whose type is not the annotated one, raise InputError. Others stay as they
@@ -340,7 +340,7 @@ def _each(value: Any, form: Any) -> Iterable[Any]:
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """True if a value fits an annotation, as far as it can be checked."""
+    """Return whether a value fits an annotation, as far as it can be checked."""
     origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
     if wanted is Any:
         return True
@@ -372,7 +372,7 @@ def _fits(value: Any, wanted: Any) -> bool:
 
 
 def _fits_inside(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
-    """The same of a container and what it holds."""
+    """Return whether a container and its values fit an annotation."""
     if issubclass(kind, collections.abc.Mapping):
         if not isinstance(value, collections.abc.Mapping):
             return False

@@ -121,7 +121,7 @@ def field(
     help: str = "",
     **bounds: Any,
 ) -> Any:
-    """A field of a part. `converter` is for type checkers: what may be given, and what is held."""
+    """Declare a field of a part. `converter` tells type checkers the accepted and the held type."""
     found = Field(default, description=description, title=label or None, **bounds)
     found.metadata.append(Facts(dim, over, role, since, help))
     return found
@@ -249,7 +249,7 @@ def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
 
 
 class Fixed(dict[str, Any]):
-    """A dictionary of a part: not changed in place. Raises ModelError."""
+    """An immutable dictionary of a part. Changing it raises ModelError."""
 
     def _refused(self, *args: Any, **named: Any) -> NoReturn:
         text = "is not changed in place; make a new model: "
@@ -264,7 +264,7 @@ class Fixed(dict[str, Any]):
 
 
 def fixed(value: dict[str, Any]) -> dict[str, Any]:
-    """The same entries, not to be changed in place."""
+    """Return the same entries as an immutable dictionary."""
     return Fixed(value)
 
 
@@ -315,7 +315,7 @@ if TYPE_CHECKING:  # a type checker reads the parameters of a part from its conv
 else:
 
     class _Sentences(type(BaseModel)):
-        """Makes a ModelError of what pydantic refuses in a call of the class.
+        """A metaclass that turns refusals of pydantic in a call of the class into a ModelError.
 
         Not in `__init__`: pydantic would call that for values inside others, too, and their place
         in the whole would be lost.
@@ -346,7 +346,7 @@ else:
                 raise ModelError(all_problems(cls, data, error, where, moot)) from None
 
         def __dir__(cls):
-            """Fields and what our own classes define: without the inside of pydantic."""
+            """Return fields and names defined by our own classes."""
             ours = [vars(c) for c in cls.__mro__ if not c.__module__.startswith(FOREIGN)]
             named = {name for each in ours for name in each if not name.startswith(("_", "model_"))}
             return sorted({name for name in named if not name.isupper()} | cls.model_fields.keys())
@@ -363,7 +363,7 @@ class Frozen(_Base):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuses: an edit makes a new part. Raises ModelError."""
+        """Refuse, as an edit makes a new part. Raises ModelError."""
         own = getattr(self, "name", None)
         where = type(self).__name__.lower() + (f" {shown(own)}" if own else "")
         if name not in type(self).model_fields:
@@ -380,7 +380,7 @@ class Frozen(_Base):
 
     @explained
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields, validated as a new part is. Raises ModelError."""
+        """Return a validated copy with other fields. Raises ModelError."""
         if not update:
             return super().model_copy(deep=deep)
         known = type(self).model_fields
@@ -390,7 +390,7 @@ class Frozen(_Base):
         return type(self)(**{**self._kept(update), **update})
 
     def _kept(self, update: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields that a validated copy takes over."""
+        """Return the fields that a validated copy keeps."""
         return fields_of(self)
 
     def copy(  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -406,11 +406,11 @@ class Frozen(_Base):
 
     @classmethod
     def unchecked(cls, **values: Any) -> Self:
-        """A part of all its fields, which are known to be valid."""
+        """Return a part from all its fields, without validation."""
         return super().model_construct(None, **values)
 
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
-        """A copy with other fields, which are known to be valid."""
+        """Return a copy with other fields, without validation."""
         return super().model_copy(update=update)
 
     def __copy__(self) -> Self:
@@ -432,17 +432,17 @@ class Frozen(_Base):
         return hash((type(self), *(_hashed(mine[name]) for name in type(self).model_fields)))
 
     def __delattr__(self, name: str) -> None:
-        """Refuses. Raises ModelError."""
+        """Refuse. Raises ModelError."""
         text = "is not deleted; an edit gives it another value"
         raise ModelError(Problem(type(self).__name__.lower(), name, text))
 
     def __dir__(self) -> list[str]:
-        """Fields and methods of ours, for completion."""
+        """Return fields and our own methods, for completion."""
         return dir(type(self))
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """A readable signature: annotations as they are written."""
+        """Give the class a readable signature, with annotations as written."""
         super().__pydantic_init_subclass__(**kwargs)
         written: dict[str, str] = {}
         for base in cls.__mro__[::-1]:
@@ -463,21 +463,21 @@ class Frozen(_Base):
 
 
 def _hashed(value: Any) -> Any:
-    """A value, or what stands for it where it holds dictionaries."""
+    """Return a hashable stand-in for a value."""
     if isinstance(value, dict):
         return frozenset((key, _hashed(x)) for key, x in value.items())
     return tuple(map(_hashed, value)) if isinstance(value, tuple) else value
 
 
 class _Written(str):
-    """An annotation that shows as it is written, without quotes."""
+    """An annotation that is shown as written, without quotes."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 def refuse(problems: Sequence[tuple[str, str]]) -> None:
-    """Raise what a validator found, (field, text) each, so that all of it is reported."""
+    """Raise all problems that a validator found, as (field, text) pairs."""
     if problems:
         raise PydanticCustomError("problems", "refused", {"problems": list(problems)})
 
@@ -503,7 +503,7 @@ Once = WrapValidator(_validated_once)  # validator of a part inside another
 
 
 class Described(Frozen):
-    """A part with a name of its own: refused with every problem found, as sentences."""
+    """A named part, refused with all its problems as sentences."""
 
     WORD: ClassVar[str] = ""  # its word in sentences, "" for the class's name
     # field -> fields that mean nothing without it: not reported where it is refused itself
@@ -512,7 +512,7 @@ class Described(Frozen):
     if not TYPE_CHECKING:
 
         def __init__(self, /, **data: Any):
-            """Validated. Raises ModelError."""
+            """Validate the fields. Raises ModelError."""
             try:
                 super().__init__(**data)
             except ValidationError as error:
@@ -527,7 +527,7 @@ class Described(Frozen):
                 raise ModelError(found) from None
 
     def _dim_of(self, name: str) -> Dim:
-        """The dimension of a field's numbers."""
+        """Return the dimension of a field's numbers."""
         return facts(type(self).model_fields[name]).dim or NONE
 
     @classmethod
@@ -537,12 +537,12 @@ class Described(Frozen):
 
     @classmethod
     def _followers(cls) -> Mapping[str, tuple[str, ...]]:
-        """Fields that are not reported where another one is refused."""
+        """Return fields that are not reported if another field is refused."""
         return cls.FOLLOWERS
 
 
 class OfKinds(Described):
-    """A part with a class for each kind, told by its field `kind`.
+    """A part with a class for each kind, selected by its field `kind`.
 
     The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
     """
@@ -563,7 +563,7 @@ class OfKinds(Described):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Says which fields the kind has. Raises AttributeError."""
+            """Raise AttributeError, with the fields of the kind."""
             cls = type(self)
             if name not in cls.fields_of_kinds():
                 return super().__getattr__(name)
@@ -572,19 +572,19 @@ class OfKinds(Described):
 
     @classmethod
     def model_validate(cls, data: Any) -> Self:
-        """A part from its fields. Raises ModelError."""
+        """Return a part from its fields. Raises ModelError."""
         return data if isinstance(data, cls) else cls(**data)
 
     @property
     def pair(self) -> tuple[str, str]:
-        """The names of `body` and `other`, "ground" for a kind without the second."""
+        """Return the names of `body` and `other`, "ground" for a kind without the second."""
         own = type(self).model_fields
         body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
         return body, other
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """Names of the bodies that it acts on, each once, without the ground."""
+        """Return the names of the bodies that it acts on, without the ground."""
         return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @classmethod
@@ -606,7 +606,7 @@ class OfKinds(Described):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """For a class of several kinds, a union that `kind` tells apart."""
+        """Return a union that `kind` discriminates, for a class of several kinds."""
         if "KINDS" not in vars(cls) or not cls.KINDS:
             return handler(source)
         classes = {kind: handler.generate_schema(each) for kind, each in cls.KINDS.items()}
@@ -615,7 +615,7 @@ class OfKinds(Described):
     @model_validator(mode="before")
     @classmethod
     def _own_fields(cls, data: Any) -> Any:
-        """Without null, and without fields of other kinds that say nothing."""
+        """Return the fields without null, and without empty fields of other kinds."""
         own = cls.own_kind()
         if not isinstance(data, dict) or not own:
             return data
@@ -650,7 +650,7 @@ class OfKinds(Described):
 
     @classmethod
     def fields_of_kinds(cls) -> set[str]:
-        """The fields of all kinds."""
+        """Return the fields of all kinds."""
         return _fields_of(tuple(cls.KINDS.values()))
 
     @classmethod
@@ -670,7 +670,7 @@ def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
 
 
 class WithOther(Described):
-    """A part between `body` and another one."""
+    """A part between `body` and another body."""
 
     other: Text = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
@@ -697,7 +697,7 @@ class OfSums(OfKinds):
     @model_validator(mode="before")
     @classmethod
     def _first_body(cls, data: Any) -> Any:
-        """`body` is the first one in `coefficients` unless it is given."""
+        """Take `body` from the first entry of `coefficients` unless it is given."""
         named = data.get("coefficients") if isinstance(data, dict) else None
         if isinstance(named, Mapping) and named and data.get("body") is None:
             return {**data, "body": next(iter(named))}
@@ -705,7 +705,7 @@ class OfSums(OfKinds):
 
     @property
     def terms(self) -> tuple[tuple[str, int, float], ...]:
-        """(body, degree of freedom, coefficient) of the sum, without zeros."""
+        """Return the (body, degree of freedom, coefficient) terms of the sum, without zeros."""
         return tuple(
             (name, k, x) for name, row in self.coefficients.items() for k, x in enumerate(row) if x
         )
@@ -716,7 +716,7 @@ class OfSums(OfKinds):
 
 
 class OnSum(OfSums):
-    """Acts on the sum of `coefficients` x coordinates of joints, and on nothing else."""
+    """A part that acts on the sum of `coefficients` x joint coordinates only."""
 
     body: Text = field("the name of a body", default="", label="Body")
     coefficients: ByName = field(
@@ -737,7 +737,7 @@ def whole(value: Any) -> int | None:
 
 
 def fields_of(part: Frozen) -> dict[str, Any]:
-    """The fields of a part by name (`dict(part)` would add what it has cached)."""
+    """Return the fields of a part by name, without cached values."""
     return {name: getattr(part, name) for name in type(part).model_fields}
 
 

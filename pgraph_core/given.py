@@ -1,4 +1,4 @@
-"""Arrays from what callers give."""
+"""Conversion of arguments to arrays."""
 
 from __future__ import annotations
 

@@ -101,24 +101,26 @@ class Task:
         self.ended = ended or (lambda seen: np.zeros(seen.shape[:-1], dtype=bool))
 
     def substeps(self, options: dict[str, Any]) -> tuple[int, dict[str, Any]]:
-        """(steps of an action, options with a step that divides it)."""
+        """Return the number of steps per action, and options with a step that divides it."""
         step = options.get("step") or Stepper(self.mech, **options).width
         n = max(1, math.ceil(self.dt / step - 0.5))
         return n, {**options, "step": self.dt / n}
 
     def drives(self, inputs: Sequence[str]) -> list[OnJoint]:
-        """The forces whose inputs are the actions."""
+        """Return the forces whose inputs are the actions."""
         forces = self.mech.model.forces
         return [f for f in forces if isinstance(f, OnJoint) and f.name in inputs]
 
     def actions(self, drives: Sequence[OnJoint]) -> Any:
-        """The space of actions."""
+        """Return the space of actions."""
         bounds = [self._bounds(f) for f in drives] or [(-math.inf, math.inf)] * self.mech.nv
         low, high = np.array(bounds, dtype=np.float32).reshape(-1, 2).T
         return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
     def _bounds(self, f: OnJoint) -> tuple[float, float]:
-        """The limits of an input: its own, else those of a motor's torque or a servo's joint."""
+        """Return the limits of an input: its own, else those of a motor's torque or a servo's
+        joint.
+        """
         low, high = f.inputs
         if isinstance(f, Motor) and not f.integrates:
             low, high = max(low, f.torques[0]), min(high, f.torques[1])
@@ -130,11 +132,11 @@ class Task:
         return low, high
 
     def observations(self, seen: Array) -> Any:
-        """The space of what is seen."""
+        """Return the space of observations."""
         return gymnasium.spaces.Box(-np.inf, np.inf, seen.shape[-1:], np.float32)
 
     def seen(self, stepper: Stepper | BatchStepper, leading: tuple[int, ...]) -> Array:
-        """(..., n) float32: the outputs, or q and v."""
+        """Return the observation (..., n) in float32: the outputs, or q and v."""
         parts = stepper.outputs.values() if self.mech.model.outputs else (stepper.q, stepper.v)
         rows = [np.asarray(x).reshape(*leading, -1) for x in parts]
         return np.concatenate(rows, axis=-1).astype(np.float32)
@@ -144,7 +146,7 @@ class Task:
         return (None, None) if self.start is None else self.start(rng)
 
     def checked(self, action: Any, space: Any) -> Array:
-        """An action as numbers within the limits. Raises InputError."""
+        """Return an action as numbers within the limits. Raises InputError."""
         given = finite("action", action, *space.shape)
         return np.clip(given, space.low, space.high)
 
@@ -198,7 +200,7 @@ class Many(Protocol):
         ...
 
     def observed(self) -> Array:
-        """One row per instance."""
+        """Return one row of observations per instance."""
         ...
 
 
@@ -247,7 +249,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._count[which] = 0
 
     def step(self, actions: Any) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """One step of all instances."""
+        """Advance all instances by one step."""
         begun = np.flatnonzero(self._over)
         reward, ended = self.many.step(actions, self._rngs, self._over)
         self._count += 1
@@ -288,7 +290,9 @@ class Instances:
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """(rewards, whether each has ended) after `dt`. Raises InputError for another shape."""
+        """Return rewards and a mask of ended episodes after `dt`. Raises InputError for another
+        shape.
+        """
         given = self.task.checked(action, self._space)
         tau = np.zeros((self.batch.size, self.task.mech.nv)) if self.drives else given
         for f, column in zip(self.drives, given.T):
@@ -302,7 +306,7 @@ class Instances:
         return np.array(self.task.reward(seen, given), dtype=float), ended
 
     def observed(self) -> Array:
-        """One row per instance."""
+        """Return one row of observations per instance."""
         return self.task.seen(self.batch, (self.batch.size,))
 
 
@@ -310,7 +314,7 @@ DRIVEN = (Motor, Servo)  # whose inputs a batch takes
 
 
 def _arms(mech: Mechanism, f: OnJoint) -> Array:
-    """(nv,) the torques of joints for one of a motor."""
+    """Return the (nv,) torques of joints for a unit force of a motor."""
     found = np.zeros(mech.nv)
     for name, k, factor in f.terms:
         found[mech.joints[name].v.start + k] += factor

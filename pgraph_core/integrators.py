@@ -1,4 +1,4 @@
-"""The integration methods as data, with their tableaus. Their steps are kernels.
+"""The integration methods as data, with their tableaus. Kernels take the steps.
 
 Coefficients of DOPRI5 and DOP853: [Hairer, Norsett, Wanner 1993, II.5, II.6 and their code].
 """
@@ -50,7 +50,7 @@ class Method(NamedTuple):
 
     @property
     def kernel(self) -> Any:
-        """The kernel of a step."""
+        """Return the kernel of a step."""
         module, name = self.step.split(".")
         return getattr(import_module(f"{STEPPING}.{module}"), name)
 
@@ -66,7 +66,7 @@ class Method(NamedTuple):
 
     @property
     def evaluations(self) -> int:
-        """Evaluations of the dynamics a step."""
+        """Return the number of evaluations of the dynamics per step."""
         return max(len(self.tableau.b), 1)
 
 
@@ -81,7 +81,7 @@ NONE = np.zeros((0, 0))
 
 
 def _square(rows: Sequence[dict[int, float]], size: int) -> Array:
-    """Sparse rows as an array, whose last rows they are."""
+    """Return sparse rows as a square array, of which they are the last rows."""
     found = np.zeros((size, size))
     for r, row in enumerate(rows, start=size - len(rows)):
         found[r, list(row)] = list(row.values())

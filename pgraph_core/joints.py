@@ -1,4 +1,6 @@
-"""Joint kinds as ordered elementary motions, what the DoF column picks, and checks of a joint."""
+"""Joint kinds as sequences of elementary motions, the kinds of the DoF column, and checks of
+joints.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +135,9 @@ def joint_problems(
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
-    """Pairs that are not one a motion, the wrong way round, or on what has no single position."""
+    """Return problems of limits: wrong number, wrong order, or on a motion without a single
+    position.
+    """
     if not limits:
         return []
     if not motions:
@@ -153,7 +157,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
 
 
 def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, float]]:
-    """(motion, by how much) of positions beyond their limits [rad, m]."""
+    """Return (motion, excess) of positions beyond their limits [rad, m]."""
     start = 0
     for k, (m, pair) in enumerate(zip(motions, limits)):
         if pair is not None and m.kind in AXIAL:
@@ -166,7 +170,9 @@ def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, 
 
 
 def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
-    """Two successive turns (or slides) along one line are one degree of freedom, not two."""
+    """Return problems of successive turns or slides along one line, which are one degree of
+    freedom.
+    """
     return [
         (
             "axes",

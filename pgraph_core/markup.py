@@ -1,4 +1,4 @@
-"""Files of others within limits: XML with line numbers, without entities or external files.
+"""Bounded reading of foreign files: XML with line numbers, without entities or external files.
 
 The standard library's Expat parses. A document type, through which entity bombs and local files
 enter, is refused before it is read.
@@ -36,15 +36,15 @@ class Element:
         self.encoding = ""  # encoding of the file, set at the root
 
     def all(self, *tags: str) -> Iterator[Element]:
-        """The children with one of these tags."""
+        """Return the children with one of these tags."""
         return (child for child in self.children if child.tag in tags)
 
     def first(self, tag: str) -> Element | None:
-        """The first child with this tag."""
+        """Return the first child with this tag."""
         return next(self.all(tag), None)
 
     def inside(self) -> Iterator[Element]:
-        """This element and all below it, in the order of the file."""
+        """Iterate over this element and all below it, in the order of the file."""
         waiting: list[Element] = [self]
         while waiting:
             element = waiting.pop()
@@ -52,23 +52,23 @@ class Element:
             waiting += reversed(element.children)
 
     def get(self, name: str, default: str = "") -> str:
-        """An attribute as text."""
+        """Return an attribute as text."""
         return self.attributes.get(name, default)
 
 
 class Source:
-    """A file that is being read: its name, for sentences that say where."""
+    """A file being read, with its name for messages."""
 
     def __init__(self, name: str):
         self.name = name
 
     def at(self, element: Element | int, what: str = "") -> str:
-        """'robot.urdf, line 12, joint 'knee''."""
+        """Return the place in words, such as 'robot.urdf, line 12, joint 'knee''."""
         line = element if isinstance(element, int) else element.line
         return f"{self.name}, line {line}" + (f", {what}" if what else "")
 
     def wrong(self, element: Element | int, field: str, text: str, what: str = "") -> FileError:
-        """The error for what stands at a line."""
+        """Return the error for an element."""
         return FileError(Problem(self.at(element, what), field, text))
 
     def numbers(
@@ -80,7 +80,7 @@ class Source:
         *,
         infinite: bool = False,
     ) -> tuple[float, ...]:
-        """Return as many numbers as `default` has, from an attribute.
+        """Return as many numbers as `default` has from an attribute.
 
         They are finite, unless they may be `infinite`. Raises FileError.
         """
@@ -115,7 +115,9 @@ class Source:
 
 
 def read_markup(path: Path) -> Element:
-    """The root element of an XML file. Raises FileError, also for files beyond the bounds above."""
+    """Return the root element of an XML file. Raises FileError, also for files beyond the bounds
+    above.
+    """
     try:
         content = content_of(path, LARGEST)
     except FileNotFoundError:
@@ -126,7 +128,7 @@ def read_markup(path: Path) -> Element:
 
 
 def content_of(path: str | Path, most: int) -> bytes:
-    """The content of an ordinary file of at most `most` bytes. Raises OSError, ValueError."""
+    """Return the content of a regular file of at most `most` bytes. Raises OSError, ValueError."""
     with ordinary(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
@@ -149,7 +151,7 @@ def ordinary(path: str | Path) -> BinaryIO:
 
 
 def reason_of(error: Exception) -> str:
-    """Why a file cannot be read or written, for a sentence."""
+    """Return the reason why a file cannot be read or written, for a sentence."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     text = str(error)
@@ -159,7 +161,7 @@ def reason_of(error: Exception) -> str:
 
 
 def parse_markup(content: bytes, name: str) -> Element:
-    """The root element of XML text. Raises FileError."""
+    """Return the root element of XML text. Raises FileError."""
     source, open_elements, roots = Source(name), list[Element](), list[Element]()
     content, encoding = _in_utf8(content, source)
     parser = expat.ParserCreate("utf-8" if encoding else None)

@@ -1,4 +1,4 @@
-"""Mechanism: what users hold. The dynamics of a model, and the analyses of it as methods."""
+"""The mechanism: the dynamics of a model, and its analyses as methods."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ class Mechanism(Dynamics):
 
 
 def mechanism_of(value: Any, where: str) -> Mechanism:
-    """The mechanism of a Mechanism or a Model, for `where`. Raises InputError for other types."""
+    """Return the mechanism of a Mechanism or a Model. Raises InputError for other types."""
     if isinstance(value, Mechanism):
         return value
     if isinstance(value, Model):
@@ -296,7 +296,7 @@ def mechanism_of(value: Any, where: str) -> Mechanism:
 
 
 def derivatives_at_once(checked: Called) -> Called:
-    """`forward_derivatives(q, v, tau)`, directly where the kernel takes the state as it is."""
+    """Return `forward_derivatives(q, v, tau)` without conversion if the state fits the kernel."""
 
     @wraps(checked)
     def forward_derivatives(*args: Any, **named: Any) -> Any:

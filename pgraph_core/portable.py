@@ -17,12 +17,12 @@ from .errors import InputError, Problem, shown
 
 @cache
 def installed() -> str:
-    """The version of Pgraph that runs."""
+    """Return the running version of Pgraph."""
     return version("pgraph-dynamics")
 
 
 class Portable:
-    """A mixin: `pickle` and `copy` keep the state that `__getstate__` gives.
+    """A mixin whose `pickle` and `copy` keep the state that `__getstate__` returns.
 
     The pickle names its version before anything else. Another version raises InputError when it
     reads that, before it meets classes or fields that it does not have.
@@ -39,7 +39,7 @@ SUM = 16  # bytes: of the digest that follows the name of the kind
 
 
 def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
-    """A snapshot of a `kind`: its digest, the version that runs, words, and the state in bytes."""
+    """Return a snapshot of a `kind`: digest, version, words, and the state in bytes."""
     head = "\n".join((installed(), *words)).encode()
     rest = b"".join((len(head).to_bytes(4, "little"), head, body))
     return b"".join((_magic(kind), sha256(rest).digest()[:SUM], rest))
@@ -48,7 +48,7 @@ def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
 def unsealed(
     kind: str, snapshot: Any, key: str, arrays: Sequence[Any]
 ) -> tuple[list[str], memoryview]:
-    """(words after the key, the state of these arrays) of what `sealed` gave.
+    """Return (words after the key, the state of these arrays) of a sealed snapshot.
 
     Raises InputError for bytes that it did not give, or gave for another key.
     """
@@ -73,7 +73,7 @@ def unsealed(
 
 
 def put_back(state: memoryview, arrays: Iterable[Any]) -> None:
-    """The bytes of arrays, one after the other, into these arrays."""
+    """Copy bytes of arrays, one after the other, into these arrays."""
     place = 0
     for array in arrays:
         view = array.reshape(-1).view(np.uint8)
@@ -100,7 +100,7 @@ def _empty(written: str, module: str, name: str) -> Any:
 
 
 class Unportable:
-    """A mixin: holds addresses of this process, which mean nothing elsewhere."""
+    """A mixin for objects that hold addresses of this process and cannot be pickled."""
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         text = "holds memory addresses and cannot be pickled or copied; send its Mechanism instead"
@@ -108,7 +108,7 @@ class Unportable:
 
 
 class ReadOnly(dict[str, Any]):
-    """A dictionary that is not changed in place, which an InputError says, and what to write."""
+    """A read-only dictionary. Changing it raises InputError with the alternative."""
 
     def __init__(self, entries: Mapping[str, Any], where: str, instead: str):
         super().__init__(entries)
@@ -127,7 +127,7 @@ class ReadOnly(dict[str, Any]):
 
 
 def keep_unchanged(arrays: Iterable[Any]) -> None:
-    """Let nobody write into these arrays."""
+    """Make arrays read-only."""
     for array in arrays:
         if isinstance(array, np.ndarray):
             array.flags.writeable = False
@@ -150,7 +150,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 class EqualByFields:
-    """A mixin of dataclasses with arrays: equal fields, but for those with `compare=False`.
+    """A mixin of dataclasses with arrays, compared by fields except those with `compare=False`.
 
     Arrays can change, so there is no hash.
     """

@@ -52,7 +52,7 @@ def all_problems(
 def _problems(
     kind: type[BaseModel], data: Mapping[str, Any], error: ValidationError, where: str
 ) -> list[Problem]:
-    """One Problem a refused field, or all that a validator of ours says of it."""
+    """Return one Problem per refused field, or all problems that our validator found."""
     items: dict[str, list[Any]] = {}
     for item in error.errors(include_url=False):
         field = next((part for part in item["loc"] if isinstance(part, str)), "")
@@ -70,7 +70,7 @@ def _problems(
 
 
 def _of_whole(item: Any, value: Any) -> Any:
-    """A number where a row of numbers belongs, or a row where a number does, as said of all."""
+    """Return the error about a whole value where a number and a row of numbers were confused."""
     inside = item["loc"][1:]
     row = "tuple" in item["type"] or isinstance(item.get("input"), (tuple, list))
     rows = inside and all(isinstance(part, int) for part in inside) and row
@@ -185,7 +185,7 @@ def _ours(fields: Mapping[str, FieldInfo], data: Mapping[str, Any]) -> dict[str,
 
 
 def _name_of(kind: Any, data: Mapping[str, Any]) -> str:
-    """Return the name of a part that was given none: what it acts on, and what it is."""
+    """Return a name for a part without one: its bodies and its kind."""
     ends = [x for x in map(data.get, PAIR) if isinstance(x, str) and x != GROUND]
     what = getattr(kind, "own_kind", kind.word)()
     return f"{'-'.join(ends)} {what}"

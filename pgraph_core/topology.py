@@ -33,7 +33,7 @@ class Topology(EqualByFields, Portable):
     dof: Ints  # (nb,) degrees of freedom of the joint to the parent
 
     def __post_init__(self) -> None:
-        """The arrays may not be written: mechanisms share them."""
+        """Make the arrays read-only, because mechanisms share them."""
         keep_unchanged((self.row, self.parent, self.dof))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -66,7 +66,7 @@ class Topology(EqualByFields, Portable):
         return len(self.names)
 
     def number(self, name: str) -> int:
-        """The number of a body, 0 for 'ground'. Raises InputError naming the bodies."""
+        """Return the number of a body, 0 for 'ground'. Raises InputError naming the bodies."""
         if name not in self._number:
             text = f"no body has this name; choose one of {choices(self.names)}"
             raise InputError(Problem(f"body '{name}'", "", text))
@@ -118,7 +118,7 @@ class Loop(NamedTuple):
 
 
 def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
-    """The constraints between places of bodies: no edges of the tree, but of the digraph."""
+    """Return the constraints between bodies as edges of the digraph outside the tree."""
     return tuple(
         Loop(c.name, c.kind, *map(topology.number, c.pair))
         for c in model.constraints
@@ -127,7 +127,7 @@ def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
 
 
 def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Children of the ground and of every body, ascending (left child = smaller number)."""
+    """Return the children of the ground and of every body, ascending."""
     children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for i, p in enumerate(np.asarray(parent, dtype=np.int64).tolist(), start=1):
         children[p].append(i)
@@ -135,7 +135,7 @@ def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
 
 
 def depth_first(parent: Sequence[int]) -> list[int]:
-    """Indices (from 0) of the bodies in depth-first pre-order, left child first."""
+    """Return the indices (from 0) of the bodies in depth-first pre-order, left child first."""
     children = children_of(parent)
     order: list[int] = []
     stack = children[0][::-1]
@@ -148,7 +148,7 @@ def depth_first(parent: Sequence[int]) -> list[int]:
 
 @explained
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
-    """Pgraph of a tree on the numbers as given, by the seven steps of Fig. 4.
+    """Return Pgraph of a tree on the numbers as given, by the seven steps of Fig. 4.
 
     The left child is the one with the smaller number. Several roots make the ground, 0, the
     first separation body (checklist R20). Raises InputError where `parent` is not a forest.
@@ -176,7 +176,7 @@ def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
 
 
 def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Children, the left one last, so that pop() takes it. Raises InputError."""
+    """Return the children, the left one last, so that pop() takes it. Raises InputError."""
     numbers = _whole("parent", parent)
     nb = len(numbers)
     for i, p in enumerate(numbers.tolist(), start=1):
@@ -192,7 +192,7 @@ def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
 
 
 def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
-    """Whole numbers as an array. Raises InputError."""
+    """Return whole numbers as an array. Raises InputError."""
     try:
         numbers = np.asarray(values)
     except ValueError:  # lists of unequal length
@@ -204,7 +204,7 @@ def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
 
 @explained
 def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
-    """jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
+    """Return jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
     pgraph, first = _first_occurrences(pgraph)
     dof = _whole("dof", dof)
     if len(dof) != len(first):
@@ -216,13 +216,13 @@ def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
 
 
 def find(pgraph: Sequence[int] | Ints) -> Ints:
-    """First place (from 0) of every body in Pgraph, in order of appearance (Fig. 7's find)."""
+    """Return the first place (from 0) of every body in Pgraph, in order of appearance (Fig. 7)."""
     return np.sort(np.unique(np.asarray(pgraph, dtype=np.int64), return_index=True)[1])
 
 
 @explained
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
-    """The tree from Pgraph alone: the parent of a body's first occurrence stands before it."""
+    """Return the tree of Pgraph: the parent of a body's first occurrence stands before it."""
     pgraph, first = _first_occurrences(pgraph)
     parent = np.zeros(len(first), dtype=np.int64)
     before = np.where(first > 0, pgraph[np.maximum(first - 1, 0)], 0)
@@ -231,7 +231,7 @@ def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
 
 
 def _first_occurrences(pgraph: Sequence[int] | Ints) -> tuple[Ints, Ints]:
-    """Pgraph and the first places of its bodies, without the ground. Raises InputError."""
+    """Return Pgraph and the first places of its bodies, without the ground. Raises InputError."""
     pgraph = _whole("pgraph", pgraph)
     first = find(pgraph)
     first = first[pgraph[first] != 0]

@@ -1,4 +1,4 @@
-"""Dimensions of fields: what a form shows of them, and how they follow other units."""
+"""Dimensions of fields, with their units in forms and their conversion factors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Words of other programs: those taken as ours, and those answered with a hint.
+"""Words of other programs: synonyms of ours, and names that get a hint.
 
 A name is taken where it means the same in the same form: `dt` is the step, `axis` the direction of
 a joint. Where the form differs it is a hint: `tspan` is a pair, and `t_end` one number. The tables

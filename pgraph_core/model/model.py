@@ -127,7 +127,7 @@ class Model(World):
     if not TYPE_CHECKING:
 
         def __init__(self, /, **data: Any):
-            """A validated model. Raises ModelError with every problem found."""
+            """Validate a model. Raises ModelError with all problems."""
             data = resolved({key: listed(value) for key, value in data.items()})
             try:
                 super(World, self).__init__(**data)
@@ -797,25 +797,25 @@ class Model(World):
         return new
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Call `replace`, under pydantic's name for it."""
+        """Return `replace(...)`, under pydantic's name for it."""
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def cells(
         self, part: Body | Constraint | Contact | Force, kind: str = "bodies", /
     ) -> dict[str, Any]:
-        """The fields of a part, with its formulas in their cells: what a file holds."""
+        """Return the fields of a part as a file holds them, with formulas in their cells."""
         mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))
         return inlined(part, mine)
 
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
-        """A copy with validated parts replaced: only what ties the parts together is checked."""
+        """Return a copy with validated parts replaced, checking only relations between parts."""
         model = self._made(notices, **fields)
         if found := model_problems(model._parts(), model.ground):
             raise ModelError(found)
         return model
 
     def _made(self, notices: Iterable[str], **fields: Any) -> Self:
-        """A copy with parts replaced, for which nothing has to be checked."""
+        """Return a copy with parts replaced, without checks."""
         if formulas := fields.get("formulas", self.formulas):
             now = {**self._others(), "bodies": self.bodies, **fields}
             fields = {**fields, "formulas": still_true(formulas, now, self.parameters)}
@@ -836,17 +836,17 @@ class Model(World):
         return name == GROUND
 
     def _parts(self) -> dict[str, Any]:
-        """All parts, by field."""
+        """Return all parts, by field."""
         return {key: getattr(self, key) for key in PARTS}
 
     def _others(self) -> dict[str, Any]:
-        """The parts other than bodies, by field."""
+        """Return the parts other than bodies, by field."""
         return {key: getattr(self, key) for key in PARTS if key != "bodies"}
 
     # -- files -------------------------------------------------------------------------------
 
     def to_json(self) -> str:
-        """The description as JSON text, one body a line."""
+        """Return the description as JSON text, one body per line."""
         return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
 
     @classmethod
@@ -859,7 +859,7 @@ class Model(World):
         folder: str | Path | None = None,
         roots: Iterable[str | Path] = (),
     ) -> Self:
-        """The model in JSON text. Raises FileError (not JSON, too new) or ModelError.
+        """Return the model in JSON text. Raises FileError (not JSON, too new) or ModelError.
 
         Meshes are refused outside of `folder` (None: the current folder) and of `roots`. With
         `folder`, they are found from there on.

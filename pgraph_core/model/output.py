@@ -1,4 +1,4 @@
-"""Sites and outputs: named frames on bodies, and what is read off a motion by name."""
+"""Sites and outputs: named frames on bodies, and named quantities of a motion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Site(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """The name of its body, () for the ground."""
+        """Return the name of its body, () for the ground."""
         return () if self.body == GROUND else (self.body,)
 
 
@@ -49,7 +49,7 @@ OF_LOAD = ("force", "torque")
 
 
 class Reading(NamedTuple):
-    """Numbers of an output."""
+    """Numbers of an output, with their unit."""
 
     parts: tuple[str, ...]  # names of its numbers, ("",) for one number
     unit: str
@@ -99,10 +99,10 @@ class Output(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """The name of its body or site, () for the ground."""
+        """Return the name of its body or site, () for the ground."""
         return () if self.at == GROUND else (self.at,)
 
     @property
     def reading(self) -> Reading:
-        """Its numbers and their unit."""
+        """Return its numbers and their unit."""
         return READINGS[self.kind]

@@ -63,7 +63,7 @@ class Formula(Frozen):
 
     @property
     def where(self) -> str:
-        """Name of the part in a Problem."""
+        """Return the name of the part for a Problem."""
         return f"{_WORD[self.part]} {shown(self.name)}"
 
 
@@ -81,7 +81,7 @@ def is_formula(value: Any) -> bool:
 
 
 def evaluated(text: str, parameters: Mapping[str, float]) -> float:
-    """The finite number that '=...' stands for. Raises ValueError with a sentence."""
+    """Return the finite value of a formula '=...'. Raises ValueError with a sentence."""
     given = shown(text.strip())
     if len(text) > LONGEST:
         raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
@@ -110,7 +110,7 @@ def _parsed(text: str) -> ast.Expression:
 
 
 class _Undefined(Exception):
-    """A function outside of where it is defined."""
+    """A function outside of its domain."""
 
 
 def _value(node: ast.AST, parameters: Mapping[str, float]) -> float:
@@ -169,7 +169,7 @@ def names_in(text: str) -> set[str]:
 
 
 def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Names that a formula could not use."""
+    """Return the problems of names that a formula could not use."""
     found = []
     for name in parameters:
         if name in FUNCTIONS or name in CONSTANTS:
@@ -191,7 +191,7 @@ def _usable(name: str) -> bool:
 
 
 def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a model with a number for each formula, and all formulas.
+    """Return the fields of a model with a number for each formula, and all formulas.
 
     Formulas stand in the cells of parts given as dictionaries, or under "formulas".
     Raises ModelError with every formula that has no value.
@@ -280,7 +280,7 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
 
 
 def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
-    """The formulas in the cells of a dictionary, with the paths of their cells."""
+    """Return the formulas in the cells of a dictionary, with the paths of their cells."""
     if is_formula(value):
         yield path, value.strip()
     elif len(path) > MOST_LISTS:
@@ -348,7 +348,7 @@ def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
 
 
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
-    """The fields of a part with its formulas in their cells, as a file has them."""
+    """Return the fields of a part as a file has them, with formulas in their cells."""
     data = dict(part) if isinstance(part, Mapping) else fields_of(part)
     new = {formula.path: formula.text for formula in formulas}
     return put(data, new) if new else data
@@ -359,7 +359,7 @@ def cells_of(
     parameters: Mapping[str, float],
     part: PartKind = "bodies",
 ) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
-    """Changes of parts by name with numbers for formulas, and the formulas. Raises ModelError."""
+    """Return changes of parts with numbers for formulas, and the formulas. Raises ModelError."""
     rows = tuple({**fields, "name": name} for name, fields in changes.items())
     if not any(any(formulas_in(row)) for row in rows):
         return {name: dict(fields) for name, fields in changes.items()}, ()
@@ -377,7 +377,7 @@ def followed(
     names: Mapping[str, str],
     part: PartKind = "bodies",
 ) -> tuple[Formula, ...]:
-    """Formulas after an edit: new ones in place of old ones, under the new names of parts."""
+    """Return the formulas after an edit, under the new names of parts."""
     cells = {(f.part, f.name, f.path): f for f in (*formulas, *new)}
     return ordered(
         f.unchecked_copy({"name": names.get(f.name, f.name)}) if f.part == part else f
@@ -401,12 +401,12 @@ def still_true(
 
 
 def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
-    """In an order that does not hang on how the model came to be."""
+    """Return formulas in an order that does not depend on the history of the model."""
     return tuple(sorted(formulas, key=lambda f: (KINDS.index(f.part), f.name, *map(str, f.path))))
 
 
 def _holds(value: Any, number: float) -> bool:
-    """True if a cell has this number, in all entries of a tuple."""
+    """Return whether a cell has this number, in all entries of a tuple."""
     if isinstance(value, tuple) and value:
         return all(x == number for x in value)
     return value == number

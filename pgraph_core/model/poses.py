@@ -22,12 +22,12 @@ class Pose:
     rotation: Array  # (3, 3)
 
     def place(self, point: Any) -> Array:
-        """A point of the body in the world [m]."""
+        """Return a point of the body in the world [m]."""
         return self.position + self.rotation @ np.asarray(point, dtype=float)
 
 
 def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
-    """Poses of all bodies and of the ground, by name."""
+    """Return the poses of all bodies and of the ground, by name."""
     found = {GROUND: Pose(np.zeros(3), np.eye(3))}
     by_name = {body.name: body for body in bodies}
 
@@ -42,14 +42,14 @@ def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
 
 
 def home_poses(bodies: Sequence[Body]) -> Array:
-    """(nb, 7) position and quaternion of each body in the initial state."""
+    """Return the (nb, 7) position and quaternion of each body in the initial state."""
     found = poses(bodies)
     rows = [(*found[b.name].position, *quaternion_of(found[b.name].rotation)) for b in bodies]
     return np.array(rows).reshape(-1, 7)
 
 
 def _carried(parent: Pose, body: Body) -> Pose:
-    """The pose of a body on its joint."""
+    """Return the pose of a body on its joint."""
     R, home, i = parent.rotation, matrix(body.rotation), 0
     x = parent.position + R @ np.array(body.link)
     for motion in body.sequence:

@@ -1,4 +1,4 @@
-"""A named run of a model: initial state, drives, what drives it, active parts, duration, method."""
+"""A named run of a model: initial state, drives, active parts, duration and method."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ HARMONICS = 4  # number of harmonics of a wave
 
 
 class Footfall(Frozen):
-    """When one foot is on the ground."""
+    """The part of a stride during which one foot is on the ground."""
 
     foot: Text = Field(description="the name of a contact that is one point of a paw")
     offset: Annotated[Number, Field(ge=0, lt=1)] = Field(
@@ -50,7 +50,7 @@ class Footfall(Frozen):
 
 
 class Gains(Frozen):
-    """Virtual springs and dampers of trunk and legs, as accelerations an error asks for."""
+    """Virtual springs and dampers of trunk and legs, as accelerations per error."""
 
     speed: AtLeast0 = Field(default=8.0, description="a number >= 0 [1/s]")
     drift: AtLeast0 = Field(default=5.0, description="a number >= 0 [1/s]")
@@ -146,7 +146,7 @@ class Gait(Described):
         return self
 
     def edit(self, /, **changes: Any) -> Self:
-        """A new gait with the changed fields. Raises ModelError."""
+        """Return a new gait with the changed fields. Raises ModelError."""
         return type(self)(**{**self.model_dump(), **changes})
 
 
@@ -173,7 +173,7 @@ class When(Frozen):
 
     @property
     def subject(self) -> tuple[str, str]:
-        """(what it watches, its name)."""
+        """Return (the kind of quantity that it watches, its name)."""
         return next((what, getattr(self, what)) for what in SUBJECTS if getattr(self, what))
 
     def __str__(self) -> str:
@@ -327,7 +327,7 @@ def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[s
 def condition_problems(
     scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
 ) -> list[Problem]:
-    """Conditions that name what is not there, that never hold, or that switch without end."""
+    """Return problems of conditions: unknown names, conditions that never hold, endless switching."""
     found = []
     refused = any(body is None for body in bodies.values())
     for s in scenarios:
@@ -399,7 +399,7 @@ def _beyond(switch: Switch, bodies: Bodies) -> str:
 
 
 def _endless(switches: Sequence[Switch]) -> str:
-    """Which constraints switch each other on and off at one instant, without end."""
+    """Return constraints that switch each other on and off at one instant without end."""
     after = {
         (s.constraint, s.active): [
             (o.constraint, o.active) for o in switches
@@ -446,7 +446,7 @@ def followed(
 
 
 def of_bodies(names: Mapping[str, str | None]) -> Callable[[str], str | None]:
-    """New names of coordinates where bodies are renamed, or go."""
+    """Return new names of coordinates where bodies are renamed or removed."""
 
     def called(name: str) -> str | None:
         body, _, k = name.rpartition(" ")

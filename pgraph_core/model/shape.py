@@ -198,7 +198,7 @@ class Shape(Frozen):
         return []
 
     def surface(self) -> tuple[Array, Array]:
-        """(vertices (n, 3), triangles (m, 3)) of the closed surface of a heightfield [m].
+        """Return (vertices (n, 3), triangles (m, 3)) of the closed surface of a heightfield [m].
 
         The first vertices are those of the top, row by row; triangles of a cell share the diagonal
         from its least x and y to its greatest.
@@ -268,7 +268,7 @@ def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProper
 
 
 def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
-    """Volume, its centre, and its inertia about that at density 1, in the shape's frame."""
+    """Return volume, centre, and inertia about the centre at density 1, in the shape's frame."""
     if shape.kind == "mesh":
         return _mesh_volume(shape, unit)
     if shape.kind == "heightfield":
@@ -300,7 +300,9 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 
 def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
-    """A capsule or cylinder along z as pieces (from, to, a, b, c) where r^2 = a + b z + c z^2."""
+    """Return a capsule or cylinder along z as pieces (from, to, a, b, c) with r^2 = a + b z + c
+    z^2.
+    """
     r, h = shape.radius or 0.0, shape.length or 0.0
     end = r if shape.end_radius is None else shape.end_radius
     low, high, pieces = -h / 2, h / 2, []
@@ -319,7 +321,7 @@ def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
 
 
 def _turned(shape: Shape) -> tuple[float, Array, Array]:
-    """`_volume` of a tapered shape: discs along z, whose moments Gauss's rule sums exactly."""
+    """Return `_volume` of a tapered shape from discs along z, exact by Gauss's rule."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
     z, dz, square = [], [], []
     for low, high, a, b, c in profile(shape):
@@ -371,7 +373,7 @@ def leak(mesh: Any) -> str:
 
 
 def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:
-    """The shapes that have mass: those that touch, else all."""
+    """Return the shapes that have mass: those that touch, else all."""
     return [s for s in shapes if s.role != "visual"] or shapes
 
 
@@ -391,7 +393,7 @@ def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassPropertie
 
 
 def tip_of(shapes: Sequence[Shape]) -> Vec3:
-    """The far end of the shapes: of the box around them, along its longest edge [m]."""
+    """Return the far end of the box around the shapes along its longest edge [m]."""
     corners = np.concatenate([_corners(shape) for shape in solids_of(shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     k = int(np.argmax(high - low))
@@ -402,7 +404,7 @@ def tip_of(shapes: Sequence[Shape]) -> Vec3:
 
 
 def _corners(shape: Shape) -> Array:
-    """(n, 3) points whose box is that of the shape, or holds it closely, in body axes."""
+    """Return (n, 3) points in body axes whose box holds the shape closely."""
     if shape.kind == "mesh":
         points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)
     elif shape.kind == "heightfield":

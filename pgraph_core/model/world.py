@@ -1,4 +1,4 @@
-"""A model without its parts: its name, which way is up, gravity, and the ground."""
+"""A model without its parts: name, vertical axis, gravity and ground."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Ground(Frozen):
 
     @property
     def least_to_slide(self) -> float:
-        """The static coefficient, which is the kinetic one where none is given."""
+        """Return the static coefficient, by default the kinetic one."""
         return self.friction if self.static_friction is None else self.static_friction
 
     @model_validator(mode="after")
@@ -115,7 +115,7 @@ class Ground(Frozen):
 def below_kinetic(
     name: str, static: float, kinetic: float, what: str = ""
 ) -> list[tuple[str, str]]:
-    """Why static friction is refused: it is less than kinetic friction."""
+    """Return the problem of a static friction below the kinetic one."""
     if static >= kinetic:
         return []
     text = f"{what}must be at least the kinetic friction {shown(kinetic)}; given {shown(static)}"
@@ -138,7 +138,7 @@ def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
 
 
 class World(Described):
-    """Gravity points down along `up` unless it is given."""
+    """Settings of the surroundings. Gravity points down along `up` unless it is given."""
 
     name: Text = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
@@ -179,7 +179,7 @@ class World(Described):
 
     @property
     def ground_normal(self) -> tuple[float, float, float]:
-        """The unit normal of the ground's plane, in world axes."""
+        """Return the unit normal of the ground's plane, in world axes."""
         first = (1.0, 0.0, 0.0) if self.up != "x" else (0.0, 1.0, 0.0)
         level = _level(self.up, self.ground.uphill or first)
         length = math.hypot(*level)
@@ -189,5 +189,5 @@ class World(Described):
 
 
 def _level(up: str, x: Vec3) -> tuple[float, ...]:
-    """The part of a direction that is not along `up`."""
+    """Return the part of a direction that is normal to `up`."""
     return tuple(0.0 if axis == up else c for axis, c in zip(AXES, x))
