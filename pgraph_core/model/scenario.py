@@ -327,7 +327,7 @@ def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[s
 def condition_problems(
     scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
 ) -> list[Problem]:
-    """Return problems of conditions: unknown names, conditions that never hold, endless switching."""
+    """Return problems of conditions: unknown names, never true, endless switching."""
     found = []
     refused = any(body is None for body in bodies.values())
     for s in scenarios:
