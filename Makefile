@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .DEFAULT_GOAL := help
-.PHONY: help run test quick nightly prepared mutants check browser kernels site format clean
+.PHONY: help run test quick nightly prepared mutants check browser kernels site wheel format clean
 WORKERS ?= 2# processes that run tests
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations 10 --durations-min 1
 
@@ -51,6 +51,11 @@ kernels: $(VENV)/installed-for-tests
 site: $(VENV)/installed-for-nights ## the documents as a site with living figures, in build/site
 	@$(BIN)/sphinx-build -q -W --keep-going docs build/site
 	@echo "Open build/site/index.html"
+
+wheel: $(VENV)/installed ## a wheel with machine code for the usual processors, in dist
+	@$(BIN)/python -m pgraph_core.engine --machine-code
+	@$(PIP) wheel --no-deps --wheel-dir dist .
+	@ls dist/*.whl
 
 format: $(VENV)/installed-for-tests ## put the source into the project's form
 	@$(BIN)/ruff format .

@@ -1,7 +1,8 @@
 """`python -m pgraph_core.engine`: load the kernels that most runs need, one line `i n name` each.
 
 With `--with-parent` it ends as soon as its standard input is closed, however its parent died. With
-`--all` it loads the others too. `--archive` makes the archive of kernels from the sources.
+`--all` it loads the others too. `--archive` makes the archive of kernels from the sources, and
+`--machine-code` makes machine code of the archive for the usual processors, for a wheel.
 """
 
 import os
@@ -24,10 +25,11 @@ def main() -> None:
 
         for name in make_pieces(Path(words[1]), "--lanes" in words):
             print(name, flush=True)
-    elif "--archive" in words:
-        from .compiler.building import build
+    elif {"--archive", "--machine-code"} & {*words}:
+        from .compiler import building
 
-        for line in build():
+        make = building.build if "--archive" in words else building.machine_code
+        for line in make():
             print(line, flush=True)
     else:
         for i, n, name in warm_up("--all" in words):

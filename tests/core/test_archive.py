@@ -6,10 +6,11 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from pgraph_core.engine.compiler import archive, sources
+from pgraph_core.engine.compiler import archive, loading, sources
 from pgraph_core.engine.compiler.jit import JIT
 
 pytestmark = pytest.mark.skipif(not JIT, reason="nothing is compiled")
@@ -168,3 +169,64 @@ def test_without_a_usable_archive_a_run_has_the_same_bits_and_one_sentence_why(t
             assert "archive of kernels is missing" in said
         else:
             assert said == ""  # the cache has what was compiled before
+
+
+@pytest.mark.parametrize(
+    ("triple", "features", "lanes", "wanted"),
+    [
+        ("x86_64-unknown-linux-gnu", loading.V4, 8, "x86-64-v4"),
+        ("x86_64-alpine-linux-musl", loading.V4, 8, "x86-64-v4"),
+        ("x86_64-unknown-linux-gnu", loading.V3, 4, "x86-64-v3"),
+        ("x86_64-unknown-linux-gnu", loading.V3.replace("fma", ""), 4, None),
+        ("x86_64-unknown-linux-gnu", loading.V4, 4, "x86-64-v3"),
+        ("x86_64-unknown-linux-gnu", loading.V3, 8, None),
+        ("aarch64-unknown-linux-gnu", "neon", 4, "aarch64"),
+        ("aarch64-apple-darwin", "neon", 4, None),
+        ("x86_64-pc-windows-msvc", loading.V4, 8, None),
+        ("riscv64-unknown-linux-gnu", "", 4, None),
+    ],
+)
+def test_machine_code_is_chosen_by_what_it_needs(monkeypatch, triple, features, lanes, wanted):
+    binding = SimpleNamespace(
+        get_process_triple=lambda: triple,
+        get_host_cpu_features=lambda: dict.fromkeys(features.split(), True),
+    )
+    monkeypatch.setattr(loading, "llvm", binding)
+    monkeypatch.setattr(loading, "LANE_WIDTH", lanes)
+    found = [name for name, level in loading.LEVELS.items() if level.runs_here()]
+    assert found[:1] == ([wanted] if wanted else [])
+
+
+@fits
+@pytest.mark.nightly
+def test_machine_code_of_the_package_is_used_and_its_faults_are_told(tmp_path):
+    from pgraph_core.engine.compiler import building
+
+    path = tmp_path / "kernels.archive"
+    path.write_bytes(archive.FILE.read_bytes())
+    name, level = next((n, one) for n, one in loading.LEVELS.items() if one.runs_here())
+    code = path.with_suffix(f".{name}")
+    code.write_bytes(building.machine_code_of(level))
+
+    def run(case: str, **environment: str) -> tuple[str, str, int]:
+        cache = tmp_path / case
+        found, said = told(with_archive(path), PGRAPH_CACHE=str(cache), **environment)
+        return found, said, len(list((cache / "kernels").iterdir()))
+
+    found, said, made = run("brought")
+    assert said == ""
+    assert made == 1  # the entrance of kernels, which is no piece of the archive
+    whole = code.read_bytes()
+    again, said, more = run("generic", PGRAPH_PROCESSOR="generic")
+    assert again == found
+    assert said == ""
+    assert more > made
+    for case, content in {"cut": whole[:-1], "empty": b"", "changed": whole[:-1] + b"0"}.items():
+        code.write_bytes(content)
+        again, said, more = run(case)
+        assert again == found
+        assert "damaged" in said
+        assert said.count("\n") == 1
+        assert more > made
+    code.write_bytes(archive.written({}, {}))  # of an archive before
+    assert run("foreign")[:2] == (found, "")

@@ -69,13 +69,13 @@ class File:
         self._rest, self._start = rest, LENGTH + length
         self._sections: dict[str, bytes] = {}
 
-    def part(self, section: str, begin: int, size: int) -> bytes:
-        """Bytes of a section."""
+    def part(self, section: str, begin: int = 0, size: int | None = None) -> bytes:
+        """Return a section, or `size` of its bytes."""
         if section not in self._sections:
             at, length = self.index["sections"][section]
             at += self._start
             self._sections[section] = lzma.decompress(self._rest[at : at + length])
-        return self._sections[section][begin : begin + size]
+        return self._sections[section][begin : None if size is None else begin + size]
 
 
 class Archive:
@@ -130,6 +130,10 @@ class Archive:
     def names(self) -> list[str]:
         """The names of all its kernels."""
         return list(self._index["kernels"])
+
+    def all_pieces(self, *sections: str) -> list[str]:
+        """The names of all pieces of sections."""
+        return [name for name, place in self._index["pieces"].items() if place[0] in sections]
 
     def bitcode(self, piece: str) -> bytes:
         """The bitcode of a piece."""

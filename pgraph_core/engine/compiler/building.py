@@ -28,8 +28,8 @@ from .lowering.dispatch import lowered
 from .optimising import optimise, parsed
 
 TRIPLE = "x86_64-unknown-linux-gnu"  # any of 64 bits: it is replaced where code is generated
-WIDTHS = (4, 8)  # supported lane widths
-LEVELS = {4: "x86-64-v3", 8: "x86-64-v4"}  # whose vectors code with such lanes suits best
+# {lane width: the processors whose vectors code with such lanes suits best}
+PROCESSORS = {4: "x86-64-v3", 8: "x86-64-v4"}
 ALLOWED = {"memcpy", "memmove", "memset", "sqrt"}  # C functions that kernels may call
 
 
@@ -41,11 +41,11 @@ def build(path: Path = archive.FILE) -> Iterator[str]:
     parts: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         running = []
-        for width in WIDTHS:
+        for width in PROCESSORS:
             out = Path(folder, str(width))
             command = [sys.executable, "-m", "pgraph_core.engine", "--pieces", str(out)]
             environment = {**os.environ, "PGRAPH_LANE_WIDTH": str(width)}
-            if width != WIDTHS[0]:
+            if width != min(PROCESSORS):
                 command.append("--lanes")
             process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
             running.append((process, out))
@@ -88,6 +88,25 @@ def _joined(parts: list[dict[str, Any]]) -> bytes:
         "files": parts[0]["files"],
     }
     return archive.written(index, sections)
+
+
+def machine_code() -> Iterator[str]:
+    """Write machine code of the archive for the usual processors, yielding a line for each."""
+    for name, level in loading.LEVELS.items():
+        path = archive.FILE.with_suffix(f".{name}")
+        path.write_bytes(machine_code_of(level))
+        yield f"{path.name}: {path.stat().st_size} bytes"
+
+
+def machine_code_of(level: loading.Level) -> bytes:
+    """Return a file of machine code of the archive: a section for each piece."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    target = loading.machine_for(f"{level.arch}-unknown-linux-gnu", level.cpu, "")
+    found = archive.current()
+    pieces = found.all_pieces("plain", f"lanes {level.lanes}")
+    code = {p: loading.object_of(llvm.parse_bitcode(found.bitcode(p)), target) for p in pieces}
+    return archive.written({}, code)
 
 
 def make_pieces(out: Path, lanes_alone: bool) -> Iterator[str]:
@@ -150,8 +169,8 @@ def take_apart(lowered: list[Lowered], section: str, found: dict[str, Any]) -> N
             whole.link_in(module)
     roots = {one.name: (f"k_{one.symbol}", f"w_{one.symbol}") for one in lowered}
     exports = [symbol for pair in roots.values() for symbol in pair]
-    level = LEVELS[8 if section == "lanes 8" else 4]
-    optimise(whole, exports, loading.machine_for(TRIPLE, level, ""))
+    cpu = PROCESSORS[8 if section == "lanes 8" else 4]
+    optimise(whole, exports, loading.machine_for(TRIPLE, cpu, ""))
     found["pieces"][section], of = split(str(whole), roots, section.replace(" ", ""))
     for one in lowered:
         found["kernels"][one.name] = one.symbol, of[one.name], one.files

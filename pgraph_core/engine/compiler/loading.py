@@ -1,7 +1,8 @@
 """Sources of a kernel's machine code, and its loading with llvmlite alone.
 
-A kernel comes from the user's cache, else from the archive's bitcode, else from numba. The archive
-holds kernels in pieces. A piece has the functions that the same kernels reach.
+The archive holds kernels in pieces. A piece has the functions that the same kernels reach. Its
+machine code comes from the package (in wheels), else from the user's cache, else it is generated
+from the archive's bitcode. numba compiles a kernel that the archive lacks.
 """
 
 from __future__ import annotations
@@ -146,6 +147,59 @@ def machine_for(triple: str, cpu: str, features: str) -> Any:
     )
 
 
+# -- machine code that comes with the package ------------------------------------------------------
+
+
+class Level(NamedTuple):
+    """A kind of processor for which wheels bring machine code."""
+
+    arch: str  # the first word of its triple
+    cpu: str  # its name in LLVM
+    features: str  # what its code uses beyond the architecture's baseline
+    lanes: int  # doubles in a lane
+
+    def runs_here(self) -> bool:
+        """True if the code can run on this processor."""
+        arch, *_, system = llvm.get_process_triple().split("-", 2)
+        here = llvm.get_host_cpu_features()
+        return (
+            arch == self.arch
+            and system.startswith(("linux", "unknown-linux"))
+            and self.lanes == LANE_WIDTH
+            and all(here.get(one) for one in self.features.split())
+        )
+
+
+V3 = "avx2 bmi bmi2 f16c fma lzcnt movbe"
+V4 = f"{V3} avx512f avx512bw avx512cd avx512dq avx512vl"
+LEVELS = {  # {end of the name of its file: what its code needs}
+    "x86-64-v4": Level("x86_64", "x86-64-v4", V4, 8),
+    "x86-64-v3": Level("x86_64", "x86-64-v3", V3, 4),
+    "aarch64": Level("aarch64", "generic", "", 4),
+}
+
+
+@cache
+def _brought() -> archive.File | None:
+    """Return the machine code that came with the package for this processor, or None."""
+    if os.environ.get("PGRAPH_PROCESSOR"):
+        return None
+    for name, level in LEVELS.items():
+        path = archive.FILE.with_suffix(f".{name}")
+        if level.runs_here() and path.exists():
+            try:
+                return archive.File(path)
+            except archive.Unusable as error:
+                _say(f"the machine code of the kernels {error}; it is generated from the archive")
+    return None
+
+
+def brought(piece: str) -> bytes | None:
+    """Return the machine code of a piece that came with the package, or None."""
+    found = _brought()
+    return found.part(piece) if found and piece in found.index["sections"] else None
+
+
 # -- machine code ----------------------------------------------------------------------------------
 
 
@@ -214,7 +268,7 @@ def code_of(kernel: Kernel, variant: int) -> Code:
         symbol = found.symbol(name)
         for piece in pieces:
             if not engine().has(piece):
-                engine().add(piece, kept(piece) or _generated(piece))
+                engine().add(piece, brought(piece) or kept(piece) or _generated(piece))
     signature = kernel.signatures[variant]
     enter, words = engine().enter, engine().address(f"w_{symbol}")
     call = calls.function(kernel.__name__, signature, kernel.nogil, enter, words)
@@ -250,7 +304,7 @@ def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
         raise ModuleNotFoundError(text, name="numba")
     from .optimising import module_of
 
-    _say(why)
+    _say(f"{why}; kernels are compiled, which takes a while")
     found = object_of(module_of(kernel, variant, symbol, machine()))
     keep(key, found)
     return found
@@ -261,9 +315,9 @@ _SAYING = threading.Lock()
 
 
 def _say(why: str) -> None:
-    """One sentence for all kernels that are compiled for the same reason."""
+    """Print a sentence, once for all kernels that it is about."""
     with _SAYING:
         if why in _SAID:
             return
         _SAID.add(why)
-    print(f"pgraph: {why}; kernels are compiled, which takes a while.", file=sys.stderr)
+    print(f"pgraph: {why}.", file=sys.stderr)
