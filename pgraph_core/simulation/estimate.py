@@ -107,7 +107,7 @@ def _left_open(record: Recording, n: int) -> Array | float:
     """Return the gap or depth (n,) of rigid contacts and limits that are closed [m, rad].
 
     Time stepping leaves what a slow impact has not closed: a residual of its contact law. A depth
-    beyond what it tolerates is one whatever the contact's phase, and so is a gap within it.
+    is one whatever the contact's phase, and so is a gap within the depth that it tolerates.
     """
     tables, pairs = record.plan.contacts, record.out.pairs[:n]
     if tables is None or not pairs.size:
@@ -117,8 +117,11 @@ def _left_open(record: Recording, n: int) -> Array | float:
     rigid = np.flatnonzero(tables.laws["law"] == RIGID)
     gap, closed = pairs["gap"][:, rigid], pairs["phase"][:, rigid] > SWING
     found = np.where(closed | (gap < DEPTH * record.plan.length), np.abs(gap), 0.0)
-    beyond = [-limit.gap(record.out.q[:n]) for limit in limits_on_coordinates(tables)]
-    return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
+    left = found.max(axis=1, initial=0.0)
+    for limit in limits_on_coordinates(tables):
+        gap = limit.gap(record.out.q[:n])
+        left = np.maximum(left, np.where(gap < DEPTH * limit.size, np.abs(gap), 0.0))
+    return left
 
 
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:

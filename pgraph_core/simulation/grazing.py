@@ -68,8 +68,11 @@ def _events(record: Recording) -> list[Approach]:
 
 def _limits(record: Recording) -> list[Approach]:
     """Return how near the coordinates came to their limits where they turned back before them."""
-    tables, n = contact_tables(record.mech.packed, ()), record.done
-    if tables is None or n < 2:
+    plan, n = record.planned, record.done
+    tables = plan.contacts if plan.declared is None else plan.declared
+    if tables is None:
+        tables = contact_tables(record.mech.packed, ())
+    if tables is None or not tables.limits or n < 2:
         return []
     out, t, found = record.out, record.steps.times[:n], list[Approach]()
     for limit in limits_on_coordinates(tables):
@@ -88,6 +91,7 @@ class LimitGap(NamedTuple):
     at_q: Ints
     weights: Array
     bound: float
+    size: float  # scale of its gap [rad, m]
 
     def gap(self, q: Array) -> Array:
         """Return its gap (...) at states q (..., nq) [rad, m]."""
@@ -101,7 +105,7 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
         if block[at.B_TYPE] != at.T_SPAN:
             own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
             at_v, at_q = terms[own].T
-            yield LimitGap(name, at_v, at_q, factors[own], float(values[at.VALUE]))
+            yield LimitGap(name, at_v, at_q, factors[own], *values[[at.VALUE, at.SIZE]].tolist())
 
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known

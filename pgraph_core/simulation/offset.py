@@ -19,6 +19,7 @@ from .plan import RunPlan
 from .recording import Recording
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
+STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
 
 
 def may_jump(record: Recording, plan: RunPlan) -> bool:
@@ -35,10 +36,11 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     """Return the finer plan with given steps a `parts`-th as wide as those of `plan`, and half off.
 
-    It records the times at which steps of both runs end.
+    It records the times at which steps of both runs end: after STRETCH steps or a frame, or for
+    equal steps, whose differences at a jump do not pass, after √n of n steps.
     """
     frames, half = np.append(0.0, np.cumsum(plan.substeps)), 0.5 / parts  # [steps of the plan]
-    shared = frames[_shared(plan)]
+    shared = frames[_shared(plan, STRETCH if parts > 1 else int(np.sqrt(frames[-1])))]
     near = (shared[:-1, None] + half * FIRST).ravel()
     ends = np.unique(np.concatenate((shared, near, shared[1:] - half)))
     substeps = np.maximum(np.rint(parts * np.diff(ends)), 1.0).astype(np.int64)
@@ -54,13 +56,14 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     return replace(finer, substeps=substeps, width=width)
 
 
-def _shared(plan: RunPlan) -> Ints:
-    """Return the indices of times of `plan` that divide it into about √n stretches of √n steps.
+def _shared(plan: RunPlan, stretch: int) -> Ints:
+    """Return the indices of times of `plan` that divide it into stretches of so many steps or more.
 
-    Those at which constraints are switched, the first and the last are among them.
+    Those at which constraints are switched, the first and the last are among them. An error that
+    comes and goes within a stretch, as that of the last bounces before rest, leaves no difference.
     """
     steps = np.append(0, np.cumsum(plan.substeps))
-    keep = np.searchsorted(steps, np.arange(0, steps[-1], int(np.sqrt(steps[-1]))))
+    keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))
     switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
     return np.union1d(np.append(keep, len(steps) - 1), switched)
 

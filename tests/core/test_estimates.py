@@ -556,3 +556,26 @@ def test_what_a_slow_impact_leaves_open_is_in_the_error_of_a_ball_at_rest(size, 
     run = pg.simulate(scene, **{**options, "t_end": 30.0, "frames": 31})
     off = abs(run.q[-1, 0] - size)
     assert off <= run.error_estimate < 10 * off + 1e-2 * size
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e6])
+@pytest.mark.parametrize("e", [0.3, 0.5])
+def test_what_a_slow_impact_leaves_open_at_a_limit_is_in_the_error(size, e, side):
+    """A slider falls a third of its limit's coordinate, and its bounces shrink to nothing."""
+    bound, height, g = side * size, 0.313 * size, 63.47 * size
+    limits = ((bound, None),) if side > 0 else ((None, bound),)
+    start = bound + side * height
+    body: dict[str, Any] = {"q": (start,), "limits": limits, "limit_restitution": e}
+    fall = np.sqrt(2 * height / g)
+    run = pg.simulate(slider((0, 0, 1), side * g, **body), t_end=4.409 * fall, frames=101)
+    gaps, begin, end, v = np.zeros(101), 0.0, fall, 0.0
+    while end - begin > 1e-12 * fall:
+        now = (run.t >= begin) & (run.t < end)
+        s = run.t[now] - begin
+        gaps[now] = (height if begin == 0.0 else 0.0) + v * s - 0.5 * g * s * s
+        v = e * (g * (end - begin) - v)
+        begin, end = end, end + 2 * v / g
+    off = np.abs(side * (run.q[:, 0] - bound) - gaps).max()
+    assert off < 10 * run.error_estimate + 1e-8 * size
+    assert run.error_estimate < 10 * off + 1e-8 * size
