@@ -12,13 +12,12 @@ from ..errors import choices
 from ..fields import EVERY, GROUND
 from ..model import Contact
 from ..rotation import quaternion_of
-from ..tolerances import SOLVED
+from ..tolerances import SOLVED, VISIBLE
 from .mjcf_compiled import Reading
 
 Array = np.ndarray
 PLANE = 0  # mjtGeom
-THICK = 1.0  # m: of the box that stands for a plane that is no ground
-WIDE = 50.0  # m: half the edge of such a box, since a plane of MuJoCo has no end
+HALF_EDGE = 50.0  # m: of the box that stands for a plane without end that is no ground
 
 
 class Law(NamedTuple):
@@ -88,10 +87,12 @@ class Contacts:
         drawn = [float(s) for s in m.geom_size[g][:2]]
         place, axes = self.placed[g]
         where = self.reader.where("geom", m.geom(g).name)
-        wide = [max(s, WIDE) for s in drawn]
-        text = f"a plane that is not z = 0 is a box {THICK} m thick and {2 * min(wide):g} m wide"
+        wide = [max(s, HALF_EDGE) for s in drawn]
+        thickest = 2 * VISIBLE * HALF_EDGE
+        text = f"a plane that is not z = 0 is a box {thickest} m thick and {2 * min(wide):g} m wide"
         self.report.add("approximated", where, text)
-        for role, (x, y), thick in (("collision", wide, THICK), ("visual", drawn, THICK / 100)):
+        roles = ("collision", wide, thickest), ("visual", drawn, VISIBLE * thickest)
+        for role, (x, y), thick in roles:
             if x and y:
                 yield {
                     "kind": "box",

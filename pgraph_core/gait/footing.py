@@ -97,9 +97,6 @@ def height_under(model: Model, x: float, z: float) -> float:
     return height + raised / n[1]
 
 
-AROUND = 10.0  # m of plane around the steps that is part of their map
-
-
 def terrain_of(model: Model) -> Terrain:
     """Return the heights of the steps of the ground in cells that all their edges cut.
 
@@ -110,7 +107,7 @@ def terrain_of(model: Model) -> Terrain:
         return Terrain(np.zeros(0), np.zeros(0), np.zeros((0, 0)))
     corners = np.array([(*step.low, *step.high) for step in steps])
     x, z = (np.unique(corners[:, k::2]) for k in (0, 1))
-    x, z = (np.concatenate((e[:1] - AROUND, e, e[-1:] + AROUND)) for e in (x, z))
+    x, z = (np.concatenate(([-np.inf], e, [np.inf])) for e in (x, z))
     heights = np.zeros((len(x) - 1, len(z) - 1))
     for (x0, z0, x1, z1), step in zip(corners, steps):
         inside = (x[:-1] >= x0) & (x[1:] <= x1), (z[:-1] >= z0) & (z[1:] <= z1)

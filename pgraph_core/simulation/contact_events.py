@@ -25,18 +25,15 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
-from ..tolerances import SOLVED
+from ..tolerances import SOLVED, VISIBLE
 from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
-SAME_TIME = 1e-10  # interval of touchdowns of one impact, relative to the motion's own time
-SHORTEST = 1e-11  # shortest flight relative to the same time
-UNRESOLVED = 2e-10  # interval whose speeds are rounding, relative to that time or the run
-HIDDEN = 2e-3  # rounding relative to a bounce's height above which bounces end
+SAME_TIME = 1e-10  # interval that is one event, relative to the motion's own time or the run
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
-MANY = 300  # events at one time: they do not end
+ENDLESS = 300  # events at one time: they do not end
 
 
 class ContactEvents:
@@ -60,7 +57,7 @@ class ContactEvents:
         self._fine = fine
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
-        self._times: deque[float] = deque(maxlen=MANY)
+        self._times: deque[float] = deque(maxlen=ENDLESS)
         self._resting = np.zeros(
             len(plan.contact_points), dtype=bool
         )  # no normal velocity at this event
@@ -83,8 +80,7 @@ class ContactEvents:
         span = float(np.ptp(self.plan.times))
         own = self.speed / gravity if gravity else span
         self.steps.scale(own)
-        self._same_time, self._shortest = SAME_TIME * min(span, own), SHORTEST * min(span, own)
-        self._unresolved = UNRESOLVED * max(span, own)
+        self._same_time, self._unresolved = SAME_TIME * min(span, own), SAME_TIME * max(span, own)
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
 
     def _sizes(self) -> Array:
@@ -195,7 +191,7 @@ class ContactEvents:
     def _guard(self, t: float) -> None:
         """Stop where events follow each other without end."""
         self._times.append(t)
-        if len(self._times) == MANY and t - self._times[0] < self._same_time:
+        if len(self._times) == ENDLESS and t - self._times[0] < self._same_time:
             where = ", ".join(self.scene.contact_points[s].name for s in self._over())
             text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
@@ -417,7 +413,7 @@ class ContactEvents:
             fall = -f["normal_acceleration"][s]
             if back < 0 and fall > 0:
                 hidden = -back <= _hidden(f[s])
-                if (hidden or -2 * back < self._shortest * fall) and point.restitution < 1:
+                if (hidden or -2 * back < self._same_time * fall) and point.restitution < 1:
                     rest[s] = t - 2 * back / (fall * (1 - point.restitution))
                     back = 0.0
             rows.append(impacts.ContactRow(first, size, point.friction, back, s == jammed))
@@ -554,6 +550,6 @@ class ContactEvents:
 
 
 def _hidden(point: Any) -> float:
-    """Speed of a bounce whose height rounding hides [m/s, rad/s]."""
+    """Speed of a bounce of whose height rounding is a visible part [m/s, rad/s]."""
     fall = max(-float(point["normal_acceleration"]), 0.0)
-    return float(np.sqrt(2.0 * fall * float(point["rounding"]) / HIDDEN))
+    return float(np.sqrt(2.0 * fall * float(point["rounding"]) / VISIBLE))

@@ -50,9 +50,7 @@ from .switches import Change
 if TYPE_CHECKING:
     from .event_scene import ContactPoint
 
-GRAZE = 2.5  # steps: a shorter flight of a contact is none
-SUNK = 0.5  # depth of a soft contact beyond its meaning, relative to the shapes' size
-PRESSED = 30.0  # initial depth that throws bodies apart, relative to that due to weight
+GRAZING = 2  # steps: a flight of a contact that takes no more is none
 LISTED = 3
 LEAST_ROOM = 8  # contact points for which a search has room
 
@@ -83,7 +81,7 @@ def contacts_of(
         return replace(NOTHING, events=tuple(log))
     up = np.array(mech.model.ground_normal)
     impulses = plan.method.name == "moreau_jean"
-    graze = GRAZE * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
+    graze = (GRAZING + 0.5) * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     found = stepped_record(plan.contacts, up, *frames, changes, graze)
     events = sorted((*found.events, *log), key=lambda event: event.t)
     gaps = Gaps(mech, plan.contacts, q, found.gap)
@@ -298,7 +296,7 @@ def sunk(
         numbers = [mech.topology.number(name) for name in pair[1:3] if name != GROUND]
         size = min(float(shapes["reach"][shapes["body"] == n].max(initial=0.0)) for n in numbers)
         deepest = int(np.argmin(gap[:, k]))
-        if size > 0.0 and -gap[deepest, k] > SUNK * size:
+        if size > 0.0 and -gap[deepest, k] > size:
             when = float(t[deepest])
             why = driven_into(mech, tables, active, k, (t, q, gap), when)
             found.append(
@@ -323,8 +321,8 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
     for row, pair, depth in deep:
         power = 1.5 if pair.contact.law == "soft" else 1.0
         usual = float(weight / row["stiffness"]) ** (1.0 / power)
-        if depth > PRESSED * usual > 0.0:
-            times = (depth / usual) ** power
+        times = (depth / usual) ** power if usual > 0.0 else 0.0
+        if VISIBLE * times > 1.0:
             found.append(
                 f"contact '{pair.name}' starts {depth:.3g} m deep, where weight presses it "
                 f"{usual:.2g} m: it pushes with {times:.2g} times the weight, which throws things "

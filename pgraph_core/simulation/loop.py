@@ -41,8 +41,7 @@ if TYPE_CHECKING:
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 NO_LIMIT = (1 << 63) - 1  # limit on steps if none is given
-MANY = 1 << 62  # steps to the next frame where none is recorded
-PART = 0.25  # first part of a step that could not be solved
+UNCOUNTED = 1 << 62  # steps to the next frame where none is recorded
 TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
@@ -189,9 +188,10 @@ class Steps:
         control = self.control
         if control["widest"] != width:
             control["widest"], control["origin"], control["taken"] = width, control["time"], 0
-        control["frame"], control["last"], control["left"], control["fresh"] = 1, 2, MANY, 0
+        control["frame"], control["last"], control["left"], control["fresh"] = 1, 2, UNCOUNTED, 0
         kept = self._kept
-        kept.times[:2], kept.substeps[0], kept.width[0] = (control["time"], np.inf), MANY, width
+        kept.times[:2] = control["time"], np.inf
+        kept.substeps[0], kept.width[0] = UNCOUNTED, width
 
     @property
     def memory(self) -> list[Array]:
@@ -216,7 +216,7 @@ class Steps:
         self.divided += 1
         control, widest = self.control, self.control["widest"]
         end = control["time"] + widest * (1 - 1e-9)
-        control["widths"], control["width"] = CHOSEN, PART * widest
+        control["widths"], control["width"] = CHOSEN, 0.5 * widest
         code = at.RUNNING
         while code == at.RUNNING and control["time"] < end:
             code = run.advance_run(self.address, 1)

@@ -6,6 +6,7 @@ alone, so that a mechanism keeps its last plans: a short run costs little more t
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -34,7 +35,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
-from ..tolerances import NOTABLE
+from ..tolerances import EPS, NOTABLE
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -65,18 +66,18 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 VERSION = version("pgraph-dynamics")
-LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
+# kg, m, kg m²: energies are products of four such numbers, and EPS of one is none
+LARGEST_NUMBER = (sys.float_info.max * EPS) ** 0.25
 KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
 PARTS = Options._fields.index("forces")  # index in the options, followed by switches
-RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
-MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
+RESOLVED = 0.25  # of a rate times a step of a method of order 4 that shows it well
+MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 STIFF = "stiff:"  # beginning of the warning of too wide steps if the fastest mode is damped
 FAST = "too wide:"  # and where it swings
-FINE = 0.3  # rad: of an oscillation, in a step of a method of order 4 that shows it well
 MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
@@ -393,9 +394,9 @@ def _check_sizes(mech: Mechanism) -> None:
         body = mech.model.body(name)
         inertia = chain.from_iterable(body.inertia)
         sizes = (body.mass, *body.com, *body.link, *body.tip_point, *inertia)
-        if (largest := max(map(abs, sizes))) > LARGEST:
+        if (largest := max(map(abs, sizes))) > LARGEST_NUMBER:
             text = f"has a mass, length or inertia of {largest:.3g}, whose products "
-            text += f"overflow; keep them below {LARGEST:g}, in other units"
+            text += f"overflow; keep them below {LARGEST_NUMBER:.0e}, in other units"
             raise InputError(Problem(f"body '{name}'", "", text))
 
 
@@ -709,7 +710,7 @@ def _method(
         if touching:
             return RK4, "rk4: soft or penalty contacts at a fixed step, narrower inside hard ones"
         return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
-    if rate() * rate.span > MANY and rate() > 30.0 * (rest := rate.without_forces()):
+    if rate() * rate.span > MANY_RADIANS and rate() > 30.0 * (rest := rate.without_forces()):
         text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"
         return RADAU5, text
     if touching:
@@ -787,11 +788,11 @@ def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
         x = rate.explicit() * step
         least = f"give steps below {limit * step / x:.3g} s" if x > limit else ""
         return [f"{STIFF} lambda*dt = {x:.3g}, stable up to {limit:g}; {least}"] if least else []
-    x, widest = rate() * step, limit / rate()
+    x, widest, well = rate() * step, limit / rate(), RESOLVED / rate()
     if rate.swings():
         return [
             f"{FAST} steps of {step:.3g} s do not show the fastest oscillation, of {rate():.3g} "
-            f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {FINE / rate():.2g} s "
+            f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {well:.2g} s "
             "or less shows it well; give that step, or rtol= for steps of the method's own "
             "choice. Where that oscillation does not matter, try radau5, which passes over it"
         ]

@@ -36,6 +36,7 @@ from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
 from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
+from ..tolerances import NAMED, VISIBLE
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
 from .plan import RunPlan
@@ -45,9 +46,7 @@ if TYPE_CHECKING:
     from .contact_events import ContactEvents
     from .switches import Monitor, Watch
 
-CHUNK = 0.02  # s of computation between two calls of `progress`
-PULSE = 0.2  # significance of a torque pulse relative to the peak acceleration
-UNFELT = 0.02  # share of such a pulse in the motion below which it was missed
+PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
 MOST_KEPT = 32_768  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
@@ -202,8 +201,11 @@ class Recording:
         if tables is not None or len(conditions):
             from .contact_log import Clearance
 
-            own = self.met or self.coarser is not None
-            guard = None if own else taken(free(self.mech, (plan, WATCHING)))
+            guard: Clearance | None = None
+            if self.coarser is None and not self.met:
+                guard = taken(free(self.mech, (plan, WATCHING)))
+            elif self.coarser is not None and not (self.met or self.coarser.met):
+                guard = self.coarser.steps.clearance
             margin = max((c.margin for c in plan.conditions), default=0.0)
             guard = guard or Clearance(self.mech, tables, conditions, margin)
             steps.clearance, steps.control["guard"] = guard, guard.address
@@ -311,7 +313,7 @@ class Recording:
         around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
         felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
         acts = np.abs(vdot[2:-2] - around)
-        missed = (acts > PULSE * np.abs(vdot).max(axis=0)) & (felt < UNFELT * acts)
+        missed = (acts > NAMED * np.abs(vdot).max(axis=0)) & (felt < VISIBLE * acts)
         if missed.any():
             when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
             self.ended.notices.append(
@@ -343,7 +345,7 @@ class Recording:
                 self.fail(code)
                 return
             self._note_crawl()
-            faster = CHUNK / (time.perf_counter() - began)
+            faster = PROGRESS_EVERY / (time.perf_counter() - began)
             budget = max(1, min(MOST_STEPS, int(budget * min(4.0, faster))))
             if progress is not None and _stops(progress(self.steps.fraction())):
                 t = self.steps.times[self.done - 1]
@@ -558,7 +560,7 @@ class Recording:
             if self.events is not None:
                 self.events.impulse(change.t)
             middle = self._energy()
-            moved = closed(self.scene, change, self.q, self.v)
+            moved = closed(self.mech, self.scene, change, self.q, self.v)
         except InputError as refused:
             self._cannot_close(refused)
             return False
@@ -612,7 +614,7 @@ class Recording:
         """Apply a change at the state. Raises InputError where it cannot be met."""
         hold_here(self.scene, change, self.q)
         self.scene.switch(change.active)
-        closed(self.scene, change, self.q, self.v)
+        closed(self.mech, self.scene, change, self.q, self.v)
         self.steps.control["fresh"] = 0
 
     # -- how it ended ----------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from ..engine.records import CONTACT_TALLY, COUNTERS
 from ..engine.stepping import gauss
 from ..errors import InputError, Problem
 from ..tolerances import EPS
-from .loop import MANY
+from .loop import UNCOUNTED
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -87,7 +87,7 @@ def _of_run(record: Recording, widest: float, given: Any) -> list[Law]:
     scene, steps, nv = record.scene, record.steps, record.scene.packed.nv
     control = {
         "taken": COUNT,
-        "left": (MANY - MOST_COUNTED, MANY),
+        "left": (UNCOUNTED - MOST_COUNTED, UNCOUNTED),
         "rejected": (0, 1),
         "broken": (0, 2),
         "fastest": (0, len(scene.packed.rows) - 1),

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.scene import Scene
+from ..dynamics.states import differences
 from ..engine import motion
 from ..engine.arrays import RHS, Frames
 from ..engine.compiler.address import address_of, address_of_function
@@ -25,7 +26,7 @@ from ..model.checks import switch_problems
 from ..packing import Array, Ints
 from ..packing.constraints import values_of
 from ..result.records import UserEvent
-from ..tolerances import ROUNDING, SOLVED
+from ..tolerances import NEARBY, ROUNDING, SOLVED
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -415,9 +416,6 @@ class Condition:
         return frame
 
 
-JUMP = 0.1  # rad, m: a jump of the joints that is no correction
-
-
 class Change(NamedTuple):
     """The constraints that are switched at one instant."""
 
@@ -546,7 +544,7 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
         scene.blocks.blocks_f[first : first + len(values)] = values
 
 
-def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
+def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) -> float:
     """Move q and v onto the active constraints in the mass metric. Returns the change of q.
 
     The change is the largest of a joint [rad, m]. Raises InputError if the constraints cannot be
@@ -560,7 +558,9 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
     fastest = float(np.max(np.abs(v), initial=0.0))
     rounds = motion.projection(scene.held, change.t, q, v, ASSEMBLY_ROUNDS)
     moved = float(np.max(np.abs(q - old), initial=0.0))
-    if rounds < 0 or not moved <= JUMP:
+    turned, slid = differences(mech.packed.rows, old[None], q[None])
+    near = turned[0] <= NEARBY and slid[0] <= NEARBY * (mech.packed.length or 1.0)
+    if rounds < 0 or not near:
         text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
         text += f"{moved:.3g}; switch it where it is met, or leave out an other_point that it has"
         raise InputError(Problem(where, "", text))

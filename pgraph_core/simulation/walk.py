@@ -14,12 +14,11 @@ from ..model import Force, Gait, Model, VectorTable
 from ..packing import Array
 from ..portable import Portable
 from ..result import Result
+from ..tolerances import NOTABLE
 from . import simulate
 from .options import Options, positive
 from .plan import plan_of
 from .stepper import Stepper
-
-EDGE = 1e-6  # s in which a push comes and goes
 
 
 @explained
@@ -151,14 +150,14 @@ class Walk(Portable):
     ) -> None:
         """A force [N] on a body's origin, by default the trunk's, from now on, world axes."""
         t, (x, y, z) = self.t, force
-        end = t + seconds
+        end, edge = t + seconds, NOTABLE * seconds
         table = VectorTable(
-            t=(t - EDGE, t, end, end + EDGE),
+            t=(t - edge, t, end, end + edge),
             value=((0.0, 0.0, 0.0), (x, y, z), (x, y, z), (0.0, 0.0, 0.0)),
         )
         name, whose = f"push at {t:.6g} s", body or self.mech.names[0]
         wrench = Force(name=name, kind="wrench", body=whose, force=table, point=(0.0, 0.0, 0.0))
-        self._pushes.append((end + EDGE, wrench))
+        self._pushes.append((end + edge, wrench))
         self._built = False
 
     def follow(self, model: Model) -> None:

@@ -20,7 +20,7 @@ from ..packing import Array, row_of_velocity
 from ..portable import Portable
 from ..result import Result, Status
 from ..tolerances import NAMED
-from .measures import OFF, TRUST, joint_errors
+from .measures import TRUST, joint_errors
 from .page import Key, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
 from .report import plain
@@ -219,7 +219,7 @@ def _inaccurate(found: Evidence) -> Cell | None:
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
     """The cell, with the step at which `excess` meets the target by the observed order."""
     cell = found.cell
-    if not cell.order > OFF:
+    if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
         return replace(cell, status=status, text=text)
     order = min(cell.order, METHODS[cell.method].order + 0.5)

@@ -21,13 +21,11 @@ from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result
-from ..tolerances import EPS, SOLVED
+from ..tolerances import EPS, SOLVED, VISIBLE
 
-COARSE = 0.1  # errors above show no order
 TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
 SLOPE_POINTS = 3  # points of a slope
-OFF = 0.5  # orders closer than this are the same: methods have whole ones
-STEADY = 0.75  # least to largest slope within points that show an order
+ALIKE = 0.75  # least ratio of two slopes or times that are about the same
 MOST_STEPS = 2048
 
 
@@ -225,7 +223,7 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
     ordered = sorted((n, e) for n, e in points if n > 0)
     errors = [e for _, e in ordered]
     floor = 2 * TRUST * max(limit, min(errors, default=0.0) if levelled(errors) else 0.0)
-    usable = [(n, e) for n, e in ordered if max(8 * EPS, floor) < e < COARSE]
+    usable = [(n, e) for n, e in ordered if max(8 * EPS, floor) < e < TRUST * VISIBLE]
     best, most = None, 1.0
     for first in range(len(usable)):
         for last in range(first + SLOPE_POINTS, len(usable) + 1):
@@ -243,7 +241,7 @@ def _steady(points: Sequence[tuple[float, float]]) -> bool:
     n, e = np.log(np.array(points)).T
     apart = 2 if len(points) > SLOPE_POINTS else 1
     slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
-    return bool(slopes.min() > 0.0 and slopes.min() >= STEADY * slopes.max())
+    return bool(slopes.min() > 0.0 and slopes.min() >= ALIKE * slopes.max())
 
 
 Spread = tuple[float, float, float]  # lower quartile, median, upper quartile

@@ -14,23 +14,19 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..result import Result, Status
-from ..tolerances import ROUNDING, SOLVED
+from ..simulation.plan import MANY_RADIANS
+from ..tolerances import NOTABLE, ROUNDING, SOLVED
 from ..verification import Case, States
 from .measures import TRUST, Measure, Motion, joint_errors, measure_of, rms
 from .task import Progress, Setting, Task
 
 GIVEN, MADE = 3.0, TRUST  # errors below so many times the reference's own are not resolved
 GOOD = SOLVED / TRUST  # accuracy at which the search for a better reference ends
-APART = 1e-4  # two runs further apart than this do not agree
 OF_STATES = ("q", "point", "direction", "rotation")  # observables that follow from q alone
 FINEST = {"dop853": (1e-14, 1e-13), "radau5": (1e-13, 1e-12)}
 
-LARGE = 20  # degrees of freedom from which implicit methods cost too much for a second opinion
-REFERENCE_SHARE = 1e-7  # tolerance of the reference, relative to the largest error that is OK
-RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
-CALM = 1e4  # radians of the fastest oscillation up to which implicit methods cost far more
 ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
-PATIENCE = 5  # budget of a reference relative to that of a cell
+PATIENCE = 10  # budget of a reference relative to that of another run
 STATES = 5  # at which the fastest rate is evaluated
 NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
@@ -187,7 +183,7 @@ def finest(
     own, motion, apart, source = best
     growth = growth_of(task.t, apart)
     until = float(task.t[horizon(apart) - 1])
-    if own > APART and 0 < until < task.t_end:
+    if own > NOTABLE and 0 < until < task.t_end:
         part = replace(task, t=np.linspace(0.0, until, len(task.t)))
         found, task = finest(part, rate, step, watch)
         return replace(found, growth=growth), task
@@ -232,7 +228,7 @@ def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Ca
         for name in ("rk4", "moreau_jean"):
             yield (name, Setting(step=step / 4)), (name, Setting(step=step / 2))
         return
-    stiff = rate * task.t_end > 1e5
+    stiff = rate * task.t_end > MANY_RADIANS
     for name in ("radau5", "dop853") if stiff else ("dop853", "radau5"):
         fine, coarse = FINEST[name]
         yield (name, Setting(rtol=fine)), (name, Setting(rtol=coarse))
@@ -275,7 +271,7 @@ def known_motion(
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])
-    rtol = min(SOLVED, max(REFERENCE_SHARE * target, 1e-12))
+    rtol = min(SOLVED, max(NOTABLE * target, ROUNDING))
     allowed = PATIENCE * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
@@ -307,10 +303,9 @@ def _opinions(
         yield "moreau_jean", Setting(step=step / 2)
         yield "moreau_jean", Setting(step=step / 4)
         return
-    choice = [("dop853", rtol), ("dopri5", 10 * rtol)] if radians < RESOLVED else []
-    if nv <= LARGE and radians > CALM:
-        choice = [("radau5", rtol), *choice]
-    for name, tolerance in (*choice, ("radau5", 10 * rtol)):
+    explicit, implicit = [("dop853", rtol), ("dopri5", 10 * rtol)], [("radau5", rtol)]
+    first = implicit if radians > MANY_RADIANS else explicit
+    for name, tolerance in (*first, ("radau5", 10 * rtol)):
         yield name, Setting(rtol=tolerance, max_steps=max(budget // per_step(name, nv), 1))
 
 

@@ -17,7 +17,7 @@ from ..simulation.plan import active_constraints
 from ..tolerances import EPS, NOTABLE, SOLVED
 from . import reference as references
 from .measures import (
-    OFF,
+    ALIKE,
     QUANTITIES,
     Errors,
     Motion,
@@ -52,12 +52,8 @@ from .task import (
 
 FRAMES = 101  # default number of times at which motions are compared
 CLOCKS = ("wall", "processor")
-PATIENCE = 10.0  # limit on the time of a reference's run relative to other runs
-MOST_GROWTH = 4.0  # largest plausible growth of the time per tolerance, else the machine is busy
 EXTRA = 4  # additional rounds if times contradict the work
-NOISE = 0.8  # a run with more work that takes less than this share contradicts
 DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
-ENOUGH = 0.2  # [s] limit on the last of the runs for the order of a method
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # progress at the end of each part
 
 
@@ -224,7 +220,9 @@ class Work:
             began = time.perf_counter()
             if known is None:
                 step = self.ladder.steps[-1]
-                known, task = references.finest(self.task, rate, step, lambda: self.watch(PATIENCE))
+                known, task = references.finest(
+                    self.task, rate, step, lambda: self.watch(references.PATIENCE)
+                )
                 self._shorten(task, known)
             self.timing["reference"] = time.perf_counter() - began
             runs = self._first_runs(self._participants(), known)
@@ -346,14 +344,14 @@ class Work:
             if row.method == name and row.step and row.error and not row.limited
         ]
         found = observed_order(points, known.accuracy) if points else None
-        if found is None or abs(found - METHODS[name].order) > OFF:
+        if found is None or round(found) != METHODS[name].order:
             found = observed_order(self._order_runs(name, known), known.accuracy) or found
         return found
 
     def _explain(self, name: str, rate: float) -> None:
         """A note of why another order is seen than the method has on smooth motion."""
         seen, order = self.orders[name]
-        if seen is not None and abs(seen - order) <= OFF:
+        if seen is not None and round(seen) == order:
             return
         shown = "no order" if seen is None else f"order {seen:.1f}"
         self.notes.append(f"{name} shows {shown}, not {order:g}: {self._why(name, seen, rate)}")
@@ -380,6 +378,7 @@ class Work:
         They are compared at quarters of the motion, so that frames do not end steps.
         """
         points: list[tuple[float, float]] = []
+        longest = self.longest / references.PATIENCE
         last = len(known.t) - 1
         at = np.arange(0, last + 1, last // 4 if last % 4 == 0 else last)
         quarters = replace(self.task, t=self.task.t[at])
@@ -394,7 +393,7 @@ class Work:
                 points.append((count, rms(known.errors(found.part(places))[at])))
             reached = [error for _, error in points]
             below = bool(reached) and reached[-1] < known.limit
-            if below or levelled(reached) or time.perf_counter() - began > ENOUGH:
+            if below or levelled(reached) or time.perf_counter() - began > longest:
                 break
         return points
 
@@ -478,7 +477,7 @@ def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
     for curve in curves.values():
         for i in curve:
             for j in curve:
-                if rows[i].work < rows[j].work and seconds[j] < NOISE * seconds[i]:
+                if rows[i].work < rows[j].work and seconds[j] < ALIKE * seconds[i]:
                     found |= {i, j}
     return sorted(found)
 
@@ -493,7 +492,7 @@ def _baseline(rows: list[Row], times: list[float], target: float) -> int:
 
 
 def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
-    """Seconds of the next setting, from the last ones: as its steps, or as tolerances grew.
+    """Seconds of the next setting: the last ones over the step, or at least those of a tolerance.
 
     The first run says nothing, because kernels may have been compiled in it.
     """
@@ -504,5 +503,4 @@ def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
     last, following = settings[len(took) - 1], settings[len(took)]
     if last.step is not None and following.step is not None:
         return took[-1] * last.step / following.step
-    grew = took[-1] / took[-2] if took[-2] > 0 else 1.0
-    return took[-1] * min(max(grew, 1.0), MOST_GROWTH)
+    return took[-1]

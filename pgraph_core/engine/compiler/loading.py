@@ -28,7 +28,7 @@ from .jit import Kernel
 from .lane import LANE_WIDTH
 
 DAY = 86400  # resolution of the last use of an entry [s]
-LARGEST_CACHE = 2**27  # size of the cache [bytes], enough for all kernels of ten versions
+LARGEST_CACHE = 1 << 27  # size of the cache [bytes], enough for all kernels of ten versions
 DIGEST = 32  # [bytes] length of a SHA-256
 
 
