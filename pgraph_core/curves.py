@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .fields import Frozen, Number, Numbers, Vec3s, field, refuse, several, vectors
+from .fields import Expression, Frozen, Number, Numbers, Vec3s, field, refuse, several, vectors
 
 
 class Table(Frozen):
@@ -84,7 +84,9 @@ class Polynomial(Frozen):
 
 
 def _which(value: Any) -> str | None:
-    """Return the tag of a curve, given as an object or as its fields."""
+    """Return the tag of a curve, given as an object, as its fields or as '=...'."""
+    if isinstance(value, str):
+        return "expression"
     if isinstance(value, dict):
         return str(value.get("kind", "table"))
     return type(value).__name__.lower() if isinstance(value, (Table, Sine, Polynomial)) else None
@@ -93,6 +95,7 @@ def _which(value: Any) -> str | None:
 Curve = Annotated[
     Annotated[Table, Tag("table")]
     | Annotated[Sine, Tag("sine")]
-    | Annotated[Polynomial, Tag("polynomial")],
+    | Annotated[Polynomial, Tag("polynomial")]
+    | Annotated[Expression, Tag("expression")],
     Discriminator(_which),
 ]

@@ -54,6 +54,7 @@ from .errors import (
 )
 from .portable import Portable
 from .sentences import GROUND, PAIR, all_problems, in_our_words
+from .signals import Unreadable, is_expression, parsed
 from .units import NONE, UNITS, Dim, M, S
 
 Given = TypeVar("Given")
@@ -191,6 +192,18 @@ def _per_motion(value: Any) -> Any:
     return (value,) if isinstance(value, (int, float)) else value
 
 
+def _readable(text: str) -> str:
+    """Return an expression, '=...', stripped. Refuses one that cannot be read."""
+    if not is_expression(text):
+        raise ValueError("an expression begins with '='")
+    text = text.strip()
+    try:
+        parsed(text)
+    except Unreadable as error:
+        refuse([("", f"{shown(text)} is no expression: {error}")])
+    return text
+
+
 # Strict and finite are annotations of float, so that compiled code checks them.
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 Row3 = tuple[Finite, Finite, Finite]
@@ -204,6 +217,9 @@ Whole = Annotated[int, Strict(), BeforeValidator(listed)]
 Text = Annotated[str, Strict()]
 Flag = Annotated[bool, Strict(), BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
+Expression = Annotated[str, Strict(), AfterValidator(_readable)]  # '=...' of time and of the motion
+Entry = Finite | Expression
+Entries3 = Annotated[tuple[Entry, Entry, Entry], BeforeValidator(_ordered)]
 
 # Converters of `field`: what may be given, and the type that holds it.
 

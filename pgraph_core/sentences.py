@@ -12,6 +12,8 @@ from pydantic.fields import FieldInfo
 
 from . import words
 from .errors import Problem, nearest, shown
+from .signals import is_expression
+from .signals.meaning import varies
 
 GROUND = "ground"
 PAIR = ("body", "other")  # the fields of a part that name bodies
@@ -113,7 +115,9 @@ def _expected(item: Any, field: FieldInfo) -> str:
     if item["type"] == "missing" and isinstance(item["loc"][-1], str):
         return f"is missing; give {field.description}"
     given = item.get("input")
-    if any(isinstance(x, str) and x.startswith("=") for x in _leaves(given)):
+    if any(isinstance(x, str) and is_expression(x) and varies(x) for x in _leaves(given)):
+        return f"must be {field.description}, constant; given {shown(given)}, which varies"
+    if any(map(is_expression, _leaves(given))):
         do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
         return f"must be {field.description}; given {shown(given)}; {do}"
     return f"must be {field.description}; given {shown(given)}{_meant(item, given, field)}"

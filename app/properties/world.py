@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
 from pgraph_core.fields import about
-from pgraph_core.model.parameters import evaluated, names_in
+from pgraph_core.model.editing import in_expressions
+from pgraph_core.model.expressions import expressions_of
+from pgraph_core.model.parameters import evaluated
+from pgraph_core.signals.grammar import names_in, with_names
 
 from ..core import cells
 from ..core.cells import (
@@ -95,8 +97,10 @@ def _parameters(state: State) -> Payload:
     """Each parameter with its value and how many cells use it, and an empty row for a new one."""
     model = state.model
     used = dict.fromkeys(model.parameters, 0)
-    for formula in model.formulas:
-        for name in names_in(formula.text):
+    texts = [f.text for f in model.formulas]
+    texts += [x for f in (*model.forces, *model.constraints) for _, _, x in expressions_of(f)]
+    for text in texts:
+        for name in names_in(text):
             if name in used:
                 used[name] += 1
     number = _rows(state)
@@ -265,16 +269,16 @@ def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
     if not new or not new.isidentifier():
         raise Refusal(f"a parameter's name is one word of letters, digits and _; given {new!r}")
     renamed = {new if key == old else key: x for key, x in model.parameters.items()}
-    word = re.compile(rf"\b{re.escape(old)}\b")
     formulas = tuple(
-        f.unchecked_copy({"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
-        for f in model.formulas
+        f.unchecked_copy({"text": with_names(f.text, {old: new}, ("",))}) for f in model.formulas
     )
-    return model.replace(parameters=renamed, formulas=formulas)
+    parts = in_expressions(vars(model), {old: new}, "")
+    return model.replace(parameters=renamed, formulas=formulas, **parts)
 
 
 def parameter_removed(model: pg.Model, name: str) -> pg.Model:
     """Return the model without a parameter. Cells that used it keep their numbers."""
     left = {key: x for key, x in model.parameters.items() if key != name}
     formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
-    return model.replace(parameters=left, formulas=formulas)
+    parts = in_expressions(vars(model), {name: f"({model.parameters[name]!r})"}, "")
+    return model.replace(parameters=left, formulas=formulas, **parts)

@@ -324,13 +324,18 @@ def loads(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
 def _now(value: Any, time: float) -> np.ndarray:
     """A vector, or a table of vectors at a time."""
     if not hasattr(value, "t"):
-        return np.asarray(value, float)
+        return np.asarray(_numbers(value), float)
     table = np.asarray(value.value, float)
     return np.array([np.interp(time, value.t, column) for column in table.T])
 
 
+def _numbers(value: Any) -> list[float]:
+    """A vector whose expressions, which a run alone evaluates, count as zero."""
+    return [0.0 if isinstance(x, str) else x for x in value]
+
+
 def _largest(value: Any) -> float:
-    table = np.asarray(value.value if hasattr(value, "t") else value, float)
+    table = np.asarray(value.value if hasattr(value, "t") else _numbers(value), float)
     return float(np.linalg.norm(np.atleast_2d(table), axis=1).max())
 
 

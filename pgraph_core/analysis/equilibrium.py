@@ -20,7 +20,6 @@ from ..engine import motion
 from ..errors import InputError, Problem
 from ..model import Wrench
 from ..packing import Array, Drives
-from ..packing.forces import NO_LOADS
 from ..tolerances import (
     DIFFERENCED,
     EPS,
@@ -81,7 +80,7 @@ class Place(Balance):
         """τ (nv,) of motors and servos."""
         tau: Array = np.zeros(self.mech.nv)
         if len(self.motors.table):
-            scene = Scene(self.mech.packed, self.motors, NO_LOADS, NO_CONSTRAINTS)
+            scene = Scene(self.mech.packed, self.motors, self.loads, NO_CONSTRAINTS)
             motion.drive_torque(scene.address, self.q, self.v, tau)
         return tau
 
@@ -92,6 +91,8 @@ class Place(Balance):
         balls = np.zeros(self.mech.nv, dtype=bool)
         for _, _, j in self.mech.packed.quaternions:
             balls[j : j + 3] = True
+        if len(self.loads.signals[1]):
+            return False
         return not np.any(self.motor_torque[balls]) and not any(
             np.any(_first(f.torque)) or (f.frame == "body" and np.any(_first(f.force)))
             for f in wrenches

@@ -31,6 +31,7 @@ from ..errors import choices
 from ..forces import LOADS
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
+from ..packing.forces import NO_LOADS
 from ..rotation import skew
 from ..tolerances import DIFFERENCED, EPS, NOTABLE
 from .assembly import assemble
@@ -89,6 +90,7 @@ class Balance:
         self.drives, self.loads = packed.drives(self.forces), packed.loads(self.forces)
         self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
         self.held = Scene(packed, self.drives, self.loads, self.active)
+        self.drives = self.scene.drives
 
     def at(self, q: Array, v: Array) -> Self:
         """The same scene at another state."""
@@ -135,6 +137,14 @@ class Balance:
             motion.load_torque(self.scene.address, q, v, tau)
         return tau
 
+    def expressed_torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of drives at this state whose expressions are of another one, at t = 0."""
+        tau, none = np.zeros(self.mech.nv), NO_LOADS
+        motion.signal(self.scene.address, 0.0, q, v)
+        here = Scene(self.mech.packed, self.drives, none, NO_CONSTRAINTS)
+        motion.drive_torque(here.address, self.q, self.v, tau)
+        return tau
+
     @cached_property
     def pull(self) -> Array:
         """C - τ (nv,): what is left of the equations without v' and λ."""
@@ -172,11 +182,15 @@ class Balance:
         """∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
         mech, q, v = self.mech, self.q, self.v
         by_q, by_v = torque_slopes(mech, q, v, self.vdot)
+        motion.signal(self.scene.address, 0.0, q, v)
         spring, damper = drive_slopes(self.drives, q, v)
         by_q, by_v = by_q - spring, by_v - damper
         if self.loads.number:
             by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
             by_v = by_v - slopes_in_v(self.loads, v, lambda x: self.load_torque(q, x))
+        if len(self.loads.signals[1]):
+            by_q = by_q - differences(mech, q, lambda x: self.expressed_torque(x, v))
+            by_v = by_v - differences_in_v(v, lambda x: self.expressed_torque(q, x))
         if (pushed := self.touching) is not None and pushed.depth:
             by_q = by_q - differences(mech, q, lambda x: pushed.torque(x, v), pushed.steps)
             by_v = by_v - pushed.slopes_in_v(q, v)
@@ -499,6 +513,8 @@ def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
     Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
     of the largest speed times the cube root of EPS err least where a drag changes its side.
     """
+    if len(loads.signals[1]):
+        return differences_in_v(v, of)
     linear = all(kind.linear(table) for kind, (table, _) in zip(LOADS, loads))
     h = 1.0 if linear else EPS ** (1 / 3) * max(1.0, float(np.abs(v).max(initial=0.0)))
     return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
@@ -552,16 +568,20 @@ def differences(
     mech: Dynamics, q: Array, of: Callable[[Array], Array], steps: tuple[float, ...] = STEPS
 ) -> Array:
     """(k, nv) slopes in q of a function (k,) of it, within about 1e-11 of the largest."""
-    return np.array([_slope(mech, q, of, e, steps) for e in np.eye(mech.nv)]).T
+    along = [lambda h, e=e: of(_moved(mech, q, e, h)) for e in np.eye(mech.nv)]
+    return np.array([_slope(one, steps) for one in along]).T
 
 
-def _slope(
-    mech: Dynamics, q: Array, of: Callable[[Array], Array], e: Array, steps: tuple[float, ...]
-) -> Array:
-    """Slope along one freedom, by the step whose orders four and six agree best."""
+def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
+    """(k, nv) slopes in v of a function (k,) of it, within about 1e-11 of the largest."""
+    return np.array([_slope(lambda h, e=e: of(v + h * e), STEPS) for e in np.eye(len(v))]).T
+
+
+def _slope(of: Callable[[float], Array], steps: tuple[float, ...]) -> Array:
+    """Slope of a function at 0, by the step whose orders four and six agree best."""
     found: list[tuple[float, Array]] = []
     for h in steps:
-        odd = [of(_moved(mech, q, e, n * h)) - of(_moved(mech, q, e, -n * h)) for n in (1, 2, 3)]
+        odd = [of(n * h) - of(-n * h) for n in (1, 2, 3)]
         fourth, sixth = FOURTH @ odd / h, SIXTH @ odd / h
         found.append((float(np.max(np.abs(sixth - fourth), initial=0.0)), sixth))
     return min(found, key=lambda pair: pair[0])[1]

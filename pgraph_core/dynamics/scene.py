@@ -71,8 +71,12 @@ class Scene(Unportable):
         blocks: Blocks | None = None,
     ):
         """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
+        if len(loads.signals[1]):  # values are written here, and other runs share the arrays
+            drives, loads = apart(drives, loads)
         self.packed, self.drives, self.loads = packed, drives, loads
         own = packed.blocks if blocks is None else blocks
+        if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
+            own = own._replace(curves=own.curves.copy())
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
@@ -175,6 +179,13 @@ class Scene(Unportable):
             name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
             for name, a, b in (self._spans if constraints is None else self.spans_of(constraints))
         }
+
+
+def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
+    """The same with arrays of their own where the values of expressions go."""
+    (table, knots), (code, targets) = loads.wrench, loads.signals
+    loads = loads._replace(wrench=(table, knots.copy()), signals=(code.copy(), targets.copy()))
+    return drives._replace(knots=drives.knots.copy()), loads
 
 
 class ContactSpace(Unportable):
@@ -327,7 +338,8 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
     """
     external = np.zeros((len(t), packed.nb, 6))
     if on_bodies(forces):
-        scene = Scene(packed, packed.passive, packed.loads(forces), NO_CONSTRAINTS)
+        own = packed.loads(tuple(on_bodies(forces)))
+        scene = Scene(packed, packed.passive, own, NO_CONSTRAINTS)
         for i in range(len(t)):
             state = (t[i], q[i], v[i], external[i])
             motion.load_wrenches(scene.address, *packed.system[2:4], *state)

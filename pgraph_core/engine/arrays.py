@@ -77,15 +77,18 @@ class Drives(NamedTuple):
     terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 
 
-class Loads(namedtuple("_Loads", [one.kind for one in KINDS_OF_LOADS])):
-    """Forces between two bodies, or on one: (table, knots) of each kind, by its name."""
+class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signals"])):
+    """Forces between two bodies, or on one: (table, knots) of each kind, by its name.
+
+    The last member is (code, targets) of the expressions in them and in the drives.
+    """
 
     __slots__ = ()
 
     @property
     def number(self) -> int:
-        """Return the number of loads."""
-        return sum(len(table) for table, _ in self)
+        """Return the number of loads and expressions."""
+        return sum(len(table) for table, _ in self[:-1]) + len(self.signals[1])
 
 
 class Blocks(NamedTuple):
@@ -354,7 +357,7 @@ class Run(NamedTuple):
 
 
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
-LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS))
+LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS), group(F2, I2))
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(
     Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2

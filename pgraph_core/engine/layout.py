@@ -76,7 +76,10 @@ B_TYPE = 0  # one of the types below
 B_A, B_B = 1, 2  # rows of `body` and `other`, 0 for the ground
 B_SIZE = 3  # number of rows, 1 to 3
 B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
-B_CURVE, B_KNOTS = 6, 7  # first knot, number of knots: 0 for VALUE, SINE for a sine
+B_CURVE, B_KNOTS = (
+    6,
+    7,
+)  # first knot, number of knots: 0 for VALUE, or a kind of curve
 B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
 BLOCK_I = 8
 
@@ -115,6 +118,8 @@ T_TURN = 10  # resistance to turning at a contact point: torques along DIR, with
 # after it, which are constants where they bound a table. With B_KNOTS = SINE the only row is mean,
 # amplitude, frequency [rad/s], phase: mean + amplitude sin(frequency t + phase)
 SINE = -1
+# With B_KNOTS < SINE the rows are a program of time, of -1 - B_KNOTS instructions, as in
+# `signals.py`, of which the last one is the value
 
 # active: int64 (nb + 1,): the number of active blocks, then their indices
 

@@ -15,6 +15,7 @@ from .constraints.constraints import drift, driven_power, impose, located, proje
 from .forces import drive, elastic
 from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
+from .signals import follow_signals
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .tree.moving import advance
@@ -65,6 +66,20 @@ def user_torque(user, t, q, v, tau):
     return power
 
 
+@part
+def follow(data, t, q, v):
+    """Evaluate the expressions of a scene, if any. Returns False where one is not finite."""
+    if data.loads.signals[1].shape[0] == 0:
+        return True
+    return follow_signals(data.loads.signals, data.drives, data.loads, t, q, v) == 0
+
+
+@kernel(i8(i8, f8, F1, F1), later=True)
+def signal(scene, t, q, v):
+    """Evaluate the expressions of a scene. Returns 0, or -1 where one is not finite."""
+    return 0 if follow(opened(scene), t, q, v) else -1
+
+
 @kernel(ACCELERATION, nogil=True)
 def acceleration(scene, t, q, v, tau, vdot, flow):
     """Compute v' and the joints' own forces `tau`. Returns the first row without inertia, or 0.
@@ -74,7 +89,10 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     data = opened(scene)
     rows, const, drives = data.rows, data.const, data.drives
     work, given, user = data.work, data.given, data.user
+    known = follow(data, t, q, v)
     put_in, dissipated = drive(drives, t, q, v, given, tau)
+    if not known:
+        tau[0] = math.nan
     outboard(rows, const, work, q, v)
     if user.address != 0:  # may use the results of `outboard`
         put_in += user_torque(user, t, q, v, tau)
@@ -182,6 +200,7 @@ def load_wrenches(scene, bodies_i, bodies_f, t, q, v, external):
     """Add the loads to `external` (nb, 6)."""
     data = opened(scene)
     rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
+    follow(data, t, q, v)
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
@@ -193,6 +212,7 @@ def drive_torque(scene, q, v, tau):
     """τ of springs, dampers, motors, servos and given torques at t = 0."""
     data = opened(scene)
     drives, given = data.drives, data.given
+    follow(data, 0.0, q, v)
     drive(drives, 0.0, q, v, given, tau)
 
 
@@ -201,6 +221,7 @@ def load_torque(scene, q, v, tau):
     """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
     data = opened(scene)
     rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
+    follow(data, 0.0, q, v)
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)

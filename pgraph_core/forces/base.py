@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -11,19 +11,33 @@ import numpy.typing as npt
 from ..curves import Table, VectorTable
 from ..engine.records import INTEGER, record
 from ..errors import shown
-from ..fields import GROUND, Number, OfKinds, Text, Vec3, WithOther, field, refuse
+from ..fields import (
+    GROUND,
+    Entries3,
+    Expression,
+    Number,
+    OfKinds,
+    Text,
+    WithOther,
+    field,
+    refuse,
+)
 
 KIND = "the name of a kind of force"
 Array = npt.NDArray[np.float64]
 
 
-def over_time(value: float | Table | Mapping[str, npt.ArrayLike]) -> Number | Table:
-    """A number or a table over time."""
+def over_time(
+    value: float | Table | str | Mapping[str, npt.ArrayLike],
+) -> Number | Table | Expression:
+    """A number, a table over time, or an expression of time and of the motion."""
     return value  # type: ignore[return-value]
 
 
-def vector_over_time(value: npt.ArrayLike | VectorTable | Mapping[str, Any]) -> Vec3 | VectorTable:
-    """Three numbers, or a table of them over time."""
+def vector_over_time(
+    value: npt.ArrayLike | VectorTable | Sequence[float | str] | Mapping[str, Any],
+) -> Entries3 | VectorTable:
+    """Three numbers or expressions, or a table of vectors over time."""
     return value  # type: ignore[return-value]
 
 

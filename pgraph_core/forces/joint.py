@@ -10,7 +10,18 @@ from pydantic import model_validator
 
 from ..curves import Table
 from ..errors import shown
-from ..fields import EMPTY, ByName, Flag, Number, OfSums, Whole, by_name, field, refuse
+from ..fields import (
+    EMPTY,
+    ByName,
+    Expression,
+    Flag,
+    Number,
+    OfSums,
+    Whole,
+    by_name,
+    field,
+    refuse,
+)
 from ..units import NONE, Dim, J, Q, S
 from .base import KIND, Force, over_time
 
@@ -37,10 +48,10 @@ class OnJoint(Force, OfSums):
         "a number that is not zero",
         default=1.0, dim=NONE, since=3, help="its torque acts times this on the joint",
     )  # fmt: skip
-    torque: Number | Table = field(
-        "a number or a table over time [N m, N]",
+    torque: Number | Table | Expression = field(
+        "a number, a table over time, or an expression [N m, N]",
         converter=over_time, default=0.0, dim=J / Q,
-        help="a number, or over time: t value; t value; ...",
+        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
     torque_limit: Number | None = field(
         "a number > 0 [N m, N], or nothing",
@@ -85,9 +96,8 @@ class OnJoint(Force, OfSums):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         found = []
-        if self.has_state and not self.law.kp and isinstance(self.law.torque, Table):
-            text = "must be a number where the input has a lag or integral; given a table"
-            found.append(("torque", text))
+        if self.has_state:
+            found += self._no_state_of()
         if self.lag and self.integrates:
             found.append(("lag", "must be 0 where the integral of the input acts"))
         if self.start is not None and not self.has_state:
@@ -108,6 +118,15 @@ class OnJoint(Force, OfSums):
             found.append((self.INPUT, text))
         refuse(found)
         return self
+
+    def _no_state_of(self) -> list[tuple[str, str]]:
+        """What cannot vary beside a lag or integral, which are integrated exactly over time."""
+        given = getattr(self, self.INPUT)
+        found: dict[str, Any] = {self.INPUT: given} if isinstance(given, str) else {}
+        if not self.law.kp and not isinstance(self.law.torque, float):
+            found["torque"] = self.law.torque
+        text = "must be a number where the input has a lag or integral; given "
+        return [(x, text + (y if isinstance(y, str) else "a table")) for x, y in found.items()]
 
     def _state_problems(self) -> list[tuple[str, str]]:
         """Return the problem of the bounds of the integral."""
@@ -144,9 +163,11 @@ class OnJoint(Force, OfSums):
         low, high = self.state_low, self.state_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
-    def input_problem(self, value: float | Table) -> str:
+    def input_problem(self, value: float | Table | str) -> str:
         """Return the reason why a value or table is not a valid input, or ""."""
         low, high = self.inputs
+        if isinstance(value, str):  # held within them while it runs
+            return ""
         values = value.value if isinstance(value, Table) else (value,)
         bad = next((x for x in values if not low <= x <= high), None)
         return "" if bad is None else f"must be from {low:g} to {high:g}; given {shown(bad)}"
@@ -180,7 +201,7 @@ class Law(NamedTuple):
     """torque + gain u - kp length - kd rate, u the input."""
 
     gain: float
-    torque: float | Table
+    torque: float | Table | str
     kp: float
     kd: float
 
@@ -223,10 +244,10 @@ class Servo(OnJoint):
         "a number >= 0 [N m s/rad, N s/m]",
         default=0.0, ge=0, label="kd", dim=J * S / Q**2, help="torque per velocity",
     )  # fmt: skip
-    target: Number | Table = field(
-        "a number or a table over time [rad, m]",
+    target: Number | Table | Expression = field(
+        "a number, a table over time, or an expression [rad, m]",
         converter=over_time, default=0.0, dim=Q,
-        help="a number, or over time: t value; t value; ...",
+        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
 
     @property
@@ -252,10 +273,10 @@ class SpeedServo(OnJoint):
         default=0.0, ge=0, label="kd", dim=J * S / Q**2,
         help="torque per velocity off the speed",
     )  # fmt: skip
-    speed: Number | Table = field(
-        "a number or a table over time [rad/s, m/s]",
+    speed: Number | Table | Expression = field(
+        "a number, a table over time, or an expression [rad/s, m/s]",
         converter=over_time, default=0.0, dim=Q / S,
-        help="a number, or over time: t value; t value; ...",
+        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
 
     @property
@@ -278,10 +299,10 @@ class Actuator(OnJoint):
     SINCE: ClassVar[int] = 3
 
     kind: Literal["actuator"] = field(KIND, default="actuator")
-    input: Number | Table = field(
-        "a number or a table over time",
+    input: Number | Table | Expression = field(
+        "a number, a table over time, or an expression",
         converter=over_time, default=0.0, dim=NONE,
-        help="a number, or over time: t value; t value; ...",
+        help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
     gain: Number = field(
         "a finite number [N m, N per input]", default=1.0, dim=J / Q, help="torque per input"

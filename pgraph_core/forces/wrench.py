@@ -12,7 +12,7 @@ from ..engine.forces import knot_after
 from ..engine.records import INTEGER, REAL
 from ..engine.rows import point_of, point_velocity, rotation_of, spin_of
 from ..engine.vec import add_scaled, dot, load, mul, sub, xyz
-from ..fields import Vec3, field, maybe_vector
+from ..fields import Entries3, Vec3, field, maybe_vector
 from ..units import J, M, N
 from .base import KIND, Array, Load, OnBody, Places, row, vector_over_time
 
@@ -24,12 +24,12 @@ class Wrench(OnBody):
     SCALES: ClassVar[tuple[str, ...]] = ("torque", "force")
 
     kind: Literal["wrench"] = field(KIND, default="wrench")
-    torque: Vec3 | VectorTable = field(
-        "three finite numbers [x, y, z] or a table of them over time [N m]",
+    torque: Entries3 | VectorTable = field(
+        "three numbers or expressions [x, y, z], or a table of them over time [N m]",
         converter=vector_over_time, default=(0.0, 0.0, 0.0), dim=J, role="axial",
     )  # fmt: skip
-    force: Vec3 | VectorTable = field(
-        "three finite numbers [x, y, z] or a table of them over time [N]",
+    force: Entries3 | VectorTable = field(
+        "three numbers or expressions [x, y, z], or a table of them over time [N]",
         converter=vector_over_time, default=(0.0, 0.0, 0.0), dim=N, role="vector",
     )  # fmt: skip
     frame: Literal["world", "body"] = field(
@@ -50,7 +50,8 @@ class Wrench(OnBody):
 def _over(t: Array, value: Any) -> Array:
     """(n, 3) a vector, or a table of vectors, at times t."""
     if not isinstance(value, VectorTable):
-        return np.tile(np.array(value, dtype=float), (len(t), 1))
+        numbers = [0.0 if isinstance(x, str) else x for x in value]  # what varies comes later
+        return np.tile(np.array(numbers), (len(t), 1))
     columns = np.array(value.value).T
     return np.stack([np.interp(t, value.t, column) for column in columns], axis=1)
 

@@ -28,6 +28,7 @@ from ..model import (
 )
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_JOINT
+from ..packing.signals import varying
 from ..rotation import matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
@@ -596,6 +597,7 @@ class _Writer:
             body = self.model.body(f.body)
             if (
                 isinstance(f.force, tuple)
+                and not varying(f)
                 and body.mass
                 and f.point == body.com
                 and f.torque == (0.0, 0.0, 0.0)

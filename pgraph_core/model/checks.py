@@ -14,6 +14,7 @@ from ..sentences import no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
+from .expressions import Known, expression_problems
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
@@ -333,6 +334,7 @@ def reference_problems(
     sites: Sequence[Site],
     outputs: Sequence[Output],
     names: tuple[Sequence[str], Sequence[str]],
+    parameters: Mapping[str, float],
 ) -> list[Problem]:
     """Return the problems of references by name between parts.
 
@@ -346,7 +348,18 @@ def reference_problems(
         *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
         *site_problems(sites, bodies),
         *output_problems(outputs, bodies, [s.name for s in sites]),
+        *varying_problems((constraints, forces), scenarios, Known(bodies, outputs, parameters)),
     ]
+
+
+def varying_problems(
+    parts: Sequence[Sequence[Described]], scenarios: Sequence[Scenario], known: Known
+) -> list[Problem]:
+    """Return the problems of the expressions of parts, and of the forces of scenarios."""
+    found = [problem for some in parts for problem in expression_problems(some, known)]
+    for s in scenarios:
+        found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
+    return found
 
 
 def site_problems(sites: Sequence[Site], bodies: Bodies) -> list[Problem]:
@@ -401,14 +414,18 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
     return found
 
 
-def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[Problem]:
+def model_problems(
+    parts: Mapping[str, Sequence[Any]], ground: Ground, parameters: Mapping[str, float]
+) -> list[Problem]:
     """Return the problems between the parts of a model, each valid by itself."""
     bodies = parts["bodies"]
     others = {key: parts[key] for key in PARTS if key != "bodies"}
     names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
     return [
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),
-        *reference_problems({b.name: b for b in bodies}, **others, names=names),
+        *reference_problems(
+            {b.name: b for b in bodies}, **others, names=names, parameters=parameters
+        ),
         *friction_problems(parts["contacts"], ground),
     ]
 
@@ -447,7 +464,9 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     found += tree_problems(names, [_text(row, "parent", GROUND) for row in rows])
     bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")}
     known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
-    return found + reference_problems(bodies, **valid, names=known_names)
+    given = data.get("parameters")
+    parameters = given if isinstance(given, Mapping) else {}
+    return found + reference_problems(bodies, **valid, names=known_names, parameters=parameters)
 
 
 def _names(items: Any) -> list[str]:

@@ -36,7 +36,7 @@ KIND = (
 )
 
 
-def _followed(value: Curve | Mapping[str, Any]) -> Curve:
+def _followed(value: Curve | str | Mapping[str, Any]) -> Curve:
     """A function of time."""
     return value  # type: ignore[return-value]
 
@@ -265,7 +265,7 @@ class Motion(OfOne):
 
     kind: Literal["motion"] = field(KIND, default="motion")
     q_of_t: Curve = field(
-        "a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
+        "a table over time, {'kind': 'sine' or 'polynomial', ...}, or an expression of t [rad, m]",
         converter=_followed, dim=Q, label="Follows", help="how the position depends on time",
     )  # fmt: skip
 

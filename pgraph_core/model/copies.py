@@ -8,13 +8,14 @@ from typing import Any
 
 from ..curves import VectorTable
 from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
-from ..forces import Between, Force
+from ..forces import Between, Force, Wrench
 from ..joints import SIZE, Motion
 from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .editing import renamed
+from .expressions import expressions_of, read_by, renamed_in
 from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
@@ -75,15 +76,14 @@ def copied(
     """
     bodies = _bodies(parts["bodies"], names, mirror)
     known = {body.name: body for body in parts["bodies"]}
-    copy = _Copy(names, mirror, root, known)
+    copy = _Copy(names, mirror, root, known, parts["outputs"])
     found: dict[str, Any] = {"bodies": bodies}
     called: dict[str, Names] = {"bodies": names}  # names of the copies of each kind
-    for kind in ("constraints", "contacts", "forces", "sites", "outputs"):
-        if kind == "outputs":
-            copy.names = {**names, **called["sites"]}
+    for kind in ("constraints", "contacts", "sites", "outputs", "forces"):
+        copy.names = {**names, **called["sites"]} if kind == "outputs" else names
         new, called[kind] = copy.parts(parts[kind])
         found[kind] = (*parts[kind], *new)
-    copy.names = names
+        copy.called = called.get("outputs", {})
     found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
     lost = list(dict.fromkeys(copy.lost))
     new = (copy.formula(f, parts[f.part], called[f.part]) for f in formulas)
@@ -111,8 +111,13 @@ def _takes_point(part: Constraint | Contact | Force) -> bool:
 class _Copy:
     """Copies what acts on bodies, and notes what has no reflection."""
 
-    def __init__(self, names: Names, mirror: Mirror | None, root: Body, known: Mapping[str, Body]):
+    def __init__(
+        self, names: Names, mirror: Mirror | None, root: Body, known: Mapping[str, Body],
+        outputs: Sequence[Output],
+    ):  # fmt: skip
         self.names, self.mirror, self.root, self.known = names, mirror, root, known
+        self.outputs = outputs
+        self.called: Names = {}  # the copies of outputs
         self.lost: list[str] = []
 
     def name(self, name: str) -> str:
@@ -129,6 +134,8 @@ class _Copy:
         if self.names.keys().isdisjoint(part.touches):
             return None
         copy = renamed(part, self.names)
+        if isinstance(part, Force):
+            copy = copy.unchecked_copy(renamed_in(copy, self.called, "out"))
         if self.mirror is not None:
             change = self.reflected(part)
             if change is None:
@@ -185,6 +192,8 @@ class _Copy:
             return None
         if getattr(part, "frame", "body") == "world" and not self._upright():
             return None  # the parent's axes are not the world's at q = 0
+        if isinstance(part, Wrench) and any(expressions_of(part)):
+            return None  # its entries are no numbers to be reflected
         change = self.mirror.fields(part)
         if part.body == self.root.parent and isinstance(part, AtPoint) and part.point is None:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
@@ -211,6 +220,8 @@ class _Copy:
             used = [(part.body, part.coordinate)]
             if isinstance(part, Gear):
                 used.append((part.other, part.other_coordinate))
+        if isinstance(part, Force):
+            used += read_by(part, self.outputs)
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
     def _upright(self) -> bool:

@@ -13,10 +13,11 @@ from ..errors import shown
 from ..fields import EVERY, GROUND, Vec3
 from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import beyond
+from ..signals.grammar import names_in
 from ..tolerances import NAMED, SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
-from .parameters import names_in
+from .expressions import expressions_of
 from .world import DOWN
 
 
@@ -249,9 +250,13 @@ def _overlap(a: str, b: str) -> bool:
 
 
 def _idle_parameters(model: Any) -> Iterator[str]:
-    """Parameters that no formula names."""
+    """Parameters that no formula and no expression names."""
+    forces = [*model.forces, *(f for s in model.scenarios for f in s.forces)]
+    texts = [f.text for f in model.formulas]
+    texts += [x for part in (*forces, *model.constraints) for _, _, x in expressions_of(part)]
+    used = set[str]().union(*map(names_in, texts))
     for name in model.parameters:
-        if not any(name in names_in(f.text) for f in model.formulas):
+        if name not in used:
             yield f"parameter '{name}': no formula uses it"
 
 

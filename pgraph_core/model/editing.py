@@ -14,6 +14,7 @@ from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
 from .contact import Contact
+from .expressions import read_by, renamed_in
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
@@ -199,6 +200,8 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
     if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
+    if isinstance(part, (Force, Constraint)):
+        update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part
 
 
@@ -217,6 +220,23 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
     named = ("bodies", "constraints", "contacts", "forces", "sites", "outputs")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
     return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
+
+
+def in_expressions(
+    parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], group: str
+) -> dict[str, tuple[Any, ...]]:
+    """Forces, constraints and scenarios whose expressions follow new names.
+
+    `group` is "out" for names of outputs and "" for those of parameters.
+    """
+
+    def new(part: Any) -> Any:
+        update = renamed_in(part, names, group)
+        return part.unchecked_copy(update) if update else part
+
+    found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints")}
+    forces = ((s, tuple(map(new, s.forces))) for s in parts["scenarios"])
+    return {**found, "scenarios": tuple(s.unchecked_copy({"forces": f}) for s, f in forces)}
 
 
 def fitted(
@@ -331,7 +351,8 @@ def without(
     """Return the parts without the bodies `names`, and notices of the removed ones."""
 
     def touched(part: Constraint | Contact | Force | Site | Output) -> bool:
-        return not names.isdisjoint(part.touches)
+        read = {x for x, _ in read_by(part, parts["outputs"])} if isinstance(part, Force) else set()
+        return not names.isdisjoint((*part.touches, *read))
 
     def lame(s: Scenario) -> bool:
         return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)

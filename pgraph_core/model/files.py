@@ -20,16 +20,18 @@ from ..forces import Force
 from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
 from ..mesh_files import parsed_mesh
+from ..signals.meaning import varies
 from .body import Body
 from .constraint import Constraint
 from .contact import Contact
-from .parameters import Formula, inlined
+from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
 from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
-# 4: without bushings and struts
-SCHEMA_VERSION = 5
+# 4: without bushings and struts; 5: without expressions
+SCHEMA_VERSION = 6
+EXPRESSIONS = 6
 STEP = 1e-3  # step of a scenario without one before version 4 [s]
 SCHEMA = "pgraph-model"
 
@@ -123,6 +125,13 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     parts += [(Body, x) for x in data["bodies"]] + [(Contact, x) for x in data["contacts"]]
     for holder, name, kinds in _of_kinds(data):
         parts += [(kinds.class_for(x), x) for x in holder[name]]
+    named = data["parameters"]
+    texts = [x for key in ("forces", "constraints") for x in data[key] if holds_formula(x)]
+    curves = any(isinstance(part.get(CURVE), str) for part in texts)
+    if curves or any(varies(x, named) for part in texts for x in texts_in(part)):
+        yield EXPRESSIONS
+    if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
+        yield EXPRESSIONS
     for kind, part in parts:
         yield getattr(kind, "SINCE", 1)
         yield from (facts(info).since for key, info in kind.model_fields.items() if key in part)

@@ -40,6 +40,7 @@ from .editing import (
     edited_part,
     fitted,
     followed_tips,
+    in_expressions,
     left_behind,
     renamed,
     renamed_all,
@@ -136,7 +137,7 @@ class Model(World):
                     self.__init__(**ours)
                     return
                 raise ModelError(problems(data, type(self).model_fields)) from None
-            if found := model_problems(self._parts(), self.ground):
+            if found := model_problems(self._parts(), self.ground, self.parameters):
                 raise ModelError(found)
 
     def __repr__(self) -> str:
@@ -428,11 +429,13 @@ class Model(World):
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
             if key == "sites":
                 fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
+            if key == "outputs":
+                fields |= in_expressions(self._others(), names, "out")
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
         return self._with(notices, formulas=formulas, **fields)
 
     def _edit_body(self, name: str, changes: Mapping[str, Any]) -> Self:
-        if any(formulas_in(changes)):
+        if any(formulas_in(changes, (), self.parameters)):
             return self._with_formulas(name, changes)
         old = self.body(name)
         if "length" in changes:
@@ -810,7 +813,7 @@ class Model(World):
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
         """Return a copy with validated parts replaced, checking only relations between parts."""
         model = self._made(notices, **fields)
-        if found := model_problems(model._parts(), model.ground):
+        if found := model_problems(model._parts(), model.ground, model.parameters):
             raise ModelError(found)
         return model
 

@@ -6,18 +6,19 @@ In a file a formula stands in the cell itself. A cell that gets another number l
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
+from keyword import iskeyword
 from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from ..errors import ModelError, Problem, choices, shown
-from ..fields import Frozen, Text, fields_of
+from ..errors import ModelError, Problem, shown
+from ..fields import Frozen, Text, fields_of, is_expression
+from ..signals.grammar import RESERVED, Unreadable, parsed
+from ..signals.meaning import constant, varies
 
 PartKind = Literal["bodies", "constraints", "contacts", "forces"]
 KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")
@@ -28,29 +29,14 @@ DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula wou
 LONGEST = 200  # characters of a formula
 MOST_FORMULAS = 10_000  # formulas of a model: evaluating them takes about a second
 LONGEST_NAME = 60
+USABLE = re.compile(r"[^\W\d]\w*")  # a name of the grammar
 MOST_LISTS = 10  # limit on nested lists with formulas, more than any field has
+
+CURVE = "q_of_t"  # a field that takes no number: '=...' in it is an expression, constant or not
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
 
 Path = tuple[str | int, ...]
-OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.UAdd: operator.pos,
-    ast.USub: operator.neg,
-}
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan,
-    "asin": math.asin, "acos": math.acos, "atan": math.atan, "abs": abs, "min": min, "max": max,
-}  # fmt: skip
-CONSTANTS = {"pi": math.pi}
-# quotes, and a number that a letter follows: Python's parser prints warnings of some of these
-_DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
-_NUMBER = rf"0[xX][\da-fA-F_]+|0[oO][0-7_]+|0[bB][01_]+|{_DECIMAL}"
-_NO_ARITHMETIC = re.compile(rf"[\"'\\\0]|(?<![\w.])(?>{_NUMBER})(?=[^\W\d])")
 
 
 class Formula(Frozen):
@@ -75,9 +61,9 @@ _WORD = {
 }
 
 
-def is_formula(value: Any) -> bool:
-    """True if a cell contains a formula."""
-    return isinstance(value, str) and value.lstrip().startswith("=")
+def is_formula(value: Any, parameters: Container[str] = ()) -> bool:
+    """True if a cell contains a formula of constants, False for what varies in a motion."""
+    return is_expression(value) and not varies(value, parameters)
 
 
 def evaluated(text: str, parameters: Mapping[str, float]) -> float:
@@ -86,62 +72,23 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     if len(text) > LONGEST:
         raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
     try:
-        result = _value(_parsed(text).body, parameters)
-    except (SyntaxError, MemoryError, RecursionError):
-        do = "write it as =thigh/2 or =2*(a + b), with + - * / ** and parentheses"
-        raise ValueError(f"{given} is no formula; {do}") from None
+        tree = parsed(text)
+    except Unreadable as error:
+        do = "write it as =thigh/2 or =2*(a + b), with + - * / ^ and parentheses"
+        raise ValueError(f"{given} is no formula: {error}; {do}") from None
+    try:
+        result = constant(tree, parameters)
+    except Unreadable as error:
+        raise ValueError(str(error)) from None
     except ZeroDivisionError:
         raise ValueError(f"{given} divides by zero") from None
     except OverflowError:
         raise ValueError(f"{given} is too large for a number") from None
-    except (TypeError, _Undefined):
+    except ValueError:
         raise ValueError(f"{given} has no value") from None
     if isinstance(result, complex) or not math.isfinite(result):
         raise ValueError(f"{given} is no finite number")
     return float(result)
-
-
-def _parsed(text: str) -> ast.Expression:
-    """Return the tree of an expression. Raises SyntaxError, MemoryError, RecursionError."""
-    inner = text.strip().removeprefix("=").strip()
-    if _NO_ARITHMETIC.search(inner):
-        raise SyntaxError
-    return ast.parse(inner, mode="eval")
-
-
-class _Undefined(Exception):
-    """A function outside of its domain."""
-
-
-def _value(node: ast.AST, parameters: Mapping[str, float]) -> float:
-    match node:
-        case ast.Constant(value=bool()):
-            raise SyntaxError
-        case ast.Constant(value=int() | float() as number):
-            return float(number)
-        case ast.Name(id=name):
-            return _named(name, parameters)
-        case ast.UnaryOp(op=op, operand=x) if type(op) in OPERATORS:
-            return OPERATORS[type(op)](_value(x, parameters))
-        case ast.BinOp(left=a, op=op, right=b) if type(op) in OPERATORS:
-            return OPERATORS[type(op)](_value(a, parameters), _value(b, parameters))
-        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
-            values = [_value(a, parameters) for a in args]
-            try:
-                return FUNCTIONS[name](*values)
-            except ValueError:
-                raise _Undefined from None
-        case _:
-            raise SyntaxError
-
-
-def _named(name: str, parameters: Mapping[str, float]) -> float:
-    if name in parameters:
-        return parameters[name]
-    if name in CONSTANTS:
-        return CONSTANTS[name]
-    do = f"choose one of {choices(parameters)}" if parameters else "the model has none yet"
-    raise ValueError(f"no parameter is named {shown(name)}; {do}")
 
 
 def negated(text: str) -> str:
@@ -159,32 +106,18 @@ def _enclosed(text: str) -> bool:
     return text[:1] == "(" and text[-1:] == ")" and min(depth, default=0) > 0
 
 
-def names_in(text: str) -> set[str]:
-    """Return the names that a formula uses, an empty set for other text."""
-    try:
-        tree = _parsed(text)
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
-        return set()
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-
-
 def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
     """Return the problems of names that a formula could not use."""
     found = []
     for name in parameters:
-        if name in FUNCTIONS or name in CONSTANTS:
+        if name in RESERVED:
             text = f"{shown(name)} has a meaning of its own in formulas; choose another name"
-        elif not name.isidentifier() or len(name) > LONGEST_NAME or not _usable(name):
+        elif not USABLE.fullmatch(name) or len(name) > LONGEST_NAME or iskeyword(name):
             text = f"a parameter's name is one word of letters, digits and _; given {shown(name)}"
         else:
             continue
         found.append(("parameters", text))
     return found
-
-
-def _usable(name: str) -> bool:
-    """True if a name may be used in a formula: no keyword, unchanged by normalisation."""
-    return names_in(name) == {name}
 
 
 # -- formulas in the fields of a model ---------------------------------------------------------
@@ -201,7 +134,9 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
         text = f"must be a list of formulas of cells; given {shown(formulas)}"
         raise ModelError(Problem("model", "formulas", text))
     parts = {kind: data.get(kind, ()) for kind in KINDS}
-    cells = (f for kind in KINDS for f in _inline(kind, parts[kind]))
+    named = data.get("parameters")
+    named = named if isinstance(named, Mapping) else {}
+    cells = (f for kind in KINDS for f in _inline(kind, parts[kind], named))
     inline = list(islice(cells, MOST_FORMULAS + 1))
     if len(formulas) > MOST_FORMULAS or len(inline) > MOST_FORMULAS:
         text = f"are at most {MOST_FORMULAS} in a model; write numbers in the other cells"
@@ -253,17 +188,21 @@ def _name(item: Any) -> str:
     return name if isinstance(name, str) else ""
 
 
-def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
+def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[Formula]:
     for item in items if isinstance(items, (list, tuple)) else ():
-        if isinstance(item, Mapping) and holds_formula(item):
-            for path, text in formulas_in(item):
+        if isinstance(item, Frozen) and kind in ("forces", "constraints"):
+            fields: Any = fields_of(item)
+        else:
+            fields = item
+        if isinstance(fields, Mapping) and holds_formula(fields):
+            for path, text in formulas_in(fields, (), parameters):
                 yield Formula(part=kind, name=_name(item), path=path, text=text)
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
-    """True if a cell of a dictionary holds a formula."""
+    """True if a cell of a dictionary holds a formula or an expression."""
     if isinstance(value, str):
-        return is_formula(value)
+        return is_expression(value)
     if depth > MOST_LISTS:
         return False
     if isinstance(value, (list, tuple)):
@@ -279,19 +218,30 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
     return False
 
 
-def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
+def texts_in(value: Any) -> Iterator[str]:
+    """The texts that begin with '=' in the cells of a dictionary."""
+    inside = value.values() if isinstance(value, Mapping) else value
+    for x in inside if isinstance(value, (Mapping, list, tuple)) else ():
+        yield from texts_in(x)
+    if isinstance(value, str) and is_expression(value):
+        yield value
+
+
+def formulas_in(
+    value: Any, path: Path = (), parameters: Container[str] = ()
+) -> Iterator[tuple[Path, str]]:
     """Return the formulas in the cells of a dictionary, with the paths of their cells."""
-    if is_formula(value):
+    if is_formula(value, parameters):
         yield path, value.strip()
     elif len(path) > MOST_LISTS:
         return
     elif isinstance(value, Mapping):
         for key, x in value.items():
-            if key not in TEXT:
-                yield from formulas_in(x, (*path, str(key)))
+            if key not in TEXT and not (key == CURVE and isinstance(x, str)):
+                yield from formulas_in(x, (*path, str(key)), parameters)
     elif isinstance(value, (list, tuple)):
         for i, x in enumerate(value):
-            yield from formulas_in(x, (*path, i))
+            yield from formulas_in(x, (*path, i), parameters)
 
 
 def _filled(item: Any, values: Mapping[Path, float]) -> Any:
@@ -361,7 +311,7 @@ def cells_of(
 ) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
     """Return changes of parts with numbers for formulas, and the formulas. Raises ModelError."""
     rows = tuple({**fields, "name": name} for name, fields in changes.items())
-    if not any(any(formulas_in(row)) for row in rows):
+    if not any(any(formulas_in(row, (), parameters)) for row in rows):
         return {name: dict(fields) for name, fields in changes.items()}, ()
     filled = resolved({part: rows, "parameters": parameters})
     numbers = {

@@ -52,6 +52,7 @@ from . import (
     row_of_velocity,
 )
 from .forces import terms_of
+from .signals import of_time
 
 
 class Block(NamedTuple):
@@ -62,7 +63,7 @@ class Block(NamedTuple):
     values: Array  # (28,)
     terms: tuple[tuple[int, int, float], ...] = ()  # index into v, into q or -1, coefficient
     curve: tuple[tuple[float, ...], ...] = ()
-    sine: bool = False
+    knots: int | None = None  # B_KNOTS, None: the rows of the curve
 
 
 class Endpoints:
@@ -236,8 +237,12 @@ def _gear(e: Endpoints, c: Gear) -> list[Block]:
 
 
 def _motion(e: Endpoints, c: Motion) -> list[Block]:
-    own, sine = e.coordinate(c.body, c.coordinate, 1.0), isinstance(c.q_of_t, Sine)
-    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(c.q_of_t), sine)]
+    own, q = e.coordinate(c.body, c.coordinate, 1.0), c.q_of_t
+    if isinstance(q, str):
+        rows = tuple(map(tuple, of_time(q, e.model.parameters).tolist()))
+        return [Block(at.T_COORD, 1, e.scaled(), (own,), rows, at.SINE - len(rows) // 2)]
+    knots = at.SINE if isinstance(q, Sine) else None
+    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(q), knots)]
 
 
 def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
@@ -333,9 +338,10 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
     terms = [term for block in flat for term in block.terms]
     curves = [knot for block in flat for knot in block.curve]
     starts = _starts([len(block.terms) for block in flat]), _starts([len(b.curve) for b in flat])
+    knots = [len(b.curve) if b.knots is None else b.knots for b in flat]
     table = [
-        (b.type, *rows, b.rows, term, len(b.terms), knot, at.SINE if b.sine else len(b.curve))
-        for b, rows, term, knot in zip(flat, ends, *starts)
+        (b.type, *rows, b.rows, term, len(b.terms), knot, count)
+        for b, rows, term, knot, count in zip(flat, ends, *starts, knots)
     ]
     return Blocks(
         tuple(c.name for c in model.constraints),

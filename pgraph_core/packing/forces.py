@@ -19,6 +19,7 @@ from ..forces import LOADS, Load, OnBody, OnJoint
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Loads, System, home_of, joint_coordinates, point_in_row
+from .signals import NO_SIGNALS
 
 
 def empty(kind: Load) -> tuple[Any, Array]:
@@ -26,7 +27,7 @@ def empty(kind: Load) -> tuple[Any, Array]:
     return table(kind.row, 0), np.zeros((0, kind.columns))
 
 
-NO_LOADS = Loads(*map(empty, LOADS))
+NO_LOADS = Loads(*map(empty, LOADS), NO_SIGNALS)
 
 
 def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
@@ -74,7 +75,8 @@ def loads(
 ) -> Loads:
     """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
-    return Loads(*(_loads(kind, [f for f in forces if type(f) is kind.part], at) for kind in LOADS))
+    tables = (_loads(kind, [f for f in forces if type(f) is kind.part], at) for kind in LOADS)
+    return Loads(*tables, NO_SIGNALS)
 
 
 def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array]:
@@ -186,6 +188,9 @@ def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """
     gain, torque, kp, _ = f.law
     u: Any = getattr(f, f.INPUT)
+    if not kp and str in (type(u), type(torque)):
+        return 0.0, 0.0  # their sum comes from the expressions
+    u, torque = (0.0 if isinstance(x, str) else x for x in (u, torque))
     if f.integrates:
         u = _parted(u) if isinstance(u, Table) else u
         torque = torque if kp else 0.0

@@ -17,6 +17,7 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
+from .signals import Places, signals, varying
 from .table import Numbers, numbers_of
 
 INT, EMPTY = np.dtype(np.int64), np.empty
@@ -162,10 +163,15 @@ class Packed:
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def loads(self, forces: tuple[Force, ...]) -> Loads:
-        """The given wrenches and springs between bodies."""
-        if not on_bodies(forces):
-            return NO_LOADS
-        return loads(self.model, self.topology, self.system, forces, self.home_poses)
+        """The given wrenches and springs between bodies, and the expressions in all forces."""
+        found = NO_LOADS
+        if on_bodies(forces):
+            found = loads(self.model, self.topology, self.system, forces, self.home_poses)
+        if not any(map(varying, forces)):
+            return found
+        places = Places(self.model, self.topology, self.system)
+        given = self.model.parameters, forces, self.drives(forces), found
+        return found._replace(signals=signals(places, *given))
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -35,6 +35,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
+from ..packing.signals import varying
 from ..tolerances import EPS, NOTABLE
 from .options import (
     FRAMES,
@@ -154,6 +155,7 @@ class RunPlan(Way):
 
     drives: Drives
     loads: Loads
+    varying: tuple[Force, ...] = ()  # forces with expressions, by the numbers of their owners
     active: Ints  # indices of the constraints active at the start
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off
@@ -332,6 +334,7 @@ def _what_acts(
     exerted = tuple(filter(exerts, forces))
     return RunPlan(
         drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted), active=active,
+        varying=tuple(filter(varying, exerted)),
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip

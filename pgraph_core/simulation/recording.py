@@ -29,9 +29,11 @@ from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
+from ..engine.signals import FAILED, OWNER
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
+from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
@@ -475,8 +477,13 @@ class Recording:
         self.steps.advance(1)
 
     def _trouble(self) -> str:
-        """Return the fault of a user's compiled function as the end of a sentence."""
+        """Return the fault of a user's function, or an expression, as the end of a sentence."""
         trouble = getattr(self.user, "trouble", "")
+        targets = self.scene.loads.signals[1]
+        failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))
+        for f in (self.plan.varying[i] for i in failed):
+            texts = " and ".join(repr(text) for _, _, text in expressions_of(f))
+            trouble = f"force '{f.name}' has no finite value there: {texts}"
         return f": {trouble}" if trouble else ""
 
     def _raise_user_error(self) -> None:

@@ -25,6 +25,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
+from ..packing.signals import varying
 from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
@@ -524,7 +525,8 @@ class Stepper(Portable):
         plan = replace(plan, drives=drives, loads=loads, ever=whole)
         tau = plan.tau if tau is None else tau
         self._record = Recording(mech, plan, *state, tau)
-        self._steps = self._record.steps
+        self._steps, scene = self._record.steps, self._record.scene
+        self._record.plan = replace(self._record.plan, drives=scene.drives, loads=scene.loads)
         self._active = set(plan.active.tolist())
         if not self._record.begin():
             raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
@@ -630,7 +632,7 @@ def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
     return {
         f.name: first
         for f, (first, targets) in zip(driving, rows)
-        if isinstance(f, Servo) and targets == 1 and not f.has_state
+        if isinstance(f, Servo) and targets == 1 and not f.has_state and not varying(f)
     }
 
 
@@ -644,7 +646,10 @@ def _inputs(
     found: dict[str, tuple[OnJoint, int, float, float, Follows]] = {}
     rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
     for f, row in zip((f for f in forces if isinstance(f, OnJoint)), rows):
-        gain, torque, kp, _ = f.law
+        if varying(f):
+            continue
+        gain, kp = f.law.gain, f.law.kp
+        torque: Any = f.law.torque
         first_target, targets, first_torque, torques, *follows = row
         if kp and targets == 1:
             found[f.name] = f, first_target, 0.0, gain / kp, tuple(follows)

@@ -11,6 +11,7 @@ from ..fields import Frozen, OfSums, dim_of, facts, fields_of
 from ..joints import PER_MOTION, Motion
 from ..model import Body, Force, Model
 from ..model.constraint import InJoints
+from ..packing.signals import varying
 from ..units import Dim, M, S
 
 
@@ -80,6 +81,10 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
     fixed = [c.name for c in model.constraints if isinstance(c, InJoints)]
     if fixed:
         text = f"constraint '{fixed[0]}' acts on coordinates, whose numbers are not rescaled; "
+        raise refusal("stability_map", "axis", f"{text}choose another axis")
+    varies = [f.name for f in model.forces if varying(f)]
+    if varies:
+        text = f"force '{varies[0]}' has an expression, whose numbers have units of their own; "
         raise refusal("stability_map", "axis", f"{text}choose another axis")
     steps = tuple(x.unchecked_copy(s.fields(x)) for x in model.ground.steps)
     return model.replace(

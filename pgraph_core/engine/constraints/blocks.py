@@ -33,6 +33,7 @@ from ..layout import (
     T_VELOCITY,
 )
 from ..rows import acceleration_of, origin_of, parent_of, point_velocity, rotation_of, spin_of
+from ..signals import differentiate, evaluate
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
 
@@ -295,6 +296,11 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
         if order == 1:
             return curves[k, 1] * rate * cos(angle)
         return -curves[k, 1] * rate * rate * sin(angle)
+    if count < SINE:
+        evaluate(curves, k, -1 - count, t, curves[k], curves[k])
+        if order > 0:
+            differentiate(curves, k, -1 - count)
+        return curves[k + 2 * (-1 - count) - 1, order]
     last = k + count - 1
     while k < last and t >= curves[k + 1, 0]:
         k += 1

@@ -89,7 +89,7 @@ from ..contact.newton import gather
 from ..contact.passing import keep_poses, note_passages
 from ..contact.shapes import DEPTH, place
 from ..forces import at_its_limit
-from ..motion import call_acceleration, call_contact_forces, opened
+from ..motion import call_acceleration, call_contact_forces, follow, opened
 from ..records import RIGID
 from ..rows import (
     BALL,
@@ -290,6 +290,7 @@ def stiffen(scene, t, h, q, v):
     for j in range(v.shape[0]):  # with a hinge: joints of several coordinates stay as they are
         damping[j] = 0.0
         stiffness[j] = 0.0
+    follow(data, t, q, v)
     for n in range(table.shape[0]):
         j = table[n].velocity
         kd = table[n].damping

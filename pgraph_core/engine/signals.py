@@ -1,0 +1,200 @@
+"""Expressions as programs, which one loop evaluates: nothing is generated for a model.
+
+A program is a table of instructions, two rows each. The first row is the operation, its operands
+a, b, c (numbers of earlier instructions, or an index into q or v) and a number; the second one
+receives the value, and its first and second derivative in time where nothing but time varies.
+"""
+
+import math
+
+from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
+from .compiler.jit import part, sweep
+
+COLUMNS = 5
+(
+    NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
+    TAN, EXP, LOG, ASIN, ACOS, ATAN, POW,
+) = range(24)  # fmt: skip
+# where a value goes: the instruction, DRIVE or WRENCH, the first knot, how many knots, the column;
+# the number of its force, and 1 once the value was not finite
+DRIVE, WRENCH = 0, 1
+OWNER, FAILED, TARGET = 5, 6, 7
+
+
+@sweep
+def evaluate(code, first, count, t, q, v):
+    """Evaluate `count` instructions from row `first` on."""
+    for i in range(first, first + 2 * count, 2):
+        op = int(code[i, 0])
+        if op == NUMBER:
+            code[i + 1, 0] = code[i, 4]
+        elif op == Q:
+            code[i + 1, 0] = q[int(code[i, 1])]
+        elif op == V:
+            code[i + 1, 0] = v[int(code[i, 1])]
+        elif op == TIME:
+            code[i + 1, 0] = t
+        else:
+            a = code[first + 2 * int(code[i, 1]) + 1, 0]
+            b = code[first + 2 * int(code[i, 2]) + 1, 0]
+            c = code[first + 2 * int(code[i, 3]) + 1, 0]
+            code[i + 1, 0] = value_of(op, a, b, c)
+
+
+@part
+def value_of(op, a, b, c):
+    """The value of an operation."""
+    if op == ADD:
+        return a + b
+    if op == SUB:
+        return a - b
+    if op == MUL:
+        return a * b
+    if op == DIV:
+        return a / b
+    if op == MIN:
+        return b if b < a else a
+    if op == MAX:
+        return b if b > a else a
+    if op == CHOOSE:
+        return b if a != 0.0 else c
+    if op == LESS:
+        return 1.0 if a < b else 0.0
+    if op == AT_MOST:
+        return 1.0 if a <= b else 0.0
+    if op == ABS:
+        return abs(a)
+    if op == SQRT:
+        return math.sqrt(a) if a >= 0.0 else math.nan
+    return function_of(op, a, b)
+
+
+@sweep
+def function_of(op, a, b):
+    """The value of an elementary function, not a number where it has none."""
+    if op == SIN:
+        return sin(a)
+    if op == COS:
+        return cos(a)
+    if op == TAN:
+        return tan(a)
+    if op == EXP:
+        return exp(a)
+    if op == LOG:
+        return log(a) if a > 0.0 else math.nan
+    if op == ASIN:
+        return asin(a) if abs(a) <= 1.0 else math.nan
+    if op == ACOS:
+        return acos(a) if abs(a) <= 1.0 else math.nan
+    if op == ATAN:
+        return atan(a)
+    return power(a, b)
+
+
+@sweep
+def differentiate(code, first, count):
+    """First and second derivatives in time of a program of time alone, after `evaluate`."""
+    for i in range(first, first + 2 * count, 2):
+        op = int(code[i, 0])
+        rate = 1.0 if op == TIME else 0.0
+        bend = 0.0
+        if op > V:
+            a = code[first + 2 * int(code[i, 1]) + 1]
+            b = code[first + 2 * int(code[i, 2]) + 1]
+            c = code[first + 2 * int(code[i, 3]) + 1]
+            rate, bend = rates_of(op, a, b, c, code[i + 1, 0])
+        code[i + 1, 1] = rate
+        code[i + 1, 2] = bend
+
+
+@part
+def rates_of(op, a, b, c, x):
+    """(x', x'') of an operation whose value is x, on operands (value, rate, second rate)."""
+    if op == ADD:
+        return a[1] + b[1], a[2] + b[2]
+    if op == SUB:
+        return a[1] - b[1], a[2] - b[2]
+    if op == MUL:
+        return a[1] * b[0] + a[0] * b[1], a[2] * b[0] + 2.0 * a[1] * b[1] + a[0] * b[2]
+    if op == DIV:
+        rate = (a[1] - x * b[1]) / b[0]
+        return rate, (a[2] - 2.0 * rate * b[1] - x * b[2]) / b[0]
+    if op == LESS or op == AT_MOST:
+        return 0.0, 0.0
+    if op == MIN:
+        return (b[1], b[2]) if b[0] < a[0] else (a[1], a[2])
+    if op == MAX:
+        return (b[1], b[2]) if b[0] > a[0] else (a[1], a[2])
+    if op == CHOOSE:
+        return (b[1], b[2]) if a[0] != 0.0 else (c[1], c[2])
+    if op == POW:
+        return rates_of_power(a, b, x)
+    slope, curve = slopes_of(op, a[0], x)
+    return slope * a[1], slope * a[2] + curve * a[1] * a[1]
+
+
+@part
+def rates_of_power(a, b, x):
+    """(x', x'') of x = a^b."""
+    if b[1] == 0.0 and b[2] == 0.0:
+        n = b[0]
+        slope = n * power(a[0], n - 1.0) if n != 0.0 else 0.0
+        curve = n * (n - 1.0) * power(a[0], n - 2.0) if n * (n - 1.0) != 0.0 else 0.0
+        return slope * a[1], slope * a[2] + curve * a[1] * a[1]
+    root = log(a[0])  # x = exp(b log a)
+    part_of_a = a[1] / a[0]
+    rate = b[1] * root + b[0] * part_of_a
+    bend = b[2] * root + 2.0 * b[1] * part_of_a + b[0] * (a[2] / a[0] - part_of_a * part_of_a)
+    return x * rate, x * (bend + rate * rate)
+
+
+@part
+def slopes_of(op, a, x):
+    """First and second derivative of a function of one number a, whose value is x."""
+    if op == ABS:
+        return (1.0 if a >= 0.0 else -1.0), 0.0
+    if op == SQRT:
+        return 0.5 / x, -0.25 / (x * a)
+    if op == SIN:
+        return cos(a), -x
+    if op == COS:
+        return -sin(a), -x
+    if op == TAN:
+        slope = 1.0 + x * x
+        return slope, 2.0 * x * slope
+    if op == EXP:
+        return x, x
+    if op == LOG:
+        return 1.0 / a, -1.0 / (a * a)
+    if op == ATAN:
+        slope = 1.0 / (1.0 + a * a)
+        return slope, -2.0 * a * slope * slope
+    slope = 1.0 / math.sqrt(1.0 - a * a) if op == ASIN else -1.0 / math.sqrt(1.0 - a * a)
+    return slope, slope * slope * slope * a
+
+
+@sweep
+def follow_signals(signals, drives, loads, t, q, v):
+    """Put the values of all expressions where drives and wrenches read them.
+
+    Returns 0, or -1 where one of them is not finite: a bound would hide it.
+    """
+    code, targets = signals
+    if targets.shape[0] == 0:
+        return 0
+    evaluate(code, 0, code.shape[0] // 2, t, q, v)
+    wrenches = loads.wrench[1]
+    failed = 0
+    for n in range(targets.shape[0]):
+        value = code[2 * targets[n, 0] + 1, 0]
+        if not abs(value) < math.inf:
+            failed = -1
+            targets[n, FAILED] = 1
+        first, column = targets[n, 2], targets[n, 4]
+        for k in range(first, first + targets[n, 3]):
+            if targets[n, 1] == DRIVE:
+                drives.knots[k, 1] = value
+                drives.knots[k, 3] = value
+            else:
+                wrenches[k, column] = value
+    return failed

@@ -1,0 +1,168 @@
+"""Expressions in the fields of parts: whether their names, units and motions are possible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from .. import joints
+from ..errors import Problem, nearest, shown
+from ..fields import Described, OfSums, fields_of
+from ..forces import OnJoint
+from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names
+from ..signals.grammar import walk
+from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
+from ..units import RAD, Dim, M, Q, S
+from .body import Body
+from .constraint import Motion
+from .output import OF_JOINT, OF_LOAD, Output
+
+Bodies = Mapping[str, Body | None]
+PATHS = {  # output -> what it follows from, which an expression in a force would have to wait for
+    "accelerometer": "the accelerations", "force": "the joint forces", "torque": "the joint forces",
+}  # fmt: skip
+
+
+def expressions_of(part: Described) -> Iterator[tuple[str, int | None, str]]:
+    """(field, number of the entry or None, text) of each expression of a part."""
+    for name, value in fields_of(part).items():
+        if name == "name":
+            continue
+        if is_expression(value):
+            yield name, None, value
+        elif type(value) is tuple and str in map(type, value):
+            yield from ((name, k, x) for k, x in enumerate(value) if is_expression(x))
+
+
+def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[str, Any]:
+    """The fields of a part whose expressions name a body, or an output, that has another name."""
+    found: dict[str, Any] = {}
+    for name, k, text in expressions_of(part):
+        new = with_names(text, names, groups)
+        if new != text:
+            old = found.get(name, getattr(part, name))
+            found[name] = new if k is None else (*old[:k], new, *old[k + 1 :])
+    return found
+
+
+class Known:
+    """What expressions of a model may name."""
+
+    def __init__(self, bodies: Bodies, outputs: Sequence[Output], parameters: Mapping[str, float]):
+        self.bodies, self.parameters = bodies, parameters
+        self.outputs = {o.name: o for o in outputs}
+
+    def dim(self, node: Node) -> Dim:
+        """The dimension of a signal. Raises Unreadable for one that there is not."""
+        group, name, k = node.signal
+        if group == "out":
+            return self._of_output(node, name, k)
+        return self._of_joint(node, name, k, group == "v")
+
+    def _of_joint(self, node: Node, name: str, k: int, rate: bool) -> Dim:
+        if name not in self.bodies:
+            text = f"no body is named {shown(name)}; {nearest(name, self.bodies)}"
+            raise Unreadable(node.column, text)
+        body = self.bodies[name]
+        if body is None:
+            return Q
+        if k >= body.dof:
+            text = f"the joint of '{name}' has {body.dof} degrees of freedom, counted from 0"
+            raise Unreadable(node.column, f"{text}; given {k}")
+        if not rate and joints.places(body.sequence)[k] is None:
+            text = f"a ball's turn is no single number; take v[{shown(name)}][{k}]"
+            raise Unreadable(node.column, text)
+        return kinds_of(body)[k] / (S if rate else S / S)
+
+    def _of_output(self, node: Node, name: str, k: int) -> Dim:
+        output = self.outputs.get(name)
+        if output is None:
+            do = nearest(name, self.outputs) if self.outputs else "the model has none"
+            raise Unreadable(node.column, f"no output is named {shown(name)}; {do}")
+        if output.kind in PATHS or output.kind in OF_LOAD:
+            text = f"an algebraic loop: out.{name} follows from {PATHS[output.kind]}, these from "
+            raise Unreadable(node.column, f"{text}all forces, and they from this expression")
+        if output.kind not in OF_JOINT:
+            text = f"output {shown(name)} is read off the bodies after a run; name a coordinate, "
+            raise Unreadable(node.column, f"{text}q.NAME or v.NAME, or an output of a joint")
+        if k:
+            raise Unreadable(node.column, f"output {shown(name)} is one number; given entry {k}")
+        return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
+
+    def problem(self, text: str, wanted: Dim | None, *, of_time: bool = False) -> str:
+        """Why an expression is impossible in a field of dimension `wanted`, "" where it is not."""
+        try:
+            tree = parsed(text)
+            for node in walk(tree):
+                self._check(node, of_time)
+            found = dim_of(tree, self.dim)
+        except Unreadable as error:
+            return f"{shown(text)}: {error}"
+        if found is None or wanted is None or fits(found, wanted):
+            return ""
+        return f"{shown(text)} gives {unit(found)}, not {unit(wanted)}; give it a factor"
+
+    def _check(self, node: Node, of_time: bool) -> None:
+        name, known = node.signal[1], [*self.parameters, TIME, *CONSTANTS]
+        if node.op == "name" and name not in known:
+            hint = nearest(name, known)
+            if name in self.bodies:
+                hint = f"write q.{name} for its coordinate, v.{name} for its rate"
+            raise Unreadable(node.column, f"nothing is called {shown(name)}; {hint}")
+        if node.op == "signal" and of_time:
+            raise Unreadable(node.column, "a prescribed motion depends on t alone")
+        if node.op == "table":
+            self._ascending(node)
+
+    def _ascending(self, node: Node) -> None:
+        try:
+            places = [float(constant(x, self.parameters)) for x in places_of(node)]
+        except (ValueError, ArithmeticError):
+            text = "the places of a table are numbers or parameters"
+            raise Unreadable(node.column, text) from None
+        if any(not a < b for a, b in pairwise(places)):
+            raise Unreadable(node.column, f"the places of a table ascend; given {places}")
+
+
+def kinds_of(body: Body) -> list[Dim]:
+    """The dimension of each degree of freedom of a joint."""
+    of = {"rotate": [RAD], "translate": [M], "ball": [RAD] * 3, "free": [RAD] * 3 + [M] * 3}
+    return [dim for m in body.sequence for dim in of[m.kind]]
+
+
+def expression_problems(parts: Iterable[Described], known: Known, of: str = "") -> list[Problem]:
+    """Names, units and motions of all expressions of parts that do not fit."""
+    found = []
+    for part in parts:
+        for name, _, text in expressions_of(part):
+            where = f"{of}{part.word()} {shown(getattr(part, 'name', ''))}"
+            wanted = _wanted(part, name, known.bodies)
+            if problem := known.problem(text, wanted, of_time=isinstance(part, Motion)):
+                found.append(Problem(where, name, problem))
+    return found
+
+
+def _wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
+    """The dimension of a field, with that of the coordinates on which the part acts."""
+    dim = part._dim_of(name)
+    if isinstance(part, OnJoint) and name == part.INPUT and part.own_kind() == "actuator":
+        return None  # its gain has any unit
+    if not dim.coordinate:
+        return dim
+    terms = [(part.body, part.coordinate)] if isinstance(part, Motion) else ()
+    terms = [(body, k) for body, k, _ in part.terms] if isinstance(part, OfSums) else terms
+    found = set[Dim]()
+    for body, k in terms:
+        own = bodies.get(body)
+        found.add(kinds_of(own)[k] if own is not None and k < own.dof else Q)
+    if len(found) != 1 or Q in found:
+        return None
+    return dim._replace(coordinate=0.0) * found.pop() ** dim.coordinate
+
+
+def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
+    """(body, degree of freedom) of each joint that the expressions of a part read."""
+    of = {o.name: (o.at, o.coordinate) for o in outputs}
+    named = {signal for _, _, text in expressions_of(part) for signal in signals_in(text)}
+    return {of.get(name, (name, k)) if group == "out" else (name, k) for group, name, k in named}

@@ -1,0 +1,271 @@
+"""Expressions as programs for the kernels, with the rows of `engine/signals.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import joints
+from ..curves import Table, VectorTable
+from ..engine import signals as kernels
+from ..engine.signals import DRIVE, TARGET, WRENCH
+from ..fields import is_expression
+from ..forces import OnJoint, Wrench
+from ..model import Force, Model
+from ..signals import Node, parsed
+from ..signals.meaning import CONSTANTS
+from ..topology import Topology
+from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
+
+NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGET), np.int64)
+OPERATIONS = {
+    name: getattr(kernels, name.upper())
+    for name in (
+        "add", "sub", "mul", "div", "min", "max", "less", "at_most", "abs", "sqrt", "sin", "cos",
+        "tan", "exp", "log", "asin", "acos", "atan", "pow",
+    )
+}  # fmt: skip
+OPERATIONS["if"] = kernels.CHOOSE
+WHOLE = range(1, 9)  # powers that are products
+KNOTS = ("first_target", "targets"), ("first_torque", "torques")  # of a drive
+SPAN = ("first_knot", "knots")  # of a wrench
+Operand = int  # the number of an instruction
+
+
+class Program:
+    """Instructions, each made once: the same operation on the same operands is the same one."""
+
+    def __init__(self, parameters: Mapping[str, float], places: Any = None):
+        """`places(group, name, k)` is the operation and index that read a signal."""
+        self.rows: list[tuple[float, ...]] = []
+        self._numbers: dict[tuple[float, ...], int] = {}
+        self._named: dict[str, int] = {}
+        self._parameters, self._places = {**CONSTANTS, **parameters}, places
+
+    def put(self, op: int, *operands: float, number: float = 0.0) -> Operand:
+        """Return the number of an instruction, which is new or was there."""
+        row = (float(op), *map(float, operands), *(0.0,) * (3 - len(operands)), number)
+        key = (*row, np.copysign(1.0, number))  # -0.0 is another number
+        if key not in self._numbers:
+            self._numbers[key] = len(self.rows)
+            self.rows.append(row)
+        return self._numbers[key]
+
+    def parameter(self, name: str) -> Operand:
+        """A named number, apart from others of the same value: sweeps change it alone."""
+        if name not in self._named:
+            self._named[name] = len(self.rows)
+            self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, self._parameters[name]))
+        return self._named[name]
+
+    def number(self, x: float) -> Operand:
+        """A constant."""
+        return self.put(kernels.NUMBER, number=float(x))
+
+    def value(self, x: float | str | Table) -> Operand:
+        """A number, a table over time, or an expression."""
+        if isinstance(x, str):
+            return self.of(parsed(x))
+        if isinstance(x, Table):
+            knots = [self.number(y) for pair in zip(x.t, x.value) for y in pair]
+            return self.table(self.put(kernels.TIME), knots)
+        return self.number(x)
+
+    def of(self, node: Node) -> Operand:
+        """The instructions of a tree."""
+        match node.op:
+            case "number":
+                return self.number(node.value)
+            case "name" if node.signal[1] in self._parameters:
+                return self.parameter(node.signal[1])
+            case "name":
+                return self.put(kernels.TIME)
+            case "signal":
+                return self.put(*self._places(*node.signal))
+        a, *rest = (self.of(x) for x in node.args)
+        match node.op:
+            case "neg":
+                return self.put(kernels.SUB, self.number(0.0), a)
+            case "not":
+                return self.put(kernels.CHOOSE, a, self.number(0.0), self.number(1.0))
+            case "and":
+                return self.put(kernels.CHOOSE, a, *rest, self.number(0.0))
+            case "or":
+                return self.put(kernels.CHOOSE, a, self.number(1.0), *rest)
+            case "more" | "at_least":
+                return self.put(OPERATIONS[{"more": "less"}.get(node.op, "at_most")], *rest, a)
+            case "min" | "max":
+                for b in rest:
+                    a = self.put(OPERATIONS[node.op], a, b)
+                return a
+            case "pow":
+                return self.power(a, rest[0], node.args[1])
+            case "smoothstep":
+                return self.smoothstep(a, *rest)
+            case "table":
+                return self.table(a, rest)
+        return self.put(OPERATIONS[node.op], a, *rest)
+
+    def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
+        """A power, as products where the exponent is a small whole number."""
+        if node.op != "number" or node.value not in WHOLE:
+            return self.put(kernels.POW, base, exponent)
+        found = base
+        for _ in range(int(node.value) - 1):
+            found = self.put(kernels.MUL, found, base)
+        return found
+
+    def held(self, x: Operand, low: float, high: float) -> Operand:
+        """A value within finite bounds."""
+        x = self.put(kernels.MAX, x, self.number(low)) if np.isfinite(low) else x
+        return self.put(kernels.MIN, x, self.number(high)) if np.isfinite(high) else x
+
+    def between(self, x: Operand, low: Operand, high: Operand) -> Operand:
+        return self.put(kernels.MIN, self.put(kernels.MAX, x, low), high)
+
+    def smoothstep(self, x: Operand, begin: Operand, end: Operand) -> Operand:
+        """3 s^2 - 2 s^3 with s from 0 to 1 between two places."""
+        span = self.put(kernels.SUB, end, begin)
+        s = self.put(kernels.DIV, self.put(kernels.SUB, x, begin), span)
+        s = self.between(s, self.number(0.0), self.number(1.0))
+        twice = self.put(kernels.MUL, self.number(2.0), s)
+        rest = self.put(kernels.SUB, self.number(3.0), twice)
+        return self.put(kernels.MUL, self.put(kernels.MUL, s, s), rest)
+
+    def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
+        """Straight lines between knots (place, value, ...), constant outside them."""
+        found = knots[1]
+        for a, y, b, z in zip(knots[0::2], knots[1::2], knots[2::2], knots[3::2]):
+            rise, run = self.put(kernels.SUB, z, y), self.put(kernels.SUB, b, a)
+            gone = self.put(kernels.SUB, self.between(x, a, b), a)
+            slope = self.put(kernels.DIV, rise, run)
+            found = self.put(kernels.ADD, found, self.put(kernels.MUL, slope, gone))
+        return found
+
+    def code(self) -> Array:
+        """(2 n, COLUMNS) the instructions and their values, which are not known yet."""
+        found = np.zeros((2 * len(self.rows), kernels.COLUMNS))
+        if self.rows:
+            found[::2] = self.rows
+        return found
+
+
+def of_time(text: str, parameters: Mapping[str, float]) -> Array:
+    """The program of a prescribed motion, whose last instruction is its value."""
+    program = Program(parameters)
+    last = program.of(parsed(text))
+    if last != len(program.rows) - 1:  # a constant that stands before others
+        program.rows.append((float(kernels.ADD), float(last), float(program.number(0.0)), 0.0, 0.0))
+    return program.code()
+
+
+class Places:
+    """Where the signals of a model are in the states of its kernels."""
+
+    def __init__(self, model: Model, topology: Topology, packed: System):
+        self._topology, self._packed = topology, packed
+        self._model, self._outputs = model, {o.name: o for o in model.outputs}
+
+    def __call__(self, group: str, name: str, k: int) -> tuple[int, int]:
+        """The operation that reads a signal, and the index in q or v."""
+        if group == "out":
+            o = self._outputs[name]
+            group = "v" if o.kind == "joint_velocity" else "q"
+            name, k = o.at, o.coordinate
+        number = self._topology.number(name)
+        at_v = joint_coordinates(self._packed, number)
+        if group == "v":
+            return kernels.V, at_v[k][0]
+        place = joints.places(self._model.body(name).sequence)[k]
+        assert place is not None
+        return kernels.Q, self._first(number) + place
+
+    def wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
+        """(value, column of the knots) of each entry of what varies, in the axes of the row."""
+        number = self._topology.number(f.body)
+        turn = home_of(self._packed, number) if f.frame == "body" else np.eye(3)
+        for first, value in ((1, f.torque), (4, f.force)):
+            if not isinstance(value, VectorTable) and str in map(type, value):
+                own = _turned(program, turn, [program.value(x) for x in value])
+                yield from zip(own, range(first, first + 3))
+
+    def _first(self, number: int) -> int:
+        """The index in q at which the joint of a body begins."""
+        rows = np.searchsorted(self._packed.body_of_row, number)
+        return int(self._packed.rows[rows, 2])
+
+
+def varying(f: Force) -> bool:
+    """True if a force has an expression."""
+    if isinstance(f, OnJoint):
+        return is_expression(f.torque) or is_expression(getattr(f, f.INPUT))
+    return isinstance(f, Wrench) and any(str in map(type, x) for x in _entries(f))
+
+
+def _entries(f: Wrench) -> list[tuple[Any, ...]]:
+    return [x for x in (f.torque, f.force) if isinstance(x, tuple)]
+
+
+def signals(
+    places: Places,
+    parameters: Mapping[str, float],
+    forces: Sequence[Force],
+    drives: Drives,
+    loads: Loads,
+) -> tuple[Array, Ints]:
+    """(code, targets) of all expressions in these forces, for their drives and loads."""
+    program = Program(parameters, places)
+    targets = list[tuple[int, ...]]()
+    rows, wrenches = iter(drives.table[drives.passive :]), iter(loads.wrench[0])
+    owner = 0
+    for f in forces:
+        if not isinstance(f, (OnJoint, Wrench)):
+            continue
+        row = next(rows if isinstance(f, OnJoint) else wrenches)
+        if not varying(f):
+            continue
+        if isinstance(f, OnJoint):
+            given = zip(_of_drive(program, f), KNOTS)
+            found = [(x, DRIVE, *row[[*at]].tolist(), 1) for x, at in given if x is not None]
+        else:
+            found = [(x, WRENCH, *row[[*SPAN]].tolist(), k) for x, k in places.wrench(program, f)]
+        targets += [(*x, owner, 0) for x in found]
+        owner += 1
+    return program.code(), np.array(targets, np.int64).reshape(-1, TARGET)
+
+
+def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:
+    """(target, torque) of a drive as the kernels take them, None for what does not vary.
+
+    torque + gain u - kp length - kd rate is torque + kp (target - length) - kd rate with the target
+    gain u / kp, or without a kp torque + gain u.
+    """
+    gain, torque, kp, _ = f.law
+    given = getattr(f, f.INPUT)
+    u = program.value(given)
+    if isinstance(given, str):
+        u = program.held(u, *f.inputs)
+    if kp:
+        target = _times(program, gain / kp, u) if isinstance(given, str) else None
+        return target, program.value(torque) if isinstance(torque, str) else None
+    u = _times(program, gain, u)
+    plain = isinstance(torque, float) and torque == 0.0
+    return None, u if plain else program.put(kernels.ADD, program.value(torque), u)
+
+
+def _times(program: Program, by: float, x: Operand) -> Operand:
+    return x if by == 1.0 else program.put(kernels.MUL, program.number(by), x)
+
+
+def _turned(program: Program, turn: Array, x: Sequence[Operand]) -> list[Operand]:
+    """The matrix times a vector."""
+    found = list[Operand]()
+    for row in turn.tolist():
+        parts = [_times(program, by, one) for by, one in zip(row, x) if by]
+        total = parts[0]
+        for other in parts[1:]:
+            total = program.put(kernels.ADD, total, other)
+        found.append(total)
+    return found

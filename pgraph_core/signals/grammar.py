@@ -1,0 +1,282 @@
+"""Text of an expression as a tree, by precedence climbing [Pratt 1973].
+
+    number  name  q.arm  q["upper arm"][1]  v.arm  out.tip[2]  (x)  f(x, ...)
+    x ^ y (also **), -x, x * y, x / y, x + y, x - y, x < y (<=, >, >=), not x, x and y, x or y
+
+The text and its brackets are bounded, so that every text is read or refused in bounded time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import NamedTuple, NoReturn
+
+from ..errors import nearest, shown
+
+LONGEST = 2000  # characters of an expression
+MOST_LEVELS = 50  # brackets and signs inside each other
+DEEPEST = 250  # operations inside each other: a sum of that many terms
+KEPT = 512  # trees of the last texts
+GROUPS = ("q", "v", "out")  # coordinates, velocities, outputs
+
+_DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
+TOKEN = re.compile(
+    rf"(?P<number>0[xX][\da-fA-F_]+|0[oO][0-7_]+|0[bB][01_]+|{_DECIMAL})"
+    r"|(?P<name>[^\W\d]\w*)|(?P<text>\"[^\"]*\"|'[^']*')|(?P<sign>\*\*|<=|>=|[-+*/^<>()\[\],.])"
+)
+# operator -> (operation, how tightly it binds)
+BINARY = {
+    "or": ("or", 1), "and": ("and", 2), "<": ("less", 4), "<=": ("at_most", 4), ">": ("more", 4),
+    ">=": ("at_least", 4), "+": ("add", 5), "-": ("sub", 5), "*": ("mul", 6), "/": ("div", 6),
+    "^": ("pow", 8), "**": ("pow", 8),
+}  # fmt: skip
+COMPARISONS = ("less", "at_most", "more", "at_least")
+NOT, SIGN, POWER = 3, 7, 8
+# function -> least and largest number of arguments
+FUNCTIONS: dict[str, tuple[int, int]] = {
+    "sqrt": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "asin": (1, 1), "acos": (1, 1),
+    "atan": (1, 1), "exp": (1, 1), "log": (1, 1), "abs": (1, 1), "min": (2, 50), "max": (2, 50),
+    "if": (3, 3), "smoothstep": (3, 3), "table": (3, 101),
+}  # fmt: skip
+RESERVED = (*FUNCTIONS, "and", "or", "not", "pi")
+
+
+class Unreadable(ValueError):
+    """A text that is no expression: a sentence with the column, counted from 1."""
+
+    def __init__(self, column: int, text: str):
+        super().__init__(f"column {column}: {text}")
+        self.column = column
+
+
+class Node(NamedTuple):
+    """An operation on others, a `number`, a `name` or a `signal`."""
+
+    op: str
+    args: tuple[Node, ...] = ()
+    value: float = 0.0  # of a number
+    signal: tuple[str, str, int] = ("", "", 0)  # group, name and entry; without a group a name
+    column: int = 1  # of its first character
+    span: tuple[int, int] = (0, 0)  # of its name in the text
+    depth: int = 1
+
+
+class _Token(NamedTuple):
+    kind: str  # number, name, text, sign or end
+    text: str
+    start: int
+
+
+def is_expression(value: object) -> bool:
+    """True if a cell holds '=...'."""
+    return isinstance(value, str) and value.lstrip().startswith("=")
+
+
+@lru_cache(KEPT)
+def parsed(text: str) -> Node:
+    """The tree of an expression, with or without '=' in front. Raises Unreadable."""
+    if len(text) > LONGEST:
+        reason = f"an expression has at most {LONGEST} characters; given {len(text)}"
+        raise Unreadable(LONGEST + 1, reason)
+    return _Reader(text).whole()
+
+
+class _Reader:
+    """The tokens of a text, and the next one to be read."""
+
+    def __init__(self, text: str):
+        self.tokens = list(_tokens(text))
+        self.k = 0
+
+    @property
+    def next(self) -> _Token:
+        return self.tokens[self.k]
+
+    def take(self) -> _Token:
+        self.k += 1
+        return self.tokens[self.k - 1]
+
+    def refuse(self, text: str, at: _Token | None = None) -> NoReturn:
+        raise Unreadable((at or self.next).start + 1, text)
+
+    def expect(self, sign: str) -> None:
+        if self.next.text != sign or self.next.kind != "sign":
+            self.refuse(f"expects '{sign}'; given {_seen(self.next)}")
+        self.take()
+
+    def whole(self) -> Node:
+        found = self.expression(0, 0)
+        if self.next.kind != "end":
+            self.refuse(f"expects an operator or the end; given {_seen(self.next)}")
+        return found
+
+    def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
+        depth = 1 + max(x.depth for x in args)
+        if depth > DEEPEST:
+            self.refuse(f"has more than {DEEPEST} operations inside each other", at)
+        return Node(op, args, column=at.start + 1, depth=depth)
+
+    def expression(self, least: int, level: int) -> Node:
+        """An expression whose operators bind at least as tightly as `least`."""
+        left = self.prefix(level)
+        while self.next.text in BINARY and self.next.kind in ("sign", "name"):
+            at = self.next
+            op, tight = BINARY[at.text]
+            if tight < least:
+                break
+            self.take()
+            if op in COMPARISONS and left.op in COMPARISONS:
+                self.refuse("compares twice; write a < b and b < c", at)
+            right = self.expression(tight if tight == POWER else tight + 1, level + 1)
+            left = self.made(op, (left, right), at)
+        return left
+
+    def prefix(self, level: int) -> Node:
+        at = self.next
+        if level > MOST_LEVELS:
+            self.refuse(f"nests deeper than {MOST_LEVELS} levels")
+        if at.kind == "sign" and at.text in "+-":
+            self.take()
+            inside = self.expression(SIGN, level + 1)
+            return inside if at.text == "+" else self.made("neg", (inside,), at)
+        if at.kind == "name" and at.text == "not":
+            self.take()
+            return self.made("not", (self.expression(NOT, level + 1),), at)
+        return self.operand(level)
+
+    def operand(self, level: int) -> Node:
+        at = self.take()
+        if at.kind == "number":
+            return Node("number", value=self.number(at), column=at.start + 1)
+        if at.kind == "sign" and at.text == "(":
+            inside = self.expression(0, level + 1)
+            self.expect(")")
+            return inside
+        if at.kind != "name" or at.text in BINARY:
+            self.k -= 1
+            self.refuse(f"expects a number, a name or '('; given {_seen(at)}")
+        if self.next.text == "(":
+            return self.call(at, level)
+        if at.text in GROUPS and self.next.text in (".", "["):
+            return self.signal(at)
+        span = (at.start, at.start + len(at.text))
+        return Node("name", signal=("", at.text, 0), column=at.start + 1, span=span)
+
+    def number(self, at: _Token) -> float:
+        try:
+            return float(int(at.text, 0)) if at.text[:2].lower() in _BASES else float(at.text)
+        except (ValueError, OverflowError):
+            self.refuse(f"{shown(at.text)} is no number", at)
+
+    def call(self, at: _Token, level: int) -> Node:
+        if at.text not in FUNCTIONS:
+            self.refuse(
+                f"no function is called {shown(at.text)}; {nearest(at.text, FUNCTIONS)}", at
+            )
+        self.take()
+        args: list[Node] = []
+        while self.next.text != ")" or self.next.kind != "sign":
+            if args:
+                self.expect(",")
+            args.append(self.expression(0, level + 1))
+        self.take()
+        least, most = FUNCTIONS[at.text]
+        if not least <= len(args) <= most or (at.text == "table" and len(args) % 2 == 0):
+            self.refuse(f"{at.text} takes {TAKES.get(at.text, 'one argument')}", at)
+        return self.made(at.text, tuple(args), at)
+
+    def signal(self, at: _Token) -> Node:
+        """q.name, q["name"], and behind either the number of one of several in brackets."""
+        quoted = self.take().text == "["
+        name = self.take()
+        wanted = "text" if quoted else "name"
+        if name.kind != wanted:
+            form = f'{at.text}["the name"]' if quoted else f"{at.text}.name"
+            self.refuse(f"expects {form}; given {_seen(name)}", name)
+        inside = name.text[1:-1] if quoted else name.text
+        span = (name.start - 1, name.start + len(name.text) + (1 if quoted else 0))
+        if quoted:
+            self.expect("]")
+        index = 0
+        if self.next.text == "[":
+            self.take()
+            which = self.take()
+            if which.kind != "number" or not which.text.isdecimal() or len(which.text) > 2:
+                self.refuse(f"expects the number of an entry, from 0; given {_seen(which)}", which)
+            index = int(which.text)
+            self.expect("]")
+        return Node("signal", signal=(at.text, inside, index), column=at.start + 1, span=span)
+
+
+_BASES = ("0x", "0o", "0b")
+TAKES = {
+    "if": "three arguments: if(condition, then, otherwise)",
+    "smoothstep": "three arguments: smoothstep(x, from, to), which goes from 0 to 1",
+    "table": "x, then a place and a value each: table(x, 0, 1.5, 2, 3.0)",
+    "min": "two or more arguments", "max": "two or more arguments",
+}  # fmt: skip
+
+
+def _tokens(text: str) -> Iterator[_Token]:
+    """The tokens of a text, then the end. Raises Unreadable."""
+    at = len(text) - len(text.lstrip())
+    at += text[at : at + 1] == "="
+    while at < len(text):
+        if text[at].isspace():
+            at += 1
+            continue
+        found = TOKEN.match(text, at)
+        if found is None:
+            raise Unreadable(at + 1, f"{shown(text[at])} has no meaning here")
+        kind = found.lastgroup or ""
+        yield _Token(kind, found[0], at)
+        at = found.end()
+    yield _Token("end", "", len(text))
+
+
+def _seen(token: _Token) -> str:
+    return "the end" if token.kind == "end" else shown(token.text)
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """A node and all below it."""
+    left = [node]
+    while left:
+        one = left.pop()
+        yield one
+        left += one.args
+
+
+def signals_in(text: str) -> set[tuple[str, str, int]]:
+    """The coordinates, velocities and outputs that a text names, none where it is unreadable."""
+    try:
+        return {n.signal for n in walk(parsed(text)) if n.op == "signal"}
+    except Unreadable:
+        return set()
+
+
+def names_in(text: str) -> set[str]:
+    """The bare names that a text uses, none where it is unreadable."""
+    try:
+        return {n.signal[1] for n in walk(parsed(text)) if n.op == "name"}
+    except Unreadable:
+        return set()
+
+
+def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> str:
+    """A text with other names of bodies ("q", "v"), outputs ("out") or parameters ("")."""
+    found = [n for n in walk(parsed(text)) if n.op in ("name", "signal")]
+    for n in sorted(found, key=lambda n: n.span, reverse=True):
+        group, name, _ = n.signal
+        if group in groups and name in names:
+            new = names[name]
+            plain = f".{new}" if new.isidentifier() else f"[{_quoted(new)}]"
+            plain = plain if group else new
+            text = text[: n.span[0]] + plain + text[n.span[1] :]
+    return text
+
+
+def _quoted(name: str) -> str:
+    return f"'{name}'" if '"' in name else f'"{name}"'
