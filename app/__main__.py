@@ -11,9 +11,13 @@ def main() -> int:
     # before NumPy is imported: on busy processors OpenBLAS's threads wait a hundred times as long
     # for each other as matrices of a mechanism take to compute
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from pgraph_app.cli import main
+    try:
+        from pgraph_app.cli import main
 
-    return main()
+        return main()
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return 130  # the shells' code for Ctrl+C
 
 
 if __name__ == "__main__":

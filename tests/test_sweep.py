@@ -2,6 +2,7 @@
 
 import json
 import math
+import multiprocessing
 import os
 import signal
 import socket
@@ -347,3 +348,18 @@ def test_metrics_see_an_oscillation_of_one_frame_per_period():
     table = pg.sweep(*given, t_end=100.0, frames=1001)
     assert table.status == ("DONE",)
     assert "frames=" in table.reason[0]
+
+
+def killed_when_heavy(run: pg.Result) -> float:
+    mass = run.mechanism.model.bodies[0].mass
+    if mass == 99.0 and multiprocessing.parent_process():
+        os.kill(os.getpid(), signal.SIGKILL)
+    return mass
+
+
+def test_a_worker_that_is_killed_is_named_with_what_was_done(pendulum, monkeypatch):
+    """A chunk of work is made a point, so that even this sweep goes to processes."""
+    monkeypatch.setattr(tasks, "CHUNK", 1e-6)
+    given = {"set": {"bodies.my.bob.mass": [*np.linspace(1, 2, 40), 99.0]}}
+    with pytest.raises(pg.InputError, match=r"workers.*ended from outside after \d+ of \d+"):
+        pg.sweep(pendulum, **given, metric=killed_when_heavy, **SHORT, workers=2)

@@ -45,9 +45,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(text, file=sys.stderr)
             raise SystemExit(2)  # the code of wrong usage
         return _start(words)
-    except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
-        return 130  # the shells' code for Ctrl+C
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush
         return 0

@@ -13,6 +13,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from ..dynamics.states import (
     size_of_motion,
     turned,
 )
-from ..errors import FileError, InputError, Problem, choices, explained, guarded
+from ..errors import FileError, InputError, PgraphError, Problem, choices, explained, guarded
 from ..markup import ordinary, reason_of
 from ..model import Force, Model
 from ..model.constraint import InJoints
@@ -48,6 +49,7 @@ from .records import (
     event_arrays,
     events_of_arrays,
 )
+from .stored import arrays_of, header_of
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -566,30 +568,50 @@ class Result(EqualByFields, Portable):
         Meshes outside of its folder are refused unless they lie in one of `roots`.
         Raises FileError or ModelError.
         """
-        from ..mechanism import Mechanism
-
-        header, arrays = _entries(path)
-        text = f"holds no whole run; {WRITTEN}"
         try:
-            description, folder = json.dumps(header.pop("model")), Path(path).parent
-            model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
-            status = Status(Status.__members__.get(header["status"]))
-            given = {name: header[name] for name in SCALARS}
-            given["notices"] = tuple(given["notices"])
-            given |= {name: arrays[name] for name in ARRAYS}
-            prefix = "force:"
-            forces = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-            contacts, happened = ContactRecord.of_arrays(arrays), events_of_arrays(arrays)
-            mech = Mechanism(model)
-            fits = given["q"].shape[1:] == (mech.nq,) and given["v"].shape[1:] == (mech.nv,)
-            whole = fits and len({len(given[name]) for name in ARRAYS}) == 1
+            file = ordinary(path)
+        except (OSError, ValueError) as error:
+            reason = reason_of(error)
+            text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
+            raise FileError(Problem(shown_path(path), "", text)) from None
+        try:
+            with file:
+                if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
+                    text = f"is no run: not an .npz file; {WRITTEN}"
+                    raise FileError(Problem(str(path), "", text))
+                return cls._stored(ZipFile(file), path, roots)
+        except PgraphError:
+            raise
         except KeyError as missing:
             text = f"holds no whole run: {missing} is missing; {WRITTEN}"
-            raise FileError(Problem(str(path), "", text)) from None
         except (TypeError, ValueError, AttributeError):
-            raise FileError(Problem(str(path), "", text)) from None
-        if not whole:
-            raise FileError(Problem(str(path), "", text))
+            text = f"holds no whole run; {WRITTEN}"
+        except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
+            text = (
+                "is damaged and cannot be read as a run; save the run again, or copy the file again"
+            )
+        raise FileError(Problem(str(path), "", text))
+
+    @classmethod
+    def _stored(cls, file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> Result:
+        """Raises KeyError, TypeError, ValueError, AttributeError or FileError."""
+        from ..mechanism import Mechanism
+
+        header = header_of(file)
+        description, folder = json.dumps(header.pop("model")), Path(path).parent
+        model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
+        status = Status(Status.__members__.get(header["status"]))
+        arrays = arrays_of(file, len(model.bodies))
+        given = {name: header[name] for name in SCALARS}
+        given["notices"] = tuple(given["notices"])
+        given |= {name: arrays[name] for name in ARRAYS}
+        prefix = "force:"
+        forces = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+        contacts, happened = ContactRecord.of_arrays(arrays), events_of_arrays(arrays)
+        mech = Mechanism(model)
+        fits = given["q"].shape[1:] == (mech.nq,) and given["v"].shape[1:] == (mech.nv,)
+        if not fits or len({len(given[name]) for name in ARRAYS}) != 1:
+            raise ValueError("arrays of different lengths")
         loaded = {
             "constraint_force": Named(forces, *OF_CONSTRAINTS),
             "contacts": contacts,
@@ -621,32 +643,6 @@ class Result(EqualByFields, Portable):
 
 
 WRITTEN = "give a file written by Result.save"
-
-
-def _entries(path: str | Path) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The header and the arrays in the file of a run. Raises FileError."""
-    try:
-        file = ordinary(path)
-    except (OSError, ValueError) as error:
-        reason = reason_of(error)
-        text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
-        raise FileError(Problem(shown_path(path), "", text)) from None
-    try:
-        with file:
-            if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
-                raise FileError(Problem(str(path), "", f"is no run: not an .npz file; {WRITTEN}"))
-            file.seek(0)
-            data = np.load(file, allow_pickle=False)
-            arrays = {name: data[name] for name in data}
-        header = json.loads(str(arrays.pop("header")))
-        return dict(header), arrays
-    except FileError:
-        raise
-    except KeyError:
-        text = f"is no run: it has no header; {WRITTEN}"
-    except Exception:  # zip, zlib, numpy and its parser raise any error on damaged files
-        text = "is damaged and cannot be read as a run; save the run again, or copy the file again"
-    raise FileError(Problem(str(path), "", text))
 
 
 def _show() -> Any:

@@ -264,16 +264,27 @@ class Work:
         return not self.stopped.is_set()
 
     def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
-        """Yield results as they arrive, in the caller's thread, until the caller cancels."""
-        for future in as_completed(futures):
-            self.done += 1
-            answer = None if self.progress is None else self.progress(self.done / self.total)
-            if answer is not None and not answer:
-                self.stopped.set()
-                for other in futures:
-                    other.cancel()
-                return
-            yield future.result()
+        """Yield results as they arrive, in the caller's thread, until the caller cancels.
+
+        An exception, Ctrl-C among them, stops the other threads too.
+        """
+        try:
+            for future in as_completed(futures):
+                self.done += 1
+                answer = None if self.progress is None else self.progress(self.done / self.total)
+                if answer is not None and not answer:
+                    self.stop(futures)
+                    return
+                yield future.result()
+        except BaseException:
+            self.stop(futures)
+            raise
+
+    def stop(self, futures: Sequence[Future[Any]]) -> None:
+        """Let no run go on and no further one begin."""
+        self.stopped.set()
+        for one in futures:
+            one.cancel()
 
 
 def _computed(

@@ -191,12 +191,20 @@ def _by_processes(
     context = multiprocessing.get_context("spawn")  # forks of a process with threads may hang
     given: Any = {"mp_context": context, "initializer": _keep, "initargs": (task,)}
     with ProcessPoolExecutor(workers or os.cpu_count(), **given) as pool:
-        futures = [pool.submit(_run_kept, part) for part in _chunks(points, each)]
+        chunks = _chunks(points, each)
+        futures = [pool.submit(_run_kept, part) for part in chunks]
         try:
             for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool:
-            text = f"the processes could not start or died; {GUARD}, or give workers=1"
+            text = f"the processes could not start; {GUARD}, or give workers=1"
+            ended = (one.done() and one.exception() is None for one in futures)
+            if done := sum(len(part) for part, well in zip(chunks, ended) if well):
+                text = (
+                    f"a process was ended from outside after {done} of {len(points)} points, as "
+                    "systems do that run out of memory; give fewer workers, and out= with "
+                    "resume=True to keep what is done"
+                )
             raise InputError(Problem("sweep", "workers", text)) from None
         finally:
             pool.shutdown(cancel_futures=True)

@@ -1,7 +1,11 @@
 """Runs in damaged files, equal runs, and wrong types in the calls that take a run or a model."""
 
 import dataclasses
+import io
 import json
+import math
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
@@ -67,6 +71,38 @@ def test_a_file_with_parts_missing_or_of_other_sizes_is_refused(run, saved, tmp_
     said(header=np.array("[1"))
     assert "'model'" in said(header=np.array("{}"))
     said(header=np.array(json.dumps(header | {"status": "GONE"})))
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("t", (3_000_000,)),
+        ("q", (5, 600_000)),
+        ("q", (3_000_000, 1)),
+        ("header", (1, 75_000_000)),
+        ("force:rod", (5, 600_000)),
+        ("contact event times", (9_000_000,)),
+        ("user event q", (9_000_000, 1)),
+        ("unknown", (3_000_000,)),
+    ],
+)
+def test_what_unpacks_to_more_than_a_model_can_have_is_refused_unread(saved, tmp_path, name, shape):
+    file, kind = tmp_path / "run.npz", "<f8" if name != "header" else "<U1"
+    with np.load(io.BytesIO(saved)) as data:
+        arrays = {k: x for k, x in data.items() if k != name}
+    np.savez_compressed(file, **arrays)
+    head = {"descr": kind, "fortran_order": False, "shape": shape}
+    whole = zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED)
+    with whole, whole.open(f"{name}.npy", "w") as entry:
+        np.lib.format.write_array_header_1_0(entry, head)
+        for _ in range(math.prod(shape) * np.dtype(kind).itemsize // 100_000):
+            entry.write(bytes(100_000))
+    tracemalloc.start()
+    try:
+        refusal(file, file.read_bytes())
+        assert tracemalloc.get_traced_memory()[1] < 10**7
+    finally:
+        tracemalloc.stop()
 
 
 def test_equal_runs_are_equal_and_others_are_not(run, saved, tmp_path):

@@ -3,6 +3,8 @@
 import itertools
 import json
 import re
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.study import stability
 from pgraph_core.study.axes import AXES, first_axis
 from pgraph_core.study.map import Verdict
 from pgraph_core.study.rescaling import rescaled
@@ -324,3 +327,24 @@ def test_every_shape_of_a_body_is_rescaled():
     assert scaled.shapes[1].colour == (1.0, 0.0, 0.0)
     assert scaled.mass == pytest.approx(3 * body.mass, rel=1e-14)  # from density and volume
     np.testing.assert_allclose(scaled.inertia, 12 * np.array(body.inertia), rtol=1e-13, atol=1e-13)
+
+
+def test_an_interruption_stops_the_runs_of_the_other_threads():
+    begun = threading.Event()
+
+    def interrupt(share: float) -> None:
+        begun.wait(60)
+        raise KeyboardInterrupt
+
+    work = stability.Work(2, interrupt)
+
+    def run() -> bool:
+        begun.set()
+        return work.stopped.wait(60)
+
+    with ThreadPoolExecutor(2) as pool:
+        short, long = pool.submit(work.goes_on), pool.submit(run)
+        with pytest.raises(KeyboardInterrupt):
+            list(work.finished([short, long]))
+    assert long.result()
+    assert not work.goes_on()
