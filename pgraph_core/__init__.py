@@ -11,6 +11,9 @@ from . import hooks
 
 if TYPE_CHECKING:
     from .analysis.assembly import Assembly as Assembly
+    from .analysis.feedback import Feedback as Feedback
+    from .analysis.feedback import lqr as lqr
+    from .analysis.feedback import place_poles as place_poles
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
     from .errors import FileError as FileError
@@ -106,6 +109,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "batches.batch_stepper": "BatchStepper",
     "analysis.assembly": "Assembly",
+    "analysis.feedback": "Feedback lqr place_poles",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
     "formats": "load",

@@ -1,0 +1,324 @@
+"""State feedback u = hold - K (x - x*) from the linearised motion, as expressions in the drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve, solve_continuous_are
+from scipy.signal import place_poles as placed
+
+from .. import joints
+from ..dynamics import Dynamics
+from ..errors import InputError, Problem, explained, nearest, shown
+from ..forces import OnJoint
+from ..model import Model
+from ..packing import Array
+from ..tolerances import NOTABLE
+from .linear import Linearisation, linearise
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """Gains of a state feedback u = hold - K (x - at), and the model that has it."""
+
+    K: Array  # (m, n) [input per rad, m, rad/s, m/s]
+    states: tuple[str, ...]  # (n,) names of x: q.cart, q.pole, v.cart, v.pole
+    inputs: tuple[str, ...]  # (m,) names of the drives
+    at: Array  # (n,) x* [rad, m, rad/s, m/s]
+    hold: Array  # (m,) inputs that hold it
+    A: Array  # (n, n) x' = A (x - at) + B (u - hold)
+    B: Array  # (n, m)
+    poles: Array  # (n,) eigenvalues of A - B K [1/s]
+    model: Model  # the drives have the feedback as their expressions
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles are left of the imaginary axis."""
+        return bool((self.poles.real < 0).all())
+
+
+@explained
+def lqr(
+    model: Model,
+    Q: Any,
+    R: Any = 1.0,
+    /,
+    *,
+    inputs: Sequence[str] | None = None,
+    states: Sequence[str] | None = None,
+    q: Any = None,
+) -> Feedback:
+    """Find the gains that minimise the integral of x' Q x + u' R u about a state at rest.
+
+    Parameters
+    ----------
+    model : Model
+        What the drives do without feedback counts, such as the kp and kd of a servo.
+    Q : number, (n,), (n, n) or dict
+        Weights of the states: one for all, one each, a matrix, or by name, 0 for the others.
+    R : number, (m,), (m, m) or dict
+        Weights of the inputs in the same form.
+    inputs : list of str, optional
+        Names of motors, servos and actuators; by default all of the model.
+    states : list of str, optional
+        Bodies whose coordinates are fed back, where constraints tie others to them: as many as
+        the motion is free in, by default the best conditioned ones.
+    q : (nq,) array, optional
+        Configuration, by default the initial one.
+
+    Returns
+    -------
+    Feedback
+        Gains, poles, and the model with the feedback.
+
+    Raises
+    ------
+    InputError
+        For weights that do not fit, a state that the inputs cannot hold, and one that they cannot
+        make stable.
+
+    Examples
+    --------
+    >>> cart = pg.Body(name="cart", joint="prismatic", axes=[(1, 0, 0)])
+    >>> pole = pg.Body(name="pole", parent="cart", axes=[(0, 0, 1)], com=(0, 0.5, 0))
+    >>> push = pg.Motor(name="push", body="cart")
+    >>> model = pg.Model(bodies=[cart, pole], forces=[push], gravity=(0, -9.81, 0))
+    >>> pg.lqr(model, {"q.cart": 1.0, "q.pole": 10.0}).stable
+    True
+    """
+
+    def gains(plant: _Plant) -> Array:
+        weights = plant.weights(Q, "Q", plant.states), plant.weights(R, "R", plant.inputs)
+        try:
+            P = solve_continuous_are(plant.A, plant.B, *weights)
+        except (LinAlgError, ValueError) as error:
+            text = f"have no solution of Riccati's equation: {plant.fault() or error}"
+            raise InputError(Problem("lqr", "Q, R", text)) from None
+        return solve(weights[1], plant.B.T @ P)
+
+    return _closed("lqr", model, inputs, states, q, gains)
+
+
+@explained
+def place_poles(
+    model: Model,
+    poles: Any,
+    /,
+    *,
+    inputs: Sequence[str] | None = None,
+    states: Sequence[str] | None = None,
+    q: Any = None,
+) -> Feedback:
+    """Find gains that give the closed loop these poles, by SciPy's `place_poles`.
+
+    Parameters
+    ----------
+    model : Model
+        What the drives do without feedback counts.
+    poles : (n,) array
+        Eigenvalues of the closed loop [1/s], complex ones in pairs.
+    inputs : list of str, optional
+        Names of motors, servos and actuators; by default all of the model.
+    states : list of str, optional
+        Bodies whose coordinates are fed back, where constraints tie others to them: as many as
+        the motion is free in, by default the best conditioned ones.
+    q : (nq,) array, optional
+        Configuration, by default the initial one.
+
+    Returns
+    -------
+    Feedback
+        Gains, poles, and the model with the feedback.
+
+    Raises
+    ------
+    InputError
+        For another number of poles, for poles that SciPy refuses, and for a state that the inputs
+        cannot hold.
+    """
+
+    def gains(plant: _Plant) -> Array:
+        wanted = np.atleast_1d(np.asarray(poles, dtype=complex))
+        if wanted.shape != (len(plant.states),):
+            text = f"needs {len(plant.states)} poles, one a state; given {shown(poles)}"
+            raise InputError(Problem("place_poles", "poles", text))
+        if text := plant.fault():
+            raise InputError(Problem("place_poles", "poles", text))
+        try:
+            found: Any = placed(plant.A, plant.B, wanted)
+            return found.gain_matrix
+        except ValueError as error:
+            raise InputError(Problem("place_poles", "poles", str(error))) from None
+
+    return _closed("place_poles", model, inputs, states, q, gains)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plant:
+    """The motion about a state, from named inputs to named states."""
+
+    call: str
+    A: Array
+    B: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    def weights(self, given: Any, field: str, names: tuple[str, ...]) -> Array:
+        """The matrix of weights. Raises InputError."""
+        n = len(names)
+        if isinstance(given, Mapping):
+            unknown = [name for name in given if name not in names]
+            if unknown:
+                text = f"no such name as {shown(unknown[0])}; {nearest(str(unknown[0]), names)}"
+                raise InputError(Problem(self.call, field, text))
+            given = [given.get(name, 0.0) for name in names]
+        try:
+            found = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            found = np.full(1, np.nan)
+        if found.ndim < 2 and found.shape in ((), (n,)):
+            found = np.diag(np.broadcast_to(found, n))
+        if found.shape != (n, n) or not np.isfinite(found).all():
+            text = f"must be a number, {n} numbers or {n} x {n} numbers, of {', '.join(names)}"
+            raise InputError(Problem(self.call, field, f"{text}; given {shown(given)}"))
+        return found
+
+    def fault(self) -> str:
+        """Return which unstable motion no input moves, or ""."""
+        values, left = np.linalg.eig(self.A.T)
+        for value, row in zip(values, left.T):
+            reach = np.abs(row @ self.B).max() / max(np.abs(self.B).max(), 1e-300)
+            if value.real >= 0 and reach < NOTABLE * np.abs(row).max():
+                most = self.states[int(np.argmax(np.abs(row)))]
+                return f"the inputs do not move the motion of '{most}' with the pole {value:.3g}/s"
+        return ""
+
+
+def _closed(
+    call: str, model: Model, inputs: Any, states: Any, q: Any, gains: Callable[[_Plant], Array]
+) -> Feedback:
+    """The feedback about a state at rest, with what `gains` returns."""
+    drives = _drives(call, model, inputs)
+    model = _with_inputs(model, drives, [0.0] * len(drives))
+    plain = Dynamics(model)
+    loose = linearise(plain, q, None, None)
+    B = np.array([loose.B @ _pushes(plain, f) for f in drives]).T
+    hold: Any = np.linalg.lstsq(B, -loose.drift, rcond=None)[0]
+    mech = Dynamics(_with_inputs(model, drives, hold.tolist()))
+    found = _chosen(call, mech, linearise(mech, q, None, None), states)
+    names, places = _names(call, mech, found)
+    at = np.concatenate((found.q[places], np.zeros(len(found.velocities))))
+    B = np.array([found.B @ _pushes(mech, f) for f in drives]).T
+    missed = found.drift
+    if np.abs(missed).max(initial=0.0) > NOTABLE * np.abs(found.A).max():
+        k = int(np.argmax(np.abs(missed)))
+        text = f"no input holds this state: {names[k]} would change at {missed[k]:.3g}/s; give a "
+        raise InputError(Problem(call, "q", f"{text}q that mech.equilibrium(q) returns"))
+    plant = _Plant(call, found.A, B, names, tuple(f.name for f in drives))
+    K = np.atleast_2d(gains(plant))
+    texts = [_text(names, at, row, float(u)) for row, u in zip(K, hold)]
+    model = _with_inputs(model, drives, texts)
+    poles: Any = np.linalg.eigvals(found.A - B @ K)
+    poles = poles[np.lexsort((-poles.imag, poles.real))]
+    return Feedback(K, names, plant.inputs, at, hold, found.A, B, poles, model)
+
+
+def _with_inputs(model: Model, drives: Sequence[OnJoint], values: Sequence[Any]) -> Model:
+    for f, value in zip(drives, values):
+        model = model.edit(f.name, kind="force", **{f.INPUT: value})
+    return model
+
+
+def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Linearisation:
+    """The same motion in other coordinates. Raises InputError."""
+    if wanted is None:
+        return found
+    names = _labels(mech)
+    for name in wanted:
+        if name not in names:
+            text = f"no coordinate is called {shown(name)}; {nearest(str(name), names)}"
+            raise InputError(Problem(call, "states", text))
+    T = found.moves[[names.index(name) for name in wanted]]
+    n = len(found.coordinates)
+    if len(found.velocities) != n or len(T) != n or np.linalg.matrix_rank(T) < n:
+        text = f"must be {n} coordinates that the others follow, such as "
+        text += f"{', '.join(found.coordinates)}; given {shown(list(wanted))}"
+        raise InputError(Problem(call, "states", text))
+    both = np.kron(np.eye(2), T)
+    return replace(
+        found, A=both @ np.linalg.solve(both.T, found.A.T).T, B=both @ found.B,
+        drift=both @ found.drift, coordinates=tuple(wanted), velocities=tuple(wanted),
+    )  # fmt: skip
+
+
+def _labels(mech: Dynamics) -> list[str]:
+    """Names of the degrees of freedom, as `linearise` has them."""
+    return [label for label, *_ in _degrees(mech)]
+
+
+def _degrees(mech: Dynamics) -> list[tuple[str, str, int, bool]]:
+    """(label, body, degree of freedom of its joint, whether of several) of each of v."""
+    found = list[tuple[str, str, int, bool]]()
+    for name, joint in mech.joints.items():
+        count = joint.v.stop - joint.v.start
+        several = count > 1
+        labels = [f"{name}[{k}]" if several else name for k in range(count)]
+        found += [(label, name, k, several) for k, label in enumerate(labels)]
+    return found
+
+
+def _drives(call: str, model: Model, names: Any) -> list[OnJoint]:
+    known = {f.name: f for f in model.forces if isinstance(f, OnJoint)}
+    wanted = list(known) if names is None else [names] if isinstance(names, str) else list(names)
+    for name in wanted:
+        if name not in known:
+            do = nearest(str(name), known) if known else "the model has none"
+            text = f"no motor, servo or actuator is called {shown(name)}; {do}"
+            raise InputError(Problem(call, "inputs", text))
+    if not wanted:
+        text = "needs a motor, servo or actuator; add one with model.add(pg.Motor(...))"
+        raise InputError(Problem(call, "inputs", text))
+    return [known[name] for name in wanted]
+
+
+def _pushes(mech: Dynamics, f: OnJoint) -> Array:
+    """(nv,) torques of a unit of a drive's input."""
+    found = np.zeros(mech.nv)
+    for body, k, factor in f.terms:
+        found[mech.joints[body].v.start + k] += f.law.gain * factor
+    return found
+
+
+def _names(call: str, mech: Dynamics, found: Linearisation) -> tuple[tuple[str, ...], list[int]]:
+    """(names of the states as expressions have them, indices in q). Raises InputError."""
+    written = {label: (name, k, several) for label, name, k, several in _degrees(mech)}
+    names, places = list[str](), list[int]()
+    for label in found.coordinates:
+        name, k, several = written[label]
+        place = joints.places(mech.model.body(name).sequence)[k]
+        if place is None:
+            text = f"'{name}' turns as a ball, whose turn is no single number; give it hinges"
+            raise InputError(Problem(call, "model", text))
+        names.append(_signal("q", name, k, several))
+        places.append(mech.joints[name].q.start + place)
+    for label in found.velocities:
+        names.append(_signal("v", *written[label]))
+    return tuple(names), places
+
+
+def _signal(group: str, name: str, k: int, several: bool) -> str:
+    inside = f".{name}" if name.isidentifier() else f'["{name}"]'
+    return group + inside + (f"[{k}]" if several else "")
+
+
+def _text(names: Sequence[str], at: Array, gains: Array, hold: float) -> str:
+    """The expression hold - K (x - x*)."""
+    parts = [f"{hold!r}"] if hold else []
+    for name, x, k in zip(names, at.tolist(), gains.tolist()):
+        if k:
+            away = f"({name} - {x!r})" if x > 0 else f"({name} + {-x!r})" if x < 0 else name
+            parts.append(f"{-k!r}*{away}")
+    return "=" + " + ".join(parts or ["0*t"]).replace("+ -", "- ")
