@@ -462,7 +462,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                     continue
                 _, _, qi, vi = mech.system.rows[k].tolist()
                 block = np.zeros(at.BLOCK_F)
-                block[at.VALUE], block[at.BOUNCE] = sign * bound, bounce
+                block[at.VALUE], block[at.REBOUND] = sign * bound, bounce
                 block[at.SIZE] = _size(mech, k, pair)
                 rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
                 values.append(block)

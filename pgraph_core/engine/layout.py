@@ -89,8 +89,10 @@ PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
-FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient and restitution of a contact or limit
+FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient; restitution of a contact, or of an impact now
 SIZE = 27  # scale of the gaps of a limit [rad, m]
+REBOUND = 16  # restitution of a limit
+LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]
 BLOCK_F = 28
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0

@@ -112,7 +112,7 @@ def _limits(topology: Topology, packed: System, tables: Tables) -> Iterator[Cont
         body = topology.names[int(packed.body_of_row[row]) - 1]
         bound, size = float(values[at.VALUE]), float(values[at.SIZE])
         limit = Limit(row, int(term[0]), int(term[1]), float(sign), bound, size)
-        yield ContactPoint(name, name, body, 0.0, float(values[at.BOUNCE]), limit=limit)
+        yield ContactPoint(name, name, body, 0.0, float(values[at.REBOUND]), limit=limit)
 
 
 def with_points(

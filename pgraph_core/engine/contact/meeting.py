@@ -1,8 +1,9 @@
 """When things meet within a step of time stepping.
 
 The gap of two convex shapes over a bound of the speed at which it closes is a time in which they
-cannot touch: conservative advancement ([Mirtich 1996]). Joint limits are gaps too. The path is that
-of a step without impulses of what meets: q moves along v₀ + a τ / 2 for the time τ.
+cannot touch: conservative advancement ([Mirtich 1996]). The path is that of a step without impulses
+of what meets: q moves along v₀ + a τ / 2 for the time τ. So the gap of a joint limit is a parabola,
+whose first root is the time of its impact, however slow.
 
 Two shapes that touch already have no gap, yet other points of theirs may land within the step: a
 plate that has hit with one edge falls onto the other. Of those, every point of the touch has a gap
@@ -55,6 +56,21 @@ def closed_limit(blocks, i):
     """Return the gap of limit i that counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, ROUNDING * abs(value))
+
+
+@part
+def limit_gap(blocks, i, q):
+    """Return the gap of limit i [rad, m]."""
+    blocks_i, blocks_f, terms_i, terms_f, _, _ = blocks
+    return total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+
+
+@part
+def limit_speeds(blocks, i, v, vdot):
+    """Return the rate of limit i's gap, and its change without impulses."""
+    blocks_i, _, terms_i, terms_f, _, _ = blocks
+    rate = total(blocks_i, terms_i, terms_f, i, 0, v)
+    return rate, total(blocks_i, terms_i, terms_f, i, 0, vdot)
 
 
 @part
@@ -138,16 +154,44 @@ def point_meets(scene, n, h, left):
     )
 
 
+@part
+def limit_arrival(blocks, i, back, h, left, q, v, vdot):
+    """Return the time until limit i is hit [s]: 0 at once, infinite if not within `left`.
+
+    The path is that of `state_at`, on which a gap of coordinates is a parabola. It starts a time
+    `back` before q, which has moved from there at v. A closed limit is hit at once if its speed
+    would leave what counts as closed within a step of width h. A limit that was located in this
+    step counts again after half of its gap: a path that impulses of other rows bend may not lead
+    there.
+    """
+    closed = closed_limit(blocks, i)
+    rate, change = limit_speeds(blocks, i, v, vdot)
+    gap = limit_gap(blocks, i, q) - back * rate
+    rise = 0.5 * rate * rate / -change if rate > 0.0 and change < 0.0 else 0.0
+    if gap + rise <= closed:
+        return 0.0 if -rate * h > closed else math.inf
+    way = gap - 0.5 * closed
+    square = rate * rate - 2.0 * change * way
+    falls = rate < 0.0 or change < 0.0
+    if not (square >= 0.0 and falls and gap <= 0.5 * blocks.blocks_f[i, at.LOCATED]):
+        return math.inf
+    root = math.sqrt(square)
+    time = 2.0 * way / (root - rate) if rate < 0.0 else (rate + root) / -change
+    return time if time <= left else math.inf
+
+
 @sweep
-def limit_meets(blocks, i, h, left, q, v, vdot):
-    """True if limit i, at the middle of a sub-step, is hit within it."""
-    closing = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
-    pull = abs(total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot))
-    if not hits(closing, h, blocks.blocks_f[i, at.SIZE], pull):
-        return False
-    gap = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 1, q)
-    gap -= blocks.blocks_f[i, at.VALUE]
-    return gap - 0.5 * left * closing <= closed_limit(blocks, i)
+def first_limit(scene, h, left, q, v, vdot):
+    """Return (time until a limit is hit, at most `left` [s], its block or -1)."""
+    blocks = opened(scene).blocks
+    tally = contacts_at(opened(scene).links.contacts).tally[0]
+    found = -1
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if type_of(blocks.blocks_i, i) == at.T_LIMIT:
+            time = limit_arrival(blocks, i, 0.0, h, left, q, v, vdot)
+            if time < left or time == 0.0:
+                left, found = time, i
+    return left, found
 
 
 # -- the first meeting --------------------------------------------------------------------------
@@ -182,7 +226,8 @@ def place_shapes(scene, q, v):
 def hits_at_once(scene, h, q, v, vdot):
     """True if something hits at (q, v), such as at the end of a sub-step."""
     place_shapes(scene, q, v)
-    return list_meetings(scene, h, 0.0, q, v, vdot) < 0
+    _, limit = first_limit(scene, h, 0.0, q, v, vdot)
+    return limit >= 0 or list_meetings(scene, h, 0.0) < 0
 
 
 @sweep
@@ -192,10 +237,12 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
     It is less than `left`, too, if rotations make the path unknown farther on. The scene's shapes
     are in the state `start`, to which q is restored afterwards.
     """
-    data = opened(scene)
-    meetings = contacts_at(data.links.contacts).meetings
-    count = list_meetings(scene, h, left, q, v, vdot)
+    blocks = opened(scene).blocks
+    meetings = contacts_at(opened(scene).links.contacts).meetings
+    left, limit = first_limit(scene, h, left, q, v, vdot)
+    hit = left
     found = left
+    count = list_meetings(scene, h, left) if left > 0.0 else -1
     if count < 0:
         found = 0.0
     elif count > 0:
@@ -212,9 +259,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
             for n in range(count):
                 if meetings[n].shape_b == CARRIED:
                     continue
-                if meetings[n].shape_a < 0:
-                    ahead, landed, inside = next_limit(data, meetings[n], q, v, vdot, left - tau)
-                elif meetings[n].shape_b < 0:
+                if meetings[n].shape_b < 0:
                     ahead, landed, inside = next_ground(scene, meetings[n], h, left - tau)
                 else:
                     ahead, landed, inside = next_landing(scene, meetings[n], h, tau, left)
@@ -238,6 +283,8 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
             found = before
     for i in range(q.shape[0]):
         q[i] = start[i]
+    if limit >= 0 and found == hit:
+        blocks.blocks_f[limit, at.LOCATED] = limit_gap(blocks, limit, q)
     return found
 
 
@@ -247,14 +294,6 @@ def time_to_close(way, closing, curving):
     speed = SURE * max(closing, 0.0)
     root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
     return 2.0 * way / root if root > 0.0 else math.inf
-
-
-@part
-def next_limit(data, meeting, q, v, vdot, left):
-    """Return `next_landing` of a limit."""
-    gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot, left)
-    closed = closed_limit(data.blocks, meeting.vertex)
-    return time_to_close(max(gap - 0.5 * closed, 0.0), rate, 0.0), gap <= closed, gap < -closed
 
 
 @part
@@ -286,15 +325,6 @@ def next_ground(scene, meeting, h, left):
     if closing >= 0.0:
         meeting.shape_b = CARRIED
     return math.inf, False, False
-
-
-@part
-def limit_gap(blocks, i, q, v, vdot, left):
-    """(gap, bound of the speed at which it closes within the time left) of limit i."""
-    gap = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 1, q)
-    now = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
-    change = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot)
-    return gap - blocks.blocks_f[i, at.VALUE], SURE * max(now, 0.0) + left * abs(change)
 
 
 @part
@@ -383,24 +413,13 @@ def put_meeting(meetings, n, a, b, vertex, pair):
 
 
 @sweep
-def list_meetings(scene, h, left, q, v, vdot):
-    """List pairs that may touch within `left`. Returns their number, -1 if something hits now."""
-    data = opened(scene)
-    blocks = data.blocks
-    contacts = contacts_at(data.links.contacts)
+def list_meetings(scene, h, left):
+    """List pairs that may touch within `left`. Returns their number, -1 if two hit now."""
+    contacts = contacts_at(opened(scene).links.contacts)
     tally, meetings = contacts.tally[0], contacts.meetings
     shapes, poses, may = contacts.geometry.shapes, contacts.poses, contacts.candidates
     crowd = is_crowd(contacts)
     n = 0
-    for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        if type_of(blocks.blocks_i, i) == at.T_SPAN:
-            continue  # a bound of a length slows down what comes before it is there
-        gap, rate = limit_gap(blocks, i, q, v, vdot, left)
-        if gap > closed_limit(blocks, i):
-            if gap <= rate * left:
-                n = put_meeting(meetings, n, -1, -1, i, -1)
-        elif limit_meets(blocks, i, h, 0.0, q, v, vdot):
-            return -1
     for k in range(may.on_ground.shape[0]):
         i, pair = may.on_ground[k].shape, may.on_ground[k].pair
         moved = approach(scene, i, -1, left)

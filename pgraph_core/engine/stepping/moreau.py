@@ -52,13 +52,12 @@ from ..constraints.blocks import (
     point_velocity,
     residual_velocity,
     span,
-    total,
     type_of,
     velocities,
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
-from ..contact.closing import closed_gap, hits, smaller_size, thinner
+from ..contact.closing import closed_gap, smaller_size, thinner
 from ..contact.contacts import (
     ADDING,
     FROZEN,
@@ -80,7 +79,9 @@ from ..contact.meeting import (
     closed_limit,
     first_meeting,
     hits_at_once,
-    limit_meets,
+    limit_arrival,
+    limit_gap,
+    limit_speeds,
     look_ahead,
     point_meets,
     state_at,
@@ -148,6 +149,8 @@ def moreau_jean(run, h):
     v = stages[at.CANDIDATE, nq : nq + nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     clear(opened(scene).links.contacts)
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        opened(scene).blocks.blocks_f[i, at.LOCATED] = math.inf
     tally.frozen = ADDING
     t = this.control[0].time
     done = 0.0
@@ -243,7 +246,7 @@ def part_of_step(run, done, h, w, look):
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
-    if add_unilateral(scene, h, w, look, q, v, vdot):
+    if add_unilateral(scene, h, w, h - done, look, q, v, vdot):
         if contacts.laws.shape[0] > 0:  # take back the forces that were added up
             tally.share = -w / h
             call_contact_forces(data.links.forces, (scene, v, tau, flow))
@@ -337,10 +340,11 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 
 @sweep
-def add_unilateral(scene, h, w, look, q, v, vdot):
+def add_unilateral(scene, h, w, left, look, q, v, vdot):
     """Append limits and rigid contacts that touch to the active blocks.
 
-    With `look`, whether something may hit within this part, of width w, of a step of width h.
+    With `look`, whether something may hit within this part, of width w, of a step of width h, of
+    which `left` was left before.
     """
     data = opened(scene)
     blocks = data.blocks
@@ -354,9 +358,9 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
                 active[0] += 1
                 active[active[0]] = i
             continue
-        if look and limit_meets(blocks, i, h, w, q, v, vdot):
+        if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
             return True
-        if limit_reaches(blocks, i, h, w, q, v, vdot):
+        if limit_reaches(blocks, i, w, left, q, v, vdot):
             active[0] += 1
             active[active[0]] = i
     if laws.shape[0] == 0:
@@ -396,26 +400,30 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
 
 
 @part
-def limit_reaches(blocks, i, h, w, q, v, vdot):
+def limit_reaches(blocks, i, w, left, q, v, vdot):
     """True if limit i is at hand in a sub-step of width w, from its middle q.
 
-    A joint that is too slow for its impact to be located gets the permitted speed, with which it is
-    at the limit in the middle of the next sub-step, which is no wider than h.
+    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
+    rebounds in an impact, which has no width. It rests where all its rebounds, each `e` times as
+    long as the one before, would be over in the time left of the step.
     """
-    blocks_i, blocks_f, terms_i, terms_f, _, _ = blocks
-    gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+    blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
+    gap = limit_gap(blocks, i, q)
+    rate, change = limit_speeds(blocks, i, v, vdot)
     blocks_f[i, at.AIM] = 0.0
-    if gap <= 2.0 * closed_limit(blocks, i):
-        return True
-    rate = total(blocks_i, terms_i, terms_f, i, 0, v)
-    change = total(blocks_i, terms_i, terms_f, i, 0, vdot)
-    size = blocks_f[i, at.SIZE]
-    if hits(-rate, h, size, abs(change)):
+    blocks_f[i, at.BOUNCE] = 0.0
+    if w == 0.0:
+        e = blocks_f[i, at.REBOUND]
+        if gap <= 2.0 * closed:
+            blocks_f[i, at.LOCATED] = math.inf
+            if 2.0 * e * rate < (1.0 - e) * left * min(change, 0.0):
+                blocks_f[i, at.BOUNCE] = e
+            return True
         return False
-    rate += w * change
-    ahead = 0.5 * w if hits(-rate, h, size, abs(change)) else 0.5 * (w + h)
-    blocks_f[i, at.AIM] = 2.0 * gap / (w + h)
-    return gap + ahead * rate < 0.0
+    if gap - 0.5 * w * rate <= closed and gap <= 2.0 * closed:
+        return True
+    blocks_f[i, at.AIM] = 2.0 * gap / w
+    return gap + 0.5 * w * (rate - w * abs(change)) < 0.0
 
 
 @sweep
@@ -747,14 +755,14 @@ def limits_beyond(scene, first, q):
     """Write the gaps of limits at q into AIM, and return the largest excess."""
     data = opened(scene)
     blocks, vectors = data.blocks, data.space.vectors
-    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     beyond = 0.0
     moved = False
     for j in range(first, active[0] + 1):
         i = active[j]
         kind = type_of(blocks_i, i)
         if kind == at.T_LIMIT:
-            gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+            gap = limit_gap(blocks, i, q)
             blocks_f[i, at.AIM] = gap
             if -gap > 4.0 * closed_limit(blocks, i):
                 beyond = max(beyond, -gap)
