@@ -445,7 +445,7 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
         text += f"event {choices(m.name for m in METHODS.values() if m.eventful)}"
         raise InputError(Problem("simulate", "method", text))
     if name == "moreau_jean" and not touching:
-        text = "moreau_jean is for impulses, and no contact and no limit acts here; use 'auto', or "
-        text += "'semi_implicit_euler', which also takes fixed steps of order 1"
+        text = "moreau_jean is for impulses, and no contact, limit or joint friction acts here; "
+        text += "use 'auto', or 'semi_implicit_euler', which also takes fixed steps of order 1"
         raise InputError(Problem("simulate", "method", text))
     return METHODS[name]

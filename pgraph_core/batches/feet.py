@@ -38,6 +38,7 @@ def on_feet(stepper: Stepper) -> bool:
     if (
         among
         or tally["limits"]
+        or tally["frictions"]
         or tally["first_turn"] >= 0
         or (contacts.laws["law"] != RIGID).any()
     ):

@@ -31,9 +31,9 @@ from ..fields import EVERY, GROUND
 from ..forces.spring import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
 from ..model.contact import PAIRED
-from ..packing import Array, Ints, System, home_of, point_in_row, row_of_velocity
+from ..packing import Array, Drives, Ints, System, home_of, point_in_row, row_of_velocity
 from ..packing.constraints import Blocks, block_arrays, radius_of_gyration
-from ..packing.forces import terms_of
+from ..packing.forces import acting_on, terms_of
 from ..rotation import matrix
 from ..tolerances import NAMED
 from ..topology import Topology
@@ -76,9 +76,15 @@ class Tables(NamedTuple):
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
     tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
+    friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays((), (), (), ())  # of joints
 
     def __bool__(self) -> bool:
-        return bool(self.touches or self.limits)
+        return bool(self.touches or self.limits or self.frictions)
+
+    @property
+    def frictions(self) -> int:
+        """Number of joint coordinates and tendons with friction."""
+        return len(self.friction_blocks[0])
 
     @property
     def compliant(self) -> bool:
@@ -87,8 +93,9 @@ class Tables(NamedTuple):
 
     @property
     def rigid(self) -> bool:
-        """True if anything needs impulses: a rigid contact, or a limit."""
-        return bool(self.limits) or any(t.contact.law == "complementarity" for t in self.touches)
+        """True if anything needs impulses: a rigid contact, a limit, or friction of a joint."""
+        rigid = any(t.contact.law == "complementarity" for t in self.touches)
+        return rigid or bool(self.limits or self.frictions)
 
 
 def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
@@ -97,6 +104,24 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
     for contact in active:
         found.add(contact)
     return found.tables(*_limits(mech))
+
+
+def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
+    """These tables with a block for each drive that has friction; `rows` of the system."""
+    ints: list[tuple[int, ...]] = []
+    values: list[Array] = []
+    terms: list[tuple[int, int]] = []
+    factors: list[float] = []
+    for one in drives.table[drives.table["friction"] > 0.0]:
+        own, some = acting_on(drives, one)
+        block = np.zeros(at.BLOCK_F)
+        block[at.VALUE] = one["friction"]
+        row = row_of_velocity(rows, int(own[0]))
+        ints.append((at.T_FRICTION, row, 0, 1, len(terms), len(own), 0, 0))
+        values.append(block)
+        terms += [(i, -1) for i in own.tolist()]
+        factors += some.tolist()
+    return contacts._replace(friction_blocks=block_arrays(ints, values, terms, factors))
 
 
 class _Shapes:
@@ -525,14 +550,18 @@ def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
 
 
 def extended(blocks: Blocks, contacts: Tables) -> Blocks:
-    """The blocks of constraints, then of limits, then room for contact points."""
-    ints, floats, terms_i, terms_f = contacts.limit_blocks
-    ints = ints.copy()
-    ints[:, at.B_TERM] += len(blocks.terms_i)
+    """The blocks of constraints, of joints' friction, of limits, then room for contact points."""
     room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
+    for ints, floats, terms_i, terms_f in (contacts.friction_blocks, contacts.limit_blocks):
+        ints = ints.copy()
+        ints[:, at.B_TERM] += len(blocks.terms_i)
+        blocks = blocks._replace(
+            blocks_i=np.vstack((blocks.blocks_i, ints)),
+            blocks_f=np.vstack((blocks.blocks_f, floats)),
+            terms_i=np.vstack((blocks.terms_i, terms_i)),
+            terms_f=np.concatenate((blocks.terms_f, terms_f)),
+        )
     return blocks._replace(
-        blocks_i=np.vstack((blocks.blocks_i, ints, np.zeros((room, at.BLOCK_I), np.int64))),
-        blocks_f=np.vstack((blocks.blocks_f, floats, np.zeros((room, at.BLOCK_F)))),
-        terms_i=np.vstack((blocks.terms_i, terms_i)),
-        terms_f=np.concatenate((blocks.terms_f, terms_f)),
+        blocks_i=np.vstack((blocks.blocks_i, np.zeros((room, at.BLOCK_I), np.int64))),
+        blocks_f=np.vstack((blocks.blocks_f, np.zeros((room, at.BLOCK_F)))),
     )

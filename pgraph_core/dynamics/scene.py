@@ -73,6 +73,9 @@ class Scene(Unportable):
         """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
         if len(loads.signals[1]):  # values are written here, and other runs share the arrays
             drives, loads = apart(drives, loads)
+        if contacts and contacts.frictions:  # its blocks take the place of the regularised law
+            drives = drives._replace(table=drives.table.copy())
+            drives.table["friction"] = 0.0
         self.packed, self.drives, self.loads = packed, drives, loads
         own = packed.blocks if blocks is None else blocks
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
@@ -203,6 +206,8 @@ class ContactSpace(Unportable):
         limits = len(contacts.limits)
         tally = table(CONTACT_TALLY, 1)
         self.tally_table, self.tally = tally, tally[0]
+        self.tally["frictions"] = contacts.frictions
+        first += contacts.frictions
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
         self.tally["first_turn"] = first + limits + count if contacts.turns else -1
@@ -325,6 +330,20 @@ def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None
     return tables(packed, active)
 
 
+def stepped_tables(packed: Packed, contacts: Tables | None, drives: Drives) -> Tables | None:
+    """Return these tables with the friction of joints, for time stepping."""
+    if not rubs(drives):
+        return contacts
+    from ..contact.tables import tables, with_friction
+
+    return with_friction(contacts or tables(packed, ()), drives, packed.rows)
+
+
+def rubs(drives: Drives) -> bool:
+    """True if a joint or tendon has friction."""
+    return bool((drives.table["friction"] > 0.0).any())
+
+
 def _extended(own: Blocks, contacts: Tables) -> Blocks:
     from ..contact.tables import extended
 
@@ -360,7 +379,8 @@ def workspace(
         m += int(blocks.blocks_i[blocks.first[i] : blocks.first[i + 1], at.B_SIZE].sum())
     most = m
     if contacts is not None:
-        most = m + len(contacts.limits) + 3 * contacts.room * (2 if contacts.turns else 1)
+        points = contacts.room * (2 if contacts.turns else 1)
+        most = m + contacts.frictions + len(contacts.limits) + 3 * points
     m = -(-m // 3) * 3  # whole blocks of three
     width = path_width(rows, nv, blocks) if count else 0
     return Workspace(

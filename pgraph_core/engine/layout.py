@@ -92,6 +92,7 @@ VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
 FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient; restitution of a contact, or of an impact now
 SIZE = 27  # scale of the gaps of a limit [rad, m]
 REBOUND = 16  # restitution of a limit
+HELD = 16  # force of a joint's friction in the last step [N m, N]
 LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]
 BLOCK_F = 28
 
@@ -111,6 +112,7 @@ T_CONTACT = (
 
 T_SPAN = 11  # unilateral sign(VALUE) |x_A - x_B| - VALUE ≥ 0, with AIM the speed at which it may
 # close in this step [m/s]
+T_FRICTION = 12  # dry friction of Σ coefficient v: at most VALUE [N m, N], AIM an impulse in a part
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients

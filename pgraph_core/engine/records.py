@@ -334,6 +334,7 @@ CONTACT_TALLY = record(
     found=INTEGER,  # contact points
     kept=INTEGER,  # impulses
     anchored=INTEGER,  # anchors of penalty friction
+    frictions=INTEGER,  # blocks of joints' friction, which stand before those of limits
     first_limit=INTEGER,  # blocks
     limits=INTEGER,
     first_contact=INTEGER,

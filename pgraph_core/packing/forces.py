@@ -18,7 +18,7 @@ from ..fields import GROUND, OfSums
 from ..forces import LOADS, Load, OnBody, OnJoint
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
-from . import Array, Drives, Loads, System, home_of, joint_coordinates, point_in_row
+from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
 from .signals import NO_SIGNALS
 
 
@@ -161,6 +161,14 @@ def _drives(model: Model, topology: Topology, packed: System, forces: tuple[Forc
 def terms_of(part: OfSums, topology: Topology, packed: System) -> list[tuple[int, int, float]]:
     """(index into v, index into q or -1, factor) of each coordinate that a part acts on."""
     return [(*joint_coordinates(packed, topology.number(name))[k], x) for name, k, x in part.terms]
+
+
+def acting_on(drives: Drives, row: Any) -> tuple[Ints, Array]:
+    """(indices into v, factors) of the coordinates that a row of drives acts on."""
+    if not row["terms"]:
+        return np.array([row["velocity"]]), np.ones(1)
+    own = drives.terms[row["first_term"] : row["first_term"] + row["terms"]]
+    return own[:, 0].astype(np.int64), own[:, 2]
 
 
 def length_at(terms: Sequence[tuple[int, int, float]], q: Array) -> float:

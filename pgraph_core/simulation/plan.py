@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import finite, names_in, numbers, position
-from ..dynamics.scene import Scene, contact_tables
+from ..dynamics.scene import Scene, contact_tables, rubs, stepped_tables
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..engine import motion
@@ -361,6 +361,8 @@ def _with_method(
             raise
         refused, o = problem, o._replace(rtol=None, atol=0.0, method="moreau_jean")
         method, why = _method(rate, plan, "moreau_jean", o, step)
+    if method.name == "moreau_jean":
+        contacts = stepped_tables(mech.packed, contacts, plan.drives)
     plan = replace(
         plan, method=method, contacts=contacts, contact_points=points, refused=refused, why=why,
         project=o.stabilise == "project" or bool(points),
@@ -614,12 +616,12 @@ class _Rate:
         return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
 
     def explicit(self) -> float:
-        """[1/s] of what time stepping takes at a step's start: dampers and servos of single joints
-        count at its end, however stiff they are."""
+        """[1/s] of what time stepping takes at a step's start: dampers and servos of single joints,
+        and friction, count at its end, however stiff they are."""
         drives = self.plan.drives
         table = drives.table.copy()
         implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
-        table["damping"][implicit] = table["stiffness"][implicit] = 0.0
+        table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
         return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
 
     def without_forces(self) -> float:
@@ -698,7 +700,7 @@ def _method(
     tendons = plan.contacts is not None and plan.contacts.tendons
     if name != "auto" or (impulses and (o.rtol is None or tendons)):
         known = "moreau_jean" if name == "auto" else name
-        method = method_of(known, impulses=impulses, touching=touching)
+        method = method_of(known, impulses=impulses, touching=touching or rubs(plan.drives))
         impacts = "moreau_jean: the scene has rigid contacts or joint limits"
         return method, impacts if name == "auto" else f"{name}: as asked"
     loose = o.rtol is not None and o.rtol > 1e-5

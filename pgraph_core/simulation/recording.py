@@ -23,7 +23,7 @@ from ..analysis.singular import (
 )
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
-from ..dynamics.scene import Scene
+from ..dynamics.scene import Scene, rubs
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -819,6 +819,11 @@ class Recording:
 
             contacts += sunk_through(self.mech, idle, self.began[0], self.out.q[last])
         steps = self.steps.notices()
+        if rubs(self.scene.drives):
+            from .creep import crept
+
+            n = self.done
+            steps += crept(self.mech, self.scene.drives, self.steps.times[:n], self.out.v[:n])
         return (*self.told, *steps, *contacts, *user)
 
     def _oriented(self) -> int:

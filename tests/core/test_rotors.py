@@ -69,14 +69,17 @@ def test_momentum_stays_at_any_speed_of_a_rotor(kind, speed, step, t_end):
         assert abs(momentum[:, part] - momentum[0, part]).max() < 1e-6 * size
 
 
-@pytest.mark.parametrize("kind", ["one", "along x", "four"])
-@pytest.mark.parametrize("speed", [1000.0, 3000.0])
+@pytest.mark.parametrize("kind", ["one", "askew", "along x", "four"])
+@pytest.mark.parametrize("speed", [300.0, 1000.0, 3000.0])
 def test_energy_of_a_craft_with_round_rotors_stays(kind, speed):
-    """A thousandth of what is not in the rotors' own spin, in 10,000 steps of up to 3 rad each."""
+    """Of what is not in the rotors' own spin, in 10,000 steps of up to 3 rad each.
+
+    What is lost grows with the third power of the turn in a step.
+    """
     _, run = flown(craft(speed, kind), 1e-3, 10.0)
     energy = run.energy
     base = 0.5 * (0.02 * 4 + 0.03 + 0.045 * 0.25)
-    assert abs(energy - energy[0]).max() < 1e-3 * base
+    assert abs(energy - energy[0]).max() < (3e-6 + 2e-5 * (speed / 1000.0) ** 3) * base
 
 
 def test_a_drone_beside_a_ball_flies_as_without_it():

@@ -25,6 +25,7 @@ from ..layout import (
     T_COORD,
     T_DISC,
     T_DISTANCE,
+    T_FRICTION,
     T_LIMIT,
     T_POINT,
     T_SPAN,
@@ -131,13 +132,19 @@ def velocities(rows, const, work, v, linear):
 @part
 def along_coordinates(kind):
     """True if a block's row is over coordinates, not between bodies."""
-    return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT
+    return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT or kind == T_FRICTION
 
 
 @part
 def one_sided(kind):
     """True if a block is unilateral: a contact, a limit, or the limit of a length."""
     return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
+
+
+@part
+def dry(kind):
+    """True if a block resists within bounds: torsional friction, or friction of a joint."""
+    return kind == T_TURN or kind == T_FRICTION
 
 
 @part

@@ -31,6 +31,7 @@ from ..arrays import (
 )
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
+    dry,
     first_of,
     joint_of,
     joints_of,
@@ -285,7 +286,7 @@ def gained(scene, n):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         kind = type_of(blocks_i, i)
-        if one_sided(kind) or kind == at.T_TURN:
+        if one_sided(kind) or dry(kind):
             r = first_of(slots, i)
             after = velocity(data, i, vectors[STEP])
             back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)

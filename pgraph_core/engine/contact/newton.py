@@ -25,7 +25,7 @@ from .. import layout as at
 from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
-from ..constraints.blocks import first_of, joint_of, joints_of, one_sided, size_of, type_of
+from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
 
@@ -75,8 +75,13 @@ def velocity(data, i, w):
 
 @part
 def bounds_of(data, i):
-    """Return (friction, 0) of a contact, or a torque's bounds about and across the normal."""
+    """Return (friction, 0) of a contact, or a torque's bounds about and across the normal.
+
+    Of a joint's friction, the bound comes first.
+    """
     blocks = data.blocks
+    if type_of(blocks.blocks_i, i) == at.T_FRICTION:
+        return blocks.blocks_f[i, at.AIM], 0.0
     if type_of(blocks.blocks_i, i) != at.T_TURN:
         return blocks.blocks_f[i, at.FRICTION], 0.0
     contacts = contacts_at(data.links.contacts)
@@ -93,7 +98,7 @@ def admitted(kind, size, z, bounds):
 
     The bounds of a torque are about the normal and across it; the first of a contact is friction's.
     """
-    if kind == at.T_TURN:
+    if dry(kind):
         return turning(z, bounds[0], bounds[1])
     if not one_sided(kind):
         return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)

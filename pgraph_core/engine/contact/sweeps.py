@@ -198,6 +198,9 @@ def answer(kind, rows, bounds, i, own, u, old):
     """Return λ of one block by its law with the others fixed, where u is the velocity at `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
+    if kind == at.T_FRICTION:
+        free = old[0] - u[0] / own[i, 0] if own[i, 0] > 0.0 else 0.0
+        return (min(max(free, -bounds[0]), bounds[0]), 0.0, 0.0)
     if not one_sided(kind):
         return held(own, i, u, old)
     if rows == 1:

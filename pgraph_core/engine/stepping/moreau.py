@@ -132,6 +132,7 @@ ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the l
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
 BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
+ASK, CUT, REST = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
 AHEAD = 1e-3  # distance from a bound of a length that a step's forces cover, relative to it
 WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 
@@ -162,7 +163,7 @@ def moreau_jean(run, h):
         again = parts < MOST_PARTS and not stuck
         if w > 0.0 and again and hits_at_once(scene, h, q, v, vdot):
             w = 0.0
-        elif part_of_step(run, done, h, left, again):
+        elif part_of_step(run, done, h, left, ASK if again else REST):
             start = stages[at.TRIAL]
             state_at(scene, 0.0, q, v, start, vdot, space.vectors[STEP, :nv])
             if parts == 0:
@@ -171,7 +172,7 @@ def moreau_jean(run, h):
         else:
             break
         parts += 1
-        part_of_step(run, done, h, w, False)
+        part_of_step(run, done, h, w, CUT)
         if w == left:
             break
         stuck = w == 0.0 and not changed(stages[at.TRIAL], stages[at.CANDIDATE], nq, nv)
@@ -203,11 +204,11 @@ def changed(before, after, nq, nv):
 
 
 @sweep
-def part_of_step(run, done, h, w, look):
+def part_of_step(run, done, h, w, mode):
     """A part of width w, from `done` on, of a step of width h: CANDIDATE goes on.
 
-    With `look`, whether something may hit within it; CANDIDATE is then as before. A part without
-    width is an impact of all that touches. The state before is in TRIAL.
+    Asked, it returns whether something may hit within it; CANDIDATE is then as before. A part
+    without width is an impact of all that touches. The state before is in TRIAL.
     """
     this = opened_run(run)
     scene, flow, stages = this.scene, this.flow, this.stages
@@ -246,7 +247,7 @@ def part_of_step(run, done, h, w, look):
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
-    if add_unilateral(scene, h, w, h - done, look, q, v, vdot):
+    if add_unilateral(scene, h, w, h - done, mode, q, v, vdot):
         if contacts.laws.shape[0] > 0:  # take back the forces that were added up
             tally.share = -w / h
             call_contact_forces(data.links.forces, (scene, v, tau, flow))
@@ -340,18 +341,24 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 
 @sweep
-def add_unilateral(scene, h, w, left, look, q, v, vdot):
+def add_unilateral(scene, h, w, left, mode, q, v, vdot):
     """Append limits and rigid contacts that touch to the active blocks.
 
-    With `look`, whether something may hit within this part, of width w, of a step of width h, of
+    Asked, return whether something may hit within this part, of width w, of a step of width h, of
     which `left` was left before.
     """
+    look = mode == ASK
     data = opened(scene)
     blocks = data.blocks
     contacts = contacts_at(data.links.contacts)
     blocks_i, active = blocks.blocks_i, blocks.active
     laws, tally = contacts.laws, contacts.tally[0]
     first = tally.first_limit
+    for i in range(first - tally.frictions, first):
+        if w > 0.0:  # a force without an impulse: it does nothing in an impact
+            blocks.blocks_f[i, at.AIM] = w * blocks.blocks_f[i, at.VALUE]
+            active[0] += 1
+            active[active[0]] = i
     for i in range(first, first + tally.limits):
         if type_of(blocks_i, i) == at.T_SPAN:
             if w > 0.0 and span_reaches(scene, i, w, v):
@@ -360,7 +367,7 @@ def add_unilateral(scene, h, w, left, look, q, v, vdot):
             continue
         if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
             return True
-        if limit_reaches(blocks, i, w, left, q, v, vdot):
+        if limit_reaches(blocks, i, h, w, left, mode == REST, q, v, vdot):
             active[0] += 1
             active[active[0]] = i
     if laws.shape[0] == 0:
@@ -400,12 +407,13 @@ def add_unilateral(scene, h, w, left, look, q, v, vdot):
 
 
 @part
-def limit_reaches(blocks, i, w, left, q, v, vdot):
+def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
     """True if limit i is at hand in a sub-step of width w, from its middle q.
 
     The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
-    rebounds in an impact, which has no width. It rests where all its rebounds, each `e` times as
-    long as the one before, would be over in the time left of the step.
+    rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
+    stays where all its rebounds, each `e` times as long as the one before, would be over in the
+    time left of the step.
     """
     blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
     gap = limit_gap(blocks, i, q)
@@ -420,6 +428,9 @@ def limit_reaches(blocks, i, w, left, q, v, vdot):
                 blocks_f[i, at.BOUNCE] = e
             return True
         return False
+    if rest and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
+        blocks_f[i, at.BOUNCE] = blocks_f[i, at.REBOUND]
+        return True
     if gap - 0.5 * w * rate <= closed and gap <= 2.0 * closed:
         return True
     blocks_f[i, at.AIM] = 2.0 * gap / w
@@ -499,7 +510,7 @@ def set_velocities(scene, t, h, v, vdot):
 
 @sweep
 def warm_start(scene, first, m):
-    """λ of the last step where a contact point goes on, zero elsewhere and where things hit.
+    """λ of the last step where a contact point or a joint's friction goes on, zero elsewhere.
 
     A part of a step takes its share of it.
     """
@@ -514,7 +525,10 @@ def warm_start(scene, first, m):
     share = contacts.tally[0].share
     for j in range(first, active[0] + 1):
         n = active[j] - begin
-        if n >= 0:
+        if type_of(blocks.blocks_i, active[j]) == at.T_FRICTION:
+            one = blocks.blocks_f[active[j]]
+            lam[first_of(slots, active[j])] = one[at.HELD] * one[at.AIM] / one[at.VALUE]
+        elif n >= 0:
             turns = n >= room
             n -= room if turns else 0
             if not turns:
@@ -579,6 +593,10 @@ def book(scene, first, t, h, last):
             torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
             for i in range(term, term + blocks.blocks_i[active[j], at.B_TERMS]):
                 limit_tau[blocks.terms_i[i, 0]] += blocks.terms_f[i] * lam[r] / h
+            if type_of(blocks.blocks_i, active[j]) == at.T_FRICTION:
+                one = blocks.blocks_f[active[j]]
+                one[at.HELD] = lam[r] * one[at.VALUE] / one[at.AIM]
+                continue
             pairs[pairs.shape[0] + n].force[0] += torque
             log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
             continue
@@ -729,7 +747,7 @@ def push_out(scene, first, h, q):
         for j in range(first, active[0] + 1):
             i = active[j]
             n = i - begin
-            if n >= room or not own[i, 0] > 0.0:
+            if n >= room or not own[i, 0] > 0.0 or type_of(blocks.blocks_i, i) == at.T_FRICTION:
                 continue
             if n < 0:
                 gap = RECOVER * blocks.blocks_f[i, at.AIM]

@@ -1,0 +1,41 @@
+"""A notice of joints that creep where dry friction should hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..engine import layout as at
+from ..engine.records import CREEP
+from ..mechanism import Mechanism
+from ..packing import Array, Drives, row_of_velocity
+from ..packing.forces import acting_on
+from ..tolerances import NOTABLE
+
+SLOW = 10.0  # speed over CREEP below which a joint may creep: at 0.995 of its friction, and below
+
+
+def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
+    """Return a notice of the joint that moves farthest at a steady speed that friction should stop.
+
+    `t` (n,) and `v` (n, nv) are the frames. Time stepping gives drives without friction.
+    """
+    worst, text = NOTABLE, ""
+    system = mech.packed.system
+    for one in drives.table[drives.table["friction"] > 0.0]:
+        own, factors = acting_on(drives, one)
+        row = row_of_velocity(system.rows, int(own[0]))
+        slides = system.rows[row, at.KIND] == at.TRANSLATE
+        speed = v[:, own] @ factors
+        mean = 0.5 * (speed[:-1] + speed[1:])
+        steady = (np.abs(mean) <= SLOW * CREEP) & (np.abs(np.diff(speed)) <= np.abs(mean))
+        way = float(np.abs(steady * mean * np.diff(t)).sum())
+        size = way / mech.packed.length if slides and mech.packed.length else way
+        if size > worst:
+            body, unit = mech.topology.names[system.body_of_row[row] - 1], "m" if slides else "rad"
+            worst = size
+            text = (
+                f"the joint of '{body}' creeps by {way:.3g} {unit}, where its friction should hold "
+                f"it: with this method friction takes a speed of about {CREEP:g} {unit}/s; "
+                "method 'moreau_jean' holds it"
+            )
+    return [text] if text else []

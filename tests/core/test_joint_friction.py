@@ -1,0 +1,167 @@
+"""Dry friction of joints: it holds below its limit, slides by Coulomb's law, and takes energy."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+G = 9.81
+MOREAU: dict[str, Any] = {"method": "moreau_jean"}
+
+
+def slider(share, size=1.0):
+    """A mass on a vertical slider; its weight is `share` of the friction."""
+    mass = 2.0 * size
+    return pg.Body(
+        name="s", joint="prismatic", axes=(0, 0, 1), mass=mass, friction=(mass * G / share,)
+    )
+
+
+def arm(share, count=3):
+    """Hinges one after the other, straight out; each bears `share` of what its friction holds."""
+    bodies = []
+    for n in range(count):
+        left = count - n
+        moment = G * sum(0.2 + 0.4 * k for k in range(left))
+        bodies.append(
+            pg.Body(
+                name=f"b{n}", parent=f"b{n - 1}" if n else "ground", axes=(0, 1, 0), mass=1.0,
+                link=(0.4, 0, 0) if n else (0, 0, 0), com=(0.2, 0, 0), inertia=np.eye(3) * 0.01,
+                friction=(moment / share,),
+            )
+        )  # fmt: skip
+    return bodies
+
+
+def loop(share):
+    """Two rods that carry a bar between their ends; friction of three hinges bears their moment."""
+    moment = (2 * 0.5 * 0.25 + 0.4 * 0.5) * G * np.sin(0.4)
+    rods = [
+        pg.Body(
+            name=name, axes=(0, 1, 0), mass=0.5, com=(0, 0, 0.25), inertia=np.eye(3) * 0.01,
+            q=(0.4,), friction=(0.4 * moment / share,), link=(place, 0, 0),
+        )
+        for name, place in (("left", 0.0), ("right", 1.0))
+    ]  # fmt: skip
+    bar = pg.Body(
+        name="bar", parent="left", axes=(0, 1, 0), link=(0, 0, 0.5), mass=0.4, com=(0.5, 0, 0),
+        inertia=np.eye(3) * 0.01, q=(-0.4,), friction=(0.2 * moment / share,),
+    )  # fmt: skip
+    pin = pg.Point(
+        name="pin", body="bar", other="right", point=(1.0, 0, 0), other_point=(0, 0, 0.5)
+    )
+    return pg.Model(bodies=[*rods, bar], constraints=[pin])
+
+
+def with_a_box(model):
+    """The same model beside a box that lies on the ground."""
+    box = pg.Body(
+        name="box", joint="free", q=(5, 0, 0.1, 1, 0, 0, 0), mass=1.0,
+        shape={"kind": "box", "size": (0.2, 0.2, 0.2)}, derived=("inertia",),
+    )  # fmt: skip
+    return model.add(box).add(pg.Contact(name="floor", body="box"))
+
+
+HELD = {
+    "slider": pg.Model(bodies=[slider(0.9)]),
+    "small slider": pg.Model(bodies=[slider(0.99, 1e-6)]),
+    "large slider": pg.Model(bodies=[slider(0.5, 1e6)]),
+    "hinge": pg.Model(bodies=arm(0.9, 1)),
+    "arm": pg.Model(bodies=arm(0.9)),
+    "long arm": pg.Model(bodies=arm(0.98, 8)),
+    "arm beside a box": with_a_box(pg.Model(bodies=arm(0.9))),
+    "tendon": pg.Model(
+        bodies=arm(np.inf, 1),
+        forces=[pg.Tendon(name="t", coefficients={"b0": (0.5,)}, friction=4.2)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_a_joint_below_its_friction_holds(name):
+    """For 100 s at the default step, to 1e-9 m or rad; its load is what friction bears."""
+    run = pg.simulate(HELD[name], t_end=100.0, frames=11, estimate=False, **MOREAU)
+    assert run.status is pg.Status.DONE
+    assert np.abs(run.q - run.q[0]).max() < 1e-9
+    assert np.abs(run.vdot).max() < 1e-9
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_a_loop_with_friction_in_its_hinges_holds(share):
+    mech = pg.Mechanism(loop(share))
+    run = pg.simulate(mech, t_end=100.0, frames=11, estimate=False, **MOREAU)
+    assert np.abs(run.q - run.q[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("joint", ["prismatic", "revolute"])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("step", [1e-3, 3e-3])
+def test_a_joint_slides_to_a_stop_and_stays(joint, size, step):
+    """Against v0 t - a t²/2: exact while it slides, and within a step's way of the stop."""
+    a, v0 = 1.7, 1.0
+    body = pg.Body(
+        name="b", joint=joint, axes=(0, 0, 1), mass=size, inertia=np.eye(3) * size,
+        friction=(a * size,), v=(v0,),
+    )  # fmt: skip
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+    run = pg.simulate(model, t_end=1.0, step=step, **MOREAU)
+    sliding = np.minimum(run.t, v0 / a)
+    exact = v0 * sliding - 0.5 * a * sliding**2
+    before = run.t < v0 / a - step
+    assert np.abs(run.q[before, 0] - exact[before]).max() < 1e-12
+    assert np.abs(run.q[:, 0] - exact).max() < 0.125 * a * step**2 + 1e-12
+    assert np.abs(run.v[run.t > v0 / a + step]).max() < 1e-15
+    assert np.diff(run.energy).max() <= 1e-14 * size
+    assert run.dissipation[-1] == pytest.approx(0.5 * size, rel=1e-12)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_energy_of_a_falling_arm_with_friction_never_grows(beside):
+    """Its joints slide, turn around and stick until it hangs at rest."""
+    model = pg.Model(bodies=arm(8.0))
+    run = pg.simulate(with_a_box(model) if beside else model, t_end=20.0, **MOREAU)
+    size = run.energy[0] - run.energy[-1]
+    assert np.diff(run.energy).max() < 1e-3 * size
+    assert np.abs(run.v[-1]).max() < 1e-12
+    late = run.t > 15.0
+    assert np.ptp(run.energy[late]) < 1e-9 * size
+
+
+def test_a_joint_that_slides_all_the_time_keeps_the_accuracy_of_its_method():
+    """A pendulum that is driven around: half the step has a quarter of the error."""
+    hinge = pg.Body(
+        name="b", axes=(0, 1, 0), mass=1.0, com=(0, 0, -0.3), inertia=np.eye(3) * 0.1,
+        friction=(0.4,), v=(9.0,),
+    )  # fmt: skip
+    model = pg.Model(bodies=[hinge], forces=[pg.Motor(name="m", body="b", torque=0.4)])
+    exact = pg.simulate(
+        model.edit("b", friction=(0.0,)).edit("m", torque=0.0), t_end=1.0, rtol=1e-11
+    )
+    errors = []
+    for step in (2e-3, 1e-3):
+        run = pg.simulate(model, t_end=1.0, step=step, frames=501, **MOREAU)
+        errors.append(abs(run.q[-1, 0] - exact.q[-1, 0]))
+    assert errors[1] < 0.3 * errors[0] < 1e-4
+
+
+def test_friction_does_nothing_in_an_impact():
+    """A slider with friction hits its limit: what rebounds is the restitution's part."""
+    body = pg.Body(
+        name="s", joint="prismatic", axes=(1, 0, 0), mass=1.0, friction=(2.0,), v=(1.0,),
+        limits=((None, 0.1),), limit_restitution=(0.5,),
+    )  # fmt: skip
+    run = pg.simulate(pg.Model(bodies=[body], gravity=(0, 0, 0)), t_end=1.0, **MOREAU)
+    before = np.sqrt(1.0 - 4.0 * 0.1)
+    assert run.v.min() == pytest.approx(-0.5 * before, rel=0.01)
+    back = (0.5 * before) ** 2 / 4.0
+    assert run.q[-1, 0] == pytest.approx(0.1 - back, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["dopri5", "radau5"])
+def test_methods_without_impulses_name_the_joint_that_creeps(method):
+    """Their friction grows with the speed: at 0.9 of the limit by 2 mm/s."""
+    run = pg.simulate(HELD["slider"], t_end=2.0, method=method, rtol=1e-6)
+    assert run["s"][-1] == pytest.approx(-2e-3 * 0.9 / np.sqrt(1 - 0.81) / 1.0, rel=0.1)
+    assert any("'s' creeps" in text and "moreau_jean" in text for text in run.notices)
