@@ -57,7 +57,7 @@ BEFORE = 11  # velocities of rows before an impulse
 FREE, TARGET = 12, 13  # speeds of an island's joints and rows without impulses
 REPORT = 14  # report on the impulse solver, by these:
 # sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, bounces left out
-SWEEPS_DONE, STEPS_DONE, MISSED, GAINED, HARD, CALMED = range(6)
+SWEEPS_DONE, STEPS_DONE, MISSED, STRAYS, GAINED, HARD, CALMED = range(7)
 DAMPING, STIFFNESS = 15, 16  # drives in a step as inertia, as torque
 ARMATURE, GIVEN = 17, 18  # the same without drives
 TRIAL, OTHER, BEST = 19, 20, 21  # change of speeds in Newton's method, and the best λ so far

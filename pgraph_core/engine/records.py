@@ -345,6 +345,7 @@ CONTACT_TALLY = record(
     overflows=INTEGER,  # steps with more contact points than there is room for
     logged=INTEGER,  # changes of phases that wait in `changes`
     residual=REAL,  # largest law missed, relative to the velocities
+    strayed=REAL,  # sum of velocities by which laws are missed, times the time they last [rad, m]
     depth=REAL,  # deepest penetration [m]
     complementarity=REAL,  # largest violation since the last frame [N, N m]
     cone=REAL,  # largest violation of the friction cone since the last frame [N]

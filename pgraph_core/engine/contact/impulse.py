@@ -26,6 +26,7 @@ from ..arrays import (
     SPEEDS,
     STEP,
     STEPS_DONE,
+    STRAYS,
     TARGET,
     opened,
 )
@@ -61,7 +62,7 @@ def solve_impulses(scene, m, first):
     """Write λ of all active rows into LAMBDA, from b in RHS, starting from the λ given there.
 
     What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
-    largest velocity by which a law is missed relative to the largest of its island, the kinetic
+    largest velocity by which a law is missed, over that of its island and by itself, the kinetic
     energy that unilateral impulses add [J], islands that were hard, and islands whose bounce was
     left out because it would have gained energy. Active blocks from the `first` on are unilateral.
     """
@@ -214,7 +215,7 @@ def solve_island(scene, n):
     if unique(scene, n):
         left = gauss_seidel(scene, n, size, SWEEPS if count > FEW else FEW_SWEEPS, tolerance)
         if left <= tolerance:
-            report[MISSED] = max(report[MISSED], left)
+            note_left(report, left, size)
             return
     work, room = order_island(scene, n)
     if room and work <= SWEPT * count:
@@ -225,7 +226,14 @@ def solve_island(scene, n):
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)
     forget_order(islands)
+    note_left(report, left, size)
+
+
+@part
+def note_left(report, left, size):
+    """Record what an island misses of its laws, relative to its largest velocity `size`."""
     report[MISSED] = max(report[MISSED], left)
+    report[STRAYS] = max(report[STRAYS], left * size)
 
 
 @sweep

@@ -33,6 +33,7 @@ from ..arrays import (
     STEP,
     STEPS_DONE,
     STIFFNESS,
+    STRAYS,
     SWEEPS_DONE,
     ZERO,
     opened_run,
@@ -263,7 +264,8 @@ def part_of_step(run, done, h, w, mode):
         space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
-        this.counters[0].solver_iterations += solve(scene, m, first, ledger)
+        lasts = w if w > 0.0 else h
+        this.counters[0].solver_iterations += solve(scene, m, first, lasts, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
     book(scene, first, t + w, h, w == h - done)
@@ -544,14 +546,18 @@ def warm_start(scene, first, m):
 
 
 @sweep
-def solve(scene, m, first, ledger):
-    """Solve the impulses. Records their loss in the ledger and the solver's report in the tally."""
+def solve(scene, m, first, lasts, ledger):
+    """Solve the impulses. Records their loss in the ledger and the solver's report in the tally.
+
+    A velocity that misses a law lasts until the next solve, for the time `lasts`.
+    """
     data = opened(scene)
     tally = contacts_at(data.links.contacts).tally[0]
     solve_impulses(scene, m, first)
     report = data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[GAINED]
     tally.residual = max(tally.residual, report[MISSED])
+    tally.strayed += lasts * report[STRAYS]
     if report[HARD] > 0.0:
         tally.fallbacks += 1
     if report[CALMED] > 0.0:
