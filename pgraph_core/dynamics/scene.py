@@ -270,7 +270,7 @@ class ContactSpace(Unportable):
     def begin_log(self, t: float) -> Any:
         """Start counting and logging, and return the present phases as changes at t."""
         names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
-        for name in (*names, "strayed"):
+        for name in (*names, "strayed", "chains"):
             self.tally[name] = 0
         phases = self._kept.pairs["phase"][: len(self._kept.laws)]
         now = table(PHASE_CHANGE, len(phases))

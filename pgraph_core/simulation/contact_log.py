@@ -137,6 +137,12 @@ def contact_notices(
             "impacts than are located one by one: the rest of them was taken at once, so that the "
             "motion after it is not to be relied on; a smaller step would do"
         )
+    if tally["chains"]:
+        found.append(
+            f"at t = {tally['chain_time']:.6g} s a body rebounds between several that it touches, "
+            f"{tally['chains']} times in all: they are hit at once by Newton's law; with gaps "
+            "between them, however small, one impact follows the other and ends otherwise"
+        )
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
     if tally["worst"] > NOTABLE * tally["force"]:
         found.append(

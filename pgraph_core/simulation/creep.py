@@ -9,9 +9,7 @@ from ..engine.records import CREEP
 from ..mechanism import Mechanism
 from ..packing import Array, Drives, row_of_velocity
 from ..packing.forces import acting_on
-from ..tolerances import NOTABLE
-
-SLOW = 10.0  # speed over CREEP below which a joint may creep: at 0.995 of its friction, and below
+from ..tolerances import NOTABLE, VISIBLE
 
 
 def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
@@ -20,6 +18,7 @@ def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
     `t` (n,) and `v` (n, nv) are the frames. Time stepping gives drives without friction.
     """
     worst, text = NOTABLE, ""
+    slow = CREEP / np.sqrt(2.0 * VISIBLE)  # below it, friction is visibly less than Coulomb's
     system = mech.packed.system
     for one in drives.table[drives.table["friction"] > 0.0]:
         own, factors = acting_on(drives, one)
@@ -27,7 +26,7 @@ def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
         slides = system.rows[row, at.KIND] == at.TRANSLATE
         speed = v[:, own] @ factors
         mean = 0.5 * (speed[:-1] + speed[1:])
-        steady = (np.abs(mean) <= SLOW * CREEP) & (np.abs(np.diff(speed)) <= np.abs(mean))
+        steady = (np.abs(mean) <= slow) & (np.abs(np.diff(speed)) <= np.abs(mean))
         way = float(np.abs(steady * mean * np.diff(t)).sum())
         size = way / mech.packed.length if slides and mech.packed.length else way
         if size > worst:

@@ -124,11 +124,8 @@ def _left_open(record: Recording, n: int) -> Array | float:
     rigid = np.flatnonzero(tables.laws["law"] == RIGID)
     gap, closed = pairs["gap"][:, rigid], pairs["phase"][:, rigid] > SWING
     found = np.where(closed | (gap < DEPTH * record.plan.length), np.abs(gap), 0.0)
-    left = found.max(axis=1, initial=0.0)
-    for limit in limits_on_coordinates(tables):
-        gap = limit.gap(record.out.q[:n])
-        left = np.maximum(left, np.where(gap < DEPTH * limit.size, np.abs(gap), 0.0))
-    return left
+    beyond = [-limit.gap(record.out.q[:n]) for limit in limits_on_coordinates(tables)]
+    return np.maximum(found.max(axis=1, initial=0.0), np.max(beyond, axis=0, initial=0.0))
 
 
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:

@@ -91,7 +91,6 @@ class LimitGap(NamedTuple):
     at_q: Ints
     weights: Array
     bound: float
-    size: float  # scale of its gap [rad, m]
 
     def gap(self, q: Array) -> Array:
         """Return its gap (...) at states q (..., nq) [rad, m]."""
@@ -105,7 +104,7 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
         if block[at.B_TYPE] != at.T_SPAN:
             own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
             at_v, at_q = terms[own].T
-            yield LimitGap(name, at_v, at_q, factors[own], *values[[at.VALUE, at.SIZE]].tolist())
+            yield LimitGap(name, at_v, at_q, factors[own], float(values[at.VALUE]))
 
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known

@@ -814,11 +814,13 @@ class Recording:
             if n:
                 contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
             if n and self.plan.contacts.touches:
-                from .shared_loads import shared_loads
+                from .shared_loads import shared_loads, spun_faces
 
-                last = float(self.steps.times[n - 1]), out.q[n - 1], out.v[n - 1]
+                times = self.steps.times[:n], out.q[:n], out.v[:n]
+                last = float(times[0][-1]), out.q[n - 1], out.v[n - 1]
                 given = self.plan.contacts, self._active, last, out.pairs[n - 1]
                 contacts += shared_loads(self.mech, *given)
+                contacts += spun_faces(self.mech, self.plan.contacts, times, out.pairs[:n])
         idle, last = self.plan.idle, self.done - 1
         if idle is not None and last >= 0 and idle.below(self.scene, self.out.q[last]):
             from .contact_log import sunk_through

@@ -1,9 +1,9 @@
-"""A notice of contacts whose loads the motion does not determine.
+"""Notices of contacts whose forces follow from neither the motion nor the points that carry.
 
 Impulses that cancel in all joints can be added to those of a solution: four wheels of one cart, a
 box between walls with friction. The solver takes the solution of least norm. Here such combinations
 are found among the points that carry at an instant, and kept where they change the sum of a pair of
-bodies.
+bodies. A face that spins on another has the friction of its outer points, not that of its area.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from ..analysis.rows import Rows
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.records import RIGID
+from ..engine.contact.contacts import SLIDING
+from ..engine.records import CONTACT, RIGID, table
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
@@ -37,11 +38,7 @@ def shared_loads(
     `state` is (t, q, v), `active` the constraints, and `pairs` the records of contacts then.
     """
     t, q, v = state
-    pushes = pairs["force"][: len(tables.touches)].any(axis=-1) & (tables.laws["law"] == RIGID)
-    if not pushes.any():
-        return []
-    points = _points(mech, tables, q)
-    points = points[pushes[points["pair"]]]
+    points = _points(mech, tables, q, pairs)
     if not 2 <= len(points) <= MOST_POINTS:
         return []
     effects, wrenches, names = _columns(mech, tables, points, q, v)
@@ -61,11 +58,58 @@ def shared_loads(
     ]
 
 
-def _points(mech: Mechanism, tables: Tables, q: Array) -> Any:
-    """Return the contact points that are closed at q, as records of CONTACT."""
+def spun_faces(
+    mech: Mechanism, tables: Tables, times: tuple[Array, Array, Array], pairs: Any
+) -> list[str]:
+    """Return a notice of a face that spins on another, at the frames (t, q, v) and `pairs`.
+
+    It has three points or more and turns faster than its middle slides. Each pair is examined where
+    it slips fastest, up to LISTED of these frames.
+    """
+    t, q, v = times
+    slides = (pairs["slip"] > SLIDING) & pairs["force"].any(axis=-1)
+    slides = slides[:, : len(tables.touches)] & (tables.laws["friction"] > 0.0)
+    fastest = (slides * pairs["slip"][:, : len(tables.touches)]).argmax(axis=0)
+    for i in np.unique(fastest[slides.any(axis=0)])[:LISTED]:
+        points = _points(mech, tables, q[i], pairs[i])
+        points = points[slides[i][points["pair"]]]
+        for a, b in {(int(p["shape_a"]), int(p["shape_b"])) for p in points}:
+            own = points[(points["shape_a"] == a) & (points["shape_b"] == b)]
+            if len(own) < 3:
+                continue
+            slip = np.array([_slip(mech, p, q[i], v[i]) for p in own])
+            middle = slip.mean(axis=0)
+            if np.linalg.norm(slip - middle, axis=1).min() > np.linalg.norm(middle):
+                return [
+                    f"at t = {t[i]:.6g} s {_named(mech, a, b)} spins on a flat face: its torque of "
+                    "friction is that of the outer points that carry, about 1.5 (a disc) to 1.9 (a "
+                    "square) times that of an even pressure; spinning_friction, or a smaller face, "
+                    "gives another one"
+                ]
+    return []
+
+
+def _slip(mech: Mechanism, point: Any, q: Array, v: Array) -> Array:
+    """Return the velocity (3,) of A against B across the normal at a contact point."""
+    speed, place = np.zeros(3), 0.5 * (point["point_a"] + point["point_b"])
+    for sign, k in ((1.0, int(point["shape_a"])), (-1.0, int(point["shape_b"]))):
+        if k:
+            name = mech.topology.names[k - 1]
+            speed += sign * _way(mech.jacobian(q, name), mech.pose(q, name)[0], place) @ v
+    return speed - point["normal"] * (point["normal"] @ speed)
+
+
+def _points(mech: Mechanism, tables: Tables, q: Array, pairs: Any) -> Any:
+    """Return the closed points of the rigid contacts that push, as records of CONTACT.
+
+    Their numbers of shapes are those of bodies. `pairs` are the records of contacts at q.
+    """
     from ..engine.contact import contacts as kernels
     from ..engine.contact.closing import DEPTH
 
+    pushes = pairs["force"][: len(tables.touches)].any(axis=-1) & (tables.laws["law"] == RIGID)
+    if not pushes.any():
+        return table(CONTACT, 0)
     scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, NO_CONSTRAINTS, contacts=tables)
     assert scene.touching is not None
     nothing = np.zeros(0)
@@ -74,9 +118,9 @@ def _points(mech: Mechanism, tables: Tables, q: Array) -> Any:
     count = kernels.find(scene.address, DEPTH * mech.packed.length, 0)
     found = found[: min(count, len(found))].copy()
     bodies = scene.touching.shapes["body"]
-    for name in ("shape_a", "shape_b"):  # numbers of bodies in place of those of shapes
+    for name in ("shape_a", "shape_b"):
         found[name] = np.where(found[name] >= 0, bodies[found[name]], 0)
-    return found
+    return found[pushes[found["pair"]]]
 
 
 def _columns(

@@ -30,7 +30,7 @@ MOST_COUNTED = int(2 / EPS)  # a count above it is not exact as a number
 COUNT = (0, MOST_COUNTED)
 ENDLESS = ("clip", "jacobian_rate", "jacobian_time", "clock")  # may be infinite or unknown
 ADDRESSES = ("guard", "approach")  # addresses, of which this process keeps its own
-COUNTS = ("crowded", "fallbacks", "calmed", "overflows", "cuts", "passed")
+COUNTS = ("crowded", "fallbacks", "calmed", "overflows", "cuts", "chains", "passed")
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,3 +81,47 @@ FLOOR = pg.Contact(name="floor", body="box", friction=0.5)
 )
 def test_loads_that_are_unique_are_not_named(model):
     assert not shared(pg.simulate(model, t_end=0.1, step=1e-3))
+
+
+def balls(gap, e=1.0):
+    """Two balls at rest, `gap` apart, and a third one that hits the first."""
+    row = [(0.0, 1.0), (0.3, 0.0), (0.5 + gap, 0.0)]
+    bodies = [
+        pg.Body(
+            name=f"b{n}", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=(x,), v=(v,),
+            shape={"kind": "sphere", "radius": 0.1},
+        )
+        for n, (x, v) in enumerate(row)
+    ]  # fmt: skip
+    contacts = [
+        pg.Contact(name=f"c{n}", body=f"b{n}", other=f"b{n + 1}", restitution=e, friction=0)
+        for n in range(2)
+    ]
+    return pg.Model(bodies=bodies, contacts=contacts, gravity=(0, 0, 0))
+
+
+@pytest.mark.parametrize(("gap", "e", "told"), [(0.0, 1.0, True), (1e-4, 1.0, False),
+                                                (0.0, 0.5, True), (0.0, 0.0, False)])  # fmt: skip
+def test_an_impact_of_several_that_touch_is_named(gap, e, told):
+    run = pg.simulate(balls(gap, e), t_end=0.3, step=1e-3)
+    assert any("with gaps" in text for text in run.notices) == told
+
+
+@pytest.mark.parametrize(
+    ("shape", "spin", "speed", "told"),
+    [
+        ({"kind": "cylinder", "radius": 0.1, "length": 0.2}, 5.0, 0.0, True),
+        (BOX, 5.0, 0.0, True),
+        (BOX, 5.0, 2.0, False),
+        (BOX, 0.0, 1.0, False),
+        ({"kind": "sphere", "radius": 0.1}, 5.0, 0.0, False),
+    ],
+)
+def test_a_face_that_spins_on_a_plane_is_named(shape, spin, speed, told):
+    body = pg.Body(
+        name="b", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0), v=(0, 0, spin, speed, 0, 0), mass=1.0,
+        shape=shape, derived=("inertia",),
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", friction=0.3)
+    run = pg.simulate(pg.Model(bodies=[body], contacts=[floor]), t_end=0.1, step=1e-3)
+    assert any("spins on a flat face" in text for text in run.notices) == told

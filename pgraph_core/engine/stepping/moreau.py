@@ -268,6 +268,8 @@ def part_of_step(run, done, h, w, mode):
         this.counters[0].solver_iterations += solve(scene, m, first, lasts, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
+        if w == 0.0:
+            note_chain(scene, first, t)
     book(scene, first, t + w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
@@ -563,6 +565,43 @@ def solve(scene, m, first, lasts, ledger):
     if report[CALMED] > 0.0:
         tally.calmed += 1
     return int(report[SWEEPS_DONE] + report[STEPS_DONE])
+
+
+@sweep
+def note_chain(scene, first, t):
+    """Count an impact at time t in which a body that rebounds is pushed by several others at once.
+
+    Newton's law then gives another end than impacts one after the other, as with gaps in between.
+    """
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    tally = contacts_at(data.links.contacts).tally[0]
+    active, slots, vectors = blocks.active, space.slots, space.vectors
+    found = False
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        hit = blocks.blocks_f[i, at.BOUNCE] * vectors[BEFORE, first_of(slots, i)]
+        if type_of(blocks.blocks_i, i) == at.T_CONTACT and hit < -SLIDING:
+            for n in range(first, active[0] + 1):
+                found = found or (
+                    type_of(blocks.blocks_i, active[n]) == at.T_CONTACT
+                    and vectors[LAMBDA, first_of(slots, active[n])] > 0.0
+                    and meet_at_a_body(blocks.blocks_i, i, active[n])
+                )
+    if found:
+        tally.chains += 1
+        if tally.chains == 1:
+            tally.chain_time = t
+
+
+@part
+def meet_at_a_body(blocks_i, i, n):
+    """True if two contacts share one body that moves, but not both."""
+    a, b = ends_of(blocks_i, i)
+    c, d = ends_of(blocks_i, n)
+    shared = (a > 0 and (a == c or a == d)) or (b > 0 and (b == c or b == d))
+    same = (a == c and b == d) or (a == d and b == c)
+    return shared and not same
 
 
 @sweep
