@@ -30,3 +30,22 @@ def test_a_servo_does_not_push_a_slider_through_its_limit(kp, step):
     run = pg.simulate(model, t_end=0.5, step=step, method="moreau_jean", estimate=False)
     assert abs(run["s"]).max() < 0.5 * (1 + 1e-6)
     assert run["s"][-1] == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("step", [1e-3, 4e-3])
+def test_a_falling_arm_does_not_pass_its_limits(friction, step):
+    """What one joint's limit or friction does leads another joint towards its own."""
+    arm = [
+        pg.Body(
+            name=f"b{n}", parent=f"b{n - 1}" if n else "ground", axes=(0, 1, 0), mass=1.0,
+            link=(0.4, 0, 0) if n else (0, 0, 0), com=(0.2, 0, 0), inertia=np.eye(3) * 0.01,
+            limits=((-0.5, 0.5),), limit_restitution=(0.3,), friction=(friction,), damping=(0.05,),
+        )
+        for n in range(3)
+    ]  # fmt: skip
+    run = pg.simulate(
+        pg.Model(bodies=arm), t_end=5.0, step=step, method="moreau_jean", estimate=False
+    )
+    assert np.abs(run.q).max() < 0.5 + 1e-9
+    assert np.abs(run.v[-1]).max() < 1e-3

@@ -35,6 +35,7 @@ from ..arrays import (
     STIFFNESS,
     STRAYS,
     SWEEPS_DONE,
+    TRIAL,
     ZERO,
     opened_run,
 )
@@ -259,17 +260,23 @@ def part_of_step(run, done, h, w, mode):
     ledger[at.WORK_DONE] += w * flow[0]
     ledger[at.DISSIPATED] += w * flow[1]
     if active[0] > 0:
-        m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, w, v, vdot)
         space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
-        unit_responses(rows, const, blocks, work, space)
-        warm_start(scene, first, m)
-        lasts = w if w > 0.0 else h
-        this.counters[0].solver_iterations += solve(scene, m, first, lasts, ledger)
-    else:
-        space.vectors[STEP, :nv] = 0.0
+        while True:
+            m = number_rows(blocks, space.slots)
+            set_velocities(scene, t, w, v, vdot)
+            unit_responses(rows, const, blocks, work, space)
+            warm_start(scene, first, m)
+            solve_impulses(scene, m, first)
+            this.counters[0].solver_iterations += steps_of_solver(scene)
+            if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
+                break
+            turn_rates(rows, const, work, v)
+            velocities(rows, const, work, v, space.linear)
+        account(scene, w if w > 0.0 else h, ledger)
         if w == 0.0:
             note_chain(scene, first, t)
+    else:
+        space.vectors[STEP, :nv] = 0.0
     book(scene, first, t + w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
@@ -547,15 +554,53 @@ def warm_start(scene, first, m):
                     lam[r + c] = share * kept[c]
 
 
+@part
+def steps_of_solver(scene):
+    """Return the number of sweeps and Newton steps of the last solve."""
+    report = opened(scene).space.vectors[REPORT]
+    return int(report[SWEEPS_DONE] + report[STEPS_DONE])
+
+
 @sweep
-def solve(scene, m, first, lasts, ledger):
-    """Solve the impulses. Records their loss in the ledger and the solver's report in the tally.
+def add_passed(scene, first, w, q, v, vdot):
+    """Append limits that impulses of other rows lead beyond; return True if there are any.
+
+    q is the middle of the part of width w, and STEP has the impulses' effect.
+    """
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
+    if tally.limits == 0:
+        return False
+    change = space.vectors[TRIAL]
+    for j in range(v.shape[0]):
+        change[j] = space.vectors[STEP, j]
+    spread(data.rows, data.const, work, change)
+    for j in range(v.shape[0]):
+        change[j] += v[j] + w * vdot[j]
+    count = active[0]
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if type_of(blocks.blocks_i, i) != at.T_LIMIT:
+            continue
+        rate, _ = limit_speeds(blocks, i, change, vdot)
+        if limit_gap(blocks, i, q) + 0.5 * w * rate < -closed_limit(blocks, i):
+            known = False
+            for j in range(first, count + 1):
+                known = known or active[j] == i
+            if not known:
+                active[0] += 1
+                active[active[0]] = i
+    return active[0] > count
+
+
+@sweep
+def account(scene, lasts, ledger):
+    """Record the impulses' loss in the ledger, and the solver's report in the tally.
 
     A velocity that misses a law lasts until the next solve, for the time `lasts`.
     """
     data = opened(scene)
     tally = contacts_at(data.links.contacts).tally[0]
-    solve_impulses(scene, m, first)
     report = data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[GAINED]
     tally.residual = max(tally.residual, report[MISSED])
@@ -564,7 +609,6 @@ def solve(scene, m, first, lasts, ledger):
         tally.fallbacks += 1
     if report[CALMED] > 0.0:
         tally.calmed += 1
-    return int(report[SWEEPS_DONE] + report[STEPS_DONE])
 
 
 @sweep
