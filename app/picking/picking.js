@@ -103,5 +103,5 @@ pgraph.picking = (() => {
     frame = requestAnimationFrame(follow);
   }
   pgraph.on("aim", draw);
-  return { start, ray, projected, aiming: () => Boolean(aim) };
+  return { start, ray, projected };
 })();

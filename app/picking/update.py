@@ -13,7 +13,7 @@ from pgraph_core.show import shapes
 
 from ..constraints import Part, parts
 from ..core.cells import Display, Refusal, place_of
-from ..core.edit import attempted
+from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, Text, on
 from ..core.state import Notice, State, poses, told, with_client
 from ..properties.body_cells import edit_of
@@ -109,6 +109,21 @@ def asked(state: State, event: AskBody) -> State:
     name = None if found is None or found.body == GROUND else found.body
     count = state.clients[event.client].menu[0] + 1 if event.client in state.clients else 0
     return with_client(state, event.client, menu=(count, name, event.at))
+
+
+@dataclass(frozen=True)
+class FrameSpot(Pointed):
+    """A double click: the camera on the body under the pointer, which is selected, or on all."""
+
+
+@on(FrameSpot)
+def framed(state: State, event: FrameSpot) -> State:
+    page, found = state.clients.get(event.client), spot_of(state, event)
+    if page is None or page.aim is not None or page.picking is not None:
+        return state
+    name = None if found is None or found.body == GROUND else found.body
+    chosen = selected(state, event.client, name, () if name is None else (name,))
+    return with_client(chosen, event.client, view=(page.view[0] + 1, "fit"))
 
 
 def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:

@@ -22,9 +22,10 @@ pgraph.camera = (() => {
       const { axis, which, sign } = one;
       one.line = sign > 0 ? svg("line", { x1: HALF, y1: HALF }) : null;
       one.end = svg("circle", { r: sign > 0 ? 7 : 5 });
+      one.reach = svg("circle", { class: "reach", r: 12 });
       one.text = sign > 0 ? svg("text", { dy: 3 }, axis) : null;
       one.group = svg("g", { class: `axis ${axis}${sign > 0 ? "" : " minus"}`, role: "button", tabindex: sign > 0 ? 0 : -1, "aria-label": `view from ${which}`, "data-which": which }, svg("title", {}, `View from ${which}`),
-        ...[one.line, one.end, one.text].filter(Boolean));
+        ...[one.line, one.end, one.text, one.reach].filter(Boolean));
       one.group.addEventListener("keydown", (event) => { if (event.key === "Enter") look(which); });
       box.append(one.group);
     }
@@ -60,7 +61,7 @@ pgraph.camera = (() => {
     const box = AXES[0].group.parentNode;
     AXES.forEach((one, i) => {
       const x = HALF + REACH * seen[i][0], y = HALF - REACH * seen[i][1];
-      for (const [el, ...named] of [[one.line, "x2", "y2"], [one.end, "cx", "cy"], [one.text, "x", "y"]]) {
+      for (const [el, ...named] of [[one.line, "x2", "y2"], [one.reach, "cx", "cy"], [one.end, "cx", "cy"], [one.text, "x", "y"]]) {
         el?.setAttribute(named[0], x.toFixed(1));
         el?.setAttribute(named[1], y.toFixed(1));
       }
@@ -81,11 +82,9 @@ pgraph.camera = (() => {
     event.preventDefault();
     if (which) look(which); else measure();
   });
-  // A double click is on a body that its first click selected, or on nothing: then all comes into view.
-  window.addEventListener("dblclick", ({ target }) => {
-    if (target.tagName !== "CANVAS" || target.closest(".pgraph") || pgraph.picking.aiming()) return;
-    if (target.style.cursor !== "pointer") send("Select", { body: null }); // viser's sign of a body
-    look("fit");
+  window.addEventListener("dblclick", ({ target, clientX, clientY }) => {
+    const at = target.tagName === "CANVAS" && !target.closest(".pgraph") && pgraph.picking.ray(clientX, clientY);
+    if (at) send("FrameSpot", at);
   });
 
   // The model moved: the camera and what it looks at move by as much, so that a page that turns

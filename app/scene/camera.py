@@ -16,7 +16,8 @@ from .marks import looks
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
 FAR = 2.0  # distance over that from which the model fills the picture
-MOMENTS, FEW = 16, 100  # moments of a run, and most bodies, for a view of all corners
+MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all corners
+PLANAR = np.sqrt(np.finfo(float).eps)  # sine between axes with eight digits
 TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
 
@@ -108,8 +109,10 @@ def look(
         way = way / np.linalg.norm(way)
         if np.linalg.norm(np.cross(up, way)) < FRAMING.lean / 2:
             way = stage.towards(state.model.up, "top")
+    elif which == "start":
+        way = first_way(state)
     else:
-        way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
+        way = stage.towards(state.model.up, which)
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
     corners = extent(state, selected if which in ("fit", "centre") else ())
     seen = stage.fitted(corners, up, way, aspect)
@@ -168,8 +171,30 @@ def holds(
 
 def viewpoint(state: State, aspect: float) -> Viewpoint:
     """Positions of the camera and of its target, so that the model fills the view."""
-    way = stage.towards(state.model.up, "start")
-    return stage.fitted(extent(state), np.array(GRID[state.model.up][1]), way, aspect)
+    up = np.array(GRID[state.model.up][1])
+    return stage.fitted(extent(state), up, first_way(state), aspect)
+
+
+def first_way(state: State) -> np.ndarray:
+    """(3,) unit vector to the camera at first: square on to what moves in an upright plane."""
+    way, d = stage.towards(state.model.up, "start"), state.derived
+    axes = [
+        (motion.kind, rotation @ motion.axis)
+        for name, rotation in zip(d.names, shapes.to_matrix(d.wxyz))
+        for motion in state.model.body(name).sequence
+    ]
+    turns = [axis for kind, axis in axes if kind == "rotate"]
+    if not turns or not {kind for kind, _ in axes} <= {"rotate", "translate"}:
+        return way
+    normal = turns[0] / np.linalg.norm(turns[0])
+    sines = [
+        np.linalg.norm(np.cross(normal, axis)) if kind == "rotate" else abs(normal @ axis)
+        for kind, axis in axes
+    ]
+    upright = abs(normal @ np.array(GRID[state.model.up][1]))
+    if max(sines) > PLANAR or upright > PLANAR:
+        return way
+    return normal * np.copysign(1.0, normal @ way)
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:

@@ -42,6 +42,7 @@ class Push(NamedTuple):
     at: np.ndarray  # (3,) world [m]
     force: np.ndarray  # (3,) world [N]
     bodies: tuple[str, ...]  # names of what it acts between
+    of: tuple[str, str]  # ("constraints" or "contacts", name)
     friction: float | None = None  # friction of the ground, None for no cone
 
 
@@ -354,14 +355,15 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
             k = d.number[c.body] - 1
             at = positions[k] + R[k] @ np.asarray(model.point_of(c))
             force = np.asarray(result.constraint_force[c.name][frame, 3:])
-            found.append(Push(at, force, tuple(c.touches)))
+            found.append(Push(at, force, tuple(c.touches), ("constraints", c.name)))
     normal = np.asarray(model.ground_normal)
     for contact, (body, *others), wrench in _touches(state):
         origin = positions[d.number[body] - 1]
         on_ground = contact.other == "ground"
         at = _place(wrench[frame], origin, normal if on_ground else None)
         friction = _friction(model, contact) if on_ground else None
-        found.append(Push(at, wrench[frame, 3:], (body, *others), friction))
+        of = "contacts", contact.name
+        found.append(Push(at, wrench[frame, 3:], (body, *others), of, friction))
     return found
 
 
@@ -413,14 +415,15 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
 
 
 def values(state: State, found: list[Push], selected: Collection[str]) -> list[list[Any]]:
-    """The forces on selected bodies, or the largest: [x, y, z of the arrow's head, its text]."""
-    most = len(found) if selected else MOST_VALUES
-    found = [push for push in found if not selected or not set(selected).isdisjoint(push.bodies)]
+    """The forces on selected bodies, else the largest: [x, y, z of the head, text, part, name]."""
+    found = [push for push in found if push.force.any()]
+    own = [push for push in found if not set(selected).isdisjoint(push.bodies)]
+    found, most = (own, len(own)) if own else (found, MOST_VALUES)
     metres = scale(state)
     sized = sorted(((float(np.linalg.norm(p.force)), p) for p in found), key=lambda one: -one[0])
     least = LEAST_VALUE * sized[0][0] if sized else 0.0
     return [
-        [*(round(float(x), 5) for x in push.at + metres * push.force), f"{size:.3g} N"]
+        [*(round(float(x), 5) for x in push.at + metres * push.force), f"{size:.3g} N", *push.of]
         for size, push in sized[:most]
         if size > least
     ]

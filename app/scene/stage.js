@@ -64,8 +64,8 @@ pgraph.stage = (() => {
   function floor(mesh, { middle }) {
     const { material } = mesh;
     if (!material) return;
-    // its triangles are turned, so that its back is above; from below it is not drawn
-    if (material.fragmentShader !== FRAGMENT) Object.assign(material, { fragmentShader: FRAGMENT, side: BACK, needsUpdate: true });
+    // its triangles are turned, so that its back is above; from below it is not drawn. viser sets the side again by itself
+    if (material.fragmentShader !== FRAGMENT || material.side !== BACK) Object.assign(material, { fragmentShader: FRAGMENT, side: BACK, needsUpdate: true });
     (material.uniforms.centre ??= { value: middle.clone() }).value.copy(mesh.worldToLocal(middle.clone()));
   }
   viser.frame(() => {
@@ -84,7 +84,26 @@ pgraph.stage = (() => {
   for (const name of ["/bodies", "/selected"]) viser.materials(name, (material) => { if (material.roughness === 1) material.roughness = 0.5; });
   viser.materials("/selected", (material) => {
     if (material.transparent && material.depthFunc !== GREATER) Object.assign(material, { depthFunc: GREATER, depthWrite: false });
+    if (material.side === BACK) outline(material);
   });
+  // The back of a body, as many pixels larger on all sides.
+  const WIDTH = 2; // [px]
+  const canvas = { value: [1, 1] };
+  function outline(material) {
+    const { clientWidth, clientHeight } = document.querySelector("canvas:not(.pgraph *)");
+    canvas.value = [2 * WIDTH / clientWidth, 2 * WIDTH / clientHeight];
+    material.color.setScalar(0);
+    material.emissive.set(tone("--ink"));
+    if (material.userData.outline) return;
+    material.userData.outline = true;
+    Object.assign(material, { toneMapped: false, needsUpdate: true });
+    material.onBeforeCompile = (shader) => {
+      shader.uniforms.pixels = canvas;
+      shader.vertexShader = `uniform vec2 pixels;\n${shader.vertexShader.replace("#include <project_vertex>", `#include <project_vertex>
+        vec2 way = (normalMatrix * objectNormal).xy;
+        gl_Position.xy += pixels * gl_Position.w * way / max(length(way), 1e-6);`)}`;
+    };
+  }
   // An arrow is seen through the body that it acts on: drawn last, over all, in a colour without light.
   for (const [arrows, colour] of [["/forces", "--force"], ["/loads", "--s1"], ["/pull", "--accent"]]) {
     viser.materials(arrows, (material) => {
@@ -97,7 +116,7 @@ pgraph.stage = (() => {
   // -- one hover: the body is lit in 3D, its row and node are marked, its name is at the pointer ----
   const HOVERED = 0.3; // of the accent's light
   const label = make("div", { className: "pgraph pgraph-pill hover", hidden: true });
-  let hovered = null, inView = false, pointer = [0, 0];
+  let hovered = null, inView = false, pointer = [0, 0], overView = false; // viser may be late to say that the pointer has left
   const names = () => pgraph.latest.digraph?.names ?? [];
   function hover(name, ofView = false) {
     if (name !== hovered) {
@@ -113,7 +132,8 @@ pgraph.stage = (() => {
   }
   window.addEventListener("pointermove", ({ clientX, clientY, target }) => {
     pointer = [clientX, clientY];
-    const named = target.closest?.("tr[data-name], g.node[data-name], button.entry[data-name]");
+    overView = target.tagName === "CANVAS" && !target.closest(".pgraph");
+    const named = target.closest?.("tr[data-name], g.node[data-name], .entry[data-name]");
     if (named || !inView) hover(named?.dataset.name || null);
     else hover(hovered, true);
   }, { passive: true });
@@ -126,7 +146,7 @@ pgraph.stage = (() => {
         if (one.parent.visible) under = k;
       });
     }
-    if (under) hover(names()[under - 1] ?? null, true);
+    if (under && overView) hover(names()[under - 1] ?? null, true);
     else if (inView) hover(null);
     const lit = names().indexOf(hovered) + 1;
     for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
@@ -147,7 +167,7 @@ pgraph.stage = (() => {
   const APART = [52, 20]; // [px]
   const pills = make("div", { className: "pgraph pgraph-pills" });
   pgraph.on("forces", (values) => {
-    pills.replaceChildren(...values.map(([, , , text]) => make("span", { className: "pgraph-pill", textContent: text })));
+    pills.replaceChildren(...values.map(([, , , text, part, name]) => make("button", { className: "pgraph-pill", textContent: text, title: `${name}: open it`, onclick: () => pgraph.send("OpenPart", { part, name }) })));
     put();
   });
   function put() {

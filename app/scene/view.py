@@ -39,7 +39,6 @@ from .marks import looks
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
-ACCENT = (66, 106, 236), (112, 152, 255)  # colour of the selection in the light and the dark theme
 MOST_FILLED = 30  # bodies of a page
 
 
@@ -153,9 +152,9 @@ class SceneView:
         for client, now in new.clients.items():
             before = old.clients.get(client, Client())
             chosen = _filled(now)
-            if not rebuilt and (_filled(before), before.dark) == (chosen, now.dark):
+            if not rebuilt and _filled(before) == chosen:
                 continue
-            made_from = [self._drawn_of(new, name, now.dark) for name in chosen]
+            made_from = [self._drawn_of(new, name) for name in chosen]
             if client in self._selected and made_from == self._made_from.get(client):
                 continue  # moves with its body
             self._made_from[client] = made_from
@@ -164,31 +163,34 @@ class SceneView:
             handle = self._server.get_clients().get(client)
             if chosen and handle is not None:
                 self._selected[client] = [
-                    self._fill(handle, new, name, k, now.dark) for k, name in enumerate(chosen)
+                    self._fill(handle, new, name, k) for k, name in enumerate(chosen)
                 ]
 
-    def _drawn_of(self, state: State, name: str, dark: bool) -> Any:
+    def _drawn_of(self, state: State, name: str) -> Any:
         """All that a fill is made from."""
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
-        return body.shapes, links, body.tip, body.com, body.mass, d.grain, dark
+        branch = d.branches[d.number[name] - 1]
+        return body.shapes, links, body.tip, body.com, body.mass, d.grain, branch
 
     def _fill(
-        self, client: viser.ClientHandle, state: State, name: str, at: int, dark: bool
+        self, client: viser.ClientHandle, state: State, name: str, at: int
     ) -> viser.FrameHandle:
-        """Over one body, and fainter where others stand before it."""
-        size = state.derived.grain
-        solid = shapes.mesh(self._looks[state.derived.number[name] - 1].pieces)
+        """Over one body in its branch's hue, fainter where others stand before it; an outline."""
+        d = state.derived
+        size, k = d.grain, d.number[name] - 1
+        solid = shapes.mesh(self._looks[k].pieces)
         node = f"/selected/{at}"
         frame = client.scene.add_frame(node, show_axes=False)
-        for part in ("fill", "behind"):
+        for part in ("outline", "fill", "behind"):
             client.scene.add_mesh_simple(
                 f"{node}/{part}",
                 solid.vertices + 0.002 * size * solid.vertex_normals,
                 solid.faces,
-                color=ACCENT[dark],
+                color=shapes.HUES[shapes.hue_of(d.branches[k])],
                 opacity=0.4 if part == "behind" else None,
-                flat_shading=len(solid.faces) < FLAT,
+                flat_shading=len(solid.faces) < FLAT and part != "outline",
+                side="back" if part == "outline" else "front",
                 cast_shadow=False,
                 receive_shadow=False,
             )
@@ -207,19 +209,22 @@ COLOR, OPACITY = (120, 128, 140), 0.28
 
 
 class GhostView:
+    """The run that was kept last, as a ghost."""
+
     def __init__(self, server: viser.ViserServer):
         self._server = server
         self._nodes: list[viser.MeshHandle] = []
 
     def render(self, old: State, new: State) -> None:
-        if new.ghost is not old.ghost:
+        before, ghost = (state.runs[-1].run if state.runs else None for state in (old, new))
+        if ghost is not before:
             for node in self._nodes:
                 node.remove()
-            self._nodes = [] if new.ghost is None else self._drawn(new, new.ghost)
-        if new.ghost is not None and self._nodes:
-            self._place(new.ghost, new.playback.time)
+            self._nodes = [] if ghost is None else self._drawn(ghost)
+        if ghost is not None and self._nodes:
+            self._place(ghost, new.playback.time)
 
-    def _drawn(self, state: State, ghost: Run) -> list[viser.MeshHandle]:
+    def _drawn(self, ghost: Run) -> list[viser.MeshHandle]:
         of = State(ghost.model, ghost.request)
         nodes = []
         for k, look in enumerate(looks(of), 1):

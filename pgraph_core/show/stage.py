@@ -185,7 +185,7 @@ class Framing(NamedTuple):
     field_of_view: float = (
         0.5  # angle over the height [rad], small enough to keep the shape of bodies
     )
-    margin: float = 0.8  # share of half the width and height
+    margin: float = 0.9  # share of half the width and height
     distance: float = 0.02  # least distance [m], of a model that is a point
     lean: float = 1e-3  # tilt of a view along the vertical, which would have no upright direction
 
