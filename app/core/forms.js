@@ -20,23 +20,20 @@ pgraph.forms = (() => {
       box.dataset.key = key;
     }
     box.pgraphAsk = ask;
-    box.style.setProperty("--label", `${widest(box, groups)}px`);
+    box.style.setProperty("--label", `${widest(groups)}px`);
     const items = groups.map((data) => ({ id: data.id, name: data.title, data }));
     pgraph.keyed(box, items, ({ data }) => group(data, folded), (el, { data }) => fillGroup(box, el, data));
     if (another && focused?.matches("input.cell") && focused === document.activeElement && !isDirty(focused)) focused.select();
   }
 
-  // The column of labels: as wide as the widest with its unit; where that is too wide, the unit goes below.
+  // The unit of one number is in its cell. That of several is beside their label, or above them where it is too wide.
   const MOST = 84, ruler = document.createElement("canvas").getContext("2d");
-  function widest(box, groups) {
-    const family = getComputedStyle(box).fontFamily;
-    const width = (text, size) => { ruler.font = `${size}px ${family}`; return text ? ruler.measureText(text).width : 0; };
-    const needed = ({ label, unit }) => {
-      const one = width(label, 12), other = width(unit, 11), both = one + other + 4;
-      return both > MOST ? Math.max(one, other) : both;
-    };
-    return Math.ceil(Math.min(MOST, Math.max(76, ...groups.flatMap((one) => one.fields.map(needed)))));
-  }
+  const width = (text, size) => { ruler.font = `${size}px ${getComputedStyle(document.body).getPropertyValue("--font")}`; return ruler.measureText(text).width; };
+  const inCell = ({ kind, columns, unit }) => kind === "number" && columns === 1 && Boolean(unit);
+  const besides = ({ label, unit }) => width(label, 12) + (unit ? width(unit, 11) + 4 : 0);
+  const above = (field) => Boolean(field.unit) && !inCell(field) && besides(field) > MOST;
+  const needed = (field) => (inCell(field) || above(field) ? width(field.label, 12) : besides(field));
+  const widest = (groups) => Math.ceil(Math.min(MOST, Math.max(76, ...groups.flatMap((one) => one.fields.map(needed)))));
 
   function group(data, folded) {
     if (!data.title) return make("div");
@@ -70,7 +67,9 @@ pgraph.forms = (() => {
     buttons(box, el, field);
     if (field.kind === "density") fillDensity(el, String(field.cells[0].value));
     else {
-      grid.className = `grid columns-${field.columns}`;
+      grid.className = `grid columns-${field.columns}${inCell(field) ? " suffixed" : above(field) ? " headed" : ""}`;
+      grid.dataset.unit = field.unit;
+      grid.style.setProperty("--unit", `${inCell(field) ? Math.ceil(width(field.unit, 11)) : 0}px`);
       field.cells.forEach((cell, i) => {
         inputs[i].closest(".grid > *").style.gridColumn = `span ${cell.span ?? 6 / field.columns}`;
         fillCell(inputs[i], field, cell);
@@ -112,7 +111,7 @@ pgraph.forms = (() => {
     el.querySelector(".field").dataset.field = field.field;
     what.title = field.help || field.label;
     what.firstChild.textContent = field.label;
-    what.querySelector(".unit").textContent = field.unit;
+    what.querySelector(".unit").textContent = inCell(field) || above(field) ? "" : field.unit;
     if (!field.pick) what.querySelector(".pick")?.remove();
     else if (!what.querySelector(".pick")) what.append(picker(box, el));
     what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);
