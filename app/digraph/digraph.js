@@ -25,8 +25,10 @@ pgraph.digraph = (() => {
       make("div", { className: "picture" }, make("div", { className: "sheet" }, canvas), pgraph.pictureButton("fit bare", "fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
         card, make("div", { className: "drag-hint", hidden: true })),
       host.pgraphSteps,
-      make("h4", {}, "Pgraph and jdof", make("button", { className: "link walk", textContent: "How it is built", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
-      make("div", { className: "vectors" }));
+      make("h4", {}, make("button", { className: "fold", title: "Pgraph: the order of a walk round the tree. jdof: the degrees of freedom that each entry adds", onclick: () => jdof(host) }, "Pgraph", make("span")),
+        make("button", { className: "link walk", textContent: "How it is built", title: "The seven steps that make Pgraph, and a frame update", onclick: () => pgraph.steps.toggle() })),
+      make("div", { className: "vectors", onclick: (event) => { const entry = event.target.closest(".entry"); if (entry) select(entry.dataset.name || null); } }));
+    jdof(host, Boolean(pgraph.choices.get().jdof));
     pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k), label });
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);
@@ -37,7 +39,6 @@ pgraph.digraph = (() => {
     canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
     canvas.addEventListener("focusout", () => hover(host, 0));
     pgraph.steps.build(host.pgraphSteps, host);
-    host.pgraphSteps.append(legend());
     toggle(pgraph.choices.get().graph ?? innerWidth >= SPLIT);
   }
   // The drawn tree, beside the gutter of the table.
@@ -48,6 +49,14 @@ pgraph.digraph = (() => {
     pgraph.choices.set({ graph: on });
   }
 
+  // The second row of numbers, below the first.
+  function jdof(host, on = !host.classList.contains("jdof")) {
+    host.classList.toggle("jdof", on);
+    host.querySelector(".fold").setAttribute("aria-expanded", on);
+    host.querySelector(".fold span").textContent = on ? " and jdof" : "";
+    pgraph.choices.set({ jdof: on });
+  }
+
   // What the signs mean.
   function legend() {
     const sign = (text, ...shapes) => make("span", {}, svg("svg", { class: "graph sign", viewBox: "-10 -10 20 20" }, ...shapes), text);
@@ -55,9 +64,9 @@ pgraph.digraph = (() => {
     return make("div", { className: "legend muted" },
       sign("separation body", circle(5), svg("g", { class: "node" }, svg("circle", { r: 8, class: "outer" }))),
       sign("tip", circle(7, "tip")),
-      sign("constraint to the ground", svg("g", { class: "loop" }, svg("path", { class: "mark", d: hatch(0, -3) }))),
+      sign("to the ground", svg("g", { class: "loop" }, svg("path", { class: "mark", d: hatch(0, -3) }))),
       sign("loop", svg("g", { class: "loop" }, svg("path", { d: "M-10 0 h20" }))),
-      make("span", { textContent: "Drag a node onto its new parent, with Shift onto a second one.", className: "how" }));
+      make("span", { textContent: "Drag a number onto its new parent, with Shift to close a loop.", className: "how" }));
   }
 
   function draw(host, data) {
@@ -118,9 +127,8 @@ pgraph.digraph = (() => {
       const name = k > 0 ? data.names[k - 1] : "ground";
       const again = met.has(k);
       met.add(k);
-      const made = part(["entry", i, k, name, again, data.jdof[i]], () => make("button", {
-        className: again ? "entry again" : "entry", title: again ? `back to ${name}` : name, tabIndex: -1,
-        onclick: () => select(k > 0 ? name : null), "data-name": k > 0 ? name : "",
+      const made = part(["entry", i, k, name, again, data.jdof[i]], () => make("span", {
+        className: again ? "entry again" : "entry", title: `${again ? "back to " : ""}${name}, jdof ${data.jdof[i]}`, "data-name": k > 0 ? name : "",
       }, make("span", { textContent: k }), make("span", { textContent: data.jdof[i] })));
       graph.entries[k].push(made);
       return made;
@@ -278,5 +286,5 @@ pgraph.digraph = (() => {
 
   pgraph.view("digraph", { build, digraph: draw, selection: mark,
     selected: (host) => mark(host, pgraph.latest.selection), constraints: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
-  return { svg, toggle };
+  return { svg, toggle, legend };
 })();

@@ -73,7 +73,7 @@ pgraph.steps = (() => {
     box.querySelector(".stack").replaceChildren(
       make("span", { className: "muted", textContent: "SBS" }), ...(places.length ? places : [make("span", { className: "muted", textContent: "empty" })]),
       make("span", { className: "muted", textContent: `SBn ${SBn}` }), make("span", { className: "muted", textContent: `TBn ${TBn}` }));
-    const entries = [...box.host.querySelectorAll(".vectors button.entry")];
+    const entries = [...box.host.querySelectorAll(".vectors .entry")];
     entries.forEach((el, i) => el.classList.toggle("pending", i >= grown));
     entries.forEach((el, i) => el.classList.toggle("fresh", i === grown - 1 && Boolean(now.adds)));
     entries[Math.max(grown - 1, 0)]?.scrollIntoView({ block: "nearest" });
@@ -102,7 +102,7 @@ pgraph.steps = (() => {
     box.querySelector(".stack").replaceChildren(make("span", { className: "muted", textContent: box.data.from }));
     box.querySelectorAll("tbody tr").forEach((tr, i) => tr.classList.toggle("now", i === box.at));
     box.querySelector("tr.now")?.scrollIntoView({ block: "nearest" });
-    box.host.querySelectorAll(".vectors button.entry").forEach((el, i) => el.classList.toggle("fresh", i === box.at));
+    box.host.querySelectorAll(".vectors .entry").forEach((el, i) => el.classList.toggle("fresh", i === box.at));
     for (const k of now.P) mark(graph, k, "carried");
     current(box, now.number);
   }

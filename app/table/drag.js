@@ -5,7 +5,7 @@ pgraph.drag = (() => {
   let dragged = [];
 
   const clear = () => {
-    for (const tr of document.querySelectorAll("tr.drop-before, tr.drop-after, tr.drop-on")) tr.classList.remove("drop-before", "drop-after", "drop-on");
+    for (const tr of document.querySelectorAll("tr:is(.drop-before, .drop-after, .drop-on)")) tr.classList.remove("drop-before", "drop-after", "drop-on", "drop-loop");
   };
 
   // Where on a row the pointer is: its upper quarter, its lower one, or in between.
@@ -17,8 +17,9 @@ pgraph.drag = (() => {
     return how === "on" && dragged.includes(tr.dataset.name) ? null : { tr, how };
   }
 
-  function dropped({ tr, how }) {
+  function dropped({ tr, how }, loop) {
     const name = tr.dataset.name;
+    if (how === "on" && loop) { send("Drop", { serial: pgraph.nextSerial(), body: dragged.at(-1), parent: name, loop }); return; }
     if (how === "on") { send("SetParent", { bodies: dragged, parent: name }); return; }
     const names = table().shown().filter((other) => !dragged.includes(other) || other === name);
     const at = names.indexOf(name) + (how === "after" ? 1 : 0);
@@ -41,13 +42,14 @@ pgraph.drag = (() => {
       if (!at) return;
       event.preventDefault();
       at.tr.classList.add(`drop-${at.how}`);
+      if (at.how === "on" && event.shiftKey) at.tr.classList.add("drop-loop");
     });
     body.addEventListener("drop", (event) => {
       const at = place(event);
       clear();
       if (!at) return;
       event.preventDefault();
-      dropped(at);
+      dropped(at, event.shiftKey);
       dragged = [];
     });
     body.addEventListener("dragend", () => { dragged = []; clear(); });

@@ -1,17 +1,30 @@
 // The digraph as the gutter of the table: of each row its node and the lines that pass it, in a lane for
 // each open branch. Loops are dashed arcs at its right.
 pgraph.gutter = (() => {
-  const ROW = 29, FIRST = 19, PITCH = 16, LOOP = 9, MOST = 7, RADIUS = 7.7, BEND = 7; // [px]; lanes at full pitch
-  let pitch = PITCH, last = 0, width = 0, hues = new Map(), names = [], rows = [], shown = new Set();
-  const lane = (k) => FIRST + pitch * k, beside = (k) => last + RADIUS + 6 + LOOP * k, middle = ROW / 2;
+  const ROW = 29, FIRST = 19, PITCH = 16, LOOP = 9, RADIUS = 7.7, BEND = 7; // [px]
+  const WIDEST = 160; // [px] of the gutter: more lanes are moved along in it
+  let last = 0, width = 0, full = 0, shift = 0, hues = new Map(), names = [], rows = [], shown = new Set();
+  const lane = (k) => FIRST + PITCH * k, beside = (k) => last + RADIUS + 6 + LOOP * k, middle = ROW / 2;
 
   function set(data) {
     rows = data.rows;
     names = data.loops;
     hues = new Map(rows.map(({ number, color }) => [number, color]));
-    pitch = Math.min(PITCH, (PITCH * (MOST - 1)) / Math.max(data.lanes - 1, 1));
     last = lane(data.lanes - 1);
-    width = Math.max(Math.ceil(data.beside ? beside(data.beside - 1) + 6 : last + RADIUS + 9), 52);
+    full = Math.max(Math.ceil(data.beside ? beside(data.beside - 1) + 6 : last + RADIUS + 9), 52);
+    width = Math.min(full, WIDEST);
+    move(pgraph.host("table"), 0);
+  }
+  // All lanes moved along by as much, where they are wider than the gutter.
+  function move(host, by) {
+    shift = Math.min(Math.max(shift + by, 0), full - width);
+    host.style.setProperty("--shift", `${-shift}px`);
+    return full > width;
+  }
+  // The lane of a row in sight.
+  function reveal(host, { lane: own }) {
+    const x = lane(own) - shift;
+    if (x < RADIUS || x > width - RADIUS) move(host, x - width / 2);
   }
 
   // Across from x to `to`, and round the corner; `way` is 1 down, -1 up.
@@ -28,7 +41,7 @@ pgraph.gutter = (() => {
   function draw(box, { number, kind, lane: own, marks, color }) {
     const x = lane(own), edges = marks.filter(([shape]) => !"IDU".includes(shape)), loops = marks.filter(([shape]) => "IDU".includes(shape));
     const line = ([shape, a, b, of], name) => `<path class="${name}" data-of="${of}" ${name === "edge" ? `style="--body:${hues.get(of)}"` : ""} d="${SHAPES[shape](a, b)}"/>`;
-    box.innerHTML = `<svg class="gutter" width="${width}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}`
+    box.innerHTML = `<svg class="gutter" width="${full}" height="${ROW}" aria-hidden="true">${edges.map((mark) => line(mark, "edge")).join("")}${loops.map((mark) => line(mark, "loop")).join("")}`
       + `<g class="node ${kind}" style="--body:${color}">${kind === "separation" ? `<circle class="outer" cx="${x}" cy="${middle}" r="${RADIUS + 2.3}"/>` : ""}<circle cx="${x}" cy="${middle}" r="${RADIUS}"/>`
       + `<text x="${x}" y="${middle + 3}">${number}</text></g></svg>`;
     for (const path of box.querySelectorAll(".loop")) path.append(titled(names[path.dataset.of]));
@@ -56,5 +69,5 @@ pgraph.gutter = (() => {
 
   const JOINTS = { revolute: "revolute", universal: "universal", weld: "weld", prismatic: "prismatic", free: "free", spherical: "spherical", cylindrical: "prismatic" };
   const joint = (kind) => pgraph.icon(JOINTS[kind] ?? "compound", 14);
-  return { set, draw, path, node, joint, get width() { return width; } };
+  return { set, draw, path, node, joint, move, reveal, get width() { return width; } };
 })();

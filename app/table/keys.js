@@ -4,7 +4,7 @@ pgraph.keys = (() => {
   const { send } = pgraph;
   const table = () => pgraph.table;
   const PAGE = 10; // rows
-  const cellsOf = (tr) => { table().furnish(tr); return [...tr.querySelectorAll(".cell, button.tied")]; };
+  const cellsOf = (tr) => { table().arm(tr); return [...tr.querySelectorAll(".cell, button.tied")]; };
 
   function listen(host) {
     const body = host.querySelector("tbody");

@@ -4,7 +4,7 @@ pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, or onto another row to attach it there"],
+    ["Graph", "numbers of the Pgraph, a lane for each branch; drag a number to move its row, onto another row to attach it there, with Shift to close a loop with it"],
     ["Body", "its name"],
     ["Parent", "the body it is attached to, or ground"],
     ["DoF", "degrees of freedom of its joint, beside the kind of the joint; a mark where constraints or contacts touch the body"],
@@ -17,6 +17,7 @@ pgraph.table = (() => {
 
   function build(host) {
     const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
+    head.firstChild.replaceChildren(pgraph.opens(make("button", { className: "bare", textContent: HEAD[0][0] }), pgraph.digraph.legend()));
     const body = make("tbody");
     body.addEventListener("mousedown", pressed);
     body.addEventListener("click", (event) => { // on a number of several selected rows, and no drag
@@ -24,10 +25,17 @@ pgraph.table = (() => {
       if (plain && event.target.closest(".number")) pick(nameOf(event.target));
     });
     for (const type of ["focusin", "input"]) body.addEventListener(type, (event) => focused(event.target));
+    const rowOf = (event) => event.target.closest?.("tr[data-name]");
+    for (const type of ["pointerover", "focusin"]) body.addEventListener(type, (event) => { const tr = rowOf(event); if (tr) arm(tr); });
+    for (const type of ["pointerout", "focusout"]) body.addEventListener(type, (event) => { const tr = rowOf(event); if (tr) setTimeout(rest, 0, tr); });
     host.replaceChildren(
       make("table", { className: "bodies" }, make("thead", {}, head), body),
       make("p", { className: "muted empty", hidden: true }),
     );
+    body.addEventListener("wheel", (event) => { // sideways, or with Shift
+      const by = event.deltaX || (event.shiftKey ? event.deltaY : 0);
+      if (by && event.target.closest(".number") && pgraph.gutter.move(host, by)) event.preventDefault();
+    }, { passive: false });
     near?.disconnect();
     near = new IntersectionObserver((seen) => {
       for (const { target, isIntersecting } of seen) if (isIntersecting) furnish(target);
@@ -107,45 +115,68 @@ pgraph.table = (() => {
     return tr;
   }
 
-  // The cells of a row; until then it shows text.
+  const edit = (tr, field) => (serial, text) => pgraph.send("Edit", { serial, body: tr.dataset.name, field, index: [], text });
+
+  // The name's cell and the joint's picture; until then the row shows text.
   function furnish(tr) {
     near.unobserve(tr);
     if (tr.dataset.furnished) return;
     tr.dataset.furnished = "1";
-    const edit = (field) => (serial, text) =>
-      pgraph.send("Edit", { serial, body: tr.dataset.name, field, index: [], text });
-    const name = cells.input(edit("name"), { label: "name", className: "name" });
-    const parent = cells.choice(() => parents(tr.dataset.name), edit("parent"), { label: "parent" });
-    const dof = cells.choice(() => dofs(tr.dataset.name), edit("dof"), { label: "DoF" });
-    const constraint = make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) });
-    [[name], [parent], [make("span", { className: "kind" }), make("span", { className: "dof" }), dof, constraint]].forEach((made, i) => tr.children[i + 1].replaceChildren(...made));
+    tr.children[1].replaceChildren(cells.input(edit(tr, "name"), { label: "name", className: "name" }));
+    tr.children[3].replaceChildren(make("span", { className: "kind" }), make("span", { className: "dof" }), make("span", { className: "tied" }));
     const row = byName.get(tr.dataset.name);
     tr.dataset.drawn = "";
     if (row) fill(tr, row);
+  }
+  // The other cells, where the pointer or the focus is, or the selection.
+  function arm(tr) {
+    furnish(tr);
+    if (tr.dataset.armed) return;
+    tr.dataset.armed = "1";
+    tr.children[2].replaceChildren(cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }));
+    const mark = make("button", { className: "tied", onclick: () => pgraph.show("Connections", tr.dataset.name) });
+    tr.querySelector(".tied").replaceWith(cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }), mark);
+    refill(tr);
+  }
+  function rest(tr) {
+    if (!tr.dataset.armed || tr.matches(".selected, :hover") || tr.contains(document.activeElement) || tr.querySelector(".refused, .waiting")) return;
+    delete tr.dataset.armed;
+    tr.querySelector(".held .cell").remove();
+    tr.querySelector(".tied").replaceWith(make("span", { className: "tied" }));
+    refill(tr);
+  }
+  function refill(tr) {
+    const row = byName.get(tr.dataset.name);
+    if (row && tr.dataset.drawn) fillCells(tr, row); // what is under the pointer stays
   }
 
   function fill(tr, row) {
     const text = JSON.stringify(row) + pgraph.gutter.width;
     if (tr.dataset.drawn === text) return;
     tr.dataset.drawn = text;
-    const constraint = row.constraints.join(", ") || "holonomic";
     [row.name, row.parent].forEach((value, i) => { tr.children[i + 1].title = value; });
     if (!tr.dataset.furnished) {
       [row.name, row.parent, row.dof].forEach((value, i) => { tr.children[i + 1].textContent = value; });
       return;
     }
     pgraph.gutter.draw(tr.querySelector(".lanes"), row);
-    const [name, parent, dof] = tr.querySelectorAll(".cell"), button = tr.querySelector("button.tied");
+    fillCells(tr, row);
+  }
+  function fillCells(tr, row) {
+    const constraint = row.constraints.join(", ") || "holonomic";
+    const [name, parent, dof] = tr.querySelectorAll(".cell"), mark = tr.querySelector(".tied");
     cells.set(name, row.name);
+    tr.children[3].title = `${row.joint}, ${row.dof} DoF`;
+    tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
+    tr.querySelector(".dof").textContent = row.dof;
+    mark.setAttribute("aria-label", constraint);
+    mark.title = row.constraints.length ? `${row.held}: ${constraint}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
+    mark.classList.toggle("on", row.constraints.length > 0);
+    if (!tr.dataset.armed) { tr.children[2].textContent = row.parent; return; }
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;
-    dof.title = `${row.joint}, ${row.dof} DoF`;
-    tr.querySelector(".kind").replaceChildren(pgraph.gutter.joint(row.joint));
-    tr.querySelector(".dof").textContent = row.dof;
-    button.setAttribute("aria-label", constraint);
-    button.title = row.constraints.length ? `${row.held}: ${constraint}; click to see them` : `its ${row.joint} joint alone; click to add a constraint`;
-    button.classList.toggle("on", row.constraints.length > 0);
+    dof.title = tr.children[3].title;
   }
 
   // Whether a typed name can only be refused: it is empty, or another row's.
@@ -173,8 +204,12 @@ pgraph.table = (() => {
 
   function mark(host) {
     const last = pgraph.latest.selection ?? null, all = new Set(selected());
-    for (const tr of host.querySelectorAll("tr.selected")) tr.classList.remove("selected", "last");
+    for (const tr of host.querySelectorAll("tr.selected")) {
+      tr.classList.remove("selected", "last");
+      if (!all.has(tr.dataset.name)) rest(tr);
+    }
     for (const name of all) trs.get(name)?.classList.add("selected");
+    if (trs.has(last)) { arm(trs.get(last)); pgraph.gutter.reveal(host, byName.get(last)); }
     const tr = last === null ? null : trs.get(last);
     tr?.classList.add("selected", "last");
     pgraph.beforePicture("table", () => { if (tr?.isConnected && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" }); });
@@ -202,5 +237,5 @@ pgraph.table = (() => {
   }
 
   pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });
-  return { selected, shown, extend, pick, taken, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
+  return { selected, shown, extend, pick, taken, arm, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
 })();

@@ -178,7 +178,7 @@ def paste(state: State, event: Paste) -> State:
         return replied(state, client, serial, f"Nothing was pasted: {problem}")
     if names and not state.model.bodies and STAND_IN.fullmatch(model.name):
         model = model.replace(name=names[0])
-    state = replied(with_model(state, model, "paste", client), client, serial)
+    state = replied(with_model(state, model, "paste"), client, serial)
     if names:
         state = selected(state, client, names[0], names)
     return told(state, client, Notice("Pasted", notice)) if notice else state
@@ -204,7 +204,7 @@ def new_from_lines(state: State, event: NewFromLines) -> State:
     except (Refusal, pg.PgraphError) as problem:
         return replied(state, client, serial, f"Nothing was pasted: {problem}")
     model = model.replace(name=names[0])
-    state = replaced(state, model, f"new model of {len(names)} bodies", client)
+    state = replaced(state, model, f"new model of {len(names)} bodies")
     state = replied(state, client, serial)
     return told(state, client, Notice("Pasted", notice)) if notice else state
 

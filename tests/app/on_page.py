@@ -14,6 +14,12 @@ def row(page: Any, name: str) -> Any:
     return page.locator(f'table.bodies tr[data-name="{name}"]')
 
 
+def row_cell(page: Any, name: str, label: str) -> Any:
+    """Return a cell of a row, which has it while the pointer is there."""
+    row(page, name).hover()
+    return row(page, name).get_by_label(label, exact=True)
+
+
 def node(page: Any, name: str) -> Any:
     return page.locator(f'svg.digraph g.node[data-name="{name}"]')
 
@@ -48,8 +54,8 @@ def simulate(page: Any) -> None:
 
 
 def part_field(page: Any, name: str, k: int = 0) -> Any:
-    """A cell of the part that is open in the Constraints tab."""
-    return page.locator(f'.tie.open [data-field="{name}"] .cell').nth(k)
+    """A cell of the constraint, contact or force that is open in the inspector."""
+    return page.locator(f'[data-view=part] [data-field="{name}"] .cell').nth(k)
 
 
 def typed(cell: Any, text: str, key: str = "Enter") -> None:

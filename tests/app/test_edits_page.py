@@ -13,7 +13,7 @@ from .on_page import client_of, drawn, frames
 WATCH = """() => {
   window.touched = [];
   const said = (el) => {
-    const own = (el.nodeType === 1 ? el : el.parentElement)?.closest("tr, g, button.entry");
+    const own = (el.nodeType === 1 ? el : el.parentElement)?.closest("tr, g, .entry");
     return own && [own.tagName.toLowerCase(), own.dataset.name ?? own.dataset.edge ?? ""].join(" ");
   };
   window.watches = ["table.bodies tbody", "svg.digraph", ".vectors"].map((place) => {
@@ -59,7 +59,7 @@ def test_an_edit_touches_only_what_it_changes(page: Any, served: Server):
         )
         assert edit(page, served, "shank", "mass", "7.5") == set()
         touched = edit(page, served, "thigh", "name", "femur")
-        assert touched == {"tr femur", "tr shank", "g femur", "button femur"}
+        assert touched == {"tr femur", "tr shank", "g femur", "span femur"}
         settled(page, served)
         drawn(page, "/bodies/1")
         assert page.evaluate(  # the meshes in 3D are the same ones
@@ -68,7 +68,7 @@ def test_an_edit_touches_only_what_it_changes(page: Any, served: Server):
           .every(([, n]) => kept.includes(n.message))"""
         )
         page.evaluate("touched.splice(0)")
-        assert edit(page, served, "arm", "dof", "2") >= {"tr arm", "g arm", "button arm"}
+        assert edit(page, served, "arm", "dof", "2") >= {"tr arm", "g arm", "span arm"}
     finally:
         page.evaluate("watches.forEach((watch) => watch.disconnect())")
 

@@ -6,7 +6,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.model.update import NewModel
+from pgraph_app.model.update import NewModel, Undo
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, opened, settled, until
@@ -22,6 +22,7 @@ from .on_page import (
     paste,
     refused,
     row,
+    row_cell,
     rows_selected,
     typed,
 )
@@ -58,14 +59,14 @@ def test_keys_move_and_type_as_in_a_spreadsheet(chain: Any, served: Server):
     assert served.store.state.model.body("4").name == "4"
 
     # drop-downs offer what is possible
-    parent = row(page, "3").locator("select").first
+    parent = row_cell(page, "3", "parent")
     parent.focus()
     offered = parent.locator("option").all_inner_texts()
     assert set(offered) == {"ground", "1", "2"}
     parent.select_option("1")
     until(lambda: served.store.state.model.body("3").parent == "1", "the new parent")
     page.wait_for_function("() => pgraph.latest.digraph.separation.length === 1")
-    joint = row(page, "3").locator("select").nth(1)
+    joint = row_cell(page, "3", "DoF")
     joint.focus()
     joint.select_option("3")
     until(lambda: served.store.state.model.body("3").joint == "spherical", "a ball joint")
@@ -85,7 +86,7 @@ def test_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain: An
         page.keyboard.press("Shift+Enter")
         page.keyboard.press("ArrowRight")
         page.keyboard.press("ArrowRight")
-        row(page, "3").locator("select").nth(1).select_option("3")  # by its name until then
+        row_cell(page, "3", "DoF").select_option("3")  # by its name until then
         page.keyboard.press("Escape")
         row(page, "5").locator("input.name").focus()
         page.keyboard.type("toe")
@@ -133,7 +134,7 @@ def test_a_refusal_stands_beside_its_cell_and_keeps_the_text(chain: Any, served:
     typed(cell, hostile, "Tab")
     until(lambda: names(served)[2] == hostile, "the odd name")
     settled(page, served)
-    assert row(page, "4").locator("select").first.input_value() == hostile
+    assert row_cell(page, "4", "parent").input_value() == hostile
     assert page.evaluate("window.hacked") is None
     assert page.locator(".pgraph img").count() == 0
 
@@ -257,9 +258,18 @@ def test_the_gutter_draws_lanes_nodes_and_loops_and_marks_the_way_to_the_ground(
                       getComputedStyle(path).strokeDasharray !== "none"])""")
     loop = served.store.state.derived.loops[0].name
     assert loops == [["coupler", loop, True], ["right crank", loop, True]]
-    tied = page.locator('tr[data-name="coupler"] button.tied.on')
+    assert page.evaluate("pgraph.latest.table.rows[2].parent") == "ground"
+    for name, act in (("right crank", page.mouse.down), ("left crank", page.mouse.up)):
+        box = row(page, name).locator("td.number").bounding_box()
+        page.mouse.move(box["x"] + 20, box["y"] + 14, steps=4)  # with Shift it closes a loop
+        act()
+        page.keyboard.down("Shift") if name == "right crank" else page.keyboard.up("Shift")
+    until(lambda: len(served.store.state.model.constraints) == 2, "a second loop")
+    served.send(Undo(NOBODY))
+    until(lambda: len(served.store.state.model.constraints) == 1, "the loop alone")
+    tied = page.locator('tr[data-name="coupler"] .tied.on')
     assert loop in tied.get_attribute("aria-label")
-    assert page.locator('tr[data-name="left crank"] button.tied.on').count() == 0
+    assert page.locator('tr[data-name="left crank"] .tied.on').count() == 0
 
 
 def test_a_thousand_rows_are_typed_into(page: Any, served: Server):
