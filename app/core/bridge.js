@@ -60,7 +60,7 @@ window.pgraph = (() => {
       const came = viser.messageQueue, ours = came.length > 0 && came.every(({ type }) => type === "RunJavascriptMessage");
       if (came.length && viser.getRenderRequestState === "ready") viser.drainMessageQueue?.();
       if (ours && !came.length) return;
-      asked = true;
+      asked = performance.now();
       drawChanges(viser.scene);
       render();
     };
@@ -68,11 +68,10 @@ window.pgraph = (() => {
   }
 
   // viser draws for a while after each message, and once a second at rest: with software GL every
-  // frame takes a core for a fifth of a second or more. A frame that shows what the one before it
-  // showed is drawn ever more rarely.
-  const RARELY = 16e3; // [ms]
+  // frame takes a core for a fifth of a second or more. What nobody asks for is drawn rarely.
+  const SETTLES = 1000, RARELY = 16e3; // [ms] after which textures are loaded; between pictures at rest
   const NEUTRAL = 7; // of three.js: hues as they are given (Khronos PBR Neutral)
-  let asked = true, watchedScene = null;
+  let asked = performance.now(), watchedScene = null;
   const ownMaterials = []; // acts before each frame, on materials that viser may have made again
   function drawChanges(scene) {
     if (!scene || scene === watchedScene) return;
@@ -82,51 +81,17 @@ window.pgraph = (() => {
       gl.toneMapping = NEUTRAL;
       gl.debug.checkShaderErrors = false; // to ask waits for the compiler
       const draw = gl.render, keep = (program) => { if (!program.pgraphKept) { program.pgraphKept = true; program.usedTimes++; } };
-      let last = null, drawn = 0, pause = 500;
+      let last = "", drawn = 0;
       gl.render = (what, camera) => {
         if (what !== scene || gl.getRenderTarget()) { draw.call(gl, what, camera); return; }
         for (const act of ownMaterials) safely(act);
-        const now = performance.now(), changed = asked || looks(scene, camera, gl.domElement) !== last;
-        if (!changed && now - drawn < pause) return;
-        pause = changed ? 500 : Math.min(2 * pause, RARELY);
-        [drawn, asked] = [now, false];
+        const now = performance.now(), size = `${gl.domElement.width} ${gl.domElement.height}`;
+        if (now - asked > SETTLES && now - drawn < RARELY && size === last) return;
+        [drawn, last] = [now, size];
         draw.call(gl, what, camera);
         gl.info.programs.forEach(keep); // a scene that is made again does not compile its shaders again
-        last = looks(scene, camera, gl.domElement); // drawing uploads what was pending
       };
     };
-  }
-
-  // A number that differs where the picture may.
-  const double = new Float64Array(1), halves = new Int32Array(double.buffer);
-  function looks(scene, camera, canvas) {
-    let sum = 1;
-    const add = (x) => {
-      double[0] = Number(x ?? 0);
-      for (const half of halves) sum = (Math.imul(sum ^ (sum >>> 15), 0x2c1b3c6d) + half) | 0;
-    };
-    const value = (x) => {
-      if (x?.isTexture) { add(x.id); add(x.version); } else if (x?.isColor) add(x.getHex());
-      else if (x?.elements ?? x?.toArray) (x.elements ?? x.toArray()).forEach(add);
-      else if (typeof x === "number" || typeof x === "boolean") add(x);
-    };
-    scene.updateMatrixWorld();
-    camera.updateMatrixWorld();
-    for (const x of [canvas.width, canvas.height, scene.background, scene.environment, scene.fog?.color, camera.matrixWorld, camera.projectionMatrix]) value(x);
-    scene.traverseVisible((one) => {
-      for (const x of [one.id, one.matrixWorld, one.renderOrder, one.count, one.instanceMatrix?.version, one.instanceColor?.version, one.matricesTexture, one.matricesTexture?._needsUpdate, one.colorsTexture, one.colorsTexture?._needsUpdate, one.intensity, one.color, one.groundColor]) value(x);
-      const { geometry } = one;
-      if (geometry) {
-        for (const x of [geometry.id, geometry.index?.version, geometry.instanceCount, geometry.drawRange?.count]) value(x);
-        for (const name in geometry.attributes) value(geometry.attributes[name].version ?? geometry.attributes[name].data?.version);
-      }
-      for (const material of [one.material ?? []].flat()) {
-        for (const x of [material.id, material.version, material.opacity, material.visible, material.color, material.emissive, material.map]) value(x);
-        // the texture of the labels is sent again with every frame: they follow nodes that are here too
-        for (const name in material.uniforms ?? {}) if (name !== "uLabelData") value(material.uniforms[name].value);
-      }
-    });
-    return sum;
   }
 
   const pgraph = {
