@@ -27,9 +27,10 @@
     return button;
   };
 
-  // Lines of a menu: [text, keys, act, {className, about}], or null for a rule between groups.
+  // Lines of a menu: [text, keys, act, {className, about}], null for a rule between groups, or a heading.
   pgraph.menuLines = (items, close) => items.map((item) => {
     if (!item) return make("hr", { role: "separator" });
+    if (typeof item === "string") return make("h4", { textContent: item });
     const [text, keys, act, { className = "", about = "" } = {}] = item;
     return make("button", { role: "menuitem", tabIndex: -1, className, title: about, onclick: () => { close(); act(); } }, make("span", { textContent: text }), make("kbd", { textContent: keys, hidden: !keys }));
   });

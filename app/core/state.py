@@ -21,7 +21,7 @@ from ..playback import SPEEDS as SPEEDS
 from ..playback import Playback
 from ..pose import Grip, Pose
 from ..report import Analysis, Report, ReportRequest
-from ..run import Exporting, Job, Kernels, Live, Request, Run, first_request
+from ..run import Exporting, Job, KeptRun, Kernels, Live, Request, Run, first_request
 from ..scene import SHOWN_AT_FIRST
 from ..session import Kept, Saving
 from .cells import Display, Rows
@@ -107,7 +107,7 @@ class State:
     job: Job | None = None
     jobs: int = 0  # number of requested jobs, the id of the last one
     live: Live | None = None
-    ghost: Run | None = None  # an earlier run, shown together with this one
+    runs: tuple[KeptRun, ...] = ()  # earlier ones, shown together with this one
     exporting: Exporting | None = None
     reporting: ReportRequest = field(default_factory=ReportRequest)
     analysis: Analysis | None = None

@@ -3,17 +3,20 @@
 (() => {
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
-  const DASHES = [[], [6, 3], [2, 2]]; // of the first eight curves, the next and the ones after
+  const DASHES = [[], [6, 3], [2, 2]], KEPT = [[5, 3], [2, 2], [8, 2, 2, 2], [1, 3], [8, 4]]; // [px]
   const NOISE = 1e-12; // of the largest value of a plot: what rounding leaves of a zero
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
   const heightOf = (canvas) => canvas.clientHeight || 142;
-  let zoom = null, charts = [], cursor = 0, measured = false;
+  const BAND = 0.02; // of its way within which a curve has settled
+  const LOUD = 1e-3; // of the largest amplitude: a spectrum is shown up to the last that is larger
+  let zoom = null, charts = [], cursor = 0, measured = false, spectra = false;
 
   function build(host) {
     const chooser = make("div", { className: "signals" }, make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }), make("div", { className: "muted hint" }));
     const add = make("button", { className: "bare add-plot", title: "Quantities of the selected body and of the run" }, pgraph.icon("add"), make("span", { textContent: "Add plot" }));
-    const measure = pgraph.pictureButton("bare measure", "ruler", "Measure", "Minimum, maximum, mean, RMS, overshoot and frequency of what is in sight", () => { measured = !measured; measure.setAttribute("aria-pressed", measured); paintAll(host); });
-    pgraph.frame.actions("Plots", measure, pgraph.opens(add, chooser, { end: true }));
+    const measure = pgraph.pictureButton("bare measure", "ruler", "Measure", "Minimum, maximum, mean, RMS, overshoot, settling time and frequency of what is in sight", () => { measured = !measured; measure.setAttribute("aria-pressed", measured); paintAll(host); });
+    const spectrum = pgraph.pictureButton("bare spectrum", "spectrum", "Spectrum", "Amplitudes over the frequency, of what is in sight", () => { spectra = !spectra; spectrum.setAttribute("aria-pressed", spectra); paintAll(host); });
+    pgraph.frame.actions("Plots", measure, spectrum, pgraph.opens(add, chooser, { end: true }));
     host.pgraphChooser = chooser;
     host.replaceChildren(make("p", { className: "muted none" }), make("div", { className: "charts" }));
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
@@ -78,6 +81,7 @@
       const span = [from, event.offsetX].sort((a, b) => a - b).map((x) => timeAt(chart, x));
       const dragged = Math.abs(event.offsetX - from) > 5;
       from = chart.band = null;
+      if (spectra) return;
       if (dragged) { zoom = span; paintAll(host); } else send("Scrub", { time: span[0] });
     });
     canvas.addEventListener("dblclick", () => { zoom = null; paintAll(host); });
@@ -104,8 +108,50 @@
     make("a", { href: picture.toDataURL("image/png"), download: `${data.title.replace(/[^\w-]+/g, "_")}.png` }).click();
   }
 
-  function extent(chart) {
-    const all = [...chart.data.curves, ...chart.data.ghost];
+  // The curves of the run, then those of kept runs: {label, t, y, i, kept}, over time or over frequency.
+  function lines({ data }) {
+    const alone = data.curves.length === 1; // then its label says nothing
+    const own = data.curves.map((c, i) => ({ ...c, label: alone ? "" : c.label, i, kept: 0 }));
+    const kept = data.kept.flatMap(({ name, curves }, k) => curves.map((c, i) => ({ ...c, label: alone ? name : `${name}, ${c.label}`, i, kept: k + 1 })));
+    return [...own, ...kept];
+  }
+  // Amplitudes of a curve over the frequency: Hann's window on 2^n even samples, of which as few as it has points are made.
+  function amplitudes(line, [t0, t1]) {
+    const seen = line.t.filter((t) => t >= t0 && t <= t1).length;
+    if (seen < 8) return { ...line, t: [], y: [] };
+    const n = 2 ** Math.min(12, Math.ceil(Math.log2(seen))), [from, to] = [Math.max(t0, line.t[0]), Math.min(t1, line.t.at(-1))], span = to - from;
+    let at = 0;
+    const values = Array.from({ length: n }, (_, k) => {
+      const time = from + (span * k) / n;
+      while (at < line.t.length - 2 && line.t[at + 1] < time) at++;
+      const share = (time - line.t[at]) / (line.t[at + 1] - line.t[at] || 1);
+      return line.y[at] + Math.min(Math.max(share, 0), 1) * (line.y[at + 1] - line.y[at]);
+    });
+    const mean = values.reduce((sum, v) => sum + v, 0) / n;
+    const re = values.map((v, k) => (v - mean) * (1 - Math.cos((2 * Math.PI * k) / n)) / 2), im = new Array(n).fill(0);
+    transform(re, im);
+    const y = Array.from({ length: n / 2 }, (_, k) => (4 * Math.hypot(re[k], im[k])) / n), least = LOUD * Math.max(...y);
+    const last = Math.max(8, y.findLastIndex((v) => v > least) + 2);
+    return { ...line, t: y.slice(0, last).map((_, k) => k / span), y: y.slice(0, last) };
+  }
+  // The discrete Fourier transform in place, of a power of two (Cooley and Tukey 1965).
+  function transform(re, im) {
+    const n = re.length;
+    for (let i = 1, j = 0; i < n; i++) {
+      let bit = n >> 1;
+      for (; j & bit; bit >>= 1) j ^= bit;
+      j ^= bit;
+      if (i < j) { [re[i], re[j]] = [re[j], re[i]]; [im[i], im[j]] = [im[j], im[i]]; }
+    }
+    for (let half = 1; half < n; half *= 2) for (let k = 0; k < n; k++) {
+      if (k & half) continue;
+      const a = (-Math.PI * (k % half)) / half, [c, s] = [Math.cos(a), Math.sin(a)], o = k + half;
+      const [x, y] = [c * re[o] - s * im[o], s * re[o] + c * im[o]];
+      [re[o], im[o], re[k], im[k]] = [re[k] - x, im[k] - y, re[k] + x, im[k] + y];
+    }
+  }
+
+  function extent(all) {
     let [t0, t1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
     for (const { t } of all) if (t.length) { t0 = Math.min(t0, t[0]); t1 = Math.max(t1, t[t.length - 1]); }
     if (zoom && (zoom[1] <= t0 || zoom[0] >= t1)) zoom = null; // of a run that was elsewhere
@@ -121,6 +167,10 @@
     return { t0, t1, y0: y0 - room, y1: y1 + room };
   }
 
+  function inSight(all) {
+    const view = extent(all);
+    return view && [view.t0, view.t1];
+  }
   function timeAt(chart, x) {
     const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, width = chart.canvas.clientWidth - LEFT - RIGHT;
     return t0 + (t1 - t0) * Math.min(1, Math.max(0, (x - LEFT) / width));
@@ -153,31 +203,34 @@
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     g.scale(ratio, ratio);
     g.font = `11px ${style.fontFamily}`;
-    const view = (chart.extent = extent(chart));
+    const own = lines(chart), span = inSight(own);
+    const all = spectra && span ? own.map((line) => amplitudes(line, span)) : own, kept = zoom;
+    if (spectra) zoom = null; // it is of time
+    const view = (chart.extent = extent(all));
+    zoom = kept;
     if (!view) { g.fillStyle = soft; g.fillText(chart.data.none || "no run yet", LEFT, HEIGHT / 2, width - LEFT); legend(chart, []); return; }
     const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
     const y = (v) => TOP + ((view.y1 - v) / (view.y1 - view.y0)) * (HEIGHT - TOP - BOTTOM);
     axes(g, view, x, y, width, HEIGHT, { soft, line });
     g.save();
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
-    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), [4, 3], 0.55));
-    chart.data.curves.forEach((c, i) => curve(g, c, x, y, color(i), DASHES[Math.floor(i / SERIES) % DASHES.length]));
+    for (const line of all.toReversed()) curve(g, line, x, y, color(line.i), dashes(line), line.kept ? 0.7 : 1);
     if (chart.band) { g.fillStyle = `${style.getPropertyValue("--accent")}26`; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
     g.strokeStyle = ink; g.lineWidth = 1;
-    g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke();
+    if (!spectra) { g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke(); }
     g.restore();
-    const time = chart.hover === null ? cursor : timeAt(chart, chart.hover);
-    const alone = chart.data.curves.length === 1; // then its label says nothing
-    const entries = chart.data.curves.map((c, i) => [alone ? "" : c.label, color(i), valueAt(c, time), Math.floor(i / SERIES)]);
-    const kept = chart.data.ghost.map((c, i) => [`kept ${alone ? "" : c.label}`.trim(), color(i), valueAt(c, time), 1]);
-    legend(chart, [...entries, ...kept]);
-    measures(chart, view);
+    const at = chart.hover !== null ? timeAt(chart, chart.hover) : spectra ? null : cursor;
+    legend(chart, all.map((line) => [line.label, color(line.i), at === null ? null : valueAt(line, at), dashes(line)]));
+    measures(chart, own, span);
   }
+  // Of the first eight curves, the next and the ones after; of each kept run another.
+  const dashes = ({ i, kept }) => (kept ? KEPT[(kept - 1) % KEPT.length] : DASHES[Math.floor(i / SERIES) % DASHES.length]);
 
   // Of each curve, over the times in sight. The frequency is of crossings of the mean upwards.
-  function measures(chart, { t0, t1 }) {
-    chart.table.hidden = !measured;
-    if (!measured) return;
+  function measures(chart, all, span) {
+    chart.table.hidden = !measured || !span;
+    if (chart.table.hidden) return;
+    const [t0, t1] = span;
     const few = (x) => (Number.isFinite(x) ? Number(x.toPrecision(4)).toString() : "–");
     const row = ({ label: name, t, y }) => {
       let [low, high, area, square, span, ups, first, final] = [Infinity, -Infinity, 0, 0, 0, 0, NaN, NaN];
@@ -191,10 +244,12 @@
       const mean = area / span;
       seen.forEach(([at, v], i) => { if (i && seen[i - 1][1] < mean && v >= mean) { ups++; first = Number.isNaN(first) ? at : first; final = at; } });
       const end = seen.at(-1)?.[1], start = seen[0]?.[1], way = end - start, over = way > 0 ? high - end : end - low;
-      return [name, few(low), few(high), few(mean), few(Math.sqrt(square / span)), Math.abs(way) > 1e-3 * (high - low) ? `${few(100 * over / Math.abs(way))} %` : "–", ups > 1 ? `${few((ups - 1) / (final - first))} Hz` : "–"];
+      const goes = Math.abs(way) > 1e-3 * (high - low), last = seen.findLastIndex(([, v]) => Math.abs(v - end) > BAND * Math.abs(way));
+      return [name, few(low), few(high), few(mean), few(Math.sqrt(square / span)), goes ? `${few(100 * over / Math.abs(way))} %` : "–",
+        goes && last < seen.length - 2 ? `${few(seen[last + 1][0] - seen[0][0])} s` : "–", ups > 1 ? `${few((ups - 1) / (final - first))} Hz` : "–"];
     };
     const line = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
-    chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "frequency"]), ...chart.data.curves.map(row).map(line("td")));
+    chart.table.replaceChildren(line("th")(["", "min", "max", "mean", "RMS", "overshoot", "settles in", "frequency"]), ...all.map(row).map(line("td")));
   }
 
   function axes(g, view, x, y, width, HEIGHT, { soft, line }) {
@@ -208,11 +263,11 @@
     g.textAlign = "center"; g.textBaseline = "top";
     for (const t of across.at) g.fillText(label(t, across.step), Math.min(x(t), width - 14), HEIGHT - BOTTOM + 4);
     g.textAlign = "right"; g.textBaseline = "bottom";
-    g.fillText("time [s]", width - RIGHT, HEIGHT);
+    g.fillText(spectra ? "frequency [Hz]" : "time [s]", width - RIGHT, HEIGHT);
   }
 
-  function curve(g, { t, y: values }, x, y, color, dash, alpha = 1) {
-    g.strokeStyle = color; g.lineWidth = alpha < 1 ? 1 : 1.6; g.globalAlpha = alpha;
+  function curve(g, { t, y: values }, x, y, color, dash, alpha) {
+    g.strokeStyle = color; g.lineWidth = alpha < 1 ? 1.2 : 1.6; g.globalAlpha = alpha;
     g.setLineDash(dash);
     g.beginPath();
     for (let i = 0; i < t.length; i++) g.lineTo(x(t[i]), y(values[i]));
@@ -229,7 +284,7 @@
 
   function legend(chart, entries) {
     chart.legend.replaceChildren(...entries.map(([name, color, value, dash]) => {
-      const style = ["solid", "dashed", "dotted"][dash % DASHES.length];
+      const style = dash.length === 0 ? "solid" : dash[0] > 2 ? "dashed" : "dotted";
       const noise = NOISE * Math.max(...chart.data.curves.flatMap(({ y }) => [Math.max(...y), -Math.min(...y)]));
       const said = value === null ? "" : Math.abs(value) < noise ? "0" : Number(value.toPrecision(4)).toString();
       return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);
@@ -241,6 +296,7 @@
     paintAll(host);
   }
 
+  pgraph.amplitudes = amplitudes;
   pgraph.on("opened", () => { zoom = null; });
   pgraph.view("plots", {
     build, plots: draw, signals: choices,

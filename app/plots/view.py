@@ -9,7 +9,7 @@ import numpy as np
 from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
-from ..core.state import Client, Run, State
+from ..core.state import Client, State
 from ..core.views import Host, Payload, Place
 from . import (
     KINDS,
@@ -32,7 +32,7 @@ from . import (
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] least plotted span of a live run
 CARRIED = ("constraint_force", "constraint_torque", "contact_force")
-NOTHING = "Nothing to plot yet: press Simulate, or Live."
+NOTHING = "Nothing to plot yet: press Play."
 EMPTY = "There is no body yet: add one to the table."
 IDLE = "0 throughout this run: it is off, or carries nothing"
 
@@ -62,8 +62,8 @@ class PlotsView:
 
 
 def fresh(old: State, new: State) -> bool:
-    """True if there is another run to plot, or another ghost."""
-    if (old.live is None) != (new.live is None) or new.ghost is not old.ghost:
+    """True if there is another run to plot, or other kept ones."""
+    if (old.live is None) != (new.live is None) or new.runs is not old.runs:
         return True
     if new.live is not None and old.live is not None:
         return bool(new.live.parts) != bool(old.live.parts)
@@ -93,13 +93,12 @@ def signals(state: State, client: Client) -> Payload:
 
 
 def plots(state: State, client: Client) -> Payload:
-    """Return the charts of one page, with the curves of the ghost."""
+    """Return the charts of one page, with the curves of the kept runs."""
     return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
 
 
 def chart(state: State, signal: Signal) -> Payload:
-    """One signal: its curves, and those of the ghost."""
-    ghost: Run | None = state.ghost
+    """One signal: its curves, and those of each kept run."""
     run = state.plotted.result if state.plotted is not None else None
     found, why = of_state(state, signal), missing(state, signal)
     if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
@@ -113,7 +112,10 @@ def chart(state: State, signal: Signal) -> Payload:
         "none": why,
         "unit": unit(state.plotted.model if state.plotted else state.model, signal),
         "curves": [curve._asdict() for curve in found],
-        "ghost": [c._asdict() for c in curves(ghost.result, signal)] if ghost else [],
+        "kept": [
+            {"name": one.name, "curves": [c._asdict() for c in curves(one.run.result, signal)]}
+            for one in state.runs
+        ],
     }
 
 

@@ -87,7 +87,7 @@
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;
     $(".advice").textContent = result.advice;
-    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Simulate so from now on: method, and step or tolerance", () => send("UseAdvised", { kind: result.kind }))] : []));
+    $(".use").replaceChildren(...(result.use ? [button("method", `Use ${result.use}`, "Run so from now on: method, and step or tolerance", () => send("UseAdvised", { kind: result.kind }))] : []));
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
     $("details").hidden = !result.rows.length;

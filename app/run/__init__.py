@@ -93,6 +93,15 @@ class Run:
 
 
 @dataclass(frozen=True)
+class KeptRun:
+    """An earlier run by its name, shown together with the present one."""
+
+    id: int
+    name: str
+    run: Run
+
+
+@dataclass(frozen=True)
 class Live:
     """A run that plays while it is computed, of whatever the model is by then."""
 

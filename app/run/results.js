@@ -1,35 +1,41 @@
-// Two runs compared, and a run as a file.
+// Runs that are kept and compared, and a run as a file.
 (() => {
-  const { make, text, send } = pgraph;
-  const COMPARE = "Keep this run: the next one is shown beside it, in numbers and as a ghost in 3D";
+  const { make, text, cells, send } = pgraph;
 
   // -- compare ----------------------------------------------------------------------------------------
   function build(host) {
-    host.replaceChildren(pgraph.button("ghost", "Compare", COMPARE, () => { document.activeElement?.blur(); send("Compare"); }), text("p", "muted hint"), make("table", { className: "compared" }));
+    const keep = pgraph.button("keep-run", "Keep this run", "It is shown beside the next ones: in numbers, plots, and as a ghost in 3D", () => send("KeepRun"));
+    host.replaceChildren(keep, text("p", "muted hint", "Keep a run, change something, play again: the runs are compared here."),
+      make("table", { className: "compared" }, make("thead", {}, make("tr", {}, make("th"), make("th", { textContent: "this run" }))), make("tbody")));
   }
-  function draw(host, data) {
-    const $ = (selector) => host.querySelector(selector), row = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
-    $(".ghost").textContent = data.ghost ? "Remove the kept run" : "Keep this run";
-    $(".ghost").title = data.ghost ? "Remove the ghost" : COMPARE;
-    $(".ghost").disabled = !data.ghost && (data.summary === null || data.stale);
-    $(".ghost").setAttribute("aria-pressed", data.ghost);
-    $(".hint").hidden = data.compared.length > 0;
-    $(".hint").textContent = data.ghost ? "Change something and play again: both runs are compared here." : "Keep a run, change something, play again: both runs are compared here.";
-    $(".compared").hidden = !data.compared.length;
-    $(".compared").replaceChildren(row("th")(["", "kept run", "this run"]), ...data.compared.map(row("td")));
-    pgraph.frame.count("Compare", data.ghost ? 1 : 0);
+  function draw(host, { compared: { kept, rows }, summary, stale }) {
+    const $ = (selector) => host.querySelector(selector), line = $("thead tr");
+    $(".keep-run").disabled = summary === null || stale;
+    $(".hint").hidden = $(".compared").hidden === kept.length > 0;
+    $(".compared").hidden = !kept.length;
+    pgraph.keyed(line, kept.map((one) => ({ ...one, one })), column, (th, { one }) => { th.pgraphId = one.id; cells.set(th.querySelector(".cell"), one.name); });
+    line.append(line.querySelector("th:not(:first-child):not([data-name])"));
+    $("tbody").replaceChildren(...rows.map((row) => make("tr", {}, ...row.map((textContent) => make("td", { textContent })))));
+    pgraph.frame.count("Compare", kept.length);
+  }
+  // A kept run: its name, and a button that lets it go.
+  function column() {
+    const th = make("th"), name = cells.input((serial, value) => send("NameRun", { serial, kept: th.pgraphId, text: value }), { label: "name of a kept run" });
+    th.append(make("span", { className: "kept-run" }, name, pgraph.pictureButton("bare", "close", "drop the run", "Keep it no longer", () => send("DropRun", { kept: th.pgraphId }))));
+    return th;
   }
 
   // -- export -----------------------------------------------------------------------------------------
-  const FILES = [["html", "HTML", "A page that plays the run in 3D in any browser"], ["live", "Interactive figure", "A page in which the reader runs the model and changes its masses"],
-    ["png", "Picture", "PNG of the pose shown, from the standard view"], ["svg", "SVG", "The same for print: sharp at every size"],
-    ["mp4", "Film", "MP4 of the run, which any player shows"], ["gif", "GIF", "The run as a small film for slides and mails"],
-    ["csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["npz", "NPZ", "The run with its model, to open in Python; with meshes a zip, to be unpacked first"]];
+  const FILES = [["Share", "html", "HTML", "A page that plays the run in 3D in any browser"], ["Share", "live", "Interactive figure", "A page in which the reader runs the model and changes its masses"],
+    ["Picture and film", "png", "Picture", "PNG of the pose shown, from the standard view"], ["Picture and film", "svg", "SVG", "The same for print: sharp at every size"],
+    ["Picture and film", "mp4", "Film", "MP4 of the run, which any player shows"], ["Picture and film", "gif", "GIF", "The run as a small film for slides and mails"],
+    ["Numbers", "csv", "CSV", "Table of all numbers over time, for a spreadsheet"], ["Numbers", "npz", "NPZ", "The run with its model, to open in Python; with meshes a zip, to be unpacked first"]];
   const MODELS = [["", "Model as JSON", "With mesh files a zip of that and them"], [".urdf", "Model as URDF", ""], [".xml", "Model as MJCF", ""]];
   const runs = () => Boolean(pgraph.latest.run?.summary);
   const items = () => [
-    ...(runs() ? [...FILES.map(([what, label, about]) => [label, "", () => send("Export", { what }), { className: `export ${what === "live" ? "living" : what}`, about }]), null] : []),
-    ...MODELS.map(([suffix, label, about]) => [label, "", () => send("Download", suffix ? { suffix } : {}), { className: "model-file", about }])];
+    ...(runs() ? FILES.flatMap(([group, what, label, about], i) => [...(group === FILES[i - 1]?.[0] ? [] : [group]),
+      [label, "", () => send("Export", { what }), { className: `export ${what === "live" ? "living" : what}`, about }]]) : []),
+    "Model", ...MODELS.map(([suffix, label, about]) => [label, "", () => send("Download", suffix ? { suffix } : {}), { className: "model-file", about }])];
   function exporter(host) {
     const open = make("button", { className: "bare outlined exports", title: "The run as a page, a picture, a film or a table; the model as a file" }, pgraph.icon("export"), text("span", "", "Export"));
     const bar = make("progress", { max: 1 }), cancel = pgraph.button("cancel", "Cancel", "Stop making the file", () => send("CancelExport"));
@@ -40,7 +46,7 @@
     if (data) host.querySelector("progress").value = data.fraction;
   }
 
-  pgraph.commands("Export", () => items().filter(Boolean).map(([label, , act, { about }]) => [`Export: ${label}`, "", act, about]));
+  pgraph.commands("Export", () => items().filter(Array.isArray).map(([label, , act, { about }]) => [`Export: ${label}`, "", act, about]));
   pgraph.view("compare", { build, run: draw });
   pgraph.view("export", { build: exporter, making });
 })();

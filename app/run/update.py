@@ -17,13 +17,14 @@ from ..core.edit import run_on
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State
 from ..gait import changes, since
-from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
+from . import FREE_RUN, Exporting, Job, KeptRun, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
 MOST_FRAMES = 36_000  # limit on the frames of a live run (ten minutes), older ones are dropped
 TOGETHER, TWICE = 32, 2  # number of parts joined into one, and levels of joining
 MOST_FALLS = 36_000  # and of the changes of feet
+MOST_KEPT = 5  # runs beside the present one
 
 # -- settings ----------------------------------------------------------------------------------
 
@@ -170,15 +171,47 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
 
 
 @dataclass(frozen=True)
-class Compare(FromPage):
-    """Keep the run as a ghost next to the coming ones, or remove the ghost."""
+class KeepRun(FromPage):
+    """Keep the run by a name, to show it with the coming ones."""
 
 
-@on(Compare)
-def compare(state: State, event: Compare) -> State:
-    if state.live is not None:
+@on(KeepRun)
+def run_kept(state: State, event: KeepRun) -> State:
+    if state.live is not None or (run := state.run) is None:
         return state
-    return replace(state, ghost=state.run if state.ghost is None else None)
+    count = max((one.id for one in state.runs), default=0) + 1
+    kept = KeptRun(count, f"{run.request.scenario or 'free run'} {count}", run)
+    return replace(state, runs=(*state.runs, kept)[-MOST_KEPT:])
+
+
+@dataclass(frozen=True)
+class NameRun(FromPage):
+    """Another name for a kept run."""
+
+    serial: int
+    kept: int
+    text: Text
+
+
+@on_typed(NameRun)
+def run_named(state: State, event: NameRun) -> State:
+    name = event.text.strip()
+    if not name or any(one.name == name and one.id != event.kept for one in state.runs):
+        raise Refusal("must be a name that no other kept run has")
+    named = [replace(one, name=name) if one.id == event.kept else one for one in state.runs]
+    return replace(state, runs=tuple(named))
+
+
+@dataclass(frozen=True)
+class DropRun(FromPage):
+    """Keep a run no longer."""
+
+    kept: int
+
+
+@on(DropRun)
+def run_dropped(state: State, event: DropRun) -> State:
+    return replace(state, runs=tuple(one for one in state.runs if one.id != event.kept))
 
 
 @dataclass(frozen=True)

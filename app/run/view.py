@@ -32,7 +32,7 @@ from .trust import outcome, trust
 
 OFTEN = 0.2  # [s] between reports of how far a film is
 OPEN = 8  # masses that the reader of a living figure may change
-PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
+PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
 
 
 class RunView:
@@ -73,8 +73,7 @@ def run(state: State) -> Payload:
         "stale": state.earlier is not None,
         "continues": state.run is not None and state.live is None,
         "trust": trust(state, job(state), kernels(state), live(state)),
-        "ghost": state.ghost is not None,
-        "compared": compared(state.ghost, state.plotted),
+        "compared": compared(state),
     }
 
 
@@ -148,12 +147,16 @@ def live(state: State) -> Payload | None:
     return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}
 
 
-def compared(first: Run | None, now: Run | None) -> list[tuple[str, str, str]]:
-    """Numbers (what, of the run kept by Compare, of the one shown), where they are two."""
-    if first is None or now is None or first is now:
-        return []
-    one, other = measures(first), measures(now)
-    return [(what, one.get(what, ""), other.get(what, "")) for what in one | other]
+def compared(state: State) -> Payload:
+    """The kept runs, and rows (what, of each of them, of the run shown)."""
+    found = [measures(one.run) for one in state.runs]
+    if state.plotted is not None:
+        found.append(measures(state.plotted))
+    kept: dict[str, None] = dict.fromkeys(what for one in found for what in one)
+    return {
+        "kept": [{"id": one.id, "name": one.name} for one in state.runs],
+        "rows": [[what, *(one.get(what, "") for one in found)] for what in kept if state.runs],
+    }
 
 
 def measures(run: Run) -> dict[str, str]:

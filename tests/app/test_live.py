@@ -217,9 +217,9 @@ def test_the_pose_shown_becomes_the_initial_state_in_one_step(finished):
     np.testing.assert_array_equal(v, finished.run.result.v[-1])
     assert len(state.undo) == len(finished.undo) + 1
     assert after(state, do.Undo(ME)).model is finished.model
-    ghost = after(finished, do.Compare(ME), do.Edit(ME, 1, "1", "mass", (), "5"))
-    assert ghost.ghost is finished.run  # over edits, until it is taken away
-    assert after(ghost, do.Compare(ME)).ghost is None
+    kept = after(finished, do.KeepRun(ME), do.Edit(ME, 1, "1", "mass", (), "5"))
+    assert [one.run for one in kept.runs] == [finished.run]  # over edits, until it is dropped
+    assert after(kept, do.DropRun(ME, 1)).runs == ()
 
 
 def test_the_mouse_pulls_a_body_towards_it(live):

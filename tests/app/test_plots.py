@@ -12,7 +12,7 @@ from pgraph_app.plots.view import plots, signals
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 
-from .store import ME, OTHER, after, begun, built_in, do, ran
+from .store import ME, OTHER, after, begun, built_in, do, ran, reply
 
 pytestmark = pytest.mark.quick
 
@@ -102,9 +102,12 @@ def test_each_page_has_its_own_plots(run, quadruped):
     assert json.dumps(signals(state, state.clients[ME]), allow_nan=False)
     fewer = after(state, do.Plot(ME, "energy", "", False))
     assert [s[0] for s in fewer.clients[ME].plots] == ["q"]
-    compared = after(state, do.Compare(ME))  # the ghost is drawn beside
-    chart = plots(compared, compared.clients[ME])["charts"][0]
-    assert chart["ghost"] == chart["curves"]
+    twice = after(state, do.KeepRun(ME), do.KeepRun(ME), do.NameRun(ME, 1, 2, "soft"))
+    chart = plots(twice, twice.clients[ME])["charts"][0]
+    assert [kept["name"] for kept in chart["kept"]] == [twice.runs[0].name, "soft"]
+    assert all(kept["curves"] == chart["curves"] for kept in chart["kept"])
+    assert "name" in reply(after(twice, do.NameRun(ME, 1, 1, "soft")))
+    assert [kept.id for kept in after(twice, do.DropRun(ME, 1)).runs] == [2]
 
 
 def test_an_inactive_constraint_has_no_force_curve():

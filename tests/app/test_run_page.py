@@ -90,10 +90,12 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     page.locator("select.speed").select_option("1")
 
     page.get_by_role("tab", name="Compare").click()
-    page.locator("button.ghost").click()
-    until(lambda: served.store.state.ghost is not None, "the run as a ghost")
-    page.locator("button.ghost").click()
-    until(lambda: served.store.state.ghost is None, "no ghost")
+    page.locator("button.keep-run").click()
+    name = page.get_by_label("name of a kept run")
+    typed(name, "first")
+    until(lambda: [run.name for run in served.store.state.runs] == ["first"], "a kept run")
+    page.get_by_label("drop the run").click()
+    until(lambda: served.store.state.runs == (), "no kept run")
     with page.expect_download() as download:
         page.locator("button.exports").click()
         page.locator("button.export.csv").click()
@@ -134,6 +136,13 @@ def test_a_live_run_follows_an_edit_and_a_long_run_is_cancelled(rods, served):
     page.locator("[data-view=trust]").filter(has_text="cancelled").wait_for()
 
 
+SINE = """() => {  // 2 sin(2 pi 3 t) about 5, for 10 s at uneven times: its peak in the spectrum
+  const t = Array.from({ length: 1500 }, (_, k) => 10 * (k / 1499) ** 1.1);
+  const y = t.map((x) => 5 + 2 * Math.sin(2 * Math.PI * 3 * x));
+  const found = pgraph.amplitudes({ t, y }, [0, 10]), top = Math.max(...found.y);
+  return [found.t[found.y.indexOf(top)], top]; }"""
+
+
 def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, served):
     page = rods
     result = simulated(page, served)
@@ -151,6 +160,12 @@ def test_quantities_are_plotted_and_operators_read_under_the_pointer(rods, serve
     frame = abs(result.t - served.store.state.playback.time).argmin()
     legend = page.locator("figure.plot .legend").first
     until(lambda: f"{result.q[frame, 0]:.3g}"[:5] in legend.inner_text(), "the value there")
+    page.locator("button.measure").click()
+    assert page.locator(".measures").first.locator("tr").count() == 2
+    page.locator("button.measure").click()
+    peak = page.evaluate(SINE)
+    assert peak[0] == pytest.approx(3.0, abs=0.1)
+    assert peak[1] == pytest.approx(2.0, rel=0.02)
     page.locator("figure.plot .remove").first.click()
     until(lambda: page.locator("figure.plot").count() == 1, "one chart")
 

@@ -13,7 +13,7 @@ from pgraph_app.features import places
 from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
-from pgraph_app.run.view import compared, run
+from pgraph_app.run.view import run
 from pgraph_app.table.view import table
 
 from .store import ME, after, begun, built_in, do, ran
@@ -48,11 +48,9 @@ def test_two_runs_are_compared_in_numbers():
     model = pg.Model(bodies=(ball,), gravity=(0, 0, 0), up="z")
     long, short = (pg.simulate(model, t_end=t_end, step=0.1) for t_end in (2.0, 1.0))
     state = ran(begun(model), long)
-    assert not run(state)["compared"]
-    state = ran(after(state, do.Compare(ME)), short)
-    assert run(state)["compared"]
-    assert after(state, do.Compare(ME)).ghost is None
-    lines = {what: (one, other) for what, one, other in compared(state.ghost, state.run)}
+    assert not run(state)["compared"]["rows"]
+    state = ran(after(state, do.KeepRun(ME)), short)
+    lines = {what: tuple(values) for what, *values in run(state)["compared"]["rows"]}
     assert lines["distance"] == ("6 m", "3 m")  # 4 m/s along the vertical are no distance
     assert lines["mean speed"] == ("3 m/s", "3 m/s")
     assert lines["duration"] == ("2 s", "1 s")
