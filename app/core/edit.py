@@ -54,7 +54,7 @@ def edited(
             return told(state, client, Notice("Not done", str(problem), bad=True))
         return replied(state, client, serial, str(problem), offer())
     said = [*model.notices, *_pointed(state.model, model)]
-    state = with_model(state, model, label, client, at)
+    state = with_model(state, model, label, at)
     if serial is not None:
         state = replied(state, client, serial)
     return _noticed(state, client, said)
@@ -85,28 +85,22 @@ def _noticed(state: State, client: int, said: Sequence[str]) -> State:
     return told(state, client, Notice("Also changed", text)) if text else state
 
 
-def with_model(
-    state: State, model: pg.Model, label: str, client: int | None = None, at: int | None = None
-) -> State:
-    """`model` in place of the current one, as one undo step of a page, or of the server.
-
-    Nothing if it is the same.
-    """
+def with_model(state: State, model: pg.Model, label: str, at: int | None = None) -> State:
+    """`model` in place of the current one, as one undo step. Nothing if it is the same."""
     if model is state.model:
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit, so no run repeats them
-    page = state.clients.get(client) if client is not None else None
-    step = Step(state.model, label, page.page if page else "", state.rows, state.document)
+    step = Step(state.model, label, state.rows, state.document)
     undo = (*state.undo, step)[-UNDO_DEPTH:]
     return replace(showing(state, model, at), undo=undo, redo=(), greeting=None)
 
 
-def replaced(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
+def replaced(state: State, model: pg.Model, label: str) -> State:
     """A different model, as one undo step: with its own run settings, and in view.
 
     What was selected, drawn, plotted and measured of the one before goes with it.
     """
-    after = with_model(state, model, label, client)
+    after = with_model(state, model, label)
     at_start = replace(after.playback, time=0.0, playing=False, preview=False)
     return replace(
         after,
@@ -120,7 +114,7 @@ def replaced(state: State, model: pg.Model, label: str, client: int | None = Non
         walking=Walking(),
         run_problem="",
         clients={number: _afresh(client) for number, client in after.clients.items()},
-        ghost=None,
+        runs=(),
         report=None,
         analysis=None,
         analysis_problem="",
@@ -254,7 +248,7 @@ def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...
     if page is None:
         return state
     known = tuple(b.name for b in state.model.bodies if b.name in wanted)
-    changed = replace(page, selection=body, selected=known)
+    changed = replace(page, selection=body, selected=known, opened=None)
     return replace(state, clients={**state.clients, client: changed})
 
 

@@ -144,7 +144,7 @@ def ground_set(state: State, event: SetGround) -> State:
     law = event.field == "law"
     value = event.text if law else cells.named_number(NAMES[event.field], event.text)
     model = grounded(state.model, event.field, value)
-    state = with_model(state, model, f"{event.field} of the ground", event.client)
+    state = with_model(state, model, f"{event.field} of the ground")
     live, offer = state.going, offered(model, state.walking)
     if live is not None and offer is not None and event.field == "law":
         state = replace(state, live=replace(live, request=requested(model, offer)))

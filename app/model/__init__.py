@@ -16,7 +16,6 @@ class Step:
 
     model: pg.Model
     label: str
-    by: str = ""  # the page that did it, as it calls itself
     rows: Any = None  # the Rows of that model
     document: int = 0  # `State.document` of that model
 

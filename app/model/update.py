@@ -22,7 +22,7 @@ from pgraph_core.model.model import PARTS
 
 from ..core import cells, edit
 from ..core.cells import Refusal
-from ..core.edit import MOST_BODIES, attempted, renamed, showing
+from ..core.edit import MOST_BODIES, attempted, showing
 from ..core.events import Event, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told, with_client
 from ..session import Kept
@@ -63,30 +63,16 @@ def cell_edited(state: State, event: Edit) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class Undo(FromPage):
-    """Take back the last edit of this page."""
+    """Take back the last edit, whoever made it."""
 
 
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
-    """Undo the last step of a page, and show the run of that model again if it has one."""
-    client = event.client
-    k = _last(state, state.undo, client)
-    if k is None:
+    """The model before the last edit, and its run again if it has one."""
+    if not state.undo:
         return state
-    step, later = state.undo[k], state.undo[k + 1 :]
-    redo = (*state.redo, replace(step, model=state.model, rows=state.rows, document=state.document))
-    if not later:
-        state = replace(showing(state, step.model, earlier=step), document=step.document)
-        return replace(state, undo=state.undo[:k], redo=redo)
-    after = later[0].model
-    try:
-        model = reverted(state.model, step.model, after)
-        since = [replace(later[0], model=step.model)]
-        since += [replace(x, model=reverted(x.model, step.model, after)) for x in later[1:]]
-    except (Refusal, pg.PgraphError) as problem:
-        text = f"'{step.label}' cannot be undone any more: {problem}"
-        return told(state, client, Notice("Not undone", text, bad=True))
-    return replace(showing(state, model, earlier=step), undo=(*state.undo[:k], *since), redo=redo)
+    *undo, step = state.undo
+    return replace(_back(state, step), undo=tuple(undo), redo=(*state.redo, _way(state, step)))
 
 
 @dataclass(frozen=True)
@@ -96,107 +82,19 @@ class Redo(FromPage):
 
 @on(Redo)
 def redone(state: State, event: Redo) -> State:
-    """The model that the last undo of a page left."""
-    step = redoable(state, event.client)
-    if step is None:
+    if not state.redo:
         return state
-    undo = (*state.undo, replace(step, model=state.model, rows=state.rows, document=state.document))
-    state = replace(showing(state, step.model, earlier=step), document=step.document)
-    return replace(state, undo=undo, redo=state.redo[:-1])
+    *redo, step = state.redo
+    return replace(_back(state, step), undo=(*state.undo, _way(state, step)), redo=tuple(redo))
 
 
-def _last(state: State, steps: Sequence[Step], client: int) -> int | None:
-    """The number of the last step that a page may take back: its own, or of a page that is gone."""
-    if client not in state.clients:
-        return len(steps) - 1 if steps else None
-    me = state.clients[client].page
-    others = {page.page for page in state.clients.values()} - {me}
-    mine = [i for i, step in enumerate(steps) if step.by not in others]
-    return mine[-1] if mine else None
+def _back(state: State, step: Step) -> State:
+    return replace(showing(state, step.model, earlier=step), document=step.document)
 
 
-def undoable(state: State, client: int) -> Step | None:
-    """Return the step that Undo of a page would revert."""
-    k = _last(state, state.undo, client)
-    return None if k is None else state.undo[k]
-
-
-def redoable(state: State, client: int) -> Step | None:
-    """Return the step that Redo of a page would repeat, if nobody undid a later one."""
-    k = _last(state, state.redo, client)
-    return state.redo[-1] if state.redo and k == len(state.redo) - 1 else None
-
-
-def reverted(now: pg.Model, before: pg.Model, after: pg.Model) -> pg.Model:
-    """Return `now` without the changes from `before` to `after`, keeping those of others.
-
-    Raises Refusal if the same fields were changed since, PgraphError if the rest needs them.
-    """
-    names = [said for said in renamed(after, now) if said[0] in PARTS]
-    before, after = _renamed(before, names), _renamed(after, names)
-    fields: dict[str, Any] = {}
-    for key in type(now).model_fields:
-        was, then, is_now = (getattr(model, key) for model in (before, after, now))
-        if was == then:
-            continue
-        if key in PARTS:
-            fields[key] = _parts(was, then, is_now)
-        elif is_now == then:
-            fields[key] = was
-        else:
-            raise Refusal(f"the {key} of the model was changed since")
-    return now.replace(**fields)
-
-
-def _renamed(model: pg.Model, names: Sequence[tuple[str, str, str]]) -> pg.Model:
-    """The model with the names that parts have got since."""
-    for kind, old, new in names:
-        if any(part.name == old for part in getattr(model, kind)):
-            which = {} if kind == "bodies" else {"kind": kind[:-1]}
-            model = model.edit(old, **which, name=new)
-    return model
-
-
-def _parts(was: Sequence[Any], then: Sequence[Any], is_now: Sequence[Any]) -> tuple[Any, ...]:
-    """Return parts by name, each as it is now or as it was, in the present order."""
-    a, b, c = ({part.name: part for part in parts} for parts in (was, then, is_now))
-    found: dict[str, Any] = {}
-    for name, part in c.items():
-        if a.get(name) == b.get(name):
-            found[name] = part
-        elif name in a and name in b:
-            found[name] = _part(a[name], b[name], part)
-        elif name in a or part != b[name]:
-            raise Refusal(f"'{name}' was changed since by another person")
-    for name in a:
-        if name in b and name not in c and a[name] != b[name]:
-            raise Refusal(f"'{name}' was taken out since by another person")
-    if list(b) == list(c):
-        return tuple(found.get(name, a[name]) for name in a)
-    order, before = list(found), ""
-    for name in a:
-        if name not in b:
-            order.insert(order.index(before) + 1 if before in order else 0, name)
-            found[name] = a[name]
-        before = name
-    return tuple(found[name] for name in order)
-
-
-def _part(was: Any, then: Any, is_now: Any) -> Any:
-    """A part that is there all along: field by field."""
-    if is_now == then:
-        return was
-    if type(was) is not type(is_now):
-        raise Refusal(f"'{is_now.name}' was changed since by another person")
-    fields = {}
-    for key in type(was).model_fields:
-        old, changed, current = (getattr(part, key) for part in (was, then, is_now))
-        if old == changed:
-            continue
-        if current != changed:
-            raise Refusal(f"the {key} of '{is_now.name}' was changed since by another person")
-        fields[key] = old
-    return is_now.unchecked_copy(fields)
+def _way(state: State, step: Step) -> Step:
+    """The way back from a step that is gone to."""
+    return replace(step, model=state.model, rows=state.rows, document=state.document)
 
 
 # -- new and open ----------------------------------------------------------------------------------
@@ -217,7 +115,7 @@ def new_model(state: State, event: NewModel) -> State:
         model = pg.Model.serial(cells.whole(event.bodies, 1, MOST_BODIES))
     except Refusal as refusal:
         return replied(state, event.client, event.serial, f"The number of bodies {refusal}")
-    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies", event.client)
+    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies")
     return replied(state, event.client, event.serial)
 
 
@@ -421,7 +319,7 @@ def shown_model(
         problem = problem or too_many(vars(model))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
-    state = edit.replaced(state, model, f"open {name}", client)
+    state = edit.replaced(state, model, f"open {name}")
     return told(state, client, Notice(f"Opened {model.name}"))
 
 

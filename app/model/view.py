@@ -11,7 +11,7 @@ from ..core.edit import STAND_IN
 from ..core.state import State
 from ..core.views import Host, Payload, Place, audience, count
 from ..session import Kept
-from .update import reading, redoable, undoable
+from .update import reading
 
 
 class ToolbarView:
@@ -32,17 +32,12 @@ class ToolbarView:
                 "mobility",
             )
         )
-        for client in audience(old, new, changed or _pages(old) != _pages(new)):
+        for client in audience(old, new, changed):
             self._bridge.send(client, "toolbar", toolbar(new, client))
-
-
-def _pages(state: State) -> list[str]:
-    return [page.page for page in state.clients.values()]
 
 
 def toolbar(state: State, client: int) -> Payload:
     """Everything the toolbar of one page shows."""
-    undo, redo = undoable(state, client), redoable(state, client)
     errand = reading(state, client)
     return {
         "name": state.model.name,
@@ -50,8 +45,8 @@ def toolbar(state: State, client: int) -> Payload:
         "count": count(state),
         "unsaved": unsaved(state),
         "counts": counts(state.model),
-        "undo": undo.label if undo else None,
-        "redo": redo.label if redo else None,
+        "undo": state.undo[-1].label if state.undo else None,
+        "redo": state.redo[-1].label if state.redo else None,
         "gallery": gallery(state),
         "kept": [(label, _left(kept)) for label, kept in state.kept.items()],
         "reading": errand and (errand.file or errand.label),

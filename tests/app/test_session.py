@@ -13,7 +13,7 @@ from pgraph_app.digraph.view import digraph
 from pgraph_app.session.view import others
 from pgraph_app.table.view import table
 
-from .store import ME, OTHER, after, begun, built_in, do, notice
+from .store import ME, OTHER, after, begun, built_in, do
 
 pytestmark = pytest.mark.quick
 
@@ -98,52 +98,15 @@ def test_1_11_each_page_sees_where_the_others_are():
     assert others(after(state, do.Disconnected(OTHER)), ME) == {}
 
 
-def both(model):
-    """Return the state of two people who have said who they are."""
-    units = ("rad", "m", "quaternion", "com")
-    rest = None, (), False, units
-    hello = (do.Hello(me, 0, f"page {me}", *rest) for me in (ME, OTHER))
-    return after(begun(model, ME, OTHER), *hello)
-
-
 def typed(client, body, field, text):
     return do.Edit(client, 1, body, field, (), text)
 
 
-def test_undo_takes_back_one_s_own_edit_and_leaves_the_other_s():
-    start = both(pg.Model.serial(3))
-    edits = typed(ME, "1", "mass", "5"), typed(OTHER, "2", "mass", "7")
-    state = after(start, *edits, typed(OTHER, "1", "name", "arm"))
-    back = after(state, do.Undo(ME))
-    assert (back.model.body("arm").mass, back.model.body("2").mass) == (1.0, 7.0)
-    assert len(back.undo) == 2
-    assert after(back, do.Redo(ME)).model == state.model
-    theirs = after(back, do.Undo(OTHER), do.Undo(OTHER))
-    assert theirs.model == start.model
-    assert after(theirs, do.Undo(ME)) is theirs
-    alone = after(start, edits[1])  # who is gone leaves edits that anyone may take back
-    assert after(alone, do.Undo(ME)) is alone
-    assert after(alone, do.Disconnected(OTHER), do.Undo(ME)).model == start.model
-
-
-def test_an_edit_that_another_changed_since_is_not_undone():
-    state = both(pg.Model.serial(3))
-    state = after(state, typed(ME, "1", "mass", "5"), typed(OTHER, "1", "mass", "7"))
-    refused = after(state, do.Undo(ME))
-    assert refused.model is state.model
-    assert "mass of '1'" in notice(refused)
-    assert after(state, do.Undo(OTHER)).model.body("1").mass == 5.0
-
-
-def test_a_body_that_one_added_goes_unless_another_hung_something_on_it():
-    state = after(both(pg.Model.serial(2)), do.AddBody(ME, "2"))
-    (added,) = {body.name for body in state.model.bodies} - {"1", "2"}
-    hung = after(state, do.AddBody(OTHER, added))
-    refused = after(hung, do.Undo(ME))
-    assert refused.model is hung.model
-    assert refused.clients[ME].notice.bad
-    moved = after(state, typed(OTHER, "1", "mass", "3"))
-    assert [body.name for body in after(moved, do.Undo(ME)).model.bodies] == ["1", "2"]
-    deleted = after(moved, do.DeleteBodies(ME, (added,), "attach"))
-    later = after(deleted, typed(OTHER, "2", "mass", "4"))
-    assert added in after(later, do.Undo(ME)).model.row
+def test_undo_takes_back_the_last_edit_whoever_made_it():
+    """One history, and no merging: each step is the whole model before it."""
+    start = begun(pg.Model.serial(3), ME, OTHER)
+    one = after(start, typed(ME, "1", "mass", "5"))
+    state = after(one, typed(OTHER, "1", "name", "arm"))
+    assert after(state, do.Undo(ME)).model is one.model
+    assert after(state, do.Undo(ME), do.Undo(OTHER)).model is start.model
+    assert after(state, do.Undo(ME), do.Undo(OTHER), *[do.Redo(ME)] * 2).model is state.model
