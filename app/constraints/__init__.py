@@ -101,7 +101,9 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
     """
     info = type(item).model_fields.get(field)
     for kind in _types(info.annotation) if info else ():
-        if get_origin(kind) is tuple and set(get_args(kind)) == {fields.Finite}:
+        if get_origin(kind) is tuple and all(
+            fields.Finite in (each, *get_args(each)) for each in get_args(kind)
+        ):
             return "vector", ()
         if kind is bool:
             return "flag", ()

@@ -92,19 +92,36 @@
     el.querySelector(".kind").textContent = item.scenario || item.kind;
     el.querySelector(".title").title = `${item.name}: ${item.between}`;
     el.querySelector(".title").setAttribute("aria-expanded", String(item.form !== null));
-    let form = el.querySelector(".form");
-    if (item.form === null) { form?.remove(); return; }
-    if (!form) { form = make("div", { className: "form" }); el.append(form); }
-    const edit = (field, entries, serial) => send("EditPart", { serial, part, name: el.dataset.name, field, entries });
-    forms.draw(form, item.form, {
+  }
+
+  // The inspector of the part that is open, in place of the body's.
+  function inspect(host, data) {
+    const part = data.lists.find(({ items }) => items.some(({ form }) => form !== null))?.part;
+    if (!part) {
+      pgraph.cells.leave(host);
+      host.replaceChildren();
+      return;
+    }
+    const { id, name, kind, bodies, between, form } = data.lists.find((one) => one.part === part).items.find((item) => item.form !== null);
+    if (!host.firstChild) {
+      host.append(make("div", { className: "heading" }, make("strong"), pgraph.pictureButton("bare", "close", "close", "Back to the body or the model (Esc)", () => send("OpenPart", { part: host.pgraphPart, name: null }))),
+        make("div", { className: "muted about" }), make("div", { className: "form" }));
+    }
+    host.pgraphPart = part;
+    host.querySelector("strong").textContent = host.querySelector("strong").title = name;
+    const links = bodies.map((body) => make("button", { className: "link", textContent: body, onclick: () => send("Select", { body }) }));
+    host.querySelector(".about").replaceChildren(`${kind}${WORDS[part]} `, ...(bodies.length ? ["on ", ...links.flatMap((link, i) => (i ? [", ", link] : [link]))] : [between]));
+    const edit = (field, entries, serial) => send("EditPart", { serial, part, name, field, entries });
+    forms.draw(host.lastChild, form, {
       edit,
-      owner: { part, name: el.dataset.name },
+      owner: { part, name },
       press: (b) => {
-        if (b.event === "Pick") send("Pick", { part, name: el.dataset.name, slot: b.fields.slot });
+        if (b.event === "Pick") send("Pick", { part, name, slot: b.fields.slot });
         else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());
       },
-    }, part);
+    }, `${part} ${id}`);
   }
+  const WORDS = { constraints: " constraint", contacts: " contact", forces: "", sites: "", outputs: "" };
 
   function limits(box, data) {
     const lines = data.limits.map(({ body, text }) => make("div", { className: "tie" }, make("div", { className: "line" },
@@ -147,4 +164,5 @@
   pgraph.on("constraints", banner);
   pgraph.on("connectionsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
   pgraph.view("constraints", { build, constraints: draw });
+  pgraph.view("part", { constraints: inspect });
 })();

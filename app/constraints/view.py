@@ -343,6 +343,9 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
 
 VIEWS = (
     Place(
-        lambda desk: ConstraintsView(desk.bridge), 21, Host("constraints", "left", "Connections")
+        lambda desk: ConstraintsView(desk.bridge),
+        21,
+        Host("constraints", "left", "Connections"),
+        Host("part", "right", order=40),
     ),
 )

@@ -120,8 +120,10 @@ def select(state: State, event: Select) -> State:
     """Select a body, or take it as the picked body of a constraint."""
     if constraints.picking_of(state, event.client) is not None:
         return constraints.picked(state, event.client, event.body)
-    if event.body is None and (page := state.clients.get(event.client)) and page.aim is not None:
-        return with_client(state, event.client, aim=None)  # Escape ends one thing at a time
+    if event.body is None and (page := state.clients.get(event.client)):
+        for what in ("aim", "opened"):  # Escape ends one thing at a time
+            if getattr(page, what) is not None:
+                return with_client(state, event.client, **{what: None})
     bodies = () if event.body is None else (event.body,)
     return selected(state, event.client, event.body, bodies)
 
