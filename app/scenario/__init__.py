@@ -7,7 +7,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.model.editing import free_name
-from pgraph_core.model.scenario import METHOD_NAMES, coordinates, known_names
+from pgraph_core.model.scenario import coordinates, known_names
 
 from ..core import cells
 from ..core.cells import Display, Quantity, Refusal
@@ -74,14 +74,6 @@ def changed(
             return put(model, name, name=text.strip())
         case "description":
             return put(model, name, description=text.strip())
-        case "method":
-            if text not in METHOD_NAMES:
-                raise Refusal(f"must be one of {', '.join(METHOD_NAMES)}")
-            return put(model, name, method=text)
-        case "step" if not text.strip():
-            return put(model, name, step=None)
-        case "t_end" | "step":
-            return put(model, name, **{field: cells.number(text)})
         case "q" | "v":
             return put(model, name, **{field: _states(model, s, field, index, text, display)})
         case "bodies":
@@ -203,17 +195,26 @@ def side_of(switch: pg.Switch) -> str:
     return "above" if switch.when.above is not None else "below"
 
 
-def with_switch(model: pg.Model, name: str, constraint: str | None) -> pg.Model:
-    """One more switch: the constraint changes over in the middle of the run."""
+def with_switch(
+    model: pg.Model, name: str, constraint: str | None, when: tuple[str, str] | None = None
+) -> pg.Model:
+    """One more switch: the constraint changes over in the middle of the run.
+
+    It does so when a body "touches", "leaves", "passes" or "exceeds", where `when` names them.
+    """
     s = model.scenario(name)
     if not model.constraints:
-        raise Refusal("There is no constraint to switch: add one in the tab Constraints.")
+        raise Refusal("There is no constraint to switch: add one in Connections.")
     state = dict(acting(model, s, "constraints"))
-    first = constraint if constraint in state else next(iter(state))
+    own = [c.name for c in model.constraints if when and when[0] in c.touches]
+    first = constraint if constraint in state else next(iter([*own, *state]))
     active = not state[first]
     for known in s.switches:
         if known.constraint == first:
             active = not known.active
+    if when:
+        new = pg.Switch(constraint=first, active=active, when=_of_body(model, first, active, *when))
+        return put(model, name, switches=(*s.switches, new))
     taken = {x.t for x in s.switches if x.constraint == first}
     t = next(x for x in (s.t_end * k / 64 for k in (32, *range(1, 64))) if x not in taken)
     return put(model, name, switches=(*s.switches, pg.Switch(t=t, constraint=first, active=active)))
@@ -309,6 +310,27 @@ def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> dic
             return {what: names[0], "below": 0.0}
     own = switch.constraint if not switch.active else names[0]
     return {"force": own, "above": 50.0}
+
+
+def _of_body(model: pg.Model, switched: str, active: bool, body: str, what: str) -> dict[str, Any]:
+    """The condition that a body "touches", "leaves", "passes" a value or "exceeds" a force."""
+    contacts = [c.name for c in model.contacts if body in c.touches]
+    places = coordinates({one.name: one for one in model.bodies})
+    moves = [name for name, (of, _) in places.items() if of == body]
+    held = [c.name for c in model.constraints if body in c.touches]
+    carries = [*([switched] if not active and switched in held else []), *contacts, *held]
+    needed = {"passes": (moves, "joint with coordinates"), "exceeds": (carries, "constraint")}
+    names, word = needed.get(what, (contacts, "contact"))
+    if not names:
+        raise Refusal(f"'{body}' has no {word}: it cannot be waited for.")
+    match what:
+        case "touches":
+            return {"gap": names[0], "below": 0.0}
+        case "leaves":
+            return {"gap": names[0], "above": 0.0}
+        case "passes":
+            return {"coordinate": names[0], "above": _ahead(model, names[0])}
+    return {"force": names[0], "above": 50.0}
 
 
 def _ahead(model: pg.Model, name: str) -> float:

@@ -13,7 +13,7 @@
         button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario", { scenario: now() }))),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
       make("div", { className: "some" },
-        make("div", { className: "settings-form" }),
+        make("div", { className: "settings-form" }), button("small run-settings", "Run settings", "Method, duration, step and tolerance, which the scenario may keep", () => document.querySelector("button.method").click()),
         make("section", { className: "going" }, make("h4", { textContent: "Switches" }), text("div", "empty"), text("div", "rows"),
           button("small add-switch", "+ Switch", "Switches a constraint on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
         make("div", { className: "start-form" }),

@@ -239,9 +239,14 @@ def delete_drive(state: State, event: DeleteDrive, name: str) -> pg.Model:
 
 @dataclass(frozen=True)
 class AddSwitch(FromPage):
-    """One more switch: of that constraint, or of the first. Without a scenario one is made."""
+    """One more switch: of that constraint, or of the first. Without a scenario one is made.
+
+    It waits for a time, or for what `body` does.
+    """
 
     constraint: Text | None
+    body: Text = ""
+    when: Literal["touches", "leaves", "passes", "exceeds"] | None = None
 
 
 @on(AddSwitch)
@@ -252,7 +257,11 @@ def add_switch(state: State, event: AddSwitch) -> State:
             text = "There is no constraint to switch: add one in the tab Constraints."
             return told(state, event.client, Notice("Not done", text, bad=True))
         state = chosen(state, known[0].name) if known else _added(state, event.client)
-    make = lambda: with_switch(state.model, named(state), event.constraint)  # noqa: E731
+
+    def make() -> pg.Model:
+        when = (event.body, event.when) if event.when else None
+        return with_switch(state.model, named(state), event.constraint, when)
+
     return attempted(state, event.client, make, "add a switch")
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.bridge import Bridge
-from ..core.cells import Display, button, by_number, cell, choice, field, group, shown
+from ..core.cells import Display, button, by_number, cell, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, watching
 from ..run import FREE_RUN
@@ -87,10 +86,6 @@ def _settings(s: pg.Scenario) -> Payload:
     return group("", [
         field("name", "Name", [cell((), s.name)], kind="text"),
         field("description", "About", [cell((), s.description)], kind="text"),
-        field("t_end", "Duration", [cell((), s.t_end)], unit="s"),
-        field("step", "Step", [cell((), s.step)], unit="s",
-              help="of every step; empty: as the method chooses"),
-        choice("method", "Method", s.method, METHOD_NAMES.items()),
     ])  # fmt: skip
 
 

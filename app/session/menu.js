@@ -12,6 +12,7 @@
   }
   const look = (which) => [which === "fit" ? "Frame it" : "Turn about it", which === "fit" ? "F" : "C", () => pgraph.camera.look(which)];
 
+  const WHEN = [["touches", "touches"], ["leaves", "leaves"], ["passes", "passes an angle"], ["exceeds", "exceeds a force"]];
   function ofBody(name) {
     const rows = pgraph.rows, table = host("table"), gizmo = pgraph.latest.show?.gizmo, one = selected().length < 2 || !selected().includes(name);
     const moving = (what, label, begin = `Move its ${label} in 3D`) => [gizmo === what ? `Done with its ${label}` : begin, "", () => send("SetGizmo", { what: gizmo === what ? "" : what })];
@@ -21,6 +22,7 @@
       ["Duplicate", "Ctrl+D", () => rows.duplicate(table)], ["Mirror", "", () => rows.mirror(table)], ["Delete", "Delete", () => rows.remove(table)], null,
       ...(one ? [moving("link", "joint"), moving("com", "centre of mass"), moving("rotation", "orientation", "Turn it in 3D"), null] : []),
       ...(one ? [["Connections", "", () => pgraph.show("Connections", name)]] : []),
+      ...(one && pgraph.latest.constraints?.lists[0].items.length ? ["Switch a constraint when it", ...WHEN.map(([when, text]) => [text, "", () => { send("AddSwitch", { constraint: null, body: name, when }); pgraph.front("Scenarios"); }])] : []),
     ];
   }
   const ofView = () => [
@@ -33,7 +35,7 @@
     if (name === null) { pgraph.menu("3D view", ofView(), x, y); return; }
     const several = selected().includes(name) && selected().length > 1;
     if (!selected().includes(name)) send("Select", { body: name });
-    const items = ofBody(name).map((item) => item && [item[0], item[1], () => selecting(name, item[2])]);
+    const items = ofBody(name).map((item) => (Array.isArray(item) ? [item[0], item[1], () => selecting(name, item[2])] : item));
     pgraph.menu(several ? `${selected().length} bodies` : name, items, x, y);
   };
 

@@ -203,13 +203,13 @@ def test_an_edit_of_a_scenario_is_not_of_the_one_chosen_meanwhile(state):
     own = [pg.Scenario(name=n, t_end=1.0, q={"3": (0.0,)}) for n in ("one", "two")]
     state = begun(state.model.replace(scenarios=own), ME, OTHER)
     state = after(state, do.SetScenario(OTHER, 1, "two"))
-    state = after(state, do.EditScenario(ME, 2, "t_end", (((), "3"),), scenario=0))
-    assert [s.t_end for s in state.model.scenarios] == [3.0, 1.0]
-    assert (state.request.scenario, state.request.t_end) == ("two", 1.0)
+    state = after(state, do.EditScenario(ME, 2, "description", (((), "a"),), scenario=0))
+    assert [s.description for s in state.model.scenarios] == ["a", ""]
+    assert state.request.scenario == "two"
     state = after(state, do.DeleteBodies(OTHER, ("1",), "attach"))  # rows move up
     state = after(state, do.EditScenario(ME, 3, "q", (((2, 0), "0.5"),), scenario=1))
     assert state.model.scenario("two").q == {"3": (0.5,)}
     state = after(state, do.DeleteScenario(OTHER, scenario=0))
-    state = after(state, do.EditScenario(ME, 4, "t_end", (((), "9"),), scenario=0))
+    state = after(state, do.EditScenario(ME, 4, "description", (((), "b"),), scenario=0))
     assert reply(state)
-    assert state.model.scenarios[0].t_end == 1.0
+    assert state.model.scenarios[0].description == ""

@@ -42,6 +42,10 @@ def given(field, text, *index):
     return do.EditScenario(ME, 2, field, ((index, text),))
 
 
+def lasting(t_end):
+    return do.SetRun(ME, 4, "t_end", t_end), do.KeepSettings(ME)
+
+
 def motor(torque):
     drive = do.EditDrive(ME, 3, "motor", "torque", (((), torque),))
     return [do.AddDrive(ME, "motor", "b"), drive, given("bodies", "b"), given("v", "0", 0, 0)]
@@ -56,7 +60,7 @@ def run_of(state):
 def test_a_scenario_is_made_named_set_copied_and_taken_away(slider):
     state = after(slider, do.NewScenario(ME), given("name", "throw"))
     assert (state.request.scenario, [s.name for s in state.model.scenarios]) == ("throw", ["throw"])
-    state = after(state, given("t_end", "3/2"), given("bodies", "b"), given("v", "1.5", 0, 0))
+    state = after(state, given("bodies", "b"), given("v", "1.5", 0, 0), *lasting("3/2"))
     assert (state.request.t_end, state.model.scenario("throw").v) == (1.5, {"b": (1.5,)})
     assert run_of(state).q[-1, 0] == pytest.approx(1.5 * 1.5)
     copied = after(state, do.CopyScenario(ME))
@@ -98,13 +102,30 @@ def test_a_cut_at_a_time(slider):
 def test_a_latch_opens_at_a_force(slider):
     """50 N are reached at 0.5 s under 100 N/s. Then a = 50 t."""
     state = after(slider, do.NewScenario(ME), given("constraints", "on", 0))
-    state = after(state, do.AddSwitch(ME, "lock"), *switch(0, what="force"), given("t_end", "1"))
+    state = after(state, do.AddSwitch(ME, "lock"), *switch(0, what="force"), *lasting("1"))
     state = after(state, *motor("0 0; 1 100"))
     assert str(state.model.scenarios[0].switches[0].when) == "force of lock above 50"
     run, a = run_of(state), 0.5
     exact = 50 / 6 * (1 - a**3) - 50 / 2 * a**2 * (1 - a)
     np.testing.assert_allclose(run.events[0].t, a, rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("when", "said"),
+    [("touches", "gap of k below 0"), ("leaves", "gap of k above 0"),
+     ("passes", "coordinate of b above 0.1"), ("exceeds", "force of k above 50")],
+)  # fmt: skip
+def test_what_a_body_does_switches_a_constraint(slider, when, said):
+    """A click on a body and on what it does, and a constraint of that body changes over."""
+    refused = after(slider, do.AddSwitch(ME, None, body="b", when="touches"))
+    assert "'b'" in notice(refused)
+    model = slider.model.add(pg.Contact(name="k", body="b", points=((0, 0, 0),)))
+    state = after(begun(model), do.AddSwitch(ME, None, body="b", when=when))
+    (switch,) = state.model.scenarios[0].switches
+    assert (switch.constraint, str(switch.when)) == ("lock", said)
+    (again,) = after(state, do.Undo(ME)).model.scenarios
+    assert again.switches == ()
 
 
 def test_a_foot_sticks_at_a_gap():
