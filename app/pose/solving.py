@@ -33,6 +33,7 @@ class Coordinate:
     low: float
     high: float
     unit: str  # rad or m
+    turns: bool  # without limits: a dial
 
 
 def shown_q(state: State) -> np.ndarray:
@@ -72,7 +73,8 @@ def coordinates(state: State, names: Container[str] | None = None) -> list[Coord
             continue
         for i, (label, value, low, high, unit) in enumerate(_of_joint(body, q[place], reach)):
             low, high = min(low, value), max(high, value)
-            found.append(Coordinate(body.name, i, label, value, low, high, unit))
+            turns = body.joint == "revolute" and not any(body.limits)
+            found.append(Coordinate(body.name, i, label, value, low, high, unit, turns))
     return found
 
 

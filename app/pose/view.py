@@ -60,6 +60,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
             "value": c.value,
             "low": c.low,
             "high": c.high,
+            "turns": c.turns,
             "shown": display.shown(c.value, kinds[c.unit]),
             "unit": display.unit(kinds[c.unit]).replace("deg", "°"),
             "color": hue(d.branches[d.number[c.body] - 1]),
