@@ -278,6 +278,8 @@ def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
 
 def parameter_removed(model: pg.Model, name: str) -> pg.Model:
     """Return the model without a parameter. Cells that used it keep their numbers."""
+    if name not in model.parameters:
+        return model
     left = {key: x for key, x in model.parameters.items() if key != name}
     formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
     parts = in_expressions(vars(model), {name: f"({model.parameters[name]!r})"}, "")
