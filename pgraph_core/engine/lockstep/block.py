@@ -12,8 +12,8 @@ from ..compiler.masks import larger
 from ..contact.closing import DEPTH, NEAR, ROUNDING, thickness
 from ..contact.contacts import FROZEN, contacts_at, tangents
 from ..motion import opened
-from ..stepping.moreau import WEIGHT
 from ..stepping.state import size_of_state
+from ..stepping.unilateral import WEIGHT
 from ..vec import xyz
 
 
@@ -91,7 +91,7 @@ def closed_gap(b, i, p):
 
 @part
 def tolerated(b, i, h):
-    """Return `moreau.tolerated`."""
+    """Return `unilateral.tolerated`."""
     return larger(DEPTH * b.shapes[i, S_SIZE], WEIGHT * b.lane[0, PULL] * h * h)
 
 

@@ -27,7 +27,7 @@ from ..rows import (
     projected_of,
     rotation_of,
 )
-from ..stepping.moreau import DRIFT, ENOUGH, PUSH_SWEEPS, RECOVER, WEIGHT
+from ..stepping.unilateral import DRIFT, ENOUGH, PUSH_SWEEPS, RECOVER, WEIGHT
 from ..tree.moving import advance
 from ..vec import (
     add,
@@ -99,7 +99,7 @@ from .block import (
 
 @sweep
 def find(ways, near, b, h):
-    """Contact points and which of them are active, as `moreau.add_unilateral`.
+    """Contact points and which of them are active, as `unilateral.add_unilateral`.
 
     Points that are near in any lane go into `near`: how many, then which.
     """
@@ -450,7 +450,7 @@ def effects(ways, near, b, touches):
 
 @sweep
 def push_out(rows, ways, near, b, h):
-    """Run `moreau.push_out`, which moves the new state out of deeper penetration."""
+    """Run `unilateral.push_out`, which moves the new state out of deeper penetration."""
     x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[DINV]
     zero = 0.0 * b.lane[0, COUNT]
     deepest, deep = zero, zero

@@ -29,7 +29,8 @@ from ..rows import (
     v_of,
 )
 from ..stepping.batch import call_advance, call_copy
-from ..stepping.moreau import goes_on_sliding, turn_rates
+from ..stepping.booking import goes_on_sliding
+from ..stepping.moreau import turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
@@ -294,7 +295,7 @@ def finish(rows, drives, ways, near, b, h, passive):
 
 @sweep
 def commit(rows, ways, near, b, h):
-    """State and memory after the step, as `moreau.book`, in lanes that do not go on alone."""
+    """State and memory after the step, as `booking.book`, in lanes that do not go on alone."""
     x, lane, points, pairs = b.vectors, b.lane[0], b.points, b.pairs
     good = without(lane[LIVES], lane[ALONE])
     zero = 0.0 * lane[COUNT]

@@ -12,14 +12,13 @@ part without length. What is soft, or slow, is found where the middle of a part 
 
 import math
 
-from ...tolerances import NOTABLE, SOLVED
+from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import (
     ARMATURE,
     BEFORE,
     CALMED,
     DAMPING,
-    DINV,
     FACTORED,
     GAINED,
     GIVEN,
@@ -35,65 +34,35 @@ from ..arrays import (
     STIFFNESS,
     STRAYS,
     SWEEPS_DONE,
-    TRIAL,
     ZERO,
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
-from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import (
-    along,
-    ends_of,
     first_of,
-    joint_of,
-    joints_of,
     locate,
-    place_a,
-    place_b,
-    point_b,
-    point_velocity,
     residual_velocity,
-    span,
     type_of,
     velocities,
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
-from ..contact.closing import closed_gap, smaller_size, thinner
 from ..contact.contacts import (
     ADDING,
     FROZEN,
-    SLIDING,
     clear,
     contacts_at,
-    keep_point,
     kept_place,
-    note,
-    note_turn,
-    resists_turning,
-    set_block,
-    set_turn,
-    slides_now,
-    touching,
 )
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
-    closed_limit,
     first_meeting,
     hits_at_once,
-    limit_arrival,
-    limit_gap,
-    limit_speeds,
-    look_ahead,
-    point_meets,
     state_at,
 )
-from ..contact.newton import gather
 from ..contact.passing import keep_poses, note_passages
-from ..contact.shapes import DEPTH, place
 from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, follow, opened
-from ..records import RIGID
 from ..rows import (
     BALL,
     ROTATE,
@@ -101,42 +70,28 @@ from ..rows import (
     armature_of,
     axis_of,
     kind_of,
-    origin_of,
     parent_of,
     set_spin,
     spin_of,
     v_of,
 )
-from ..tree.kinematics import base_axes, frames, positions
+from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
 from ..vec import (
     add,
     add_scaled,
-    add_xyz,
-    cross,
-    dot,
     finite,
-    load,
-    load3,
     mul,
-    scale,
     set_xyz,
-    sub,
     xyz,
 )
+from .booking import book, note_chain
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
+from .unilateral import ASK, CUT, REST, add_passed, add_unilateral, push_out
 
-RECOVER = 0.2  # part of deeper penetration that a step removes
-PUSH_SWEEPS = 30
-ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
 MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
-DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
-BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
-ASK, CUT, REST = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
-AHEAD = 1e-3  # distance from a bound of a length that a step's forces cover, relative to it
-WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
@@ -260,21 +215,8 @@ def part_of_step(run, done, h, w, mode):
     ledger[at.WORK_DONE] += w * flow[0]
     ledger[at.DISSIPATED] += w * flow[1]
     if active[0] > 0:
-        space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
-        while True:
-            m = number_rows(blocks, space.slots)
-            set_velocities(scene, t, w, v, vdot)
-            unit_responses(rows, const, blocks, work, space)
-            warm_start(scene, first, m)
-            solve_impulses(scene, m, first)
-            this.counters[0].solver_iterations += steps_of_solver(scene)
-            if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
-                break
-            turn_rates(rows, const, work, v)
-            velocities(rows, const, work, v, space.linear)
-        account(scene, w if w > 0.0 else h, ledger)
-        if w == 0.0:
-            note_chain(scene, first, t)
+        own = (t, h, w, first)
+        this.counters[0].solver_iterations += solve_part(scene, own, q, v, vdot, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
     book(scene, first, t + w, h, w == h - done)
@@ -352,154 +294,6 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 
 @sweep
-def add_unilateral(scene, h, w, left, mode, q, v, vdot):
-    """Append limits and rigid contacts that touch to the active blocks.
-
-    Asked, return whether something may hit within this part, of width w, of a step of width h, of
-    which `left` was left before.
-    """
-    look = mode == ASK
-    data = opened(scene)
-    blocks = data.blocks
-    contacts = contacts_at(data.links.contacts)
-    blocks_i, active = blocks.blocks_i, blocks.active
-    laws, tally = contacts.laws, contacts.tally[0]
-    first = tally.first_limit
-    for i in range(first - tally.frictions, first):
-        if w > 0.0:  # a force without an impulse: it does nothing in an impact
-            blocks.blocks_f[i, at.AIM] = w * blocks.blocks_f[i, at.VALUE]
-            active[0] += 1
-            active[active[0]] = i
-    for i in range(first, first + tally.limits):
-        if type_of(blocks_i, i) == at.T_SPAN:
-            if w > 0.0 and span_reaches(scene, i, w, v):
-                active[0] += 1
-                active[active[0]] = i
-            continue
-        if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
-            return True
-        if limit_reaches(blocks, i, h, w, left, mode == REST, q, v, vdot):
-            active[0] += 1
-            active[active[0]] = i
-    if laws.shape[0] == 0:
-        return False
-    velocities(data.rows, data.const, data.work, v, data.space.linear)
-    place(contacts.geometry.shapes, data.work, contacts.poses)
-    closed, margin, fast = look_ahead(scene, w)
-    if look and fast:
-        return True
-    first = tally.first_contact
-    closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
-    count = touching(scene, max(closed, margin) if look else closed, 1)
-    for n in range(count):
-        point = contacts.found[n]
-        if look and point_meets(scene, n, h, w):
-            return True
-        near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
-        slack = 0.0
-        if point.gap > near and carried(contacts, n):
-            near = DRIFT * tolerated(contacts, n, h)
-            slack = point.gap / h
-        if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
-            near = NOTABLE * smaller_size(contacts, point.shape_a, point.shape_b)
-        if laws[point.pair].law == RIGID and point.gap <= near:
-            law = laws[point.pair]
-            slides = law.static_friction == law.friction
-            slides = slides or slides_now(contacts, data.work, data.space.linear, n)
-            set_block(contacts, blocks, n, first + n, slides)
-            blocks.blocks_f[first + n, at.VALUE] = slack
-            active[0] += 1
-            active[active[0]] = first + n
-            if resists_turning(law):
-                set_turn(contacts, blocks, n, tally.first_turn + n)
-                active[0] += 1
-                active[active[0]] = tally.first_turn + n
-    return False
-
-
-@part
-def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
-    """True if limit i is at hand in a sub-step of width w, from its middle q.
-
-    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
-    rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
-    stays where all its rebounds, each `e` times as long as the one before, would be over in the
-    time left of the step.
-    """
-    blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
-    gap = limit_gap(blocks, i, q)
-    rate, change = limit_speeds(blocks, i, v, vdot)
-    blocks_f[i, at.AIM] = 0.0
-    blocks_f[i, at.BOUNCE] = 0.0
-    if w == 0.0:
-        e = blocks_f[i, at.REBOUND]
-        if gap <= 2.0 * closed:
-            blocks_f[i, at.LOCATED] = math.inf
-            if 2.0 * e * rate < (1.0 - e) * left * min(change, 0.0):
-                blocks_f[i, at.BOUNCE] = e
-            return True
-        return False
-    if rest and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
-        blocks_f[i, at.BOUNCE] = blocks_f[i, at.REBOUND]
-        return True
-    if gap - 0.5 * w * rate <= closed and gap <= 2.0 * closed:
-        return True
-    blocks_f[i, at.AIM] = 2.0 * gap / w
-    return gap + 0.5 * w * (rate - w * abs(change)) < 0.0
-
-
-@sweep
-def span_reaches(scene, i, w, v):
-    """True if a length may pass its bound within a sub-step of width w, from its middle.
-
-    Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
-    move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
-    and turns it. So a body that swings on a held length keeps its energy.
-    """
-    data = opened(scene)
-    blocks, work, linear = data.blocks, data.work, data.space.linear
-    velocities(data.rows, data.const, work, v, linear)
-    a, b = ends_of(blocks.blocks_i, i)
-    gap, p, apart, signed = span(blocks.blocks_f, i, work, a, b)
-    length = abs(signed)
-    if not length > 0.0:
-        return False
-    q = point_b(blocks.blocks_f, i, work, b)
-    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
-    bound = blocks.blocks_f[i, at.VALUE]
-    parting = dot(u, apart) / length
-    across = math.copysign(max(dot(u, u) - parting * parting, 0.0) / length, bound)
-    closing = max(-math.copysign(1.0, bound) * parting, 0.0)
-    bent = 0.5 * w * across
-    blocks.blocks_f[i, at.AIM] = max(2.0 * gap / w + 0.5 * bent, bent)
-    pull = contacts_at(data.links.contacts).tally[0].pull
-    return gap <= w * (closing + abs(bent) + w * pull) + AHEAD * abs(bound)
-
-
-@part
-def lands_together(contacts, n, count):
-    """True if another point between the shapes of point n is closed, so an impact takes both.
-
-    Corners that arrive together do so up to the asymmetry that earlier steps left.
-    """
-    this = contacts.found[n]
-    for m in range(count):
-        other = contacts.found[m]
-        if other.shape_a == this.shape_a and other.shape_b == this.shape_b:
-            near = 4.0 * closed_gap(contacts, other.shape_a, other.shape_b, xyz(other.point_a))
-            if other.gap <= near:
-                return True
-    return False
-
-
-@part
-def carried(contacts, n):
-    """True if contact point n pushed in the last step. Standing, rotating bodies drift off."""
-    k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
-    return k >= 0 and contacts.kept[k].value[0] > 0.0
-
-
-@sweep
 def set_velocities(scene, t, h, v, vdot):
     """J v into BEFORE and J (v + h v') into RHS, less the given velocities of rows."""
     data = opened(scene)
@@ -554,43 +348,33 @@ def warm_start(scene, first, m):
                     lam[r + c] = share * kept[c]
 
 
-@part
-def steps_of_solver(scene):
-    """Return the number of sweeps and Newton steps of the last solve."""
-    report = opened(scene).space.vectors[REPORT]
-    return int(report[SWEEPS_DONE] + report[STEPS_DONE])
-
-
 @sweep
-def add_passed(scene, first, w, q, v, vdot):
-    """Append limits that impulses of other rows lead beyond; return True if there are any.
+def solve_part(scene, own, q, v, vdot, ledger):
+    """Solve the impulses of a part of width w, from t on, of a step of width h.
 
-    q is the middle of the part of width w, and STEP has the impulses' effect.
+    Their effect on the joints goes into STEP. Returns sweeps and Newton steps taken.
     """
+    t, h, w, first = own
     data = opened(scene)
-    blocks, work, space = data.blocks, data.work, data.space
-    active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
-    if tally.limits == 0:
-        return False
-    change = space.vectors[TRIAL]
-    for j in range(v.shape[0]):
-        change[j] = space.vectors[STEP, j]
-    spread(data.rows, data.const, work, change)
-    for j in range(v.shape[0]):
-        change[j] += v[j] + w * vdot[j]
-    count = active[0]
-    for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        if type_of(blocks.blocks_i, i) != at.T_LIMIT:
-            continue
-        rate, _ = limit_speeds(blocks, i, change, vdot)
-        if limit_gap(blocks, i, q) + 0.5 * w * rate < -closed_limit(blocks, i):
-            known = False
-            for j in range(first, count + 1):
-                known = known or active[j] == i
-            if not known:
-                active[0] += 1
-                active[active[0]] = i
-    return active[0] > count
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    report = space.vectors[REPORT]
+    space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
+    taken = 0
+    while True:
+        m = number_rows(blocks, space.slots)
+        set_velocities(scene, t, w, v, vdot)
+        unit_responses(rows, const, blocks, work, space)
+        warm_start(scene, first, m)
+        solve_impulses(scene, m, first)
+        taken += int(report[SWEEPS_DONE] + report[STEPS_DONE])
+        if w == 0.0 or not add_passed(scene, first, w, q, v, vdot):
+            break
+        turn_rates(rows, const, work, v)
+        velocities(rows, const, work, v, space.linear)
+    account(scene, w if w > 0.0 else h, ledger)
+    if w == 0.0:
+        note_chain(scene, first, t)
+    return taken
 
 
 @sweep
@@ -609,280 +393,6 @@ def account(scene, lasts, ledger):
         tally.fallbacks += 1
     if report[CALMED] > 0.0:
         tally.calmed += 1
-
-
-@sweep
-def note_chain(scene, first, t):
-    """Count an impact at time t in which a body that rebounds is pushed by several others at once.
-
-    Newton's law then gives another end than impacts one after the other, as with gaps in between.
-    """
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    tally = contacts_at(data.links.contacts).tally[0]
-    active, slots, vectors = blocks.active, space.slots, space.vectors
-    found = False
-    for j in range(first, active[0] + 1):
-        i = active[j]
-        hit = blocks.blocks_f[i, at.BOUNCE] * vectors[BEFORE, first_of(slots, i)]
-        if type_of(blocks.blocks_i, i) == at.T_CONTACT and hit < -SLIDING:
-            for n in range(first, active[0] + 1):
-                found = found or (
-                    type_of(blocks.blocks_i, active[n]) == at.T_CONTACT
-                    and vectors[LAMBDA, first_of(slots, active[n])] > 0.0
-                    and meet_at_a_body(blocks.blocks_i, i, active[n])
-                )
-    if found:
-        tally.chains += 1
-        if tally.chains == 1:
-            tally.chain_time = t
-
-
-@part
-def meet_at_a_body(blocks_i, i, n):
-    """True if two contacts share one body that moves, but not both."""
-    a, b = ends_of(blocks_i, i)
-    c, d = ends_of(blocks_i, n)
-    shared = (a > 0 and (a == c or a == d)) or (b > 0 and (b == c or b == d))
-    same = (a == c and b == d) or (a == d and b == c)
-    return shared and not same
-
-
-@sweep
-def book(scene, first, t, h, last):
-    """Keep the impulses for the next step, and as forces on bodies and in touches.
-
-    By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
-    part that is not the last of its step only adds points to those that are kept: it may be so
-    short that what carries does not push in it.
-    """
-    data = opened(scene)
-    blocks, work, space = data.blocks, data.work, data.space
-    contacts = contacts_at(data.links.contacts)
-    active, slots = blocks.active, space.slots
-    lam = space.vectors[LAMBDA]
-    found, kept, tally = contacts.found, contacts.kept, contacts.tally[0]
-    pairs, limit_tau = contacts.pairs, contacts.limit_tau
-    begin = tally.first_contact
-    missed = contacts.islands.pushed
-    whole = 1.0 / tally.share if tally.share > BRIEF else 1.0
-    count = 0
-    for j in range(first, active[0] + 1):
-        n = active[j] - begin
-        r = first_of(slots, active[j])
-        if n < 0 and type_of(blocks.blocks_i, active[j]) == at.T_SPAN:
-            force = scale(lam[r] / h, along(space.place, active[j], 0))
-            pull = math.copysign(lam[r] / h, blocks.blocks_f[active[j], at.VALUE])
-            note_span(scene, active[j], force)
-            pairs[pairs.shape[0] + n].force[0] += pull
-            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(pull), pairs.shape[0] + n, t)
-            continue
-        if n < 0:
-            term = blocks.blocks_i[active[j], at.B_TERM]
-            torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
-            for i in range(term, term + blocks.blocks_i[active[j], at.B_TERMS]):
-                limit_tau[blocks.terms_i[i, 0]] += blocks.terms_f[i] * lam[r] / h
-            if type_of(blocks.blocks_i, active[j]) == at.T_FRICTION:
-                one = blocks.blocks_f[active[j]]
-                one[at.HELD] = lam[r] * one[at.VALUE] / one[at.AIM]
-                continue
-            pairs[pairs.shape[0] + n].force[0] += torque
-            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
-            continue
-        force = (0.0, 0.0, 0.0)
-        for c in range(3):
-            d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
-            force = add_scaled(force, lam[r + c] / h, d)
-        if n >= found.shape[0]:  # belongs to the previous contact point
-            if last:
-                set_xyz(kept[count - 1].turn, scale(whole, (lam[r], lam[r + 1], lam[r + 2])))
-            note_turn(opened(scene).links.contacts, n - found.shape[0], force)
-            continue
-        size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
-        pair = found[n].pair
-        log_missed(tally, missed[active[j], 0] / h, missed[active[j], 1] / h, size, pair, t)
-        log_depth(
-            tally,
-            -found[n].gap,
-            thickness_at(contacts, n),
-            pair,
-            t,
-        )
-        u = gather(space.y, slots, active[j], space.vectors[STEP])
-        x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
-        slip = math.sqrt(x * x + z * z)
-        place_in = count
-        if not last:
-            new = lam[r] > 0.0 and tally.share > 0.0
-            new = new and kept_place(found[n], kept, tally.kept, n) < 0
-            place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
-        if place_in >= 0:
-            push = scale(whole, (lam[r], lam[r + 1], lam[r + 2]))
-            if tally.share < BRIEF and found[n].held[0] > 0.0:  # continues as before an impact
-                push = xyz(found[n].held)
-            keep_point(kept[place_in], found[n], push)
-            push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
-            kept[place_in].slides = int(goes_on_sliding(push, mu, space.vectors[RHS, r], slip))
-            if last:
-                count += 1
-            else:
-                tally.kept += 1
-        note(opened(scene).links.contacts, work, n, force, slip)
-    if last:
-        tally.kept = count
-
-
-@sweep
-def note_span(scene, i, force):
-    """Add what the bound of a length exerts, `force` on A, to the wrenches of its two bodies."""
-    data = opened(scene)
-    work, place = data.work, data.space.place
-    wrenches = contacts_at(data.links.contacts).wrenches
-    a, b = ends_of(data.blocks.blocks_i, i)
-    body_a = data.blocks.blocks_i[i, at.B_BODY_A]
-    body_b = data.blocks.blocks_i[i, at.B_BODY_B]
-    torque = cross(sub(place_a(place, i), origin_of(work, a)), force)
-    add_xyz(wrenches[body_a].torque, torque)
-    add_xyz(wrenches[body_a].force, force)
-    if body_b > 0:
-        torque = cross(sub(place_b(place, i), origin_of(work, b)), force)
-        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
-        add_xyz(wrenches[body_b].force, scale(-1.0, force))
-
-
-@part
-def goes_on_sliding(lam, mu, closing, slip):
-    """Return 1 if a point slides fast, or slips with the full friction of its cone, else 0.
-
-    `closing` is its normal velocity without impulses.
-    """
-    pull = math.sqrt(lam[1] * lam[1] + lam[2] * lam[2])
-    moves = more(slip, SOLVED * abs(closing))  # some points of a patch may be full
-    full = both(more(lam[0], 0.0), most((1.0 - SOLVED) * (mu * lam[0]), pull))
-    return either(more(slip, SLIDING), both(moves, full))
-
-
-@part
-def log_missed(tally, complementarity, cone, force, pair, t):
-    """Note by how much one contact misses its laws [N], and its force."""
-    tally.complementarity = max(tally.complementarity, complementarity)
-    tally.cone = max(tally.cone, cone)
-    tally.force = max(tally.force, force)
-    most = max(complementarity, cone)
-    if most > tally.worst:
-        tally.worst = most
-        tally.worst_pair = pair
-        tally.worst_time = t
-
-
-@part
-def log_depth(tally, depth, thickness, pair, t):
-    """Record the penetration of two shapes of some thickness [m], of points the depth itself."""
-    tally.penetration = max(tally.penetration, depth)
-    share = depth / thickness if thickness > 0.0 else depth
-    if share > tally.deepest:
-        tally.deepest = share
-        tally.deepest_depth = depth
-        tally.deepest_pair = pair
-        tally.deepest_time = t
-
-
-@part
-def thickness_at(contacts, n):
-    """Return the thickness of the thinner shape at contact point n, or the shapes' size [m]."""
-    a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
-    thick = 2.0 * thinner(contacts, a, b)
-    return thick if thick > 0.0 else smaller_size(contacts, a, b)
-
-
-@part
-def tolerated(contacts, n, h):
-    """Depth of contact point n that is left as it is [m]."""
-    size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
-    return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
-
-
-@sweep
-def push_out(scene, first, h, q):
-    """Move q out of deeper penetration along the normals, in the mass metric."""
-    data = opened(scene)
-    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    contacts = contacts_at(data.links.contacts)
-    active = blocks.active
-    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
-    lam = vectors[LAMBDA]
-    dinv = vectors[DINV]
-    z = vectors[STEP]
-    found, tally = contacts.found, contacts.tally[0]
-    begin, room = tally.first_contact, contacts.found.shape[0]
-    deepest = 0.0
-    deep = False
-    for j in range(first, active[0] + 1):
-        n = active[j] - begin
-        if 0 <= n < room:
-            deepest = max(deepest, -found[n].gap)
-            deep = deep or -found[n].gap > tolerated(contacts, n, h)
-    tally.depth = max(tally.depth, deepest)
-    beyond = limits_beyond(scene, first, q)
-    if not (deep or beyond > 0.0):
-        return
-    deepest = max(deepest, beyond)
-    for k in range(z.shape[0]):
-        z[k] = 0.0
-    for j in range(first, active[0] + 1):
-        lam[first_of(slots, active[j])] = 0.0
-    for _ in range(PUSH_SWEEPS):
-        moved = 0.0
-        for j in range(first, active[0] + 1):
-            i = active[j]
-            n = i - begin
-            if n >= room or not own[i, 0] > 0.0 or type_of(blocks.blocks_i, i) == at.T_FRICTION:
-                continue
-            if n < 0:
-                gap = RECOVER * blocks.blocks_f[i, at.AIM]
-            else:
-                gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
-            r = first_of(slots, i)
-            for s in range(joints_of(slots, i)):
-                gap += y[i, 3 * s] * z[joint_of(slots, i, s)]
-            new = max(lam[r] - gap / own[i, 0], 0.0)
-            for s in range(joints_of(slots, i)):
-                k = joint_of(slots, i, s)
-                z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
-            moved = max(moved, abs(new - lam[r]) * own[i, 0])
-            lam[r] = new
-        if not moved > ENOUGH * RECOVER * deepest:
-            break
-    spread(rows, const, work, z)
-    advance(rows, q, z, 1.0)
-
-
-@sweep
-def limits_beyond(scene, first, q):
-    """Write the gaps of limits at q into AIM, and return the largest excess."""
-    data = opened(scene)
-    blocks, vectors = data.blocks, data.space.vectors
-    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
-    beyond = 0.0
-    moved = False
-    for j in range(first, active[0] + 1):
-        i = active[j]
-        kind = type_of(blocks_i, i)
-        if kind == at.T_LIMIT:
-            gap = limit_gap(blocks, i, q)
-            blocks_f[i, at.AIM] = gap
-            if -gap > 4.0 * closed_limit(blocks, i):
-                beyond = max(beyond, -gap)
-        elif kind == at.T_SPAN:
-            if not moved:
-                frames(data.rows, data.const, data.work, q, vectors[STEP])
-                positions(data.rows, data.work)
-                moved = True
-            a, b = ends_of(blocks_i, i)
-            gap, _, _, _ = span(blocks_f, i, data.work, a, b)
-            blocks_f[i, at.AIM] = gap
-            beyond = max(beyond, -gap)
-    return beyond
 
 
 @sweep

@@ -1,0 +1,233 @@
+"""Records of a step of time stepping: impulses for the next one, forces of its frame, a log."""
+
+import math
+
+from ...tolerances import SOLVED
+from .. import layout as at
+from ..arrays import (
+    BEFORE,
+    LAMBDA,
+    RHS,
+    STEP,
+)
+from ..compiler.jit import part, sweep
+from ..compiler.masks import both, either, more, most
+from ..constraints.blocks import (
+    along,
+    ends_of,
+    first_of,
+    place_a,
+    place_b,
+    type_of,
+)
+from ..contact.closing import smaller_size, thinner
+from ..contact.contacts import (
+    SLIDING,
+    contacts_at,
+    keep_point,
+    kept_place,
+    note,
+    note_turn,
+)
+from ..contact.newton import gather
+from ..motion import opened
+from ..rows import (
+    origin_of,
+)
+from ..vec import (
+    add_scaled,
+    add_xyz,
+    cross,
+    load,
+    load3,
+    scale,
+    set_xyz,
+    sub,
+    xyz,
+)
+
+BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
+
+
+@sweep
+def note_chain(scene, first, t):
+    """Count an impact at time t in which a body that rebounds is pushed by several others at once.
+
+    Newton's law then gives another end than impacts one after the other, as with gaps in between.
+    """
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    tally = contacts_at(data.links.contacts).tally[0]
+    active, slots, vectors = blocks.active, space.slots, space.vectors
+    found = False
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        hit = blocks.blocks_f[i, at.BOUNCE] * vectors[BEFORE, first_of(slots, i)]
+        if type_of(blocks.blocks_i, i) == at.T_CONTACT and hit < -SLIDING:
+            for n in range(first, active[0] + 1):
+                found = found or (
+                    type_of(blocks.blocks_i, active[n]) == at.T_CONTACT
+                    and vectors[LAMBDA, first_of(slots, active[n])] > 0.0
+                    and meet_at_a_body(blocks.blocks_i, i, active[n])
+                )
+    if found:
+        tally.chains += 1
+        if tally.chains == 1:
+            tally.chain_time = t
+
+
+@part
+def meet_at_a_body(blocks_i, i, n):
+    """True if two contacts share one body that moves, but not both."""
+    a, b = ends_of(blocks_i, i)
+    c, d = ends_of(blocks_i, n)
+    shared = (a > 0 and (a == c or a == d)) or (b > 0 and (b == c or b == d))
+    same = (a == c and b == d) or (a == d and b == c)
+    return shared and not same
+
+
+@sweep
+def book(scene, first, t, h, last):
+    """Keep the impulses for the next step, and as forces on bodies and in touches.
+
+    By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
+    part that is not the last of its step only adds points to those that are kept: it may be so
+    short that what carries does not push in it.
+    """
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
+    active, slots = blocks.active, space.slots
+    lam = space.vectors[LAMBDA]
+    found, kept, tally = contacts.found, contacts.kept, contacts.tally[0]
+    pairs, limit_tau = contacts.pairs, contacts.limit_tau
+    begin = tally.first_contact
+    missed = contacts.islands.pushed
+    whole = 1.0 / tally.share if tally.share > BRIEF else 1.0
+    count = 0
+    for j in range(first, active[0] + 1):
+        n = active[j] - begin
+        r = first_of(slots, active[j])
+        if n < 0 and type_of(blocks.blocks_i, active[j]) == at.T_SPAN:
+            force = scale(lam[r] / h, along(space.place, active[j], 0))
+            pull = math.copysign(lam[r] / h, blocks.blocks_f[active[j], at.VALUE])
+            note_span(scene, active[j], force)
+            pairs[pairs.shape[0] + n].force[0] += pull
+            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(pull), pairs.shape[0] + n, t)
+            continue
+        if n < 0:
+            term = blocks.blocks_i[active[j], at.B_TERM]
+            torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
+            for i in range(term, term + blocks.blocks_i[active[j], at.B_TERMS]):
+                limit_tau[blocks.terms_i[i, 0]] += blocks.terms_f[i] * lam[r] / h
+            if type_of(blocks.blocks_i, active[j]) == at.T_FRICTION:
+                one = blocks.blocks_f[active[j]]
+                one[at.HELD] = lam[r] * one[at.VALUE] / one[at.AIM]
+                continue
+            pairs[pairs.shape[0] + n].force[0] += torque
+            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
+            continue
+        force = (0.0, 0.0, 0.0)
+        for c in range(3):
+            d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
+            force = add_scaled(force, lam[r + c] / h, d)
+        if n >= found.shape[0]:  # belongs to the previous contact point
+            if last:
+                set_xyz(kept[count - 1].turn, scale(whole, (lam[r], lam[r + 1], lam[r + 2])))
+            note_turn(opened(scene).links.contacts, n - found.shape[0], force)
+            continue
+        size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
+        pair = found[n].pair
+        log_missed(tally, missed[active[j], 0] / h, missed[active[j], 1] / h, size, pair, t)
+        log_depth(
+            tally,
+            -found[n].gap,
+            thickness_at(contacts, n),
+            pair,
+            t,
+        )
+        u = gather(space.y, slots, active[j], space.vectors[STEP])
+        x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
+        slip = math.sqrt(x * x + z * z)
+        place_in = count
+        if not last:
+            new = lam[r] > 0.0 and tally.share > 0.0
+            new = new and kept_place(found[n], kept, tally.kept, n) < 0
+            place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
+        if place_in >= 0:
+            push = scale(whole, (lam[r], lam[r + 1], lam[r + 2]))
+            if tally.share < BRIEF and found[n].held[0] > 0.0:  # continues as before an impact
+                push = xyz(found[n].held)
+            keep_point(kept[place_in], found[n], push)
+            push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
+            kept[place_in].slides = int(goes_on_sliding(push, mu, space.vectors[RHS, r], slip))
+            if last:
+                count += 1
+            else:
+                tally.kept += 1
+        note(opened(scene).links.contacts, work, n, force, slip)
+    if last:
+        tally.kept = count
+
+
+@sweep
+def note_span(scene, i, force):
+    """Add what the bound of a length exerts, `force` on A, to the wrenches of its two bodies."""
+    data = opened(scene)
+    work, place = data.work, data.space.place
+    wrenches = contacts_at(data.links.contacts).wrenches
+    a, b = ends_of(data.blocks.blocks_i, i)
+    body_a = data.blocks.blocks_i[i, at.B_BODY_A]
+    body_b = data.blocks.blocks_i[i, at.B_BODY_B]
+    torque = cross(sub(place_a(place, i), origin_of(work, a)), force)
+    add_xyz(wrenches[body_a].torque, torque)
+    add_xyz(wrenches[body_a].force, force)
+    if body_b > 0:
+        torque = cross(sub(place_b(place, i), origin_of(work, b)), force)
+        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
+        add_xyz(wrenches[body_b].force, scale(-1.0, force))
+
+
+@part
+def goes_on_sliding(lam, mu, closing, slip):
+    """Return 1 if a point slides fast, or slips with the full friction of its cone, else 0.
+
+    `closing` is its normal velocity without impulses.
+    """
+    pull = math.sqrt(lam[1] * lam[1] + lam[2] * lam[2])
+    moves = more(slip, SOLVED * abs(closing))  # some points of a patch may be full
+    full = both(more(lam[0], 0.0), most((1.0 - SOLVED) * (mu * lam[0]), pull))
+    return either(more(slip, SLIDING), both(moves, full))
+
+
+@part
+def log_missed(tally, complementarity, cone, force, pair, t):
+    """Note by how much one contact misses its laws [N], and its force."""
+    tally.complementarity = max(tally.complementarity, complementarity)
+    tally.cone = max(tally.cone, cone)
+    tally.force = max(tally.force, force)
+    most = max(complementarity, cone)
+    if most > tally.worst:
+        tally.worst = most
+        tally.worst_pair = pair
+        tally.worst_time = t
+
+
+@part
+def log_depth(tally, depth, thickness, pair, t):
+    """Record the penetration of two shapes of some thickness [m], of points the depth itself."""
+    tally.penetration = max(tally.penetration, depth)
+    share = depth / thickness if thickness > 0.0 else depth
+    if share > tally.deepest:
+        tally.deepest = share
+        tally.deepest_depth = depth
+        tally.deepest_pair = pair
+        tally.deepest_time = t
+
+
+@part
+def thickness_at(contacts, n):
+    """Return the thickness of the thinner shape at contact point n, or the shapes' size [m]."""
+    a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
+    thick = 2.0 * thinner(contacts, a, b)
+    return thick if thick > 0.0 else smaller_size(contacts, a, b)

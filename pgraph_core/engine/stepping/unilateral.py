@@ -1,0 +1,331 @@
+"""Limits, contacts and friction that act in a part of a step, and the removal of depths."""
+
+import math
+
+from ...tolerances import NOTABLE
+from .. import layout as at
+from ..arrays import (
+    DINV,
+    LAMBDA,
+    STEP,
+    TRIAL,
+)
+from ..compiler.jit import part, sweep
+from ..constraints.blocks import (
+    ends_of,
+    first_of,
+    joint_of,
+    joints_of,
+    point_b,
+    point_velocity,
+    span,
+    type_of,
+    velocities,
+)
+from ..constraints.paths import spread
+from ..contact.closing import closed_gap, smaller_size
+from ..contact.contacts import (
+    contacts_at,
+    kept_place,
+    resists_turning,
+    set_block,
+    set_turn,
+    slides_now,
+    touching,
+)
+from ..contact.meeting import (
+    closed_limit,
+    limit_arrival,
+    limit_gap,
+    limit_speeds,
+    look_ahead,
+    point_meets,
+)
+from ..contact.shapes import DEPTH, place
+from ..motion import opened
+from ..records import RIGID
+from ..tree.kinematics import frames, positions
+from ..tree.moving import advance
+from ..vec import (
+    dot,
+    sub,
+    xyz,
+)
+
+RECOVER = 0.2  # part of deeper penetration that a step removes
+PUSH_SWEEPS = 30
+ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
+DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
+ASK, CUT, REST = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
+AHEAD = 1e-3  # distance from a bound of a length that a step's forces cover, relative to it
+WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
+
+
+@sweep
+def add_unilateral(scene, h, w, left, mode, q, v, vdot):
+    """Append limits and rigid contacts that touch to the active blocks.
+
+    Asked, return whether something may hit within this part, of width w, of a step of width h, of
+    which `left` was left before.
+    """
+    look = mode == ASK
+    data = opened(scene)
+    blocks = data.blocks
+    contacts = contacts_at(data.links.contacts)
+    blocks_i, active = blocks.blocks_i, blocks.active
+    laws, tally = contacts.laws, contacts.tally[0]
+    first = tally.first_limit
+    for i in range(first - tally.frictions, first):
+        if w > 0.0:  # a force without an impulse: it does nothing in an impact
+            blocks.blocks_f[i, at.AIM] = w * blocks.blocks_f[i, at.VALUE]
+            active[0] += 1
+            active[active[0]] = i
+    for i in range(first, first + tally.limits):
+        if type_of(blocks_i, i) == at.T_SPAN:
+            if w > 0.0 and span_reaches(scene, i, w, v):
+                active[0] += 1
+                active[active[0]] = i
+            continue
+        if look and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
+            return True
+        if limit_reaches(blocks, i, h, w, left, mode == REST, q, v, vdot):
+            active[0] += 1
+            active[active[0]] = i
+    if laws.shape[0] == 0:
+        return False
+    velocities(data.rows, data.const, data.work, v, data.space.linear)
+    place(contacts.geometry.shapes, data.work, contacts.poses)
+    closed, margin, fast = look_ahead(scene, w)
+    if look and fast:
+        return True
+    first = tally.first_contact
+    closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
+    count = touching(scene, max(closed, margin) if look else closed, 1)
+    for n in range(count):
+        point = contacts.found[n]
+        if look and point_meets(scene, n, h, w):
+            return True
+        near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
+        slack = 0.0
+        if point.gap > near and carried(contacts, n):
+            near = DRIFT * tolerated(contacts, n, h)
+            slack = point.gap / h
+        if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
+            near = NOTABLE * smaller_size(contacts, point.shape_a, point.shape_b)
+        if laws[point.pair].law == RIGID and point.gap <= near:
+            law = laws[point.pair]
+            slides = law.static_friction == law.friction
+            slides = slides or slides_now(contacts, data.work, data.space.linear, n)
+            set_block(contacts, blocks, n, first + n, slides)
+            blocks.blocks_f[first + n, at.VALUE] = slack
+            active[0] += 1
+            active[active[0]] = first + n
+            if resists_turning(law):
+                set_turn(contacts, blocks, n, tally.first_turn + n)
+                active[0] += 1
+                active[active[0]] = tally.first_turn + n
+    return False
+
+
+@part
+def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
+    """True if limit i is at hand in a sub-step of width w, from its middle q.
+
+    The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
+    rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
+    stays where all its rebounds, each `e` times as long as the one before, would be over in the
+    time left of the step.
+    """
+    blocks_f, closed = blocks.blocks_f, closed_limit(blocks, i)
+    gap = limit_gap(blocks, i, q)
+    rate, change = limit_speeds(blocks, i, v, vdot)
+    blocks_f[i, at.AIM] = 0.0
+    blocks_f[i, at.BOUNCE] = 0.0
+    if w == 0.0:
+        e = blocks_f[i, at.REBOUND]
+        if gap <= 2.0 * closed:
+            blocks_f[i, at.LOCATED] = math.inf
+            if 2.0 * e * rate < (1.0 - e) * left * min(change, 0.0):
+                blocks_f[i, at.BOUNCE] = e
+            return True
+        return False
+    if rest and limit_arrival(blocks, i, 0.5 * w, h, w, q, v, vdot) < w:
+        blocks_f[i, at.BOUNCE] = blocks_f[i, at.REBOUND]
+        return True
+    if gap - 0.5 * w * rate <= closed and gap <= 2.0 * closed:
+        return True
+    blocks_f[i, at.AIM] = 2.0 * gap / w
+    return gap + 0.5 * w * (rate - w * abs(change)) < 0.0
+
+
+@sweep
+def add_passed(scene, first, w, q, v, vdot):
+    """Append limits that impulses of other rows lead beyond; return True if there are any.
+
+    q is the middle of the part of width w, and STEP has the impulses' effect.
+    """
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    active, tally = blocks.active, contacts_at(data.links.contacts).tally[0]
+    if tally.limits == 0:
+        return False
+    change = space.vectors[TRIAL]
+    for j in range(v.shape[0]):
+        change[j] = space.vectors[STEP, j]
+    spread(data.rows, data.const, work, change)
+    for j in range(v.shape[0]):
+        change[j] += v[j] + w * vdot[j]
+    count = active[0]
+    for i in range(tally.first_limit, tally.first_limit + tally.limits):
+        if type_of(blocks.blocks_i, i) != at.T_LIMIT:
+            continue
+        rate, _ = limit_speeds(blocks, i, change, vdot)
+        if limit_gap(blocks, i, q) + 0.5 * w * rate < -closed_limit(blocks, i):
+            known = False
+            for j in range(first, count + 1):
+                known = known or active[j] == i
+            if not known:
+                active[0] += 1
+                active[active[0]] = i
+    return active[0] > count
+
+
+@sweep
+def span_reaches(scene, i, w, v):
+    """True if a length may pass its bound within a sub-step of width w, from its middle.
+
+    Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
+    move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
+    and turns it. So a body that swings on a held length keeps its energy.
+    """
+    data = opened(scene)
+    blocks, work, linear = data.blocks, data.work, data.space.linear
+    velocities(data.rows, data.const, work, v, linear)
+    a, b = ends_of(blocks.blocks_i, i)
+    gap, p, apart, signed = span(blocks.blocks_f, i, work, a, b)
+    length = abs(signed)
+    if not length > 0.0:
+        return False
+    q = point_b(blocks.blocks_f, i, work, b)
+    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, q))
+    bound = blocks.blocks_f[i, at.VALUE]
+    parting = dot(u, apart) / length
+    across = math.copysign(max(dot(u, u) - parting * parting, 0.0) / length, bound)
+    closing = max(-math.copysign(1.0, bound) * parting, 0.0)
+    bent = 0.5 * w * across
+    blocks.blocks_f[i, at.AIM] = max(2.0 * gap / w + 0.5 * bent, bent)
+    pull = contacts_at(data.links.contacts).tally[0].pull
+    return gap <= w * (closing + abs(bent) + w * pull) + AHEAD * abs(bound)
+
+
+@part
+def lands_together(contacts, n, count):
+    """True if another point between the shapes of point n is closed, so an impact takes both.
+
+    Corners that arrive together do so up to the asymmetry that earlier steps left.
+    """
+    this = contacts.found[n]
+    for m in range(count):
+        other = contacts.found[m]
+        if other.shape_a == this.shape_a and other.shape_b == this.shape_b:
+            near = 4.0 * closed_gap(contacts, other.shape_a, other.shape_b, xyz(other.point_a))
+            if other.gap <= near:
+                return True
+    return False
+
+
+@part
+def carried(contacts, n):
+    """True if contact point n pushed in the last step. Standing, rotating bodies drift off."""
+    k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
+    return k >= 0 and contacts.kept[k].value[0] > 0.0
+
+
+@part
+def tolerated(contacts, n, h):
+    """Depth of contact point n that is left as it is [m]."""
+    size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
+    return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
+
+
+@sweep
+def push_out(scene, first, h, q):
+    """Move q out of deeper penetration along the normals, in the mass metric."""
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
+    active = blocks.active
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
+    lam = vectors[LAMBDA]
+    dinv = vectors[DINV]
+    z = vectors[STEP]
+    found, tally = contacts.found, contacts.tally[0]
+    begin, room = tally.first_contact, contacts.found.shape[0]
+    deepest = 0.0
+    deep = False
+    for j in range(first, active[0] + 1):
+        n = active[j] - begin
+        if 0 <= n < room:
+            deepest = max(deepest, -found[n].gap)
+            deep = deep or -found[n].gap > tolerated(contacts, n, h)
+    tally.depth = max(tally.depth, deepest)
+    beyond = limits_beyond(scene, first, q)
+    if not (deep or beyond > 0.0):
+        return
+    deepest = max(deepest, beyond)
+    for k in range(z.shape[0]):
+        z[k] = 0.0
+    for j in range(first, active[0] + 1):
+        lam[first_of(slots, active[j])] = 0.0
+    for _ in range(PUSH_SWEEPS):
+        moved = 0.0
+        for j in range(first, active[0] + 1):
+            i = active[j]
+            n = i - begin
+            if n >= room or not own[i, 0] > 0.0 or type_of(blocks.blocks_i, i) == at.T_FRICTION:
+                continue
+            if n < 0:
+                gap = RECOVER * blocks.blocks_f[i, at.AIM]
+            else:
+                gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
+            r = first_of(slots, i)
+            for s in range(joints_of(slots, i)):
+                gap += y[i, 3 * s] * z[joint_of(slots, i, s)]
+            new = max(lam[r] - gap / own[i, 0], 0.0)
+            for s in range(joints_of(slots, i)):
+                k = joint_of(slots, i, s)
+                z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
+            moved = max(moved, abs(new - lam[r]) * own[i, 0])
+            lam[r] = new
+        if not moved > ENOUGH * RECOVER * deepest:
+            break
+    spread(rows, const, work, z)
+    advance(rows, q, z, 1.0)
+
+
+@sweep
+def limits_beyond(scene, first, q):
+    """Write the gaps of limits at q into AIM, and return the largest excess."""
+    data = opened(scene)
+    blocks, vectors = data.blocks, data.space.vectors
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    beyond = 0.0
+    moved = False
+    for j in range(first, active[0] + 1):
+        i = active[j]
+        kind = type_of(blocks_i, i)
+        if kind == at.T_LIMIT:
+            gap = limit_gap(blocks, i, q)
+            blocks_f[i, at.AIM] = gap
+            if -gap > 4.0 * closed_limit(blocks, i):
+                beyond = max(beyond, -gap)
+        elif kind == at.T_SPAN:
+            if not moved:
+                frames(data.rows, data.const, data.work, q, vectors[STEP])
+                positions(data.rows, data.work)
+                moved = True
+            a, b = ends_of(blocks_i, i)
+            gap, _, _, _ = span(blocks_f, i, data.work, a, b)
+            blocks_f[i, at.AIM] = gap
+            beyond = max(beyond, -gap)
+    return beyond
