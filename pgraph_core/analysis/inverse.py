@@ -22,7 +22,7 @@ from ..engine.inverse import least_torques as LEAST
 from ..errors import InputError, Problem, choices, shown
 from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
-from ..tolerances import NAMED, NOTABLE, ROUNDING, SOLVED
+from ..tolerances import NOTABLE, ROUNDING, SOLVED
 from .mobility import complement, judged
 from .rows import Rows
 
@@ -196,10 +196,11 @@ def _blamed(rows: Rows, missed: Array) -> str:
 
 
 def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> Problem:
-    """Which joints would have to carry what no actuator gives."""
+    """Name the joints without an actuator that would have to carry what no actuator gives."""
     missing = {name: float(np.abs(left[j.v]).max()) for name, j in mech.joints.items()}
     most = max(missing.values())
-    named = [name for name, x in sorted(missing.items(), key=lambda m: -m[1]) if x > NAMED * most]
+    others = sorted((x, name) for name, x in missing.items() if name not in (actuated or ()))
+    named = [name for x, name in reversed(others) if x > NOTABLE * most]
     by = "every joint" if actuated is None else choices(actuated) or "no joint"
     text = f"the motion cannot be reached with torques of {by}: forces of up to {most:.3g} (N m or"
     text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
