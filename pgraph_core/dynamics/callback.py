@@ -14,7 +14,6 @@ from ..errors import InputError, Problem, shown
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable
-from .arguments import finite
 
 _Address = ctypes.CFUNCTYPE(
     ctypes.c_int64, ctypes.c_double, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64
@@ -30,11 +29,13 @@ class UserTorque(Unportable):
     def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int):
         """Nothing is called yet. Raises InputError where numba cannot compile a call."""
         self.function = function
-        self.exchange = np.zeros((3, max(nq, nv, 1)))
+        self.exchange = np.zeros((4, max(nq, nv, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
         self.error: InputError | None = None
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
         self._tau = self.exchange[2, :nv]
+        self._bad = self.exchange[3, :1]  # time of the last answer that was not finite [s]
+        self._bad[:] = -np.inf
         if made_by_numba(function):
             self._called: Any = _compiled(function, nq, nv)
             self.interpreted = False
@@ -62,15 +63,15 @@ class UserTorque(Unportable):
         """Return warnings about the torques of the run."""
         return []
 
-    @property
-    def trouble(self) -> str:
-        """Return the reason why the last call gave no torques, or ""."""
-        nv, answer = len(self._tau), int(self.answer[0])
-        if self.interpreted or (answer == 0 and np.isfinite(self._tau).all()):
-            return ""
-        if answer:
+    def trouble(self, t: float) -> str:
+        """Return the reason why calls gave no torques at time t [s] or later, or ""."""
+        nv, answer, bad = len(self._tau), int(self.answer[0]), float(self._bad[0])
+        if answer and not self.interpreted:
             return f"the compiled function tau returned {answer - 1} torques, and {nv} are needed"
-        return "the compiled function tau raised an error, or returned torques that are not finite"
+        if bad < t:
+            return ""
+        raised = "" if self.interpreted else "raised an error, or "
+        return f"the function tau {raised}returned torques that are not finite, at t = {bad:.6g} s"
 
     def _call(self, t: float, *_: int) -> int:
         try:
@@ -81,7 +82,10 @@ class UserTorque(Unportable):
         return 0
 
     def _checked(self, t: float) -> Array:
-        """The function's answer to copies. Raises InputError where it raises or does not fit."""
+        """Return the function's answer to copies, which ends a run where it is not finite.
+
+        Raises InputError where the function raises or does not fit.
+        """
         try:
             given = self.function(t, self._q.copy(), self._v.copy())
         except Exception as error:
@@ -95,7 +99,9 @@ class UserTorque(Unportable):
             text = f"the function returned {shown(given)} at t = {t:.6g} s; it must return "
             text += f"{len(self._v)} numbers, a torque for each of v"
             raise InputError(Problem("simulate", "tau", text))
-        return finite("tau", given, len(self._v))
+        if not np.isfinite(found).all():
+            self._bad[0] = t
+        return found
 
 
 def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
@@ -112,23 +118,29 @@ def _compiled(function: Any, nq: int, nv: int) -> Any:
     """The function behind C's calling convention.
 
     Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
-    the function raises: numba goes on then.
+    the function raises: numba goes on then. The number in the row behind τ is the time of the last
+    answer that was not finite.
     """
     # a user's function that is compiled has brought numba
     from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
     from numba.core.errors import NumbaError
 
-    pointer = types.CPointer(types.float64)
+    pointer, behind = types.CPointer(types.float64), max(nq, nv, 1)
 
     def called(t: float, q: Any, v: Any, tau: Any) -> int:
-        out = carray(tau, (nv,))
+        out = carray(tau, (behind + 1,))
         for j in range(nv):
             out[j] = np.nan
+        last, out[behind] = out[behind], t
         given = function(t, carray(q, (nq,)), carray(v, (nv,)))
         if given.shape[0] != nv:
             return 1 + given.shape[0]
+        finite = True
         for j in range(nv):
             out[j] = given[j]
+            finite = finite and np.isfinite(out[j])
+        if finite:
+            out[behind] = last
         return 0
 
     try:

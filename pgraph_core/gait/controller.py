@@ -158,7 +158,7 @@ class GaitTorque(UserTorque):
         self.settings, self.fallen = controller.settings.copy(), np.full(1, -1.0)
         self.waves = controller.waves.copy()
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
-        self._tau = self.exchange[2, :nv]
+        self._tau, self._bad = self.exchange[2, :nv], np.full(1, -np.inf)
         rows, const = mech.packed.tree
         a = controller.anatomy
         self.kept = Walk(

@@ -305,7 +305,11 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
 
 def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
     try:
-        times = np.array(array_of(t_eval), dtype=float)
+        given = array_of(t_eval)
+        if np.size(given) > MOST_FRAMES:
+            text = f"must be at most {MOST_FRAMES} times, which already take gigabytes; given "
+            raise InputError(Problem("simulate", "t_eval", f"{text}{np.size(given)}"))
+        times = np.array(given, dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():

@@ -36,7 +36,7 @@ from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
 from ..packing.signals import varying
-from ..tolerances import EPS, NOTABLE
+from ..tolerances import EPS, NOTABLE, SOLVED
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -300,12 +300,17 @@ def _on_a_way(
     span: tuple[float, float],
 ) -> RunPlan:  # fmt: skip
     """The plan with its method, its times, and notices of how these fit what acts."""
-    usual = (given is None or given.step is None) and o.step is None
+    asked, duration = o.step or (given.step if given else None), span[1] - span[0]
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
     told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan)]
-    if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
+    if asked and plan.step is not None and asked > duration * (1 + SOLVED):
+        told.append(
+            f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "
+            "give at most that"
+        )
+    if not asked and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         told.append(f"{text}larger step=, or rtol= for steps of the method's own choice")
     return replace(plan, told=tuple(told))

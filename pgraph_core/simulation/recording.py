@@ -388,7 +388,7 @@ class Recording:
         if code > 0:
             self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
         elif code < 0:
-            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{self._trouble()}"
+            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{self._trouble(self.start)}"
             self.ended.stop(Status.NOT_FINITE, text)
         elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
@@ -476,9 +476,9 @@ class Recording:
         self.steps.times[i], control["last"], control["fired"] = t, i + 1, 0
         self.steps.advance(1)
 
-    def _trouble(self) -> str:
-        """Return the fault of a user's function, or an expression, as the end of a sentence."""
-        trouble = getattr(self.user, "trouble", "")
+    def _trouble(self, t: float) -> str:
+        """Return the fault of a function at time t or later, or of an expression, for a sentence."""
+        trouble = self.user.trouble(t) if self.user is not None else ""
         targets = self.scene.loads.signals[1]
         failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))
         for f in (self.plan.varying[i] for i in failed):
@@ -633,7 +633,7 @@ class Recording:
         """(status, message) of a kernel's status code: where it failed, and what to try."""
         t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
         status = STATUS[code]
-        if trouble := self._trouble():
+        if trouble := self._trouble(float(t)):
             return status, f"{status.value} at t = {t:.6g} s{trouble}"
         where = f"at t = {t:.6g} s; body '{self.mech.packed.body_of(row)}' moved fastest"
         return status, f"{status.value} {where}; {self._advice(status)}"
