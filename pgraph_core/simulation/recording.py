@@ -477,7 +477,7 @@ class Recording:
         self.steps.advance(1)
 
     def _trouble(self, t: float) -> str:
-        """Return the fault of a function at time t or later, or of an expression, for a sentence."""
+        """Return the fault of a function from time t on, or of an expression, for a sentence."""
         trouble = self.user.trouble(t) if self.user is not None else ""
         targets = self.scene.loads.signals[1]
         failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))

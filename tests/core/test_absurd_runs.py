@@ -98,7 +98,8 @@ LIMITED = MODEL.edit("2", limits=(-0.01, 0.01))
 def test_a_torque_that_stops_being_finite_ends_the_run_there(made, bad, model, method):
     if model is LIMITED and method in ("gauss6", "radau5"):
         pytest.skip("they take no limits")
-    step = {} if method in ("auto", "dopri5", "dop853", "radau5") else {"step": 1e-3}
+    chosen = method in ("auto", "dopri5", "dop853", "radau5")
+    step: dict[str, Any] = {} if chosen else {"step": 1e-3}
     good = pg.simulate(model, t_end=0.05, frames=51, method=method, tau=python(0.1), **step)
     run = pg.simulate(model, t_end=0.1, frames=101, method=method, tau=made(bad), **step)
     assert not run.status.ok
