@@ -359,6 +359,9 @@ def varying_problems(
     found = [problem for some in parts for problem in expression_problems(some, known)]
     for s in scenarios:
         found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
+        conditions = [x.when.holds for x in s.switches if x.when and x.when.holds]
+        texts = (known.problem(text, None) for text in conditions)
+        found += [Problem(f"scenario '{s.name}'", "switches", text) for text in texts if text]
     return found
 
 

@@ -10,6 +10,7 @@ from ..errors import ModelError, Problem, nearest
 from ..fields import Described, OfKinds, OfSums, fields_of, listed
 from ..forces import Force, OnJoint, Tendon
 from ..rotation import multiply, rotate
+from ..signals import signals_in, with_names
 from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
@@ -214,6 +215,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
     def scenario(s: Scenario) -> Scenario:
         forces = tuple(renamed(f, names) for f in s.forces)
         switches = followed(s.switches, ("coordinate",), of_bodies(names))
+        switches = followed(switches, ("holds",), lambda x: with_names(x, names, ("q", "v")))
         states = {"q": swapped(s.q), "v": swapped(s.v)}
         return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
@@ -235,8 +237,13 @@ def in_expressions(
         return part.unchecked_copy(update) if update else part
 
     found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints")}
-    forces = ((s, tuple(map(new, s.forces))) for s in parts["scenarios"])
-    return {**found, "scenarios": tuple(s.unchecked_copy({"forces": f}) for s, f in forces)}
+    scenarios = list[Scenario]()
+    for s in parts["scenarios"]:
+        switches = followed(s.switches, ("holds",), lambda x: with_names(x, names, (group,)))
+        scenarios.append(
+            s.unchecked_copy({"forces": tuple(map(new, s.forces)), "switches": switches})
+        )
+    return {**found, "scenarios": tuple(scenarios)}
 
 
 def fitted(
@@ -363,6 +370,9 @@ def without(
         switches = followed(
             switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
         )
+        read = lambda x: {name for _, name, _ in signals_in(x)}  # noqa: E731
+        lost = names | gone["outputs"]
+        switches = followed(switches, ("holds",), lambda x: None if read(x) & lost else x)
         return s.unchecked_copy(
             {
                 "q": {k: value for k, value in s.q.items() if k not in names},

@@ -132,6 +132,9 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
         yield EXPRESSIONS
     if any(holds_formula(f) for scenario in data["scenarios"] for f in scenario["forces"]):
         yield EXPRESSIONS
+    conditions = (x.get("when") or {} for s in data["scenarios"] for x in s.get("switches", ()))
+    if any("holds" in when or "after" in when for when in conditions):
+        yield EXPRESSIONS
     for kind, part in parts:
         yield getattr(kind, "SINCE", 1)
         yield from (facts(info).since for key, info in kind.model_fields.items() if key in part)

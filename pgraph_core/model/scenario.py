@@ -13,6 +13,7 @@ from ..fields import (
     EMPTY,
     ByName,
     Described,
+    Expression,
     Flag,
     Frozen,
     Number,
@@ -25,6 +26,8 @@ from ..fields import (
     refuse,
 )
 from ..forces import Force
+from ..signals import parsed
+from ..signals.meaning import compares
 from .body import Body
 from .constraint import Constraint
 
@@ -153,11 +156,14 @@ class Gait(Described):
 # -- scenarios -------------------------------------------------------------------------------------
 
 
-SUBJECTS = ("coordinate", "gap", "force", "constraint")
+SUBJECTS = ("coordinate", "gap", "force", "constraint", "holds")
 
 
 class When(Frozen):
-    """A condition of the state: one of coordinate, gap, force, constraint, and its bound."""
+    """A condition of the state: one of coordinate, gap, force, constraint, and its bound.
+
+    In their place `holds` compares expressions: "=q.arm > 0.5 and v.arm < 0".
+    """
 
     coordinate: Text | None = field(
         "the name of a body, with a number if it has several: 'a 1'", default=None
@@ -170,6 +176,10 @@ class When(Frozen):
     above: Number | None = field("a number", default=None)
     below: Number | None = field("a number", default=None)
     active: Flag | None = field("true or false, with constraint", default=None)
+    holds: Expression | None = field("a comparison, '=q.arm > 0.5 and v.arm < 0'", default=None)
+    after: Number | None = field(
+        "a time > 0 [s] that the constraint has been so", default=None, gt=0
+    )
 
     @property
     def subject(self) -> tuple[str, str]:
@@ -178,8 +188,11 @@ class When(Frozen):
 
     def __str__(self) -> str:
         what, name = self.subject
+        if self.holds is not None:
+            return self.holds.removeprefix("=").strip()
         if self.active is not None:
-            return f"constraint {name} {'active' if self.active else 'inactive'}"
+            since = f" for {self.after:g} s" if self.after else ""
+            return f"constraint {name} {'active' if self.active else 'inactive'}{since}"
         bound = f"above {self.above:g}" if self.above is not None else f"below {self.below:g}"
         return f"{what} of {name} {bound}"
 
@@ -190,6 +203,13 @@ class When(Frozen):
         if len(given) != 1:
             named = " and ".join(given) or "none"
             refuse([("when", f"name one of {choices(SUBJECTS)}; given {named}")])
+        if self.after is not None and given != ["constraint"]:
+            refuse([("when", "`after` needs a constraint, whose state it waits for")])
+        if self.holds is not None:
+            text = "" if compares(parsed(self.holds)) else "holds must compare, as in q.arm > 0.5"
+            refuse([("when", text)] if text else [])
+            refuse([("when", f"holds needs no {' and '.join(bounds)}")] if bounds else [])
+            return self
         wanted = ("active",) if given == ["constraint"] else ("above", "below")
         if len(bounds) != 1 or bounds[0] not in wanted:
             text = f"a {given[0]} needs {' or '.join(wanted)}; given "
@@ -212,7 +232,7 @@ class Switch(Frozen):
     active: Flag = Field(description="true or false")
     when: When | None = field(
         "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
-        "'below': value or 'active': bool}",
+        "'below': value or 'active': bool}, or {'holds': '=q.arm > 0.5 and v.arm < 0'}",
         converter=_when_in, default=None,
     )  # fmt: skip
 
@@ -348,6 +368,8 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
     if switch.when is None:
         return ""
     what, name = switch.when.subject
+    if what == "holds":
+        return ""  # its names are checked with those of other expressions
     if name in known[what] or (refused and what == "coordinate"):
         return ""
     there = known[what]
@@ -369,7 +391,7 @@ def _never(
         switched = any(s.constraint == name and s.active == active for s in others)
         return switched or (name in on) == active
 
-    if name == switch.constraint and what == "constraint":
+    if name == switch.constraint and what == "constraint" and not when.after:
         return f"of '{name}': it waits for itself; name another constraint"
     if name == switch.constraint and switch.active and what == "force":
         return f"of '{name}': it waits for its own force, which is 0 while it is off"
@@ -403,7 +425,8 @@ def _endless(switches: Sequence[Switch]) -> str:
     after = {
         (s.constraint, s.active): [
             (o.constraint, o.active) for o in switches
-            if o.when is not None and (o.when.constraint, o.when.active) == (s.constraint, s.active)
+            if o.when is not None and not o.when.after
+            and (o.when.constraint, o.when.active) == (s.constraint, s.active)
         ]
         for s in switches
     }  # fmt: skip

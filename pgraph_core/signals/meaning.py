@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import nearest, shown
 from ..units import NONE, RAD, Dim, J, M, N, S
-from .grammar import Node, Unreadable, parsed, walk
+from .grammar import COMPARISONS, Node, Unreadable, parsed, walk
 
 CONSTANTS = {"pi": math.pi}
 TIME = "t"
@@ -38,8 +38,10 @@ def varies(text: str, parameters: Container[str] = ()) -> bool:
         return False
 
 
-def constant(node: Node, parameters: Mapping[str, float]) -> Any:
-    """The number that a tree without signals stands for.
+def constant(
+    node: Node, parameters: Mapping[str, float], read: Callable[[Node], float] | None = None
+) -> Any:
+    """The number that a tree stands for, of one with signals by what `read` returns.
 
     Raises Unreadable for a name that is no parameter, and what arithmetic raises.
     """
@@ -47,9 +49,11 @@ def constant(node: Node, parameters: Mapping[str, float]) -> Any:
         return node.value
     if node.op == "name":
         return _named(node, parameters)
+    if node.op == "signal" and read is not None:
+        return read(node)
     if node.op == "signal":
         raise Unreadable(node.column, "varies in a motion; a constant is wanted here")
-    args = [constant(x, parameters) for x in node.args]
+    args = [constant(x, parameters, read) for x in node.args]
     if node.op == "smoothstep":
         return smoothstep(*args)
     if node.op == "table":
@@ -84,6 +88,26 @@ def interpolated(x: float, *knots: float) -> float:
 def places_of(node: Node) -> tuple[Node, ...]:
     """The places of the knots of a `table`."""
     return node.args[1::2]
+
+
+def compares(node: Node) -> bool:
+    """Whether a tree is a comparison, or comparisons joined by and, or, not."""
+    if node.op in ("and", "or", "not"):
+        return all(map(compares, node.args))
+    return node.op in COMPARISONS
+
+
+def margin(node: Node, value: Callable[[Node], float]) -> float:
+    """Return by how much comparisons hold, positive where they do, by the values of trees."""
+    match node.op:
+        case "and":
+            return min(margin(x, value) for x in node.args)
+        case "or":
+            return max(margin(x, value) for x in node.args)
+        case "not":
+            return -margin(node.args[0], value)
+    a, b = map(value, node.args)
+    return b - a if node.op in ("less", "at_most") else a - b
 
 
 # -- units -----------------------------------------------------------------------------------------

@@ -94,6 +94,7 @@ class Recording:
             self.user = acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
+        self.since = dict[int, float]()  # when constraints were switched last [s]
         self._ahead = deque(plan.changes)
         self._prepare(q, v)
         self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
@@ -463,7 +464,8 @@ class Recording:
                 return
             left += [
                 i for i, other in enumerate(waiting)
-                if other.when.constraint is not None and other.place == given.constraint
+                if other.when.constraint is not None and not other.when.after
+                and other.place == given.constraint
                 and other.when.active == given.active
             ]  # fmt: skip
 
@@ -560,6 +562,7 @@ class Recording:
         """
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         self._note_singular()
+        self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before = self._energy()
         try:
             hold_here(self.scene, change, self.q)

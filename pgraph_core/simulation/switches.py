@@ -19,13 +19,19 @@ from ..engine import motion
 from ..engine.arrays import RHS, Frames
 from ..engine.compiler.address import address_of, address_of_function
 from ..engine.records import LIMIT, PAIR, rows_of, table
+from ..engine.signals import V
 from ..errors import InputError, ModelError, Problem, choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
 from ..model.checks import switch_problems
+from ..model.expressions import Known
 from ..packing import Array, Ints
 from ..packing.constraints import values_of
+from ..packing.signals import Places
 from ..result.records import UserEvent
+from ..signals import Node, parsed
+from ..signals.grammar import walk
+from ..signals.meaning import TIME, constant, margin
 from ..tolerances import NEARBY, ROUNDING, SOLVED
 
 if TYPE_CHECKING:
@@ -232,7 +238,8 @@ class ConditionOf(NamedTuple):
     @property
     def compiled(self) -> bool:
         """True if compiled steps know its value: a coordinate, or a value that steps keep."""
-        return self.when.coordinate is not None or self.when.constraint is not None
+        of_constraint = self.when.constraint is not None and not self.when.after
+        return self.when.coordinate is not None or of_constraint
 
     @property
     def limit(self) -> tuple[float, float]:
@@ -251,14 +258,42 @@ def conditions_of(
         if s.when is None:
             continue
         what, name = s.when.subject
+        number = names.index(s.constraint)
+        if what == "holds":
+            place = _reading(mech, name)
+            found.append(ConditionOf(number, s.active, s.when, place, contacts))
+            continue
         known = _known(mech, contacts)[what]
         if name not in known:
             text = f"of '{s.constraint}': no {what} is called {name!r}; "
             text += f"choose one of {choices(tuple(known))}" if known else f"there is no {what}"
             raise refusal("simulate", "switches", text)
-        number = names.index(s.constraint)
         found.append(ConditionOf(number, s.active, s.when, known[name], contacts))
     return tuple(found)
+
+
+def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], float]:
+    """The margin by which a comparison of signals holds, of (t, q, v). Raises InputError."""
+    model, packed = mech.model, mech.packed
+    known = Known({b.name: b for b in model.bodies}, model.outputs, model.parameters)
+    if problem := known.problem(text, None):  # of a switch that the call gives
+        raise refusal("simulate", "switches", problem)
+    tree, places = parsed(text), Places(model, packed.topology, packed.system)
+    where = {n.signal: places(*n.signal) for n in walk(tree) if n.op == "signal"}
+
+    def value(t: float, q: Array, v: Array) -> float:
+        def read(node: Node) -> float:
+            op, index = where[node.signal]
+            return float((v if op == V else q)[index])
+
+        named = {TIME: t, **model.parameters}
+        try:
+            return float(margin(tree, lambda x: constant(x, named, read)))
+        except (ValueError, ArithmeticError, TypeError):
+            reason = f"{shown(text)} has no value at t = {t:.6g} s"
+            raise refusal("simulate", "switches", reason) from None
+
+    return value
 
 
 def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
@@ -305,6 +340,8 @@ class UnderWay(Protocol):
     steps: Any
     events: Any
     held: set[int]  # constraints that are active now
+    since: dict[int, float]  # when constraints were switched last [s]
+    start: float  # [s]
 
 
 class Condition:
@@ -326,8 +363,13 @@ class Condition:
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Return the distance beyond its bound, positive if the condition is true."""
         when = self.given.when
+        if when.holds is not None:
+            return self.given.place(t, q, v)
         if when.constraint is not None:
-            return 1.0 if (self.given.place in self.record.held) == when.active else -1.0
+            holds = (self.given.place in self.record.held) == when.active
+            if holds and when.after:
+                return t - self.record.since.get(self.given.place, self.record.start) - when.after
+            return 1.0 if holds else -1.0
         value = self._value(t, q, v)
         if when.above is not None:
             return value - when.above
