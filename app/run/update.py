@@ -218,7 +218,7 @@ def run_dropped(state: State, event: DropRun) -> State:
 class Export(FromPage):
     """The run as a file."""
 
-    what: Literal["csv", "npz", "html", "live", "png", "svg", "mp4", "gif"]
+    what: Literal["csv", "npz", "html", "live", "png", "mp4", "gif"]
 
 
 @on(Export)

@@ -244,7 +244,7 @@ def made(
             return arrays(asked.run)
         case "live":
             return "live.html", living(asked.run)
-        case "png" | "svg" | "mp4" | "gif":
+        case "png" | "mp4" | "gif":
             return asked.what, drawn(asked, progress)
     return "html", animation(asked.run, asked.shown)
 
