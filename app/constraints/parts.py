@@ -15,6 +15,7 @@ from pgraph_core.forces import BetweenPoints
 from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
+from pgraph_core.signals import is_expression
 
 from ..core.cells import (
     LONGEST_NAME,
@@ -336,7 +337,8 @@ def _typed(
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table":
-            return {**data, "q_of_t": table_of(text, 1)}
+            curve = text.strip() if is_expression(text) else table_of(text, 1)
+            return {**data, "q_of_t": curve}
         case "sine":
             key = ("mean", "amplitude", "frequency", "phase")[index[0]]
             return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: number(text)}}
@@ -349,6 +351,8 @@ def _typed(
         case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
             return {**data, field: table_of(text, 3)}
         case "torque" | "target" | "speed" | "input" if not index:
+            if is_expression(text):
+                return {**data, field: text.strip()}
             if ";" in text or len(text.split()) > 1:
                 return {**data, field: table_of(text, 1)}
             return {**data, field: content(text, of, display)}
@@ -380,6 +384,8 @@ def _curve(old: Any, kind: str) -> dict[str, Any]:
             start = old.mean + old.amplitude * math.sin(old.phase)
         case pg.Polynomial():
             start = old.coefficients[0]
+        case str():
+            start = 0.0
         case _:
             start = old.value[0]
     if kind == "sine":

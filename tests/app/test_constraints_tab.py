@@ -411,3 +411,21 @@ def test_tables_and_matrices_are_typed_as_rows(value, text):
     fields = {"stiffness": typed} if isinstance(value, tuple) else {}
     again = pg.Bushing(name="r", body="a", **fields).stiffness if fields else pg.Lines(**typed)
     assert again == value
+
+
+def test_expressions_are_typed_where_a_number_may_vary():
+    motor = pg.Motor(name="drive", body="3")
+    motion = pg.Motion(name="turn", body="1", q_of_t={"kind": "polynomial", "coefficients": (0.1,)})
+    model = pg.Model.serial(3).replace(forces=[motor], constraints=[motion])
+    text = "=2*sin(3*t) - 4*q['3'] "
+    typed = parts.changed(model, "forces", "drive", "torque", (((), text),), Display(), {})
+    assert typed.forces[0].torque == text.strip()
+    assert knots(typed.forces[0].torque) == text.strip()
+    typed = parts.changed(typed, "constraints", "turn", "table", (((), "=0.2 * t"),), Display(), {})
+    assert typed.constraints[0].q_of_t == "=0.2 * t"
+    assert "=0.2 * t" in str(form(begun(typed), Display(), "constraints", typed.constraints[0]))
+    assert text.strip() in str(form(begun(typed), Display(), "forces", typed.forces[0]))
+    sine = parts.changed(typed, "constraints", "turn", "curve", (((), "sine"),), Display(), {})
+    assert sine.constraints[0].q_of_t.kind == "sine"
+    with pytest.raises(pg.ModelError, match="column 6"):
+        parts.changed(model, "forces", "drive", "torque", (((), "=2*t t"),), Display(), {})
