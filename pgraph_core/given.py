@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_NESTED = 8  # lists within lists: no argument has so many dimensions
+MOST_DIMENSIONS = 8  # lists within lists: no argument has so many dimensions
 
 
 def array_of(given: Any) -> NDArray[Any]:
@@ -19,6 +19,6 @@ def array_of(given: Any) -> NDArray[Any]:
     inner, depth = given, 0
     while isinstance(inner, (list, tuple)) and inner:
         inner, depth = inner[0], depth + 1
-        if depth > MOST_NESTED:
+        if depth > MOST_DIMENSIONS:
             raise ValueError("the lists are nested too deeply")
     return np.asarray(given)

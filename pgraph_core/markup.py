@@ -18,10 +18,10 @@ from xml.parsers import expat
 
 from .errors import FileError, Problem, shown
 
-LARGEST = 64_000_000  # bytes of a file
+LARGEST_XML = 64_000_000  # bytes of a file
 MOST_ELEMENTS = 1_000_000  # elements
-MOST_NESTED = 200  # elements inside elements
-LONGEST = 1_000_000  # characters of one attribute
+DEEPEST_ELEMENT = 200  # elements inside elements
+LONGEST_ATTRIBUTE = 1_000_000  # characters of one attribute
 
 
 class Element:
@@ -119,7 +119,7 @@ def read_markup(path: Path) -> Element:
     above.
     """
     try:
-        content = content_of(path, LARGEST)
+        content = content_of(path, LARGEST_XML)
     except FileNotFoundError:
         raise FileError(Problem(str(path), "", "there is no such file")) from None
     except (OSError, ValueError) as error:
@@ -175,10 +175,10 @@ def parse_markup(content: bytes, name: str) -> Element:
         count += 1
         if count > MOST_ELEMENTS:
             raise refuse(f"has more than {MOST_ELEMENTS} elements")
-        if len(open_elements) >= MOST_NESTED:
-            raise refuse(f"nests more than {MOST_NESTED} elements")
-        if attributes and max(map(len, attributes.values())) > LONGEST:
-            raise refuse(f"has an attribute of more than {LONGEST} characters")
+        if len(open_elements) >= DEEPEST_ELEMENT:
+            raise refuse(f"nests more than {DEEPEST_ELEMENT} elements")
+        if attributes and max(map(len, attributes.values())) > LONGEST_ATTRIBUTE:
+            raise refuse(f"has an attribute of more than {LONGEST_ATTRIBUTE} characters")
         element = Element(tag, attributes, parser.CurrentLineNumber)
         (open_elements[-1].children if open_elements else roots).append(element)
         open_elements.append(element)

@@ -24,11 +24,11 @@ from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
 
 LOOK_ROUNDS = 40
-LOOKS = 3  # nearby positions that are examined
+POSITIONS_TRIED = 3  # nearby positions that are examined
 BRANCH_LOOKS = 12  # nearby positions at a branch point
 ALONG = np.cos(2 * NEARBY)  # cosine between directions of one branch
 PANEL = 16  # groups that are freed of what came before at once: a matrix product, not a vector's
-LISTED = 8  # rows, joints or branches in a sentence
+MOST_LISTED = 8  # rows, joints or branches in a sentence
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
     steps: list[Array] = []
     back = 0
     for n in range(BRANCH_LOOKS):
-        if n >= LOOKS and (most == rank or here.nv - most != 1):
+        if n >= POSITIONS_TRIED and (most == rank or here.nv - most != 1):
             break
         step, other = _look(here, here.step(_freed(basis, random.normal(size=here.nv))))
         if other is None:
@@ -346,9 +346,9 @@ def _redundant(m: Mobility) -> list[str]:
         f"{len(always)} of {counted(m.rows, 'row')} {_is(always)} redundant: the motion does not "
         "depend on it, the forces are those of least norm"
     ]
-    lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:LISTED]]
-    if len(always) > LISTED:
-        lines.append(f"  and {len(always) - LISTED} more")
+    lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:MOST_LISTED]]
+    if len(always) > MOST_LISTED:
+        lines.append(f"  and {len(always) - MOST_LISTED} more")
     lines.append("  for forces that are unique let constraints of kinds with fewer rows close it")
     return lines
 
@@ -366,7 +366,7 @@ def _singular(m: Mobility) -> list[str]:
         return [*lines, "  none of it leads anywhere: the parts can shake, not move"]
     lines += [
         f"  branch {n}{' (the velocity takes it)' if n == m.branch + 1 else ''}: {_motion(m, d)}"
-        for n, d in enumerate(m.branches[:LISTED], start=1)
+        for n, d in enumerate(m.branches[:MOST_LISTED], start=1)
     ]
     if m.branch < 0:
         lines.append("  at rest the forces decide where it goes; a velocity chooses a branch")
@@ -375,11 +375,11 @@ def _singular(m: Mobility) -> list[str]:
 
 def _motion(m: Mobility, direction: tuple[float, ...]) -> str:
     parts = [f"{name} {x:+.3g}" for name, x in zip(m.names, direction) if abs(x) > 0.02]
-    return ", ".join(parts[:LISTED]) + (", ..." if len(parts) > LISTED else "")
+    return ", ".join(parts[:MOST_LISTED]) + (", ..." if len(parts) > MOST_LISTED else "")
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:LISTED]) + (" ..." if len(names) > LISTED else "")
+    return ", ".join(names[:MOST_LISTED]) + (" ..." if len(names) > MOST_LISTED else "")
 
 
 def _is(items: Sequence[Any]) -> str:

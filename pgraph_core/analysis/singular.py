@@ -23,9 +23,9 @@ from ..packing import Array, Ints
 from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
 from .rows import Rows
 
-LISTED = 4
+ROWS_LISTED = 4
 TOO_LOW = "its error estimate may be too low"  # part of warnings about the estimate
-LOOKS = 4  # parabolas through the eigenvalue
+PARABOLAS = 4  # parabolas through the eigenvalue
 NULL = FAINT**2  # null eigenvalue of Ω relative to its mean diagonal: the square of FAINT
 LIGHT = 10 * NULL  # ratio of masses whose rows differ from null rows, as n rows share a trace
 
@@ -44,11 +44,11 @@ def redundancy(scene: Scene) -> str:
         return ""
     rows = _rows(scene)
     chosen = named(scene, standing_for(scene.space.nulls[:count, : len(rows)]))
-    more = f" and {len(chosen) - LISTED} more" if len(chosen) > LISTED else ""
+    more = f" and {len(chosen) - ROWS_LISTED} more" if len(chosen) > ROWS_LISTED else ""
     are = "row is" if len(rows) == 1 else "rows is" if len(chosen) == 1 else "rows are"
     return (
         f"{len(chosen)} of {len(rows)} constraint {are} redundant at the start: "
-        f"{', '.join(chosen[:LISTED])}{more}; the forces are those of least norm"
+        f"{', '.join(chosen[:ROWS_LISTED])}{more}; the forces are those of least norm"
     )
 
 
@@ -163,7 +163,7 @@ class _Look:
     def lowest(self, width: float, nulls: int) -> float:
         """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
-        for _ in range(LOOKS):
+        for _ in range(PARABOLAS):
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
             rise = (at_b - at_a) / (b - a)
             bend = ((at_c - at_b) / (c - b) - rise) / (c - a)
@@ -235,7 +235,7 @@ def singular_notice(
         where = f"at t = {began.t:.4g} s the run passed a singular position{many} or close by one"
     if began is None:
         return ""
-    listed = ", ".join(began.rows[:LISTED]) + (" ..." if len(began.rows) > LISTED else "")
+    listed = ", ".join(began.rows[:ROWS_LISTED]) + (" ..." if len(began.rows) > ROWS_LISTED else "")
     return (
         f"{where}: {listed} {'says' if len(began.rows) < 2 else 'say'} nothing new there, so that "
         "more than one motion leads on; it took the one that its velocity or rounding was on, and "

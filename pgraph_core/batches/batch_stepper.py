@@ -40,7 +40,7 @@ from .instances import (
 from .loops import LoopLanes, on_constraints
 from .paths import Path, counting, distinct, with_numbers
 
-LARGEST = 10_000_000  # instances
+MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
     "step": "instances take steps of one width: give the batch a step=",
     "t_end": "nothing would read it: a batch takes the steps that it is asked for",
@@ -120,7 +120,10 @@ class BatchStepper(Portable):
         """At the initial state of the scenario, or of the model, of each instance."""
         mech = mechanism_of(mechanism, "BatchStepper")
         cores = (os.cpu_count() or 1) if threads is None else threads
-        counts = {"size": _whole("size", size, 1, LARGEST), "threads": _whole("threads", cores, 1)}
+        counts = {
+            "size": _whole("size", size, 1, MOST_COPIES),
+            "threads": _whole("threads", cores, 1),
+        }
         vars(self).update(mech=mech, **counts)
         self._options: dict[str, Any] = {
             "step": step, "method": method, "scenario": scenario, "forces": tuple(forces),

@@ -39,8 +39,8 @@ from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-SHOWN = 600  # recorded pictures
-USUAL = 10.0  # [s] default duration of motion
+PICTURES = 600  # recorded pictures
+USUAL_DURATION = 10.0  # [s] default duration of motion
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 DIGITS = 6  # digits of the numbers of the drawing
 
@@ -49,7 +49,7 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
     """The run of a figure: of a scenario, or of the model's free motion. Raises InputError."""
     mech = Mechanism(model)
     given = model.scenario(scenario) if scenario is not None else None
-    end = t_end or (given.t_end if given else USUAL)
+    end = t_end or (given.t_end if given else USUAL_DURATION)
     step = (given.step if given else None) or STEP
     asked: dict[str, Any] = {"estimate": False}
     if methods_of(mech, Setup(scenario, step)) == TOUCHING:
@@ -203,7 +203,7 @@ class _Drawing:
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
         names, model = self.mech.names, self.mech.model
-        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), SHOWN + 1)).round().astype(int)
+        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), PICTURES + 1)).round().astype(int)
         self.rows = np.unique(rows)
         self.pose = np.asarray(run.body_pose)[self.rows]
         self.turns = shapes.to_matrix(self.pose[..., 3:])

@@ -22,10 +22,10 @@ from ..model import Model
 from ..packing import length_in
 from .run import BASE, LiveRun
 
-TRIED = 3  # values within the range, besides its ends
-MOST_VALUES = 200  # limit on the values of a field that are computed one by one
+VALUES_TRIED = 3  # values within the range, besides its ends
+MOST_COMPUTED = 200  # limit on the values of a field that are computed one by one
 SOME = 21  # default number of values of a field that no rule covers
-FARTHER = 4  # default range of a value: this factor smaller and larger
+RANGE_FACTOR = 4  # default range of a value: this factor smaller and larger
 TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
 PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
 
@@ -67,7 +67,7 @@ def opened(model: Model, given: str) -> Opened:
     name, _, span = given.partition("=")
     path = Path(model, name, "export")
     x, count = path.present, 0
-    low, high = sorted((x / FARTHER, x * FARTHER)) if x else (-1.0, 1.0)
+    low, high = sorted((x / RANGE_FACTOR, x * RANGE_FACTOR)) if x else (-1.0, 1.0)
     if span:
         try:
             low, high, *more = (float(part) for part in span.split(":"))
@@ -77,8 +77,8 @@ def opened(model: Model, given: str) -> Opened:
         if not np.isfinite(low) or (more and not (len(more) == 1 and 2 <= more[0] == count)):
             text = f"must be PATH, PATH=low:high or PATH=low:high:n, n > 1 values; given {given!r}"
             raise InputError(Problem("export", "open", text))
-    if count > MOST_VALUES:
-        text = f"may take {MOST_VALUES} values at most; given {count}"
+    if count > MOST_COMPUTED:
+        text = f"may take {MOST_COMPUTED} values at most; given {count}"
         raise InputError(Problem("export", name, text))
     if not (np.isfinite(high) and low < high and low <= x <= high):
         text = f"needs a range low < high around the model's own {x:g}; given {low:g}:{high:g}"
@@ -113,7 +113,7 @@ def follows(
             some = one._replace(number=SOME)
             found.append((some, _of(some, model, runs, own, make, rng)))
     used = [one for one, _ in found]
-    for _ in range(TRIED if len(fields) > 1 else 0):  # all at once
+    for _ in range(VALUES_TRIED if len(fields) > 1 else 0):  # all at once
         together = [float(rng.choice(f.values) if f.number else rng.uniform(f.low, f.high))
                     for f in used]  # fmt: skip
         changed = _made(model, list(zip(used, together)), make, runs)
@@ -139,7 +139,7 @@ def _of(
     make: Any, rng: np.random.Generator,
 ) -> dict[str, Follows]:  # fmt: skip
     """{method: what follows} of a field. Raises InputError."""
-    values = one.values or [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
+    values = one.values or [one.low, *rng.uniform(one.low, one.high, VALUES_TRIED), one.high]
     changed = [_made(model, [(one, x)], make, runs) for x in values]
     of = {}
     for method, run in runs.items():

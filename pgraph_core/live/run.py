@@ -187,7 +187,7 @@ BASE = 1 << 21  # [bytes] address of images: above the stack and the constants o
 # methods of a figure
 SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
 LOADS, CORNERS = offset_of(SCENE, "loads", "spring"), offset_of(RUN, "corners")
-LONGEST = 100_000_000  # limit on the steps of a reader's run
+MOST_LIVE_STEPS = 100_000_000  # limit on the steps of a reader's run
 
 
 def offsets(kind: Any) -> dict[str, int]:
@@ -213,7 +213,7 @@ class Setup(NamedTuple):
         adaptive = method in METHODS and METHODS[method].adaptive
         return Options(
             scenario=self.scenario, method=method, step=None if adaptive else self.step,
-            t_start=self.t_start, t_end=self.t_start + LONGEST * self.step, frames=3,
+            t_start=self.t_start, t_end=self.t_start + MOST_LIVE_STEPS * self.step, frames=3,
             forces=self.forces, estimate=False,
         )  # fmt: skip
 

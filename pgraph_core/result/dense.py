@@ -18,7 +18,7 @@ from ..tolerances import NAMED, NOTABLE, SOLVED
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
 TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
 TOO_WIDE = "frames are too wide"  # beginning of the notice about such an oscillation
-GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
+CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
 
 
 def states_at(
@@ -216,7 +216,7 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     grown = (seen * wider**3).max(axis=0) + (rounding * np.maximum(wider, 1.0) ** 3).min(axis=0)
     jump = np.maximum(rough, (seen * np.sqrt(np.maximum(wider, 1.0))).max(axis=0))
     smooth &= np.isfinite(rough)
-    missed = np.where(smooth, grown / GAIN + rounding, np.maximum(jump, grown / GAIN))
+    missed = np.where(smooth, grown / CUBIC_GAIN + rounding, np.maximum(jump, grown / CUBIC_GAIN))
     return np.where(missed <= most, missed, np.inf)
 
 

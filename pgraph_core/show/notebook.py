@@ -17,7 +17,7 @@ from .stage import GRID
 # -- HTML ------------------------------------------------------------------------------------------
 
 
-ROWS = 24  # limit on the rows of a table, which is cut in the middle
+MOST_TABLE_ROWS = 24  # limit on the rows of a table, which is cut in the middle
 DRAWN = 120  # bodies up to which the digraph is drawn
 
 
@@ -96,9 +96,9 @@ def _bodies(model: Any) -> str:
     bodies, _ = numbered(model)
     head = ("", "body", "parent", "joint", "DoF", "mass [kg]")
     rows = [(k, b.name, b.parent, b.joint, b.dof, f"{b.mass:g}") for k, b in enumerate(bodies, 1)]
-    if len(rows) > ROWS:
-        left_out = ("…", f"{len(rows) - ROWS} more", "", "", "", "")
-        rows = [*rows[: ROWS // 2], left_out, *rows[-ROWS // 2 :]]
+    if len(rows) > MOST_TABLE_ROWS:
+        left_out = ("…", f"{len(rows) - MOST_TABLE_ROWS} more", "", "", "", "")
+        rows = [*rows[: MOST_TABLE_ROWS // 2], left_out, *rows[-MOST_TABLE_ROWS // 2 :]]
     return _table(rows, head)
 
 

@@ -22,7 +22,7 @@ from .drawing import Drawing, checked_size
 from .notebook import digraph_of
 
 DPI = 100  # resolution of plots, whose size is in pixels
-MOST_FRAMES = 20_000  # limit on the frames of a film
+LONGEST_FILM = 20_000  # limit on the frames of a film
 MOST_OF_A_GIF = 1_000_000_000  # limit on the pixels of all its frames, one byte each
 GIF_RATES = (50, 33, 25, 20, 10, 5, 2, 1)  # frames a second that viewers of GIF keep
 QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 is coarse
@@ -113,8 +113,8 @@ def film(
     if suffix == ".gif":
         fps = min(GIF_RATES, key=lambda rate: abs(rate - fps))
     count = max(round((times[-1] - times[0]) / speed * fps) + 1, 1)
-    if count > MOST_FRAMES:
-        text = f"would have {count} frames, {MOST_FRAMES} at most: lower fps or raise speed"
+    if count > LONGEST_FILM:
+        text = f"would have {count} frames, {LONGEST_FILM} at most: lower fps or raise speed"
         raise InputError(Problem("to_film", "fps", text))
     width, height = checked_size(size)
     if suffix == ".gif" and count * width * height > MOST_OF_A_GIF:
@@ -191,7 +191,7 @@ def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
 
 
 INK, PALE, LOOPS = (27, 31, 36), (141, 147, 155), (217, 115, 13)
-SMOOTH = 2  # pixels that are drawn for each that is shown
+PIXELS_DRAWN = 2  # pixels that are drawn for each that is shown
 
 
 def _pixels(
@@ -203,11 +203,11 @@ def _pixels(
     )
     place = layout(tuple(parent), tuple(map(len, names)), loops)
     width, height = size or (round(place.width), round(place.height))
-    scale = SMOOTH * min(width / place.width, height / place.height)
-    left = (SMOOTH * width - scale * place.width) / 2
-    top = (SMOOTH * height - scale * place.height) / 2
+    scale = PIXELS_DRAWN * min(width / place.width, height / place.height)
+    left = (PIXELS_DRAWN * width - scale * place.width) / 2
+    top = (PIXELS_DRAWN * height - scale * place.height) / 2
     at = [(left + scale * x, top + scale * y) for x, y in zip(place.x, place.y)]
-    sheet = image.new("RGB", (SMOOTH * width, SMOOTH * height), "white")
+    sheet = image.new("RGB", (PIXELS_DRAWN * width, PIXELS_DRAWN * height), "white")
     draw, line = pen.Draw(sheet), max(round(scale), 1)
     for k, p in enumerate(parent, 1):
         draw.line([at[p], at[k]], fill=PALE, width=line)

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from .event_scene import ContactPoint
 
 GRAZING = 2  # steps: a flight of a contact that takes no more is none
-LISTED = 3
+MOST_NAMED = 3
 LEAST_ROOM = 8  # contact points for which a search has room
 
 CAUSES = {
@@ -391,12 +391,12 @@ def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[
     if not below:
         return []
     contacts, bodies = list(dict.fromkeys(below.values())), list(below)
-    more = f" and {len(bodies) - LISTED} more" if len(bodies) > LISTED else ""
+    more = f" and {len(bodies) - MOST_NAMED} more" if len(bodies) > MOST_NAMED else ""
     scenarios = [s.name for s in mech.model.scenarios if set(contacts) & set(s.contacts or ())]
     by_scenario = f", or choose scenario={scenarios[0]!r}" if scenarios else ""
     return [
-        f"{_named(bodies[:LISTED])}{more} went through the ground: contact "
-        f"{_named(contacts[:LISTED])} does not act here; make it active{by_scenario}"
+        f"{_named(bodies[:MOST_NAMED])}{more} went through the ground: contact "
+        f"{_named(contacts[:MOST_NAMED])} does not act here; make it active{by_scenario}"
     ]
 
 
@@ -431,7 +431,7 @@ def driven_into(
     others = [p for n, p in enumerate(pairs) if p and n != k and gap[i, n] <= 0.0]
     rows = [row for other in others for row in _parting(mech, other, q[i])]
     by = holding(mech, active, when, q[i], way, rows) if rows else []
-    names = " and ".join(f"'{p.name}'" for p in [pair, *others][:LISTED])
+    names = " and ".join(f"'{p.name}'" for p in [pair, *others][:MOST_NAMED])
     return _by(by, pair.body, f"contacts {names}")
 
 
@@ -454,7 +454,7 @@ def contradicted(
             way, what = mech.jacobian(q, p.body, p.point)[3:].T @ normal, f"contact '{p.pair}'"
         if names := holding(mech, active, t, q, way):
             found[what] = _by(names, p.body, what)
-    return "; ".join(list(found.values())[:LISTED])
+    return "; ".join(list(found.values())[:MOST_NAMED])
 
 
 def _of(mech: Mechanism, v: int) -> str:
@@ -466,7 +466,7 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
     if not names:
         return ""
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
-    named = " and ".join(f"'{name}'" for name in names[:LISTED])
+    named = " and ".join(f"'{name}'" for name in names[:MOST_NAMED])
     return (
         f"{drive.format(named)} '{body}' against {what}, and neither gives way: end the motion "
         "before, or drive by a servo, whose force is finite"

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
-NO_LIMIT = (1 << 63) - 1  # limit on steps if none is given
+ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
 UNCOUNTED = 1 << 62  # steps to the next frame where none is recorded
 TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
@@ -83,7 +83,7 @@ class Steps:
         lags = plan.drives.table["lag"]
         control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
-            control["widths"], control["most"] = GIVEN, NO_LIMIT
+            control["widths"], control["most"] = GIVEN, ANY_NUMBER
             control["turning"] = plan.step
             control["rtol"] = SOLVED if plan.method.implicit else 0.0
             return

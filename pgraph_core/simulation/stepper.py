@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
-CHUNK = 100_000  # steps between two looks at whether the user wants to stop
+STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wants to stop
 KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
 FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an input
 
@@ -323,7 +323,7 @@ class Stepper(Portable):
         steps, left, code = self._steps, n, at.RUNNING
         end = steps.taken + n  # near stiff contacts a step is taken in parts
         while code == at.RUNNING and left > 0:
-            code = steps.advance(min(left, CHUNK))
+            code = steps.advance(min(left, STEPS_BETWEEN_LOOKS))
             left = end - steps.taken
         if code != at.RUNNING:
             self._record.fail(code)  # its frame is the state of which the message tells

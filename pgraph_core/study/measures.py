@@ -26,7 +26,7 @@ from ..tolerances import EPS, SOLVED, VISIBLE
 TRUST = 10.0  # factor within which error estimates and resolved errors are trusted
 SLOPE_POINTS = 3  # points of a slope
 ALIKE = 0.75  # least ratio of two slopes or times that are about the same
-MOST_STEPS = 2048
+MOST_STEPS_OF_ORDER = 2048
 
 
 class Errors(NamedTuple):
@@ -205,7 +205,7 @@ def _distances(x: Array, y: Array, size: float) -> Array:
 def step_counts() -> list[int]:
     """Numbers of steps, each about a fifth more than the last, all multiples of four."""
     found = {4 * round(2.0 ** (1.0 + k / 4.0)) for k in range(40)}
-    return sorted(n for n in found if n <= MOST_STEPS)
+    return sorted(n for n in found if n <= MOST_STEPS_OF_ORDER)
 
 
 def levelled(errors: Sequence[float]) -> bool:
@@ -245,7 +245,7 @@ def _steady(points: Sequence[tuple[float, float]]) -> bool:
 
 
 Spread = tuple[float, float, float]  # lower quartile, median, upper quartile
-SHORTEST = 2e-3  # [s] a sample of a shorter run is the median of several runs
+SHORTEST_SAMPLE = 2e-3  # [s] a sample of a shorter run is the median of several runs
 MOST_REPEATS = 20
 
 
@@ -277,7 +277,7 @@ def undisturbed() -> Iterator[None]:
 
 def repeats(seconds: float) -> int:
     """Number of runs in a sample, for a run of so many seconds."""
-    return max(1, min(MOST_REPEATS, int(SHORTEST / max(seconds, 1e-9))))
+    return max(1, min(MOST_REPEATS, int(SHORTEST_SAMPLE / max(seconds, 1e-9))))
 
 
 def measured(

@@ -26,9 +26,9 @@ OF_STATES = ("q", "point", "direction", "rotation")  # observables that follow f
 FINEST = {"dop853": (1e-14, 1e-13), "radau5": (1e-13, 1e-12)}
 
 ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
-PATIENCE = 10  # budget of a reference relative to that of another run
+REFERENCE_BUDGET = 10  # budget of a reference relative to that of another run
 STATES = 5  # at which the fastest rate is evaluated
-NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
+NEWTON_COST = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
 LATE = "it took too long"
@@ -272,7 +272,7 @@ def known_motion(
     mech = task.mech
     rate = task.rate_at([mech.home()])
     rtol = min(SOLVED, max(NOTABLE * target, ROUNDING))
-    allowed = PATIENCE * budget // weight_of(mech)
+    allowed = REFERENCE_BUDGET * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
     for run in _completed(task, tries, lambda: progress, True, []):
@@ -321,8 +321,8 @@ def per_step(method: str, nv: int) -> int:
     """Return the approximate evaluations per step, those for a Jacobian by differences included."""
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
-        return NEWTON * chosen.evaluations
-    return NEWTON + 2 * nv if chosen.implicit else chosen.evaluations
+        return NEWTON_COST * chosen.evaluations
+    return NEWTON_COST + 2 * nv if chosen.implicit else chosen.evaluations
 
 
 def _setting(run: Result) -> str:

@@ -28,7 +28,7 @@ from .task import Setting, Task, finite_numbers, methods_of, positive
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
-FRAMES = 41  # evenly over a run
+MAP_TIMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
 CALL = "stability_map"
 
@@ -388,7 +388,7 @@ def times_of(t_end: float, step: float) -> Array:
     """The times at which the runs of a cell are recorded: ends of steps, the first ones all."""
     n = steps_of(t_end, step)
     early = np.arange(min(n, EARLY) + 1)
-    chosen = np.unique(np.concatenate((early, np.linspace(0, n, FRAMES).round().astype(int))))
+    chosen = np.unique(np.concatenate((early, np.linspace(0, n, MAP_TIMES).round().astype(int))))
     return np.asarray(chosen * (t_end / n), dtype=np.float64)
 
 

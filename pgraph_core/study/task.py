@@ -27,7 +27,7 @@ from ..simulation.options import LEAST_RTOL
 from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
 from .measures import Motion
 
-HALVINGS = 8
+RUNGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 MOST_SETTINGS = 64  # limit on the settings of one method
 
@@ -65,7 +65,7 @@ class Ladder(NamedTuple):
         A stiff scene stays stiff: h0 is at least a hundredth of a frame. Raises InputError.
         """
         parts = min(max(1.0, np.ceil(task.spacing * rate)), 100.0)
-        rungs = tuple(task.spacing / float(parts) * 0.5**k for k in range(HALVINGS + 1))
+        rungs = tuple(task.spacing / float(parts) * 0.5**k for k in range(RUNGS + 1))
         if steps is not None:
             rungs = _rungs("steps", steps, task.t_end / 1e8, task.t_end)
         usual = TOLERANCES

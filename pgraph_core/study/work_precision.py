@@ -50,7 +50,7 @@ from .task import (
     whole,
 )
 
-FRAMES = 101  # default number of times at which motions are compared
+USUAL_FRAMES = 101  # default number of times at which motions are compared
 CLOCKS = ("wall", "processor")
 EXTRA = 4  # additional rounds if times contradict the work
 DIVIDED = "narrower ones were taken"  # part of the notice of a run with divided steps
@@ -76,7 +76,7 @@ def work_precision(
     tau: Any = None,
     stabilise: str | None = "project",
     target: float | None = None,
-    frames: int = FRAMES,
+    frames: int = USUAL_FRAMES,
     peers: Sequence[str] | str = (),
     longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
@@ -221,7 +221,7 @@ class Work:
             if known is None:
                 step = self.ladder.steps[-1]
                 known, task = references.finest(
-                    self.task, rate, step, lambda: self.watch(references.PATIENCE)
+                    self.task, rate, step, lambda: self.watch(references.REFERENCE_BUDGET)
                 )
                 self._shorten(task, known)
             self.timing["reference"] = time.perf_counter() - began
@@ -378,7 +378,7 @@ class Work:
         They are compared at quarters of the motion, so that frames do not end steps.
         """
         points: list[tuple[float, float]] = []
-        longest = self.longest / references.PATIENCE
+        longest = self.longest / references.REFERENCE_BUDGET
         last = len(known.t) - 1
         at = np.arange(0, last + 1, last // 4 if last % 4 == 0 else last)
         quarters = replace(self.task, t=self.task.t[at])
