@@ -13,8 +13,8 @@ from typing import Any
 
 # ours: names of other programs for the same, in the same form
 _SAME = """
-step: dt timestep time_step
-t_end: tend t_final tf tmax stop_time
+step: dt timestep time_step step_size
+t_end: tend t_final tf tmax stop_time end_time
 t_start: t0
 t_eval: times
 q: q0 qpos

@@ -112,7 +112,8 @@ ROWS = [
     body("inertia", "(xx, xy, xz)", inertia=[1, 2, 3, 0, 0, 0]),
     body("axes", "zero", "[0.0, 0.0, 0.0]", axes=[[0, 0, 0]]),
     body("axes", "revolute", "one axis", "[[0, 1]]", axes=[[0, 1]]),
-    body("axes", "(0, -1, 0)", axes="-y"),
+    body("axes", "w", axes="w"),
+    body("axes", "xy", axes=("xy",)),
     body("axes", "parallel", "[2.0, 0.0, 0.0]", joint="universal", axes=[[1, 0, 0], [2, 0, 0]]),
     body("q", "revolute", "1", "2", q=[1, 2]),
     body("q", "quaternion", "[0.0, 0.0, 0.0, 0.0]", dof=3, q=[0, 0, 0, 0]),
@@ -280,11 +281,11 @@ def wrong(kind: Any) -> Iterator[tuple[Any, Any]]:
     elif origin is Literal:
         yield from ((x, x) for x in ("zz", 3, "", ["zz"]))
     elif origin is tuple and inner[1:] == (...,):
-        yield from ((x, x) for x in ("z", 1j))
+        yield from ((x, x) for x in ("zz", 1j))
         yield from (([x], leaf) for x, leaf in wrong(inner[0]))
     elif origin is tuple:
         whole = [good(x) for x in inner]
-        yield from ((x, x) for x in ("z", 1j, 3.0, whole[1:], [*whole, whole[0]]))
+        yield from ((x, x) for x in ("zz", 1j, 3.0, whole[1:], [*whole, whole[0]]))
         yield from (([x, *whole[1:]], leaf) for x, leaf in wrong(inner[0]) if x != -INF)
     elif origin is dict:
         yield from ((x, x) for x in (3, "zz", [1]))

@@ -22,6 +22,10 @@ def rod(**fields):
     [
         (lambda: rod(m=2.0), lambda: rod(mass=2.0)),
         (lambda: rod(pos=(0, 0, 1)), lambda: rod(link=(0, 0, 1))),
+        (lambda: rod(axes="y"), lambda: rod()),
+        (lambda: pg.Body(name="a", axis="-x"), lambda: pg.Body(name="a", axes=(-1, 0, 0))),
+        (lambda: pg.Body(name="a", joint="universal", axes=("x", "-z")),
+         lambda: pg.Body(name="a", joint="universal", axes=((1, 0, 0), (0, 0, -1)))),
         (lambda: rod(joint="hinge"), lambda: rod(joint="revolute")),
         (lambda: rod(joint="Revolute"), lambda: rod(joint="revolute")),
         (lambda: pg.Body(name="a", joint="slider", axis=(1, 0, 0)),
@@ -55,6 +59,7 @@ def test_another_word_for_the_same_means_the_same(theirs, ours):
         ({"q0": [1.0], "qdot": [2.0], "dt": 1e-3, "solver": "rk4"},
          {"q": [1.0], "v": [2.0], "step": 1e-3, "method": "rk4"}),
         ({"method": "RK45", "tol": 1e-7}, {"method": "dopri5", "rtol": 1e-7}),
+        ({"step_size": 1e-3}, {"step": 1e-3}),
         ({"stabilize": None, "t0": 0.1}, {"stabilise": None, "t_start": 0.1}),
         ({"controller": lambda t, q, v: -q}, {"tau": lambda t, q, v: -q}),
     ],

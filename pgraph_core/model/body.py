@@ -48,7 +48,6 @@ from ..joints import (
     joint_problems,
     physics_problems,
 )
-from ..sentences import along
 from ..tolerances import NOTABLE, SOLVED
 from ..units import KG, NONE, J, M, Q, S
 from .shape import Shape as Shape
@@ -381,7 +380,7 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
         if axes is None or len(axes) != len(moving):
             given = shown(data["axes"])
             text = f"a {kind} joint takes {_count(len(moving))}; given {given}"
-            refuse([("axes", text + along(data["axes"]))])
+            refuse([("axes", text)])
             return
         left = iter(axes)
         motions = tuple(
@@ -399,9 +398,22 @@ def _motion(kind: Any, axis: Any = None) -> Motion:
     return Motion(kind, axis or joints.Z)
 
 
+LETTERS = {
+    sign + letter: tuple(float(f"{sign}1") if letter == x else 0.0 for x in "xyz")
+    for sign in ("", "-")
+    for letter in "xyz"
+}
+
+
 def _directions(axes: Any) -> tuple[Any, ...] | None:
-    """Return one (x, y, z) per motion, also without outer brackets, None for anything else."""
+    """Return one (x, y, z) per motion, None for anything else.
+
+    Outer brackets may be missing, and "y" or "-y" stand for a direction.
+    """
     axes = listed(axes if axes is not None else ())
+    axes = (axes,) if isinstance(axes, str) else axes
+    if isinstance(axes, tuple):
+        axes = tuple([LETTERS.get(a, a) if isinstance(a, str) else a for a in axes])
     if isinstance(axes, tuple) and len(axes) == 3 and not any(isinstance(a, tuple) for a in axes):
         axes = (axes,)
     if not isinstance(axes, tuple):
