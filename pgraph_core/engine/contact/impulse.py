@@ -10,7 +10,7 @@ few sweeps. If impulses are redundant or sweeps stall, Newton's method takes ove
 
 import math
 
-from ...tolerances import SOLVED
+from ...tolerances import NOTABLE
 from .. import layout as at
 from ..arrays import (
     BEFORE,
@@ -44,10 +44,9 @@ from ..constraints.blocks import (
 from ..vec import dot, load
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, unique
-from .newton import drop_impulses, gather, respond, rows_of, solve_exact, velocity
+from .newton import TOLERANCE, drop_impulses, gather, respond, rows_of, solve_exact, velocity
 from .sweeps import gauss_seidel, own_block
 
-TOLERANCE = 1e-10  # tolerance relative to the largest velocity among an island's rows
 CROWD = 1e-8  # looser tolerance for large heaps, whose forces are not unique
 SWEEPS = 200  # limit on sweeps when Newton's method is not tried
 FEW_SWEEPS = 40  # before Newton's method
@@ -221,7 +220,7 @@ def solve_island(scene, n):
     if room and work <= SWEPT * count:
         left, taken = solve_exact(scene, n, size)
         report[STEPS_DONE] += taken
-        if left > SOLVED:
+        if left > NOTABLE:
             report[HARD] += 1.0
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD * fine)

@@ -40,7 +40,7 @@ from .search import are_apart
 from .shapes import place
 
 CLOSED = 1e-10  # gap of a reached limit relative to its range
-CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
+CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them
 ROUNDS = 200  # limit on iterations of the search for one instant
 SAME = 1e-9  # difference of equal instants relative to the sub-step
 LEAD = 0.5  # largest motion of a touching pair between two distance queries, in half thicknesses
@@ -75,9 +75,13 @@ def limit_speeds(blocks, i, v, vdot):
 
 @part
 def is_crowd(contacts):
-    """True if there are too many candidates to locate slow impacts one by one."""
+    """True if too many pairs may touch to locate slow impacts one by one.
+
+    Members of a contact of everything with everything are more than that: they are only listed
+    without their pairs where bodies are many.
+    """
     may = contacts.candidates
-    return may.on_ground.shape[0] + may.pairs.shape[0] + may.members.shape[0] > CROWD
+    return may.members.shape[0] > 0 or may.on_ground.shape[0] + may.pairs.shape[0] > CROWD
 
 
 @sweep

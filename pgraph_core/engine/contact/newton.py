@@ -10,8 +10,8 @@ Linearised, with a compliance s that keeps λ near where it is,
 
 Without Δλ that is (diag(d) + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
 is sparse in the order of the trees. What sticks has R = 1/s: s → 0 is Newton's method, a larger s
-takes shorter steps ([Levenberg 1944]). In proportion to what is missed, s leaves the method its
-speed near the solution ([Fan & Yuan 2005]).
+takes shorter steps ([Levenberg 1944]). In proportion to the root of what is missed, s leaves the
+method of order 3/2 near the solution ([Fan & Yuan 2005]).
 
 Where many impulses have one effect, those of least norm are wanted. With one compliance for all
 rows that acts on all of λ, λ = P(λ - k (u + s λ)), they are unique; what this lets through is then
@@ -20,23 +20,24 @@ taken out by the same factor, as with redundant constraints ([Carpentier et al. 
 
 import math
 
-from ...tolerances import PROXIMAL, ROUNDING, SHARED, SOLVED
+from ...tolerances import NOTABLE, PROXIMAL, ROUNDING, SHARED
 from .. import layout as at
 from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..constraints.blocks import dry, first_of, joint_of, joints_of, one_sided, size_of, type_of
-from ..vec import add_scaled, dot, load, scale, store, sub
+from ..vec import add_scaled, dot, load, load3, scale, store, sub
 from .contacts import contacts_at
 
-CAREFUL = 0.1  # s over what is missed, relative to what a block meets and to the velocities
-BOLDEST = 0.01  # the least that steps that help make of it
+TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
+CAREFUL = 2e-3  # s over the root of what is missed, relative to what a block meets
+BOLDEST = 2e-4  # the least that steps that help make of it
 TENFOLD = 10.0  # factor of its growth after a failed step, and of its decrease after a good one
-SHORTEST = 0.25  # part of a step: a shorter one leads nowhere
+SHORTEST = 0.1  # part of a step: a shorter one leads nowhere
 MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 FITS = 1e-2  # decrease of the residual that a step should reach, relative
-PATIENCE = 12  # steps that do not halve what is missed: then steps are more careful
-MOST_STEPS = 40
+MOST_STEPS = 60
+STUCK = 6  # steps that do not halve what is missed: enough where it is not notable
 CORRECTIONS = 20  # largest number of refinements that remove the compliance
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
@@ -239,19 +240,28 @@ def prepare(scene, n, soft, refactor):
         i = islands.blocks[j]
         if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
             continue
+        own = y[i]
         r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
         for s in range(joints_of(slots, i)):
-            a = load(y, i, 3 * s)
-            x, v, z = dot(a, r0), dot(a, r1), dot(a, r2)
+            a = load3(own, 3 * s)
+            u, v, w = dot(a, r0), dot(a, r1), dot(a, r2)
             p = place[joint_of(slots, i, s)]
-            begin = start[p] - p
+            right, down = upper[start[p] :], lower[start[p] :]
             for r in range(joints_of(slots, i)):
-                q = place[joint_of(slots, i, r)]
-                if q >= p:
-                    upper[begin + q] += x * y[i, 3 * r] + v * y[i, 3 * r + 1] + z * y[i, 3 * r + 2]
-                elif not symmetric:
-                    more = x * y[i, 3 * r] + v * y[i, 3 * r + 1] + z * y[i, 3 * r + 2]
-                    lower[start[q] - q + p] += more
+                q = place[joint_of(slots, i, r)] - p
+                if q >= 0:
+                    right[q] += u * own[3 * r] + v * own[3 * r + 1] + w * own[3 * r + 2]
+            if symmetric:
+                continue
+            u, v, w = (
+                dot((r0[0], r1[0], r2[0]), a),
+                dot((r0[1], r1[1], r2[1]), a),
+                dot((r0[2], r1[2], r2[2]), a),
+            )
+            for r in range(joints_of(slots, i)):
+                q = place[joint_of(slots, i, r)] - p
+                if q > 0:
+                    down[q] += u * own[3 * r] + v * own[3 * r + 1] + w * own[3 * r + 2]
     return symmetric
 
 
@@ -262,42 +272,45 @@ def factor(upper, lower, start, last, count, symmetric):
     L of a symmetric matrix is U over the pivots and is not stored.
     """
     for p in range(count):
-        s = start[p]
-        if not abs(upper[s]) > 0.0:
+        end = last[p] - p + 1
+        right, down = upper[start[p] : start[p] + end], lower[start[p] : start[p] + end]
+        if not abs(right[0]) > 0.0:
             return False
-        inverse = 1.0 / upper[s]
-        width = last[p] - p
+        inverse = 1.0 / right[0]
         if not symmetric:
-            for k in range(1, width + 1):
-                lower[s + k] *= inverse
-        for k in range(1, width + 1):
-            t = start[p + k] - k
-            f = upper[s + k] * inverse if symmetric else lower[s + k]
+            for k in range(1, end):
+                down[k] *= inverse
+        for k in range(1, end):
+            t = start[p + k]
+            f = right[k] * inverse if symmetric else down[k]
             if f != 0.0:
-                for c in range(k, width + 1):
-                    upper[t + c] -= f * upper[s + c]
-            f = upper[s + k]
-            if not symmetric and f != 0.0:
-                for c in range(k + 1, width + 1):
-                    lower[t + c] -= f * lower[s + c]
+                take(upper[t : t + end - k], f, right[k:])
+            if not symmetric and right[k] != 0.0:
+                take(lower[t : t + end - k], right[k], down[k:])
     return True
+
+
+@part
+def take(x, f, y):
+    """x -= f y, as far as x goes."""
+    for c in range(x.shape[0]):
+        x[c] -= f * y[c]
 
 
 @sweep
 def substitute(upper, lower, start, last, count, symmetric, x):
     """Solve for x in its place, after `factor`."""
     for p in range(count):
-        s = start[p]
+        s, end = start[p], last[p] + 1
         f = x[p] / upper[s] if symmetric else x[p]
         if f != 0.0:
-            for k in range(1, last[p] - p + 1):
-                x[p + k] -= (upper[s + k] if symmetric else lower[s + k]) * f
+            take(x[p + 1 : end], f, upper[s + 1 :] if symmetric else lower[s + 1 :])
     for p in range(count - 1, -1, -1):
-        s = start[p]
+        right = upper[start[p] :]
         y = x[p]
         for k in range(1, last[p] - p + 1):
-            y -= upper[s + k] * x[p + k]
-        x[p] = y / upper[s]
+            y -= right[k] * x[p + k]
+        x[p] = y / right[0]
 
 
 @sweep
@@ -359,15 +372,17 @@ def solve_exact(scene, n, size):
     """Solve the laws of island n, and return (residual over `size`, number of steps).
 
     It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
-    mass of the heaviest body what is open, sticks or slides: a light body under it carries it.
+    mass of the heaviest body what is open, sticks or slides: a light body under it carries it. What
+    stays open, sticking or sliding as it was goes on to the impulses of least norm. Where something
+    changes, impulses last for an instant, and those of least norm mostly ask for another change.
     """
     heaviest = weigh(scene, n)
-    left, taken = converge(scene, n, size)
-    if left > SOLVED:
+    left, taken, same = converge(scene, n, size)
+    if left > NOTABLE:
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop_impulses(scene, n)
         rescale(scene, n, heaviest)
-        _, more = converge(scene, n, size)
+        _, more, _ = converge(scene, n, size)
         taken += more
         rescale(scene, n, 1.0 / heaviest)
         _, again, _ = look(scene, n, 0.0)
@@ -376,9 +391,11 @@ def solve_exact(scene, n, size):
         else:
             copy_impulses(scene, n, OTHER, LAMBDA)
             respond(scene, n)
+    if not same and left <= TOLERANCE:
+        return left, taken
     copy_impulses(scene, n, LAMBDA, OTHER)
     again = least_norm(scene, n, size)
-    if again > max(left, SOLVED):
+    if again > max(left, TOLERANCE):
         copy_impulses(scene, n, OTHER, LAMBDA)
         respond(scene, n)
         again = left
@@ -387,7 +404,12 @@ def solve_exact(scene, n, size):
 
 @sweep
 def converge(scene, n, size):
-    """Take Newton steps from λ on, and return (residual over `size`, number of steps)."""
+    """Take Newton steps from λ on until no row misses its law by more than TOLERANCE.
+
+    Points of a patch that friction just holds may pass impulses on to each other for ever, each at
+    its rim. What is missed and not NOTABLE is enough where it stays. Return (what is missed over
+    `size`, steps taken, True if nothing opened, stuck or slid on the way).
+    """
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)
     recent = islands.slope[islands.slope.shape[0] - 1]
@@ -396,11 +418,14 @@ def converge(scene, n, size):
     copy_impulses(scene, n, LAMBDA, BEST)
     for c in range(MEMORY):
         recent[c] = norm
-    care, boldest, idle = CAREFUL, BOLDEST, 0
+    care, stuck = CAREFUL, 0
     taken = 0
-    while taken < MOST_STEPS and left > SOLVED * size:
+    same = True
+    while taken < MOST_STEPS and left > TOLERANCE * size:
+        if stuck >= STUCK and best <= NOTABLE * size:
+            break
         taken += 1
-        soft = min(max(care * left / size, PROXIMAL), 1.0)
+        soft = min(max(care * math.sqrt(left / size), PROXIMAL), 1.0)
         start_from_here(scene, n)
         if not direction(scene, n, soft, True, False)[0]:
             break
@@ -410,14 +435,13 @@ def converge(scene, n, size):
         part_of_it = 1.0
         while True:
             go(scene, n, part_of_it)
-            norm, now, _ = look(scene, n, 0.0)
-            fits = norm <= (1.0 - FITS * part_of_it) * bound or now <= SOLVED * size
+            norm, now, changed = look(scene, n, 0.0)
+            same = same and changed == 0
+            fits = norm <= (1.0 - FITS * part_of_it) * bound or now <= TOLERANCE * size
             if fits or part_of_it <= SHORTEST:
                 break
             part_of_it *= 0.5
-        idle += 1
-        if now < 0.5 * best:
-            idle = 0
+        stuck = 0 if now < 0.5 * best else stuck + 1
         if now < best:
             best = now
             copy_impulses(scene, n, LAMBDA, BEST)
@@ -425,18 +449,14 @@ def converge(scene, n, size):
             recent[taken % MEMORY] = norm
             left = now
             if part_of_it == 1.0:
-                care = max(care / TENFOLD, boldest)
+                care = max(care / TENFOLD, BOLDEST)
         else:
             care *= TENFOLD
             go(scene, n, 0.0)
             look(scene, n, 0.0)
-        if idle == PATIENCE:
-            idle = 0
-            boldest *= TENFOLD * TENFOLD
-            care = max(care, TENFOLD * boldest)
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
-    return best / size, taken
+    return best / size, taken, same
 
 
 @sweep
