@@ -101,33 +101,29 @@ def newton(p: Problem) -> tuple[float, int]:
 
 
 def _converged(p: Problem, lam: Array, share: float) -> tuple[Array, int]:
-    """The best impulses of 40 steps, and how many were taken."""
-    care, least, idle, taken = 0.1, 0.01, 0, 0
+    """The best impulses of 60 steps, and how many were taken."""
+    care, taken = 2e-3, 0
     missed, slope = p.missed(lam, share)
     left = best = abs(missed).max()
     recent, kept = [float(np.linalg.norm(missed))] * 6, lam
-    while taken < 40 and left > SOLVED:
+    while taken < 60 and left > SOLVED:
         taken += 1
-        soft = min(max(care * left, 1e-10), 1.0)
+        soft = min(max(care * np.sqrt(left), 1e-10), 1.0)
         move = _direction(p, missed * p.size / (share * p.mobility), slope, soft, share)
-        for part in (1.0, 0.5, 0.25):
+        for part in (1.0, 0.5, 0.25, 0.125, 0.0625):
             new = p.missed(lam + part * move, share)
             norm, now = float(np.linalg.norm(new[0])), abs(new[0]).max()
             fits = norm <= (1 - 0.01 * part) * max(recent) or now <= SOLVED
             if fits:
                 break
-        idle = 0 if now < 0.5 * best else idle + 1
         if now < best:
             best, kept = now, lam + part * move
         if fits or soft == 1.0:
             lam, (missed, slope), left = lam + part * move, new, now
             recent[taken % 6] = norm
-            care = max(care / 10, least) if part == 1 else care
+            care = max(care / 10, 2e-4) if part == 1 else care
         else:
             care *= 10
-        if idle == 12:
-            idle, least = 0, 100 * least
-            care = max(care, 10 * least)
     return kept, taken
 
 
