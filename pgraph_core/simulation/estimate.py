@@ -87,8 +87,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
     size = max(length, float(slid.max(initial=0.0))) or 1.0
     together = np.maximum(turned, moved / size) <= PARTED
-    if not together.all():
-        error[int(together.argmin()) :] = np.inf
+    error[~np.logical_and.accumulate(together)] = np.inf
     notices = _notices(plan.times, error, size_of_motion(rows, q, length))
     return Estimate(error, notices + _passed_over(record, float(error[-1])))
 
@@ -205,7 +204,7 @@ def _again(record: Recording, plan: RunPlan) -> Recording | str:
 def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     """Return the plan at half the step, or at a tighter tolerance, of a run that took so many.
 
-    Where frames or corners of tables end steps, the finer ones end half way between these too.
+    Where frames or corners of tables end steps, the finer ones end half way from one to the next.
     Given steps that were `divided` followed a tolerance inside.
     """
     given = plan.tolerance
@@ -213,19 +212,20 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     plan = replace(plan, parts=2 * plan.parts, way=way)
     if given is None:
         return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
-    frames = plan.times[: 0 if len(plan.method.tableau.dense) else None]  # frames that end steps
+    ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
+    frames = ends_run if len(plan.method.tableau.dense) else plan.times  # that end steps
     ends = np.union1d(plan.corners, frames)
     wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
     halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
     ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
     same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
-    corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
     finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
     if given.fixed:
         finer = finer._replace(widest=0.5 * given.widest, fixed=not divided)
     if not finer.fixed:
         rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
         finer = finer._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
+    corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
     return replace(plan, tolerance=finer, corners=corners)
 
 

@@ -579,3 +579,18 @@ def test_what_a_slow_impact_leaves_open_at_a_limit_is_in_the_error(size, e, side
     off = np.abs(side * (run.q[:, 0] - bound) - gaps).max()
     assert off < 10 * run.error_estimate + 1e-8 * size
     assert run.error_estimate < 10 * off + 1e-8 * size
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("method", ["dop853", "dopri5"])
+@pytest.mark.parametrize("at", [0.01, 0.5, 0.99])
+def test_one_wide_step_beside_short_ones_has_its_error(at, method, rtol):
+    """Five corners end short steps, and one step or two take the rest, before or behind them."""
+    knots = 0.3 * (at + 1e-3 * np.array([0.0, 0.2, 0.35, 0.39, 0.45, 1.0]))
+    scene = pushed(knots, (0.0, 3.0, -2.0, 5.0, 1.0, 0.0), stiffness=9.0, damping=2.0, q=(0.4,))
+    options: dict[str, Any] = {"t_end": 0.3, "frames": 101, "method": method}
+    run = pg.simulate(scene, rtol=rtol, **options)
+    fine = pg.simulate(scene, t_end=0.3, frames=101, method="dop853", rtol=1e-13)
+    off = np.abs(run.q - fine.q).max()
+    assert off < 10 * run.error_estimate + 1e-14
+    assert run.error_estimate < 20 * off + 1e-14
