@@ -16,7 +16,7 @@ from scipy import stats
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
-from pgraph_core.batches.paths import Path
+from pgraph_core.simulation.paths import Path
 from pgraph_core.sweeps import tasks
 from pgraph_core.sweeps.sweep import points_of
 

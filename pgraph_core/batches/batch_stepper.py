@@ -24,6 +24,7 @@ from ..model import Force, Model
 from ..packing import Array, Ints, System
 from ..portable import Portable, put_back, sealed, unsealed
 from ..result.records import Named
+from ..simulation.paths import Path, counting, distinct, with_numbers
 from ..simulation.recording import STATUS
 from ..simulation.snapshots import check
 from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
@@ -38,7 +39,6 @@ from .instances import (
     words_of,
 )
 from .loops import LoopLanes, on_constraints
-from .paths import Path, counting, distinct, with_numbers
 
 MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from ..batches.paths import with_numbers
 from ..engine import layout as at
 from ..errors import InputError, Problem
 from ..integrators import METHODS
@@ -34,6 +33,7 @@ from ..show.stage import GRID, depth
 from ..simulation import simulate
 from ..simulation.options import RTOL
 from ..simulation.options import USUAL as STEP
+from ..simulation.paths import with_numbers
 from . import module
 from .opened import Opened, follows, opened
 from .run import TOUCHING, LiveRun, Setup, methods_of

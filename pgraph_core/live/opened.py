@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..batches.paths import KINDS, Path, with_numbers
 from ..engine.packing import pack
 from ..errors import InputError, PgraphError, Problem, choices
 from ..fields import about
 from ..mechanism import Mechanism
 from ..model import Model
 from ..packing import length_in
+from ..simulation.paths import KINDS, Path, with_numbers
 from .run import BASE, LiveRun
 
 VALUES_TRIED = 3  # values within the range, besides its ends

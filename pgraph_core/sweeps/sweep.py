@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from .. import words
-from ..batches.paths import Path, counting, distinct, with_numbers
 from ..dynamics.arguments import numbers_in, wrong_type
 from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
 from ..fields import whole
@@ -27,6 +26,7 @@ from ..model import Model
 from ..model.files import write_atomic
 from ..portable import Portable, installed
 from ..simulation import simulate
+from ..simulation.paths import Path, counting, distinct, with_numbers
 from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
 from .together import Together, together

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from ..batches.paths import Path, with_numbers
 from ..engine.compiler.lane import LANE_WIDTH
 from ..errors import InputError, PgraphError, Problem, shown
 from ..mechanism import Mechanism
@@ -26,6 +25,7 @@ from ..portable import installed
 from ..result import Result, Status
 from ..result.dense import TOO_WIDE
 from ..simulation import simulate
+from ..simulation.paths import Path, with_numbers
 from .metrics import Metric, measured
 from .together import Together
 

@@ -11,11 +11,11 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.batches.paths import Path as Field
-from pgraph_core.batches.paths import with_numbers
 from pgraph_core.live import module
 from pgraph_core.live.export import page, recorded
 from pgraph_core.live.run import LiveRun, Setup
+from pgraph_core.simulation.paths import Path as Field
+from pgraph_core.simulation.paths import with_numbers
 
 # After an edit of a kernel the module is of the old one until it is made again (nightly).
 of_these_sources = pytest.mark.skipif(bool(module.stale()), reason=module.stale())

@@ -12,8 +12,8 @@ from numba import njit
 import pgraph_core as pg
 from pgraph_core.batches.feet import FeetLanes
 from pgraph_core.batches.loops import LoopLanes
-from pgraph_core.batches.paths import Path
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
+from pgraph_core.simulation.paths import Path
 
 from ..worlds import ball as worlds_ball
 from ..worlds import built_in, on_ground

@@ -80,6 +80,7 @@ class Path:
     def __init__(self, model: Model, given: str | Sequence[Any], call: str = "sweep"):
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
+        self.given = given
         self.group, self.name, self.inside = self._split(model, given)
         if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
             self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
