@@ -113,6 +113,11 @@ class Scene(Unportable):
         motion.save_scene(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
+    @property
+    def arrays(self) -> arrays.Scene:
+        """The scene as kernels take it."""
+        return self._kept
+
     def solve_tighter(self) -> None:
         """Halve what counts as solved or closed, in a run that tells the error of another one."""
         if self.touching is not None:

@@ -11,7 +11,21 @@ from typing import Any, NamedTuple
 
 from ..forces import LOADS as KINDS_OF_LOADS
 from .compiler.address import stored
-from .compiler.kinds import C2, F1, F2, F3, I1, I2, array_of, group, i8, named, plain
+from .compiler.kinds import (
+    C2,
+    F1,
+    F2,
+    F3,
+    I1,
+    I2,
+    array_of,
+    carrying,
+    group,
+    i8,
+    named,
+    of_duals,
+    plain,
+)
 from .records import (
     APART,
     BODY_WRENCH,
@@ -397,6 +411,12 @@ RUN = named(
     I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
 )  # fmt: skip
 
-save, opened = stored(SCENE)
-save_run_tuple, opened_run = stored(RUN)
+# of numbers with derivatives: a scene but for a user's function, and what a run computes from it
+SCENE_OF_DUALS = carrying(SCENE)
+SCENE_OF_DUALS = SCENE_OF_DUALS.but(user=USER)
+RUN_OF_DUALS = RUN.but(scene=of_duals, **{x: carrying(F2) for x in ("stages", "real")})
+RUN_OF_DUALS = RUN_OF_DUALS.but(flow=carrying(F1))
+
+save, opened = stored(SCENE, SCENE_OF_DUALS)
+save_run_tuple, opened_run = stored(RUN, RUN_OF_DUALS)
 save_guard_tuple, guard_at = stored(GUARD)

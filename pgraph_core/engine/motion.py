@@ -8,6 +8,7 @@ import math
 from . import layout as at
 from .arrays import OUT, SCENE, TAU, opened, save
 from .compiler.address import caller
+from .compiler.dual import of_numbers
 from .compiler.jit import kernel, part
 from .compiler.kinds import F1, F2, I1, I2, array_of, f8, group, i8, plain, u8, void
 from .constraints.blocks import residual, residual_velocity, velocities
@@ -49,7 +50,7 @@ def save_scene(buffer, scene):
 
 
 @part
-def user_torque(user, t, q, v, tau):
+def torque_of_numbers(user, t, q, v, tau):
     """Add the torques of a user's function to τ, not finite if it fails. Returns the power [W]."""
     address, exchange, answer = user
     for i in range(q.shape[0]):
@@ -64,6 +65,9 @@ def user_torque(user, t, q, v, tau):
         tau[j] += exchange[2, j] if answer[0] == 0 else math.nan
         power += exchange[2, j] * v[j]
     return power
+
+
+user_torque = of_numbers(torque_of_numbers)  # no function of a user's takes duals
 
 
 @part

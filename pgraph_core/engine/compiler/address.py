@@ -31,14 +31,17 @@ def unnamed(value: Any) -> Any:
     return tuple(members)
 
 
-def stored(kind: Group) -> tuple[Any, Any]:
+def stored(kind: Group, of_duals: Group | None = None) -> tuple[Any, Any]:
     """(save, opened) of a named tuple: `save(buffer, value)`, `opened(address)` of a buffer.
 
     What is saved is `unnamed`, what is opened has names. A tuple can be opened as its first member.
+    At an address `of_duals` is what its members are there.
     """
     return (
         late("address", "saving", _keep, kind),
-        late("address", "opening", lambda address: _named(_KEPT[address], kind.names), kind),
+        late(
+            "address", "opening", lambda address: _named(_KEPT[address], kind.names), kind, of_duals
+        ),
     )
 
 

@@ -21,7 +21,7 @@ from llvmlite import ir
 from .kinds import Array, Group, Kind, Signature
 
 INT, UNSIGNED, REAL, ARRAY, TUPLE, NONE = range(6)
-OF_SCALAR = {"i8": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
+OF_SCALAR = {"i8": INT, "of_duals": INT, "u8": UNSIGNED, "f8": REAL, "none": NONE}
 # words of the table, then a word for each result, then for each argument its message and its kind
 FUNCTION, ARGUMENTS, SIZE, NOGIL, RESULTS, IN_TUPLE, HEAD, NDARRAY, COUNT, FAILED, FIRST = range(11)
 MOST_RESULTS = 8  # results

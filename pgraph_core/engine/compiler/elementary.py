@@ -237,7 +237,7 @@ def parted(x):
 
 
 @sweep
-def tan(x):
+def _tan(x):
     if not abs(x) < math.inf:
         return math.nan
     n, r, low = parted(x) if abs(x) < FAR else reduced(x)
@@ -294,7 +294,7 @@ ARCS_LOW = (
 
 
 @part
-def atan(x):
+def _atan(x):
     size = abs(x)
     if not size < 1e18:
         return math.copysign(ARCS[3], x) if size >= 1e18 else x
@@ -321,9 +321,9 @@ def _quotient_arc(y, x):
     """atan(y / x) for x > 0, and what the quotient's rounding takes off made good."""
     q = y / x
     if not (1e-140 < x < 1e140 and 1e-140 < abs(q) < 1e140):
-        return atan(q)
+        return _atan(q)
     p, lost = two_product(q, x)
-    return atan(q) + ((y - p) - lost) / (x * (1.0 + q * q))
+    return _atan(q) + ((y - p) - lost) / (x * (1.0 + q * q))
 
 
 @sweep
@@ -387,7 +387,7 @@ def _upper(x):
 
 
 @part
-def asin(x):
+def _asin(x):
     """nan beyond -1 and 1."""
     size = abs(x)
     if size < 0.5:
@@ -402,7 +402,7 @@ def asin(x):
 
 
 @part
-def acos(x):
+def _acos(x):
     """nan beyond -1 and 1."""
     if abs(x) < 0.5:
         return HALF_PI[0] - (x - (HALF_PI[1] - x * _asin_rest(x * x)))
@@ -454,7 +454,7 @@ def _exp(x, more):
 
 
 @part
-def exp(x):
+def _exp_of(x):
     return _exp(x, 0.0)
 
 
@@ -487,14 +487,14 @@ def _log(x):
 
 
 @part
-def log(x):
+def _log_of(x):
     if x > 0.0 and x < math.inf:
         return _log(x)[0]
     return -math.inf if x == 0.0 else x if x > 0.0 else math.nan
 
 
 @part
-def power(x, y):
+def _power(x, y):
     """x^y for x >= 0."""
     if not (x > 0.0 and x < math.inf):
         if y == 0.0:
@@ -507,3 +507,20 @@ def power(x, y):
     if not abs(product) < 1e4:
         return _exp(product, 0.0)
     return _exp(product, rest + low * y)
+
+
+# -- of numbers, or of duals: with the slope at (x, f(x)) ------------------------------------------
+
+
+def _with(slope: Any, of_number: Any) -> Any:
+    """A function of a number or a dual, from that of a number and its slope at (x, f(x))."""
+    return late("elementary", "with_slope", of_number, of_number, part(slope))
+
+
+tan = _with(lambda x, y: 1.0 + y * y, _tan)
+atan = _with(lambda x, y: 1.0 / (1.0 + x * x), _atan)
+asin = _with(lambda x, y: 1.0 / math.sqrt(1.0 - x * x), _asin)  # nan beyond -1 and 1
+acos = _with(lambda x, y: -1.0 / math.sqrt(1.0 - x * x), _acos)  # nan beyond -1 and 1
+exp = _with(lambda x, y: y, _exp_of)
+log = _with(lambda x, y: 1.0 / x, _log_of)
+power: Any = late("elementary", "power", _power)  # x^y for x >= 0

@@ -40,6 +40,7 @@ class Array(Kind):
     dtype: np.dtype[Any]
     ndim: int
     read: bool = False  # not written: an array that is read-only does as well
+    duals: bool = False  # each number is followed by its derivatives
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,11 @@ class Group(Kind):
         """The names of the members."""
         return self.names._fields
 
+    def but(self, **members: Kind) -> Group:
+        """Return the kind with other members."""
+        kinds = dict(zip(self.fields, self.members)) | members
+        return replace(self, members=tuple(kinds.values()))
+
 
 @dataclass(frozen=True)
 class Signature:
@@ -65,6 +71,7 @@ class Signature:
 
 i8, f8, u8, i4, f4, u1 = map(Scalar, ("i8", "f8", "u8", "i4", "f4", "u1"))
 none, void = Scalar("none"), Scalar("void")
+of_duals = Scalar("of_duals")  # address of a scene or run whose numbers carry derivatives
 
 
 def group(*members: Kind) -> Group:
@@ -85,6 +92,16 @@ def array_of(record: np.dtype[Any], dimensions: int = 1) -> Array:
 def read(kind: Array) -> Array:
     """Return the kind of an array that a kernel does not write."""
     return replace(kind, read=True)
+
+
+def carrying(kind: Any) -> Any:
+    """Return the same kind, or signature, whose real numbers in arrays carry derivatives."""
+    if isinstance(kind, Group):
+        return replace(kind, members=tuple(map(carrying, kind.members)))
+    if isinstance(kind, Signature):
+        return Signature(kind.result, tuple(map(carrying, kind.arguments)))
+    real = isinstance(kind, Array) and (kind.dtype.names or kind.dtype == np.float64)
+    return replace(kind, duals=True) if real else kind
 
 
 def plain(kind: Kind) -> Kind:

@@ -19,6 +19,7 @@ from ..arrays import (
     ZERO,
     opened,
 )
+from ..compiler.dual import carries
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..layout import T_ALIGN, T_COORD, T_VELOCITY
@@ -366,7 +367,9 @@ def project(scene, t, q, v, rounds):
 
     Both corrections use one factorisation, which is repeated while positions move notably. Next to
     a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
+    Derivatives of q are moved once in any case, and those of v after them.
     """
+    least = 2 if carries(q) else 1
     if settle(scene, t, q, v):
         return 1
     data = opened(scene)
@@ -391,11 +394,11 @@ def project(scene, t, q, v, rounds):
         gaps(scene, t, q, RHS)
         gap = largest(vectors[RHS], m)
         size = extent(rows, blocks, work)
-        if gap <= NO_GAP * size:
+        if gap <= NO_GAP * size and taken >= least:
             return taken
         correct(scene, mu, count, m, 0.0)
         advance(rows, q, vectors[STEP], 1.0)
-        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
+        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE and taken >= least:
             break
     if gap <= CLOSED * size:
         return taken

@@ -7,11 +7,11 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_cast
 
 from ..address import WORDS
 from ..kinds import Group, Signature, plain
-from .kinds import numba_type
+from .kinds import DUAL, OF_DUALS, Dual, OfDuals, Records, numba_type
 
 
 def saving(described: Group) -> Any:
@@ -36,12 +36,14 @@ def saving(described: Group) -> Any:
     return save
 
 
-def opening(described: Group) -> Any:
+def opening(described: Group, of_duals: Group | None) -> Any:
     """`opened(address)` of a buffer: the tuple with names."""
-    kind = numba_type(described)
 
     @intrinsic
     def opened(typing: Any, address: Any) -> Any:
+        found = of_duals if isinstance(address, OfDuals) and of_duals else described
+        kind = numba_type(found)
+
         def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             llvm = context.get_value_type(kind)
             place = builder.inttoptr(args[0], llvm.as_pointer())
@@ -53,7 +55,7 @@ def opening(described: Group) -> Any:
             _each(builder, llvm, place, take)
             return whole[0]
 
-        return kind(types.int64), code
+        return kind(OF_DUALS if isinstance(address, OfDuals) else types.int64), code
 
     return opened
 
@@ -78,12 +80,19 @@ def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], A
 
 
 def caller(described: Signature) -> Any:
-    """`call(address, (arguments))` of a function with this signature: a kernel's, or C's."""
+    """`call(address, (arguments))` of a function with this signature: a kernel's, or C's.
+
+    Given duals, it is the function of the same arguments whose arrays hold duals.
+    """
     result = numba_type(described.result)
-    arguments = [numba_type(kind) for kind in described.arguments]
+    of_numbers = [numba_type(kind) for kind in described.arguments]
 
     @intrinsic
     def call(typing: Any, address: Any, args: Any) -> Any:
+        arguments = [
+            given if _carries(given) else number for given, number in zip(args.types, of_numbers)
+        ]
+
         def code(context: Any, builder: Any, _: Any, values: Any) -> Any:
             inputs = [context.get_value_type(t) for t in arguments]
             output = context.get_value_type(result)
@@ -94,3 +103,13 @@ def caller(described: Signature) -> Any:
         return result(types.int64, types.Tuple(arguments)), code
 
     return call
+
+
+@lower_cast(types.Integer, OfDuals)
+def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return value
+
+
+def _carries(kind: Any) -> bool:
+    """True if a type has duals in it."""
+    return isinstance(kind, (OfDuals, Records, Dual)) or getattr(kind, "dtype", None) == DUAL

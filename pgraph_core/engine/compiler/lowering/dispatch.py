@@ -98,7 +98,7 @@ def type_of(made: Any) -> Any:
 @cache
 def _know_all() -> None:
     """Tell numba of all types and functions of ours."""
-    from . import address, elementary, lane, lane_records, masks  # noqa: F401
+    from . import address, dual, dual_records, elementary, lane, lane_records, masks  # noqa: F401
 
 
 def lowered(kernel: Kernel, variant: int, name: str) -> tuple[str, Any]:

@@ -10,7 +10,8 @@ from numba import extending, types
 
 from .. import elementary
 from ..elementary import COS, PI_4, SIN
-from .kinds import INLINED
+from .dual import chained, joined, value_of
+from .kinds import INLINED, Dual
 from .lane import DOUBLE, Lane, intrinsic, llvm
 
 overload: Any = extending.overload  # typed too narrowly in numba
@@ -111,6 +112,13 @@ def sine_cosine(x: Any) -> Any:
 @overload(sine_cosine, jit_options=INLINED, strict=False)
 def _sine_cosine(x: Any) -> Any:
     of_number, of_lane = elementary._of_number, near
+    if isinstance(x, Dual):
+
+        def of_dual(x: Any) -> Any:
+            sine, cosine = of_number(value_of(x))
+            return chained(x, sine, cosine), chained(x, cosine, -sine)
+
+        return of_dual
     return (lambda x: of_lane(x)) if isinstance(x, Lane) else (lambda x: of_number(x))
 
 
@@ -142,6 +150,15 @@ def atan2(y: Any, x: Any) -> Any:
 @overload(atan2, jit_options=INLINED, strict=False)
 def _any_atan2(y: Any, x: Any) -> Any:
     of_numbers = elementary._atan2
+    if isinstance(x, Dual) or isinstance(y, Dual):
+
+        def of_duals(y: Any, x: Any) -> Any:
+            b, a = value_of(y), value_of(x)
+            square = a * a + b * b
+            arc = of_numbers(b, a)
+            return joined(chained(y, arc, a / square), chained(x, 0.0, -b / square), arc)
+
+        return of_duals
     if not isinstance(x, Lane):
         return lambda y, x: of_numbers(y, x)
     width = x.width
@@ -153,3 +170,46 @@ def _any_atan2(y: Any, x: Any) -> Any:
         return found
 
     return of_lanes
+
+
+def with_slope(of_number: Any, slope: Any) -> Any:
+    """A function of a number, or of a dual by its slope at (x, f(x))."""
+
+    def of_any(x: Any) -> Any:
+        return of_number(x)
+
+    @overload(of_any, jit_options=INLINED, strict=False)
+    def _of_any(x: Any) -> Any:
+        if not isinstance(x, Dual):
+            return lambda x: of_number(x)
+
+        def of_dual(x: Any) -> Any:
+            value = value_of(x)
+            found = of_number(value)
+            return chained(x, found, slope(value, found))
+
+        return of_dual
+
+    return of_any
+
+
+def power(x: Any, y: Any) -> Any:
+    """x^y of numbers or duals."""
+    return x**y
+
+
+@overload(power, jit_options=INLINED, strict=False)
+def _any_power(x: Any, y: Any) -> Any:
+    of_numbers = elementary._power
+    if not isinstance(x, Dual) and not isinstance(y, Dual):
+        return lambda x, y: of_numbers(x, y)
+    logarithm = elementary._log_of
+
+    def of_duals(x: Any, y: Any) -> Any:
+        base, exponent = value_of(x), value_of(y)
+        found = of_numbers(base, exponent)
+        by_base = chained(x, found, exponent * of_numbers(base, exponent - 1.0))
+        by_exponent = chained(y, 0.0, found * logarithm(base) if base > 0.0 else 0.0)
+        return joined(by_base, by_exponent, found)
+
+    return of_duals

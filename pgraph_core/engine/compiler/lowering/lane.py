@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
+from functools import partial
 from typing import Any
 
 from llvmlite import ir
@@ -22,7 +23,8 @@ from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
 from ..lane import LANE_WIDTH
-from .kinds import INLINED
+from .dual import multiplied
+from .kinds import DUAL, INLINED, Dual
 
 DOUBLE = ir.DoubleType()
 infer_global: Any = templates.infer_global  # untyped in numba
@@ -233,11 +235,11 @@ register_model(Triple)(LaneModel)
 
 
 class Three(types.Type):
-    """Three numbers of every instance: a triple of lanes."""
+    """Three numbers of every instance: a triple of lanes. Or three duals."""
 
-    def __init__(self, lane: Lane):
+    def __init__(self, lane: Any):
         self.lane = lane
-        super().__init__(name=f"Three({lane.width})")
+        super().__init__(name=f"Three({lane})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
         """Numbers become lanes, so that a triple of constants may be stored."""
@@ -253,7 +255,8 @@ class ThreeModel(models.StructModel):
 
 
 TRIPLE, FOUR, LANE = Triple(), Lane(4), Lane(LANE_WIDTH)
-THREE = Three(LANE)
+THREE, THREE_DUALS = Three(LANE), Three(DUAL)
+THREES = {LANE: THREE, DUAL: THREE_DUALS}  # by the entries of an array
 PAIR = ir.VectorType(DOUBLE, 2)
 WHOLE = ir.VectorType(DOUBLE, 4)
 PLACE = ir.IntType(32)
@@ -264,7 +267,7 @@ def _parts(builder: Any, three: Any) -> list[Any]:
 
 
 def _three(context: Any, builder: Any, parts: Any) -> Any:
-    value = ir.Constant(context.get_value_type(THREE), ir.Undefined)
+    value = ir.Constant(ir.LiteralStructType([part.type for part in parts]), ir.Undefined)
     for n, part in enumerate(parts):
         value = builder.insert_value(value, part, n)
     return value
@@ -273,7 +276,10 @@ def _three(context: Any, builder: Any, parts: Any) -> Any:
 @lower_cast(Triple, Three)
 def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
     numbers = [builder.extract_element(value, PLACE(n)) for n in range(3)]
-    return _three(context, builder, [splat(builder, x, LANE_WIDTH) for x in numbers])
+    kind = toty.lane
+    return _three(
+        context, builder, [context.cast(builder, x, types.float64, kind) for x in numbers]
+    )
 
 
 def _binary_of_threes(name: str, *operators: Any) -> None:
@@ -283,19 +289,23 @@ def _binary_of_threes(name: str, *operators: Any) -> None:
         def generic(self, args: Any, kws: Any) -> Any:
             if len(args) != 2 or not any(isinstance(a, Three) for a in args):
                 return None
-            kinds = [THREE if isinstance(a, (Three, Triple)) else LANE for a in args]
-            return signature(THREE, *kinds)
+            three = next(a for a in args if isinstance(a, Three))
+            kinds = [three if isinstance(a, (Three, Triple)) else three.lane for a in args]
+            return signature(three, *kinds)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         x, y = (
             _parts(builder, a) if isinstance(given, Three) else [a] * 3
             for a, given in zip(args, sig.args)
         )
-        return _three(context, builder, [getattr(builder, name)(a, b) for a, b in zip(x, y)])
+        emit = getattr(builder, name)
+        if sig.return_type == THREE_DUALS and name == "fmul":
+            emit = partial(multiplied, builder)
+        return _three(context, builder, [emit(a, b) for a, b in zip(x, y)])
 
     for op in operators:
         infer_global(op)(Template)
-        for pair in ((Three, Three), (Three, Lane), (Lane, Three)):
+        for pair in ((Three, Three), (Three, Lane), (Lane, Three), (Three, Dual), (Dual, Three)):
             lower_builtin(op, *pair)(lower)
 
 
@@ -307,7 +317,7 @@ _binary_of_threes("fmul", operator.mul, operator.imul)
 @infer_global(operator.neg)
 class _NegThree(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
-        return signature(THREE, THREE) if isinstance(args[0], Three) else None
+        return signature(args[0], args[0]) if isinstance(args[0], Three) else None
 
 
 @lower_builtin(operator.neg, Three)
@@ -341,8 +351,9 @@ def triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
             value = builder.insert_element(value, arg, PLACE(n))
         return value
 
-    if any(isinstance(a, Lane) for a in (x, y, z)):
-        return THREE(LANE, LANE, LANE), of_lanes
+    for three in (THREE, THREE_DUALS):
+        if any(a == three.lane for a in (x, y, z)):
+            return three(*[three.lane] * 3), of_lanes
     return TRIPLE(types.float64, types.float64, types.float64), code
 
 
@@ -350,13 +361,13 @@ def triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
 def numbers(typingctx: Any, x: Any) -> Any:
     """The three numbers, or lanes, of a triple, as a tuple."""
     three = isinstance(x, Three)
-    kind = types.UniTuple(LANE if three else types.float64, 3)
+    kind = types.UniTuple(x.lane if three else types.float64, 3)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         found = [builder.extract_element(args[0], PLACE(n)) for n in range(3)] if not three else []
         return context.make_tuple(builder, kind, found or _parts(builder, args[0]))
 
-    return kind(THREE if three else TRIPLE), code
+    return kind(x if three else TRIPLE), code
 
 
 @intrinsic
@@ -400,8 +411,8 @@ def load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
         last = builder.insert_element(ir.Constant(PAIR, [0.0] * 2), one, PLACE(0))
         return builder.shuffle_vector(two, last, _mask(0, 1, 2, 3))
 
-    of = isinstance(a.dtype, Lane)
-    return (THREE if of else TRIPLE)(a, types.intp, types.intp), of_lanes if of else code
+    of = THREES.get(a.dtype)
+    return (of or TRIPLE)(a, types.intp, types.intp), of_lanes if of else code
 
 
 @intrinsic
@@ -423,14 +434,30 @@ def store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
         )
         return context.get_dummy_value()
 
-    of = isinstance(a.dtype, Lane)
-    kinds = (a, types.intp, types.intp, THREE if of else TRIPLE)
+    of = THREES.get(a.dtype)
+    kinds = (a, types.intp, types.intp, of or TRIPLE)
     return types.void(*kinds), of_lanes if of else code
+
+
+def _beyond_duals(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+    least = builder.extract_element(args[1], PLACE(0))
+    found = []
+    for x in _parts(builder, args[0]):
+        value = builder.extract_element(x, PLACE(0))
+        keep = builder.fcmp_unordered(">", llvm(builder, "fabs", value), least)
+        value = builder.select(keep, value, ir.Constant(DOUBLE, 0.0))
+        found.append(builder.insert_element(x, value, PLACE(0)))
+    return _three(context, builder, found)
 
 
 @intrinsic
 def beyond(typingctx: Any, x: Any, least: Any) -> Any:
-    """Replace numbers of a triple with |x| <= `least` by zero, keeping nan."""
+    """Replace numbers of a triple with |x| <= `least` by zero, keeping nan.
+
+    A dual with such a value keeps its derivatives.
+    """
+    if isinstance(x, Three) and x == THREE_DUALS:
+        return x(x, DUAL), _beyond_duals
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         three = isinstance(signature.return_type, Three)
@@ -454,7 +481,7 @@ def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
 
     @overload(of_any, jit_options=INLINED, strict=False)
     def _of_any(rows: Any, work: Any, q: Any) -> Any:
-        if isinstance(q.dtype, Lane):
+        if isinstance(q.dtype, (Lane, Dual)):
             return lambda rows, work, q: of_lanes(rows, work, q)
         return lambda rows, work, q: of_numbers(rows, work, q)
 

@@ -10,6 +10,8 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin
 
+from .dual import dual_of, value_in
+from .kinds import Dual
 from .lane import Lane, as_vector, intrinsic, llvm
 
 infer_global: Any = templates.infer_global  # untyped in numba
@@ -30,26 +32,36 @@ def _set(builder: Any, mask: Any) -> Any:
 
 
 def _common(*kinds: Any) -> Any:
-    """The lane among these, or a number's type."""
-    return next((kind for kind in kinds if isinstance(kind, Lane)), types.float64)
+    """The lane or dual among these, or a number's type."""
+    return next((kind for kind in kinds if isinstance(kind, (Lane, Dual))), types.float64)
 
 
 def _taken(context: Any, builder: Any, values: Any, given: Any, kind: Any) -> list[Any]:
-    """Values as lanes, or all as numbers."""
+    """Values as lanes, as duals, or all as numbers."""
+    if isinstance(kind, Dual):
+        return [dual_of(context, builder, v, k) for v, k in zip(values, given)]
     if isinstance(kind, Lane):
         return [as_vector(context, builder, v, k, kind) for v, k in zip(values, given)]
     return [context.cast(builder, v, k, kind) for v, k in zip(values, given)]
 
 
 def _of_two(emit: Any) -> Any:
-    """An intrinsic of two lanes, of a lane and a number, or of two numbers."""
+    """An intrinsic of two lanes, of a lane and a number, or of two numbers.
+
+    Of duals it is that of their values: a mask.
+    """
 
     @intrinsic
     def two(typingctx: Any, a: Any, b: Any) -> Any:
         kind = _common(a, b)
+        kind = types.float64 if isinstance(kind, Dual) else kind
 
         def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            x, y = _taken(context, builder, args, sig.args, kind)
+            values = [
+                value_in(builder, x) if isinstance(k, Dual) else x for x, k in zip(args, sig.args)
+            ]
+            kinds = [types.float64 if isinstance(k, Dual) else k for k in sig.args]
+            x, y = _taken(context, builder, values, kinds, kind)
             return emit(builder, x, y)
 
         return kind(a, b), code
@@ -61,10 +73,27 @@ def _comparison(relation: str) -> Any:
     return _of_two(lambda b, x, y: _number(b, b.fcmp_ordered(relation, x, y), x.type))
 
 
+def _extreme(relation: str) -> Any:
+    """The first of two where it stands in this relation to the other, else the other."""
+
+    @intrinsic
+    def extreme(typingctx: Any, a: Any, b: Any) -> Any:
+        kind = _common(a, b)
+
+        def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            x, y = _taken(context, builder, args, sig.args, kind)
+            values = [value_in(builder, z) if isinstance(kind, Dual) else z for z in (x, y)]
+            return builder.select(builder.fcmp_ordered(relation, *values), x, y)
+
+        return kind(a, b), code
+
+    return extreme
+
+
 more = _comparison(">")
 most = _comparison("<=")
-larger = _of_two(lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y))
-smaller = _of_two(lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y))
+larger = _extreme(">")
+smaller = _extreme("<")
 both = _of_two(lambda b, x, y: _number(b, b.and_(_set(b, x), _set(b, y)), x.type))
 either = _of_two(lambda b, x, y: _number(b, b.or_(_set(b, x), _set(b, y)), x.type))
 without = _of_two(lambda b, x, y: _number(b, b.and_(_set(b, x), b.not_(_set(b, y))), x.type))
@@ -73,12 +102,13 @@ without = _of_two(lambda b, x, y: _number(b, b.and_(_set(b, x), b.not_(_set(b, y
 @intrinsic
 def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
     """a where the mask is set, else b."""
+    kind = _common(mask, a, b)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = _taken(context, builder, args[1:], sig.args[1:], mask)
+        x, y = _taken(context, builder, args[1:], sig.args[1:], kind)
         return builder.select(_set(builder, args[0]), x, y)
 
-    return mask(mask, a, b), code
+    return kind(mask, a, b), code
 
 
 @intrinsic
@@ -86,8 +116,8 @@ def any_of(typingctx: Any, mask: Any) -> Any:
     """True if the mask is set anywhere, or if a number is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        found = _set(builder, args[0])
-        if not isinstance(mask, Lane):
+        found = _set(builder, args[0])  # of a dual: also its derivatives
+        if not isinstance(mask, (Lane, Dual)):
             return found
         whole = ir.IntType(mask.width)
         return builder.icmp_unsigned("!=", builder.bitcast(found, whole), ir.Constant(whole, 0))

@@ -1,0 +1,23 @@
+"""Width of the number type that carries derivatives; `lowering.dual` defines it.
+
+A dual is a value and WIDTH - 1 derivatives side by side. An array of duals is a C-contiguous array
+of float64 with a last axis of WIDTH, whose place 0 holds the values.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .jit import late
+
+WIDTH = 8  # as many doubles as the widest vector registers have, on every processor
+
+
+def of_numbers(function: Any) -> Any:
+    """A function of (user, t, q, v, tau) of numbers: of duals it is nan, and is never asked for."""
+    return late("dual", "of_numbers", function, function)
+
+
+carries: Any = late("dual", "carries", lambda x: False)  # whether an array holds duals
+duals: Any = late("dual", "duals")  # a float64 array (..., WIDTH) as one of duals
+revalued: Any = late("dual", "revalued")  # the derivatives of a dual, with another value

@@ -1,0 +1,330 @@
+"""Dual: a numba type that is a value and its derivatives, so that kernels differentiate themselves.
+
+Kernels are compiled for it by type alone. The value takes the operations of a number, in their
+order, and so has its bits. Comparisons, and what becomes an integer, go by the value. A number is a
+dual without derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import extending, types
+from numba.core import cgutils
+from numba.core.typing import templates
+from numba.core.typing.templates import AbstractTemplate, signature
+from numba.extending import lower_builtin, lower_cast
+
+from .kinds import DUAL, INLINED, WIDTH, Dual
+
+infer_global: Any = templates.infer_global  # untyped in numba
+intrinsic: Any = extending.intrinsic
+overload: Any = extending.overload
+DOUBLE, PLACE = ir.DoubleType(), ir.IntType(32)
+VECTOR = ir.VectorType(DOUBLE, WIDTH)
+NUMBERS = (types.Float, types.Integer)
+
+
+def value_in(builder: Any, x: Any) -> Any:
+    """The value of a dual."""
+    return builder.extract_element(x, PLACE(0))
+
+
+def with_value(builder: Any, x: Any, value: Any) -> Any:
+    """A dual with another value."""
+    return builder.insert_element(x, value, PLACE(0))
+
+
+def everywhere(builder: Any, value: Any) -> Any:
+    """A number in all places."""
+    one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), value, PLACE(0))
+    mask = ir.Constant(ir.VectorType(PLACE, WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), mask)
+
+
+def dual_of(context: Any, builder: Any, value: Any, given: Any) -> Any:
+    """Return a dual unchanged, or a number as a dual without derivatives."""
+    if isinstance(given, Dual):
+        return value
+    number = context.cast(builder, value, given, types.float64)
+    return with_value(builder, ir.Constant(VECTOR, [0.0] * WIDTH), number)
+
+
+@lower_cast(types.Float, Dual)
+@lower_cast(types.Integer, Dual)
+def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return dual_of(context, builder, value, fromty)
+
+
+# -- operations: x and y are vectors, or doubles where they are numbers ---------------------------
+
+
+def _added(builder: Any, x: Any, y: Any) -> Any:
+    if x.type == y.type:
+        return builder.fadd(x, y)
+    x, y = (x, y) if x.type == VECTOR else (y, x)
+    return with_value(builder, x, builder.fadd(value_in(builder, x), y))
+
+
+def _taken_off(builder: Any, x: Any, y: Any) -> Any:
+    if x.type == y.type:
+        return builder.fsub(x, y)
+    if x.type == VECTOR:
+        return with_value(builder, x, builder.fsub(value_in(builder, x), y))
+    return with_value(builder, builder.fneg(y), builder.fsub(x, value_in(builder, y)))
+
+
+def multiplied(builder: Any, x: Any, y: Any) -> Any:
+    """x y."""
+    if x.type != y.type:
+        x, y = (x, y) if x.type == VECTOR else (y, x)
+        return builder.fmul(x, everywhere(builder, y))
+    a, b = value_in(builder, x), value_in(builder, y)
+    both = builder.fmul(everywhere(builder, a), y), builder.fmul(everywhere(builder, b), x)
+    return with_value(builder, builder.fadd(*both), builder.fmul(a, b))
+
+
+def _divided(builder: Any, x: Any, y: Any) -> Any:
+    if y.type != VECTOR:
+        return builder.fdiv(x, everywhere(builder, y))
+    below = value_in(builder, y)
+    quotient = builder.fdiv(value_in(builder, x) if x.type == VECTOR else x, below)
+    change = builder.fmul(everywhere(builder, quotient), y)
+    change = builder.fsub(x, change) if x.type == VECTOR else builder.fneg(change)
+    return with_value(builder, builder.fdiv(change, everywhere(builder, below)), quotient)
+
+
+def _binary(emit: Callable[..., Any], *operators: Any) -> None:
+    """Typing and lowering of one operation between duals, or a dual and a number."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
+            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
+            kinds = [a if isinstance(a, Dual) else types.float64 for a in args]
+            return signature(DUAL, *kinds) if fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return emit(builder, *args)
+
+    for op in operators:
+        infer_global(op)(Template)
+        for pair in ((Dual, Dual), (Dual, types.Float), (types.Float, Dual)):
+            lower_builtin(op, *pair)(lower)
+
+
+_binary(_added, operator.add, operator.iadd)
+_binary(_taken_off, operator.sub, operator.isub)
+_binary(multiplied, operator.mul, operator.imul)
+_binary(_divided, operator.truediv, operator.itruediv)
+
+
+def _comparison(relation: str, op: Any) -> None:
+    """Typing and lowering of a comparison of values."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
+            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
+            kinds = [a if isinstance(a, Dual) else types.float64 for a in args]
+            return signature(types.boolean, *kinds) if fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (value_in(builder, a) if a.type == VECTOR else a for a in args)
+        compare = builder.fcmp_unordered if relation == "!=" else builder.fcmp_ordered
+        return compare(relation, x, y)
+
+    infer_global(op)(Template)
+    for pair in ((Dual, Dual), (Dual, types.Float), (types.Float, Dual)):
+        lower_builtin(op, *pair)(lower)
+
+
+for _relation in ("<", "<=", ">", ">=", "==", "!="):
+    _names = {"<": "lt", "<=": "le", ">": "gt", ">=": "ge", "==": "eq", "!=": "ne"}
+    _comparison(_relation, getattr(operator, _names[_relation]))
+
+
+def _unary(function: Any, result: Any, emit: Callable[..., Any]) -> None:
+    """Typing and lowering of a function of one dual."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            fits = len(args) == 1 and isinstance(args[0], Dual)
+            return signature(result, *args) if fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return emit(builder, args[0])
+
+    lower_builtin(function, Dual)(lower)
+
+
+def _of_double(builder: Any, name: str, x: Any) -> Any:
+    kind = ir.FunctionType(DOUBLE, [DOUBLE])
+    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.f64")
+    return builder.call(function, [x])
+
+
+def _root(builder: Any, x: Any) -> Any:
+    root = _of_double(builder, "sqrt", value_in(builder, x))
+    slope = everywhere(builder, builder.fdiv(ir.Constant(DOUBLE, 0.5), root))
+    return with_value(builder, builder.fmul(x, slope), root)
+
+
+def _size(builder: Any, x: Any) -> Any:
+    value = value_in(builder, x)
+    negative = builder.fcmp_ordered("<", value, ir.Constant(DOUBLE, 0.0))
+    size = builder.select(negative, builder.fneg(x), x)
+    return with_value(builder, size, _of_double(builder, "fabs", value))
+
+
+_unary(operator.neg, DUAL, lambda builder, x: builder.fneg(x))
+_unary(math.sqrt, DUAL, _root)
+_unary(abs, DUAL, _size)
+_unary(
+    math.floor,
+    types.int64,
+    lambda builder, x: builder.fptosi(
+        _of_double(builder, "floor", value_in(builder, x)), ir.IntType(64)
+    ),
+)
+_unary(
+    math.isnan,
+    types.boolean,
+    lambda builder, x: builder.fcmp_unordered("uno", value_in(builder, x), value_in(builder, x)),
+)
+_unary(int, types.int64, lambda builder, x: builder.fptosi(value_in(builder, x), ir.IntType(64)))
+
+
+def _extreme(function: Any, relation: str) -> None:
+    """min and max of two: the second where it stands in `relation` to the first, as Python's."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
+            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
+            return signature(DUAL, DUAL, DUAL) if fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = args
+        other = builder.fcmp_ordered(relation, value_in(builder, y), value_in(builder, x))
+        return builder.select(other, y, x)
+
+    lower_builtin(function, Dual, Dual)(lower)
+
+
+_extreme(min, "<")
+_extreme(max, ">")
+
+
+@overload(operator.pow, jit_options=INLINED, strict=False)
+def _whole_power(x: Any, n: Any) -> Any:
+    if not (isinstance(x, Dual) and isinstance(n, types.Integer)):
+        return None
+
+    def of_dual(x: Any, n: Any) -> Any:
+        found = x
+        for _ in range(n - 1):
+            found = found * x
+        return found
+
+    return of_dual
+
+
+# -- parts of a dual ------------------------------------------------------------------------------
+
+
+@intrinsic
+def value_of(typingctx: Any, x: Any) -> Any:
+    """The value of a dual, or a number."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return value_in(builder, args[0]) if isinstance(x, Dual) else args[0]
+
+    return types.float64(x if isinstance(x, Dual) else types.float64), code
+
+
+@intrinsic
+def chained(typingctx: Any, x: Any, value: Any, slope: Any) -> Any:
+    """f(x) of a dual from f and its slope there; of a number a dual without derivatives."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if not isinstance(x, Dual):
+            return dual_of(context, builder, args[1], types.float64)
+        return with_value(builder, builder.fmul(args[0], everywhere(builder, args[2])), args[1])
+
+    return DUAL(x, types.float64, types.float64), code
+
+
+@intrinsic
+def joined(typingctx: Any, x: Any, y: Any, value: Any) -> Any:
+    """The derivatives of two duals added up, with a value."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return with_value(builder, builder.fadd(args[0], args[1]), args[2])
+
+    return DUAL(x, y, types.float64), code
+
+
+@intrinsic
+def revalued(typingctx: Any, x: Any, value: Any) -> Any:
+    """The derivatives of a dual with another value."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return with_value(builder, args[0], args[1])
+
+    return DUAL(DUAL, types.float64), code
+
+
+def carries(x: Any) -> bool:
+    """Whether an array holds duals."""
+    return False
+
+
+@overload(carries, jit_options=INLINED, strict=False)
+def _carries(x: Any) -> Any:
+    found = isinstance(x.dtype, Dual)
+    return lambda x: found
+
+
+@intrinsic
+def duals(typingctx: Any, array: Any) -> Any:
+    """A C-contiguous float64 array (..., WIDTH) as an array (...) of duals over the same memory."""
+    view = types.Array(DUAL, array.ndim - 1, "C", aligned=False)
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        target = context.make_array(view)(context, builder)
+        shape = cgutils.unpack_tuple(builder, source.shape)[:-1]
+        strides = cgutils.unpack_tuple(builder, source.strides)[:-1]
+        count = context.get_constant(types.intp, 1)
+        for n in shape:
+            count = builder.mul(count, n)
+        target.data = builder.bitcast(source.data, VECTOR.as_pointer())
+        target.nitems, target.itemsize = count, context.get_constant(types.intp, 8 * WIDTH)
+        target.shape = cgutils.pack_array(builder, shape)
+        target.strides = cgutils.pack_array(builder, strides)
+        target.meminfo, target.parent = source.meminfo, source.parent
+        return target._getvalue()
+
+    return view(array), code
+
+
+def of_numbers(function: Any) -> Any:
+    """A function of (user, t, q, v, tau), which is nan of duals."""
+
+    def of_any(user: Any, t: Any, q: Any, v: Any, tau: Any) -> Any:
+        return function(user, t, q, v, tau)
+
+    @overload(of_any, jit_options=INLINED, strict=False)
+    def _of_any(user: Any, t: Any, q: Any, v: Any, tau: Any) -> Any:
+        if isinstance(q.dtype, Dual):
+            return lambda user, t, q, v, tau: math.nan
+        return lambda user, t, q, v, tau: function(user, t, q, v, tau)
+
+    return of_any
