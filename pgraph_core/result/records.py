@@ -46,6 +46,24 @@ class Event(NamedTuple):
         return f"t = {self.t:.9g} s: {where}: {change}: {self.cause}"
 
 
+class Derivatives(dict[str, Array]):
+    """{path: (n, nq + nv + 2)} of q, v, work and dissipation, and how to go beside a run.
+
+    Pickles keep the arrays alone.
+    """
+
+    def __init__(self, arrays: Mapping[str, Array], source: Any = None):
+        """`source` has a method `beside`."""
+        super().__init__(arrays)
+        self.source = source
+
+    def __reduce__(self) -> Any:
+        return Derivatives, (dict(self),)
+
+
+NO_DERIVATIVES = Derivatives({})
+
+
 @dataclass(frozen=True, eq=False)
 class ContactRecord(EqualByFields):
     """Arrays over n frames by the contact's name, or `name[body]` if it has several bodies."""

@@ -38,11 +38,13 @@ from .columns import Column, columns_of, dataset, frame, matlab, meant, no_colum
 from .dense import states_at
 from .records import (
     KINDS,
+    NO_DERIVATIVES,
     NO_FORCES,
     NOTHING,
     OF_CONSTRAINTS,
     ByTouch,
     ContactRecord,
+    Derivatives,
     Event,
     Named,
     UserEvent,
@@ -75,6 +77,7 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
+BESIDE = 2.0**-10  # rad, m, or of a number: differences of order 4 over it are good to 1e-12
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
 
 
@@ -113,6 +116,8 @@ class Result(EqualByFields, Portable):
     notices: tuple[str, ...] = field(default=())  # sentences on how the run went
     user_events: tuple[UserEvent, ...] = field(default=())
     """Where functions given as `events` crossed zero, in order of time."""
+    derivatives: Derivatives = field(default_factory=lambda: NO_DERIVATIVES, compare=False)
+    """{path: (n, nq + nv + 2)} of q, v, work and dissipation by what `wrt` names."""
 
     def __post_init__(self) -> None:
         """The arrays may not be written: a run does not change."""
@@ -250,6 +255,55 @@ class Result(EqualByFields, Portable):
         """
         frames = (self.t, self.q, self.v, self.vdot)
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
+
+    def sensitivity(self, path: str, /) -> Array:
+        """Return the derivative of [q, v] by the number at a path of `wrt`, (n, nq + nv).
+
+        Raises InputError for a path that the run was not differentiated by.
+        """
+        if path not in self.derivatives:
+            asked = f"wrt=[{path!r}]"
+            text = f"the run was not differentiated by {path!r}; give simulate(..., {asked})"
+            if self.derivatives:
+                text = f"the run was differentiated by {choices(self.derivatives)}, not by {path!r}"
+            raise InputError(Problem("sensitivity", "path", text))
+        return self.derivatives[path][:, : self.q.shape[1] + self.v.shape[1]]
+
+    def gradient(self, function: Callable[[Result], Any], /) -> dict[str, Any]:
+        """Return the derivatives of a function of this run by the numbers of `wrt`.
+
+        The function is evaluated at runs beside this one, which `sensitivity` gives exactly to
+        first order, and differences of order 4 are taken of it. What it reads of a run may be
+        anything: coordinates, energies, forces, outputs.
+
+        Parameters
+        ----------
+        function : callable
+            Function of a run that returns a number or an array.
+
+        Returns
+        -------
+        dict
+            {path: derivative}, of the shape of what the function returns.
+
+        Raises
+        ------
+        InputError
+            If the run has no derivatives, or was read from a file.
+        """
+        if self.derivatives.source is None:
+            text = "the run has no derivatives; give simulate(..., wrt=[paths])"
+            raise InputError(Problem("gradient", "", text))
+        return {path: self._slope_along(function, path) for path in self.derivatives}
+
+    def _slope_along(self, function: Callable[[Result], Any], path: str) -> Any:
+        source, moves = self.derivatives.source, np.abs(self.sensitivity(path))
+        step = BESIDE / max(float(np.nanmax(moves, initial=0.0)), 1.0 / source.scale_of(path))
+        found = [
+            np.asarray(function(source.beside(self, path, k * step)), float) for k in (-2, -1, 1, 2)
+        ]
+        slope = (8.0 * (found[2] - found[1]) - (found[3] - found[0])) / (12.0 * step)
+        return slope if slope.ndim else float(slope)
 
     def to_pandas(self) -> Any:
         """Return a pandas DataFrame of `columns`, one row per frame, with the time t [s] as index.

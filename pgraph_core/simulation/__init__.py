@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
@@ -56,6 +57,7 @@ def simulate(
     events: Event | Sequence[Event] = NO_EVENTS,
     progress: Callable[[float], Any] | bool | None = None,
     estimate: bool | None = None,
+    wrt: str | Sequence[Any] = (),
 ) -> Result:
     """Simulate a mechanism, or a model, from `t_start` to `t_end`.
 
@@ -114,6 +116,11 @@ def simulate(
         Whether to estimate the error from a second run at half the step or a tighter tolerance,
         which doubles the time. By default all runs do but those with a Python function `tau`, which
         may have a memory. Without an estimate it is nan, and `message` says so.
+    wrt : str or sequence of str, optional
+        Numbers that the run is differentiated by: paths in the model as in `sweep`
+        ("bodies.arm.mass", the name of a parameter), "q.arm" and "v.arm" of the initial state, and
+        "inputs.knee" of the call. `run.sensitivity(path)` and `run.gradient(function)` give the
+        derivatives. They are those of the steps taken, with their widths held.
 
     Returns
     -------
@@ -148,6 +155,11 @@ def simulate(
     tau = plan.tau if tau is None else tau
     monitors = () if events is NO_EVENTS else monitors_of(events)
     record = Recording(mech, plan, *state, tau, monitors)
+    if len(wrt):
+        from .sensitivity import Carried, Given, variables_of
+
+        given = Given(mech, options, replace(plan, start=state), tau, q, v)
+        record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     built, busy = time.perf_counter(), time.thread_time()
     if progress is None:

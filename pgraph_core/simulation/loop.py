@@ -37,6 +37,7 @@ from .plan import MANY_STEPS, RunPlan, Way, keep
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
+    from .sensitivity import Carried
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
@@ -48,6 +49,8 @@ TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relat
 
 class Steps:
     """State of a run in progress, which `advance` continues."""
+
+    carried: Carried | None = None  # derivatives
 
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
@@ -137,6 +140,11 @@ class Steps:
             kept.width[: n - 1] = plan.width
 
     @property
+    def kept(self) -> Run:
+        """The run as kernels take it."""
+        return self._kept
+
+    @property
     def taken(self) -> int:
         """Steps of this width since its origin."""
         return self._words[0].item(TAKEN)
@@ -205,10 +213,16 @@ class Steps:
 
     def advance(self, budget: int) -> int:
         """Attempt at most `budget` steps and frames. Returns the kernel's status code."""
-        code = run.advance_run(self.address, budget)
+        code = self._attempt(budget)
         if code == at.NOT_SOLVED and self.control["widths"] == WIDEST:
             return self._in_parts()
         return code
+
+    def _attempt(self, budget: int) -> int:
+        """`advance_run`, with derivatives where they are wanted."""
+        if self.carried is not None:
+            return self.carried.advance(self.address, budget)
+        return run.advance_run(self.address, budget)
 
     def _in_parts(self) -> int:
         """Divide a fixed step that could not be solved into steps of the method's own choice."""
@@ -219,7 +233,7 @@ class Steps:
         control["widths"], control["width"] = CHOSEN, 0.5 * widest
         code = at.RUNNING
         while code == at.RUNNING and control["time"] < end:
-            code = run.advance_run(self.address, 1)
+            code = self._attempt(1)
         control["widths"] = WIDEST
         return code
 

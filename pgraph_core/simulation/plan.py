@@ -286,6 +286,14 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     return plan, rated or (rate.known and rate.found is not None)
 
 
+def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any) -> RunPlan:
+    """A plan with the forces and the initial state of another mechanism of the same structure."""
+    given = mech.model.scenario(o.scenario) if o.scenario is not None else None
+    acts = _what_acts(mech, o, given, o.span(given), o.checked_forces(mech), None)
+    start = initial_state(mech, given, q, v, tau)
+    return replace(plan, drives=acts.drives, loads=acts.loads, length=acts.length, start=start)
+
+
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
     """True if contacts and limits may be ignored until something comes near.
 

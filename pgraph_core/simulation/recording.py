@@ -37,7 +37,14 @@ from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
-from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
+from ..result.records import (
+    NO_DERIVATIVES,
+    NO_FORCES,
+    NOTHING,
+    OF_CONSTRAINTS,
+    ContactRecord,
+    Named,
+)
 from ..tolerances import NAMED, VISIBLE
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
@@ -46,6 +53,7 @@ from .switches import Change, Condition, closed, hold_here, limits_of, room_for,
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
+    from .sensitivity import Carried
     from .switches import Monitor, Watch
 
 PROGRESS_EVERY = 0.02  # s of computation between two calls of `progress`
@@ -74,6 +82,7 @@ class Recording:
     watch: Watch | None = None  # conditions of switches, then a user's events
     events: ContactEvents | None = None  # decisions at events of contact points
     _crawls = ""  # the warning that the run would take very many steps
+    carried: Carried | None = None  # derivatives
     met = ""  # description of the run until something came near
 
     def __init__(
@@ -372,6 +381,7 @@ class Recording:
     def begin(self) -> bool:
         """True if the run can start: no joint without inertia, satisfiable constraints."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
+        given = self.q.copy(), self.v.copy()
         if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
@@ -405,6 +415,8 @@ class Recording:
         stepped = self.events is None and plan.method.name == "moreau_jean" and len(plan.times) > 1
         if stepped and self.user is None and self.scene.touching is not None and self.ended.ok:
             self.steps.rehearse(self.scene.touching.tally_table)
+        if self.carried is not None and self.ended.ok:
+            self.carried.join(self, given)
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
@@ -503,6 +515,8 @@ class Recording:
         """Continue with contacts. Returns False if the run ends. Raises InputError."""
         plan, t, done = self.plan, float(self.steps.control["time"]), self.done
         assert plan.way is not None
+        if self.carried is not None:
+            self.carried.stop(self, "something comes near, and contacts have none yet")
         refused = plan.way.refused
         if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
             raise refused  # a method that takes no contacts at all, or none as at the start
@@ -561,6 +575,8 @@ class Recording:
         With `frame`, the last frame has this time and is recorded again.
         """
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
+        if self.steps.carried is not None:
+            self.steps.carried.stop(self, "constraints are switched")
         self._note_singular()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before = self._energy()
@@ -783,6 +799,7 @@ class Recording:
             header=header,
             notices=(*self.notices(), *told),
             user_events=tuple(self.watch.log) if self.watch else (),
+            derivatives=NO_DERIVATIVES if self.carried is None else self.carried.of_frames(rows),
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
@@ -835,7 +852,8 @@ class Recording:
 
             n = self.done
             steps += crept(self.mech, self.scene.drives, self.steps.times[:n], self.out.v[:n])
-        return (*self.told, *steps, *contacts, *user)
+        carried = self.carried.notices() if self.carried is not None else []
+        return (*self.told, *steps, *contacts, *user, *carried)
 
     def _oriented(self) -> int:
         """Return the number of frames with valid orientations, which a diverged state may lack."""

@@ -1,0 +1,329 @@
+"""Derivatives of a run by numbers of its model, its initial state and its inputs.
+
+A run of numbers decides on all steps. After each one, runs of duals repeat it from the same state,
+each with seven derivatives. Packed constants are differentiated by central differences of order 6
+over steps of 1/256 of a number, to about 1e-12 of them. Everything after packing is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..dynamics.lifted import MOST, Differs, laid_out, lifted, slope_of, weighted
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.arrays import FACTORED, RUN_OF_DUALS, SCENE_OF_DUALS, RunLinks
+from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine.compiler.dual import WIDTH
+from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
+from ..errors import InputError, ModelError, Problem, nearest, shown
+from ..mechanism import Mechanism
+from ..packing import Array, Ints
+from ..result import Result
+from ..result.records import Derivatives
+from .options import Options
+from .paths import Path, distinct
+from .plan import RunPlan, varied
+
+# weights of f(x + k h) for h f'(x), k = -3 ... 3, and on one side, k = 0 ... 6
+CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
+SHARE = 2.0**-8  # step over the size of a number: truncation and rounding are about 1e-13
+ROUNDS = 50  # projections of the initial state, as in `assembled`
+
+
+class Given(NamedTuple):
+    """The arguments of a run that its derivatives need again."""
+
+    mech: Mechanism
+    options: Options
+    plan: RunPlan
+    tau: Any
+    q: Any
+    v: Any
+
+    def at(self, mech: Mechanism, options: Options) -> RunPlan:
+        """The plan for another mechanism of the same structure."""
+        return varied(mech, options, self.plan, self.tau, self.q, self.v)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number that a run is differentiated by."""
+
+    path: str
+    present: float
+    made: Callable[[float], tuple[Mechanism, RunPlan]]  # what another value makes of the run
+    seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
+
+    def step(self) -> float:
+        """Step of the differences."""
+        return SHARE * (abs(self.present) or 1.0)
+
+
+def variables_of(given: Given, wrt: Any, call: str = "simulate") -> list[Variable]:
+    """The numbers at these paths. Raises InputError."""
+    listed = [wrt] if isinstance(wrt, str) else wrt
+    if not isinstance(listed, (list, tuple)) or not listed:
+        text = f"must be a list of paths, as ['bodies.arm.mass', 'q.arm']; given {shown(wrt)}"
+        raise InputError(Problem(call, "wrt", text))
+    found, paths = [], []
+    for one in listed:
+        if not isinstance(one, (str, tuple, list)) or not one:
+            raise InputError(Problem(call, "wrt", f"must name paths; given {shown(one)}"))
+        word = one if isinstance(one, str) else ".".join(map(str, one))
+        group, _, name = word.partition(".")
+        if group in ("q", "v") and word not in given.mech.model.parameters:
+            found.append(_coordinate(given, group, name, call))
+        elif group == "inputs" and word not in given.mech.model.parameters:
+            found.append(_input(given, name, call))
+        else:
+            paths.append(Path(given.mech.model, one, call))
+            found.append(_number(given, paths[-1]))
+    distinct(paths, call)
+    names = [one.path for one in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(Problem(call, "wrt", f"'{name}' is given twice"))
+    return found
+
+
+def _number(given: Given, path: Path) -> Variable:
+    options, model = given.options, given.mech.model
+    call = {"q": given.q, "v": given.v, "tau": given.tau, "inputs": dict(options.inputs) or None}
+    if instead := path.replaced_by(model, options.scenario, call):
+        raise InputError(Problem("simulate", path.text, f"has no influence: {instead}"))
+    if np.isnan(path.present):
+        text = "has no value in the model: give it one to differentiate by it"
+        raise InputError(Problem("simulate", path.text, text))
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        mech = Mechanism(path.set(model, x))
+        return mech, given.at(mech, options)
+
+    return Variable(path.text, path.present, made)
+
+
+def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
+    """An initial coordinate: "q.arm", or "v.trunk.3" of a joint with several."""
+    mech = given.mech
+    joints = {
+        body: range(*getattr(joint, kind).indices(len(given.plan.start[kind == "v"])))
+        for body, joint in mech.joints.items()
+    }
+    body, _, entry = name.rpartition(".")
+    body, entry = (body, entry) if body in joints and entry.isdecimal() else (name, "0")
+    if body not in joints:
+        text = f"no body with a joint that moves is called {body!r}; {nearest(body, joints)}"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    place = joints[body]
+    if (body == name and len(place) > 1) or int(entry) >= len(place):
+        text = f"the joint has {len(place)} entries: name one, as in {kind}.{body}.0"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    index = place[int(entry)]
+    if kind == "q" and any(i <= index < i + 4 for _, i, _ in mech.packed.quaternions):
+        text = "is a part of a quaternion, which does not vary alone"
+        raise InputError(Problem(call, f"{kind}.{name}", text))
+    start = given.plan.start
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        state = [part.copy() for part in start]
+        state[kind == "v"][index] = x
+        return mech, replace(given.plan, start=(state[0], state[1]))
+
+    present = float(start[kind == "v"][index])
+    return Variable(f"{kind}.{name}", present, made, (int(kind == "v"), index))
+
+
+def _input(given: Given, name: str, call: str) -> Variable:
+    options = given.options
+    inputs = dict(options.inputs)
+    present = inputs.get(name)
+    if not isinstance(present, (int, float)):
+        text = f"is no number that the call gives; give inputs={{{name!r}: 0.0}} to simulate"
+        raise InputError(Problem(call, f"inputs.{name}", text))
+
+    def made(x: float) -> tuple[Mechanism, RunPlan]:
+        changed = tuple((inputs | {name: x}).items())
+        return given.mech, given.at(given.mech, options._replace(inputs=changed))
+
+    return Variable(f"inputs.{name}", float(present), made)
+
+
+# -- runs of duals ---------------------------------------------------------------------------------
+
+
+class Carried:
+    """The derivatives of a run in progress."""
+
+    def __init__(self, given: Given, variables: Sequence[Variable]):
+        """Raises InputError for a run that has no derivatives."""
+        self.given, self.variables = given, variables
+        self._ended: list[str] = []
+        self.out = np.zeros((0, 0, 0, WIDTH))  # of a run that does not start
+        _refuse(given)
+
+    def join(self, record: Any, start: tuple[Array, Array]) -> None:
+        """Carry derivatives through the steps of a recording that is at its start.
+
+        `start` is the initial state before it was assembled. Raises InputError.
+        """
+        from ..engine.stepping import duals
+
+        n = len(record.plan.times)
+        slopes = [self._slope(record, variable) for variable in self.variables]
+        size = -(-len(slopes) // MOST)
+        self.out = np.full((size, n, record.steps.stages.shape[1], WIDTH), np.nan)
+        groups = [slopes[k : k + MOST] for k in range(0, len(slopes), MOST)]
+        self._runs = [_RunOfDuals(record, start, group) for group in groups]
+        self._addresses = np.array([run.address for run in self._runs])
+        self._step, self._note = map(address_of, (duals.explicit_of_duals, duals.note_duals))
+        self._advance = address_of(_advance_run())
+        self._kernel = duals.advance_with_duals
+        record.steps.carried = self
+        record._free = None  # nobody else steps it
+
+    def advance(self, run: int, budget: int) -> int:
+        """`advance_run`, with derivatives."""
+        given = self._addresses, self._step, self._note, self.out, budget
+        return self._kernel(run, self._advance, *given)
+
+    def stop(self, record: Any, why: str) -> None:
+        """Go on without derivatives."""
+        t = float(record.steps.control["time"])
+        record.steps.carried = None
+        self._ended.append(f"at t = {t:.6g} s derivatives end: {why}")
+
+    def notices(self) -> list[str]:
+        """Sentences on where derivatives end, and on numbers without influence."""
+        idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
+        return self._ended + [f"{path} has no influence on the motion" for path in idle]
+
+    def _each(self) -> list[Array]:
+        """The derivatives by each variable, (frames, nq + nv + 2)."""
+        return [group[..., k] for group in self.out for k in range(1, WIDTH)]
+
+    def of_frames(self, rows: slice | Ints) -> Derivatives:
+        """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""
+        found = {one.path: d[rows].copy() for one, d in zip(self.variables, self._each())}
+        return Derivatives(found, self)
+
+    def scale_of(self, path: str) -> float:
+        """Return the size of a number."""
+        (variable,) = (one for one in self.variables if one.path == path)
+        return abs(variable.present) or 1.0
+
+    def beside(self, run: Result, path: str, change: float) -> Result:
+        """The run that a number changed by this much has to first order, at the same frames."""
+        from ..engine.stepping.duals import record_states
+        from .recording import Recording
+
+        (variable,) = (one for one in self.variables if one.path == path)
+        mech, plan = variable.made(variable.present + change)
+        plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None)
+        other = Recording(mech, plan, *plan.start, self.given.tau)
+        states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
+        states[1:] = np.column_stack((run.q, run.v, run.work, run.dissipation))
+        states[1:] += change * run.derivatives[path]
+        record, accelerate = address_of(motion.record), address_of(motion.acceleration)
+        arrays = tuple(other.out)
+        record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
+        other.steps.control["frame"] = len(run.t)
+        return other.result(None, (), {})
+
+    def _slope(self, record: Any, variable: Variable) -> tuple[Any, Array, Array]:
+        """Derivatives of the scene and of the initial state."""
+        from .recording import Recording
+
+        if variable.seed is not None:
+            q, v = (np.zeros(len(part)) for part in self.given.plan.start)
+            (q, v)[variable.seed[0]][variable.seed[1]] = 1.0
+            arrays = record.scene.arrays
+            return slope_of(SCENE_OF_DUALS, [arrays], [0.0]), q, v
+        h, refused = variable.step(), None
+        for side, weights in ((1, CENTRAL), (1, ONE_SIDED), (-1, ONE_SIDED)):
+            try:
+                found = []
+                for k in weights:
+                    mech, plan = variable.made(variable.present + side * k * h)
+                    other = Recording(mech, plan, *plan.start, self.given.tau)
+                    found.append((other.scene.arrays, *plan.start))
+                per = [side * weight / h for weight in weights.values()]
+                scene = slope_of(SCENE_OF_DUALS, [one[0] for one in found], per)
+                q, v = (weighted([one[i] for one in found], per) for i in (1, 2))
+                return scene, q, v
+            except ModelError as error:
+                refused = error
+            except Differs:
+                text = "changes what acts as it leaves its value, so that no derivative exists"
+                refused = InputError(Problem("simulate", variable.path, text))
+        assert refused is not None
+        raise refused
+
+
+def _advance_run() -> Any:
+    from ..engine.stepping.run import advance_run
+
+    return advance_run
+
+
+def _refuse(given: Given) -> None:
+    plan, why = given.plan, ""
+    if plan.method.implicit or not plan.method.starts:
+        why = f"{plan.method.name} has no derivatives yet; choose 'rk4', 'dopri5' or 'dop853'"
+    if plan.contacts is not None or plan.contact_points:
+        why = "contacts and joint limits have no derivatives yet; switch them off"
+    if callable(given.tau) or plan.tau is not None:
+        why = "a function of torques has no derivatives: give motors or servos in its place"
+    if why:
+        raise InputError(Problem("simulate", "wrt", why))
+
+
+class _RunOfDuals:
+    """The scene, the stages and the control of a run with up to seven derivatives."""
+
+    def __init__(self, record: Any, start: tuple[Array, Array], slopes: Sequence[Any]):
+        from ..engine.stepping import duals
+
+        steps = record.steps
+        scene = record.scene.arrays
+        constrain = address_of(duals.constrain_duals) if len(record.scene.active) > 1 else 0
+        self._scene = lifted(SCENE_OF_DUALS, scene, [slope[0] for slope in slopes])
+        self._scene = self._scene._replace(links=scene.links._replace(constraints=constrain))
+        self._scene.space.vectors[FACTORED] = 0.0  # these factors have no derivatives
+        self._at_scene = _saved(SCENE_OF_DUALS, self._scene)
+        nq, nv = len(steps.q), len(steps.v)
+        stages = np.zeros((*steps.stages.shape, WIDTH))
+        control = table(STEP_CONTROL, 1)
+        control[:] = steps.control_table
+        control["fresh"] = control["filled"] = control["guard"] = 0
+        control["widths"] = CHOSEN  # of no consequence: steps are given
+        project = address_of(duals.projection_of_duals) if constrain else 0
+        links = RunLinks(address_of(duals.acceleration_of_duals), project, 0, 0)
+        kept = steps.kept
+        self._run = kept._replace(
+            scene=address_of_array(self._at_scene), links=links, stages=stages,
+            real=np.zeros((*kept.real.shape, WIDTH)), control=control,
+            counters=table(COUNTERS, 1), flow=np.zeros((3, WIDTH)),
+        )  # fmt: skip
+        self._at_run = _saved(RUN_OF_DUALS, self._run)
+        self.address = address_of_array(self._at_run)
+        y = stages[at.Y]
+        y[: nq + nv, 0] = np.concatenate(start)
+        for k, (_, q, v) in enumerate(slopes, start=1):
+            y[: nq + nv, k] = np.concatenate((q, v))
+        if constrain and record.plan.project:
+            t = float(record.plan.times[0])
+            duals.place_of_duals(self.address, t, ROUNDS)
+        y[: nq + nv, 0] = np.concatenate((steps.q, steps.v))
+
+
+def _saved(kind: Any, value: Any) -> Any:
+    """A buffer with a lifted tuple."""
+    words, out = laid_out(kind, value), buffer()
+    out[: len(words)] = words
+    return out
