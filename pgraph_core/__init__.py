@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from .errors import ModelError as ModelError
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
+    from .fitting import Fit as Fit
+    from .fitting import fit as fit
     from .forces import Bushing as Bushing
     from .forces import Lines as Lines
     from .forces import Strut as Strut
@@ -112,6 +114,7 @@ _MODULES = {
     "analysis.feedback": "Feedback lqr place_poles",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
+    "fitting": "Fit fit",
     "formats": "load",
     "forces": "Bushing Lines Strut",
     "formats.mjcf": "read_mjcf",

@@ -1,0 +1,249 @@
+"""Derivatives of runs against closed forms and differences, and fits by them."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+from ..worlds import built_in
+
+SIX = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # central differences of order 6
+
+
+def described(name):
+    return built_in(name).model
+
+
+def state(run):
+    return np.hstack((run.q, run.v))
+
+
+def difference(function, h):
+    return sum(w * (function(k * h) - function(-k * h)) for k, w in SIX.items()) / h
+
+
+def missed(found, expected):
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+STEPS = {"method": "rk4", "step": 1e-3, "t_end": 0.5, "estimate": False, "frames": 51}
+
+
+def oscillator(**fields):
+    spring = pg.Spring(
+        name="s", body="block", other="ground", **{"stiffness": 40.0, "rest": 0.0} | fields
+    )
+    return pg.Model(
+        bodies=[pg.Body(name="block", joint="prismatic", axes=[(1, 0, 0)], mass=2.0, q=[0.5])],
+        forces=[spring],
+        gravity=(0, 0, 0),
+    )
+
+
+def test_an_oscillator_has_its_closed_form():
+    run = pg.simulate(
+        oscillator(), t_end=3.0, rtol=1e-12, method="dop853", estimate=False, frames=40,
+        wrt=["forces.s.stiffness", "bodies.block.mass", "q.block", "v.block"],
+    )  # fmt: skip
+    t, rate = run.t, np.sqrt(40.0 / 2.0)
+    by_rate = -0.5 * t * np.sin(rate * t)
+    for path, exact in {
+        "forces.s.stiffness": by_rate * 0.5 * rate / 40.0,
+        "bodies.block.mass": -by_rate * 0.5 * rate / 2.0,
+        "q.block": np.cos(rate * t),
+        "v.block": np.sin(rate * t) / rate,
+    }.items():
+        assert missed(run.sensitivity(path)[:, 0], exact) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+@pytest.mark.parametrize(
+    ("name", "path", "share"),
+    [
+        ("double_pendulum", "bodies.lower.mass", 1e-2),
+        ("double_pendulum", "q.upper", 1e-2),
+        ("heavy_top", "bodies.top.com.2", 2e-5),
+        ("four_bar", "bodies.coupler.link.0", 2e-3),
+        ("four_bar", "q.left crank", 2e-3),
+        ("slider_crank", "bodies.rod.link.0", 2e-4),
+    ],
+)
+def test_derivatives_are_those_of_the_steps(method, name, path, share):
+    model = described(name)
+    options = STEPS | {"method": method}
+    plain, run = pg.simulate(model, **options), pg.simulate(model, wrt=path, **options)
+    assert plain == run
+    assert plain.counters == run.counters
+    group, _, body = path.partition(".")
+    mech = pg.Mechanism(model)
+    q = mech.home()[0]
+
+    def moved(change):
+        if group == "q":
+            other = q.copy()
+            other[mech.joints[body].q.start] += change
+            return state(pg.simulate(model, other, **options))
+        _, body_name, field, *entry = path.split(".")
+        value = getattr(model.body(body_name), field)
+        if entry:
+            value = list(value)
+            value[int(entry[0])] += change
+        else:
+            value += change
+        return state(pg.simulate(model.edit(body_name, **{field: value}), q, **options))
+
+    assert missed(run.sensitivity(path), difference(moved, share)) < 1e-8
+
+
+def test_adaptive_methods_agree():
+    options = {
+        "t_end": 1.0,
+        "frames": 30,
+        "estimate": False,
+        "wrt": ["q.upper", "bodies.lower.mass"],
+    }
+    model = described("double_pendulum")
+    fine = pg.simulate(model, method="rk4", step=2e-4, **options)
+    for method in ("dopri5", "dop853"):
+        run = pg.simulate(model, method=method, rtol=1e-12, **options)
+        for path in options["wrt"]:
+            assert missed(run.sensitivity(path), fine.sensitivity(path)) < 1e-9
+
+
+def test_groups_of_numbers_are_those_of_each():
+    model = described("double_pendulum")
+    wrt = [f"{kind}.{body}" for kind in "qv" for body in ("upper", "lower")]
+    wrt += [f"bodies.{b}.{x}" for b in ("upper", "lower") for x in ("mass", "com.2", "link.0")]
+    together = pg.simulate(model, wrt=wrt, **STEPS)
+    for path in wrt:
+        alone = pg.simulate(model, wrt=[path], **STEPS)
+        assert np.array_equal(alone.sensitivity(path), together.sensitivity(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "read"),
+    [
+        ("double_pendulum", "lower", lambda run: run.kinetic_energy[-1]),
+        ("double_pendulum", "lower", lambda run: run.joint_force[-1, 0]),
+        ("four_bar", "coupler", lambda run: run.vdot[-1]),
+        ("four_bar", "coupler", lambda run: run.body_pose[-1, :, :2]),
+        ("slider_crank", "rod", lambda run: run.constraint_force["pin"][-1, 3:5]),
+    ],
+)
+def test_a_gradient_reads_anything_of_a_run(name, body, read):
+    model, axis = described(name), int(name == "double_pendulum") * 2
+    path = f"bodies.{body}.link.{axis}"
+    run = pg.simulate(model, wrt=[path], **STEPS)
+    q = pg.Mechanism(model).home()[0]
+
+    def moved(change):
+        link = np.array(model.body(body).link) + change * np.eye(3)[axis]
+        return np.asarray(read(pg.simulate(model.edit(body, link=link), q, **STEPS)))
+
+    assert missed(np.asarray(run.gradient(read)[path]), difference(moved, 2e-3)) < 1e-7
+
+
+def test_a_number_without_influence_is_named():
+    run = pg.simulate(described("double_pendulum"), wrt=["bodies.lower.tip.0"], **STEPS)
+    assert any("bodies.lower.tip.0" in text for text in run.notices)
+
+
+@pytest.mark.parametrize(
+    ("wrt", "options"),
+    [
+        ("bodies.lowr.mass", {}),
+        ("q.nobody", {}),
+        (["q.upper", "q.upper"], {}),
+        ("inputs.knee", {}),
+        ("q.upper", {"method": "radau5", "step": None, "rtol": 1e-6}),
+        ("q.upper", {"method": "gauss6"}),
+        ("q.upper", {"tau": lambda t, q, v: 0.0 * v}),
+        ([3], {}),
+    ],
+)
+def test_what_has_no_derivative_is_refused(wrt, options):
+    with pytest.raises(pg.InputError):
+        pg.simulate(described("double_pendulum"), wrt=wrt, **STEPS | options)
+
+
+def test_an_unasked_path_is_refused():
+    run = pg.simulate(described("double_pendulum"), **STEPS)
+    with pytest.raises(pg.InputError):
+        run.sensitivity("q.upper")
+    with pytest.raises(pg.InputError):
+        run.gradient(lambda run: run.q[-1, 0])
+
+
+# -- fits ------------------------------------------------------------------------------------------
+
+TIMES = np.linspace(0.0, 1.5, 151)
+FIT = {"method": "rk4", "step": 1e-3}
+
+
+def measured(seed, noise=1e-3):
+    true = described("double_pendulum").edit("lower", mass=1.3).edit("upper", q=[1.0])
+    run = pg.simulate(true, t_eval=TIMES, t_end=1.5, estimate=False, **FIT)
+    rng = np.random.default_rng(seed)
+    columns = {name: run.columns()[name] for name in ("upper", "v.lower")}
+    return {"t": TIMES} | {k: x + noise * rng.normal(size=len(x)) for k, x in columns.items()}
+
+
+FREE = {"bodies.lower.mass": (0.1, 5.0), "q.upper": (-1.0, 2.0)}
+
+
+def test_fits_find_the_truth_within_their_errors():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    apart = []
+    for seed in range(6):
+        found = pg.fit(start, measured(seed), FREE, **FIT)
+        assert found.converged
+        for path, true in zip(FREE, (1.3, 1.0)):
+            apart.append(abs(found.values[path] - true) / found.errors[path])
+    assert np.median(apart) < 2.0
+    assert max(apart) < 4.0
+    assert found.model.body("lower").mass == found.values["bodies.lower.mass"]
+
+
+def test_files_and_tables_are_read_like_dicts(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    data = measured(0)
+    table = pandas.DataFrame(data)
+    table.rename(columns={"t": "t [s]", "upper": "upper [rad]"}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    start = described("double_pendulum").edit("upper", q=[0.9])
+    found = [pg.fit(start, d, FREE, **FIT) for d in (data, table, tmp_path / "x.csv")]
+    assert found[0].values == pytest.approx(found[1].values, rel=1e-9)
+    assert found[0].values == pytest.approx(found[2].values, rel=1e-9)
+
+
+def test_directions_that_data_do_not_determine_are_named():
+    start = described("pendulum")
+    name = start.bodies[0].name
+    run = pg.simulate(start, {name: 0.5}, t_eval=TIMES, t_end=1.5, estimate=False, **FIT)
+    data = {"t": TIMES, name: run[name] + 1e-4 * np.random.default_rng(0).normal(size=len(TIMES))}
+    free = {f"bodies.{name}.mass": (0.1, 5.0), "gravity.2": (-12.0, -8.0)}
+    found = pg.fit(start.edit(name, q=[0.5]), data, free, **FIT)
+    assert found.undetermined or np.isfinite([*found.errors.values()]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "free"),
+    [
+        ({"upper": None}, {"bodies.lower.mass": (0.1, 5.0)}),
+        ({"uper": TIMES, "upper": None}, FREE),
+        ({"upper": TIMES * np.nan}, FREE),
+        ({"upper": TIMES[:3]}, FREE),
+        ({"t": -TIMES}, FREE),
+        ({}, {"bodies.lower.mas": (0.1, 5.0)}),
+        ({}, {"bodies.lower.mass": (-1.0, 5.0)}),
+        ({}, {"bodies.lower.mass": (2.0, 5.0)}),
+        ({}, {"bodies.lower.mass": 3.0}),
+        ({}, {"bodies.lower.tip.0": (-1.0, 1.0)}),
+        ({}, {}),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(change, free):
+    data = {k: x for k, x in (measured(0) | {"v.lower": None} | change).items() if x is not None}
+    with pytest.raises(pg.InputError):
+        pg.fit(described("double_pendulum"), data, free, **FIT)
