@@ -29,10 +29,8 @@ def missed(found, expected):
 STEPS = {"method": "rk4", "step": 1e-3, "t_end": 0.5, "estimate": False, "frames": 51}
 
 
-def oscillator(**fields):
-    spring = pg.Spring(
-        name="s", body="block", other="ground", **{"stiffness": 40.0, "rest": 0.0} | fields
-    )
+def oscillator():
+    spring = pg.Spring(name="s", body="block", other="ground", stiffness=40.0, rest=0.0)
     return pg.Model(
         bodies=[pg.Body(name="block", joint="prismatic", axes=[(1, 0, 0)], mass=2.0, q=[0.5])],
         forces=[spring],
@@ -193,7 +191,7 @@ FREE = {"bodies.lower.mass": (0.1, 5.0), "q.upper": (-1.0, 2.0)}
 
 def test_fits_find_the_truth_within_their_errors():
     start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
-    apart = []
+    apart, found = [], None
     for seed in range(6):
         found = pg.fit(start, measured(seed), FREE, **FIT)
         assert found.converged
@@ -201,6 +199,7 @@ def test_fits_find_the_truth_within_their_errors():
             apart.append(abs(found.values[path] - true) / found.errors[path])
     assert np.median(apart) < 2.0
     assert max(apart) < 4.0
+    assert found is not None
     assert found.model.body("lower").mass == found.values["bodies.lower.mass"]
 
 
