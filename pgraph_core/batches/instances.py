@@ -11,7 +11,6 @@ import ctypes
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 from typing import Any
@@ -28,8 +27,7 @@ from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
 from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
-from ..simulation.snapshots import ADDRESSES, Law, laws_of
-from ..simulation.stepper import Stepper
+from ..simulation.stepper import ADDRESSES, Stepper
 
 WORD = 8  # bytes
 IN_LANES = ("rk4", "semi_implicit_euler")
@@ -152,30 +150,6 @@ class Instances:
         self.pairs = None
         if scene.touching is not None and scene.touching.pairs.size:
             self.pairs = Place(arrays, scene.touching.pairs).of(self.states)
-
-    def laws(self, codes: Ints) -> list[Law]:
-        """The values that the words of `memory` may have, given those of `codes`."""
-        stepper = self.workers[0].stepper
-        arrays = state_arrays(stepper)
-        places = [Place(arrays, array) for array in arrays]
-        laws = [
-            replace(law, array=place.of(self.starts)[0])
-            for law, place in zip(
-                laws_of(stepper.recording, stepper.width, stepper.knots_given, arrays), places
-            )
-        ]
-
-        def rows(found: Ints) -> bool:
-            parts = (codes == at.RUNNING, False), (codes != at.RUNNING, True)
-            return all(
-                law.holds(place.of(found)[which], failed=failed)
-                for law, place in zip(laws, places)
-                for which, failed in parts
-            )
-
-        ends, kinds = (at.DONE, at.EVENT), (0, len(self.starts) - 1)
-        everything = Law(self.states, free=("",), also=rows)
-        return [Law(self.codes, {"": ends}), Law(self.kind, {"": kinds}), everything]
 
     def step(self, n: int) -> None:
         """Take n steps of all running instances with `given` torques."""
@@ -307,7 +281,7 @@ class TreeLanes(Instances):
         self._const: tuple[Ints, Array] | None = None
         self._shared = const.copy()
         rows = stepper.mech.packed.rows[1:]
-        self._angles = rows[rows[:, at.KIND] == at.ROTATE, at.QI]
+        self._angles = rows[rows[:, at.KIND] < at.TRANSLATE, at.QI]
         plan = stepper.recording.plan
         self._timed = len(plan.drives.table) > plan.drives.passive or plan.loads.wrench[1].size > 0
         self._corners, lags = plan.corners, plan.drives.table["lag"]
