@@ -1,6 +1,6 @@
 """Pictures as PNG and SVG, films as MP4 and GIF: the bytes of a file whose name is `path`.
 
-PNG needs no package. GIF and the digraph as PNG need Pillow, MP4 needs PyAV, plots Matplotlib.
+PNG needs no package. GIF needs Pillow, MP4 needs PyAV, plots Matplotlib.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem, needed
 from .animation import between
-from .digraph import RADIUS, digraph_svg, layout, shown_name
+from .digraph import digraph_svg
 from .drawing import Drawing, checked_size
 from .notebook import digraph_of
 
@@ -44,15 +44,13 @@ def view(
     return png(Drawing(model, pose[None], size, view=view, dark=dark).draw(pose))
 
 
-def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str | bytes:
+def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str:
     """Return a picture of the digraph of a model, `size` in pixels, by default its natural size.
 
-    Raises InputError, FileError, MissingPackage.
+    Raises InputError, FileError.
     """
-    suffix = _suffix(path, (".png", ".svg"), "picture")
-    found = digraph_of(model)
-    size = None if size is None else checked_size(size)
-    return digraph_svg(*found, size=size) if suffix == ".svg" else png(_pixels(*found, size))
+    _suffix(path, (".svg",), "picture of the digraph")
+    return digraph_svg(*digraph_of(model), size=None if size is None else checked_size(size))
 
 
 def plot(
@@ -188,37 +186,3 @@ def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
         text = f"is no {what}: give a name that ends in {' or '.join(known)}"
         raise FileError(Problem(str(path), "", text))
     return suffix
-
-
-INK, PALE, LOOPS = (27, 31, 36), (141, 147, 155), (217, 115, 13)
-PIXELS_DRAWN = 2  # pixels that are drawn for each that is shown
-
-
-def _pixels(
-    names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]], size: Any
-) -> np.ndarray:
-    """(height, width, 3) the digraph, dark on white, with the layout of the SVG."""
-    image, pen, font = (
-        needed(f"PIL.{name}", "film") for name in ("Image", "ImageDraw", "ImageFont")
-    )
-    place = layout(tuple(parent), tuple(map(len, names)), loops)
-    width, height = size or (round(place.width), round(place.height))
-    scale = PIXELS_DRAWN * min(width / place.width, height / place.height)
-    left = (PIXELS_DRAWN * width - scale * place.width) / 2
-    top = (PIXELS_DRAWN * height - scale * place.height) / 2
-    at = [(left + scale * x, top + scale * y) for x, y in zip(place.x, place.y)]
-    sheet = image.new("RGB", (PIXELS_DRAWN * width, PIXELS_DRAWN * height), "white")
-    draw, line = pen.Draw(sheet), max(round(scale), 1)
-    for k, p in enumerate(parent, 1):
-        draw.line([at[p], at[k]], fill=PALE, width=line)
-    for route in place.routes:
-        draw.line([(left + scale * x, top + scale * y) for x, y in route], fill=LOOPS, width=line)
-    (x, y), r = at[0], RADIUS * scale
-    draw.rectangle([x - r, y - scale, x + r, y + scale], fill=INK)
-    text = font.load_default(11 * scale)
-    for k, name in enumerate(names, 1):
-        x, y = at[k]
-        draw.ellipse([x - r, y - r, x + r, y + r], fill="white", outline=INK, width=line)
-        draw.text((x, y), str(k), fill=INK, font=text, anchor="mm")
-        draw.text((x + r + 5 * scale, y), shown_name(name), fill=INK, font=text, anchor="lm")
-    return np.asarray(sheet.resize((width, height), image.Resampling.BOX))
