@@ -46,6 +46,8 @@ from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
 from ..tolerances import NOTABLE
 
+SIDES = 48  # of a cone: 0.2 % of its radius from round
+
 # -- what bounds a solid ---------------------------------------------------------------------------
 
 
@@ -115,6 +117,18 @@ def cylinder(radius: float, length: float) -> Solid:
     """Along z."""
     radii = (radius, radius, length / 2)
     return Solid(CYLINDER, np.zeros((0, 3)), radius=radius, half=length / 2, radii=radii)
+
+
+def frustum(radius: float, end: float, length: float) -> Solid:
+    """Return a cone along z, or what is left of one that is cut, with as many sides as SIDES.
+
+    Its edges are on the round surface, so sides and rims miss it by `radius` (1 - cos(π / SIDES)).
+    """
+    angles = np.arange(SIDES) * 2 * np.pi / SIDES
+    ring = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(SIDES)))
+    near = radius * ring - (0.0, 0.0, length / 2)
+    far = end * ring[: SIDES if end else 1] + (0.0, 0.0, length / 2)
+    return hull(np.concatenate((near, far)))
 
 
 def ellipsoid(radii: Sequence[float]) -> Solid:
@@ -520,7 +534,13 @@ KINDS = {
     ),
     "ellipsoid": Kind(lambda s: ellipsoid(s.radii or ())),
     "heightfield": Kind(lambda s: heightfield(s.size or (), s.heights or ())),
-    "cylinder": Kind(lambda s: cylinder(s.radius or 0.0, s.length or 0.0)),
+    "cylinder": Kind(
+        lambda s: (
+            cylinder(s.radius or 0.0, s.length or 0.0)
+            if s.end_radius is None
+            else frustum(s.radius or 0.0, s.end_radius, s.length or 0.0)
+        ),
+    ),
     "capsule": Kind(
         lambda s: capsule(s.radius or 0.0, s.length or 0.0),
         lambda s: (np.outer((-0.5, 0.5), (0.0, 0.0, s.length or 0.0)), s.radius or 0.0),

@@ -91,8 +91,9 @@ class Shape(Frozen):
         default=None, gt=0, dim=M,
     )  # fmt: skip
     end_radius: Number | None = field(
-        "a radius > 0 [m] at the far end (+z) of a capsule or cylinder that is only drawn",
-        default=None, gt=0, dim=M, help="at the far end, where it tapers; empty: the same",
+        "a radius >= 0 [m] at the far end (+z) of a cylinder, 0 for a cone, or of a capsule that "
+        "is only drawn",
+        default=None, ge=0, dim=M, help="at the far end, where it tapers; empty: the same",
     )  # fmt: skip
     file: Text | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
@@ -187,8 +188,8 @@ class Shape(Frozen):
 
     def _tapered(self) -> list[tuple[str, str]]:
         """Return the problems of a tapered shape."""
-        if self.role != "visual":
-            text = "a shape that tapers is only drawn; give role 'visual'"
+        if self.kind == "capsule" and self.role != "visual":
+            text = "a capsule that tapers is only drawn; give role 'visual'"
             return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
         if self.kind == "capsule" and self.radius is not None and self.length is not None:
             gap = abs((self.end_radius or 0.0) - self.radius)
