@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pgraph_core import Body, Model, Topology
+from pgraph_core.joints import SIZE
 from pgraph_core.rotation import matrix
 
 Array = np.ndarray
@@ -97,8 +98,6 @@ class Sizes(NamedTuple):
 
 def sizes(rows: Sequence[Row]) -> Sizes:
     """First indices into q and v, by row."""
-    nq = {"rotate": 1, "translate": 1, "ball": 4, "free": 7, PLACEHOLDER: 0}
-    nv = {"rotate": 1, "translate": 1, "ball": 3, "free": 6, PLACEHOLDER: 0}
-    q = np.cumsum([0, *(nq[row.kind] for row in rows)])
-    v = np.cumsum([0, *(nv[row.kind] for row in rows)])
+    known = {**SIZE, PLACEHOLDER: (0, 0)}
+    q, v = (np.cumsum([0, *(known[row.kind][i] for row in rows)]) for i in (0, 1))
     return Sizes([int(x) for x in q], [int(x) for x in v])

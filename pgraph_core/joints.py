@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 from .errors import counted, shown
 
@@ -16,6 +16,7 @@ JointKind = Literal[
     "weld",
     "revolute",
     "prismatic",
+    "screw",
     "cylindrical",
     "universal",
     "spherical",
@@ -23,7 +24,7 @@ JointKind = Literal[
     "free",
     "compound",
 ]
-MotionKind = Literal["rotate", "translate", "ball", "free"]
+MotionKind = Literal["rotate", "screw", "translate", "ball", "free"]  # as kernels number them
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -33,23 +34,38 @@ class Motion(NamedTuple):
 
     kind: MotionKind
     axis: Vector  # axis in the body's axes at q = 0, unused for ball and free
+    pitch: float = 0.0  # way along the axis of a screw [m a turn]
 
 
 BALL = Motion("ball", Z)
-AXIAL = ("rotate", "translate")  # motions about or along an axis, of one coordinate
-CODES = {kind: float(i) for i, kind in enumerate(get_args(MotionKind))}  # as kernels number them
 
-SIZE: dict[MotionKind, tuple[int, int]] = {  # (nq, nv) of a motion
-    "rotate": (1, 1),
-    "translate": (1, 1),
-    "ball": (4, 3),
-    "free": (7, 6),
+
+class Kind(NamedTuple):
+    """What a kind of motion is: units of its coordinates and of its velocities, and q at home."""
+
+    q: tuple[str, ...]
+    v: tuple[str, ...]  # a second less, as [rad/s]
+    home: tuple[float, ...]
+
+
+KINDS: dict[MotionKind, Kind] = {
+    "rotate": Kind(("rad",), ("rad",), (0.0,)),
+    "screw": Kind(("rad",), ("rad",), (0.0,)),
+    "translate": Kind(("m",), ("m",), (0.0,)),
+    "ball": Kind(("1",) * 4, ("rad",) * 3, (1.0, 0.0, 0.0, 0.0)),
+    "free": Kind(
+        ("m",) * 3 + ("1",) * 4, ("rad",) * 3 + ("m",) * 3, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    ),
 }
+SIZE = {kind: (len(k.q), len(k.v)) for kind, k in KINDS.items()}  # (nq, nv) of a motion
+AXIAL = tuple(kind for kind, k in KINDS.items() if len(k.q) == 1)  # about or along an axis
+CODES = {kind: float(i) for i, kind in enumerate(KINDS)}
 
 DEFAULT: dict[JointKind, tuple[Motion, ...]] = {
     "weld": (),
     "revolute": (Motion("rotate", Z),),
     "prismatic": (Motion("translate", Z),),
+    "screw": (Motion("screw", Z, 0.01),),
     "cylindrical": (Motion("rotate", Z), Motion("translate", Z)),
     "universal": (Motion("rotate", X), Motion("rotate", Y)),
     "spherical": (BALL,),
@@ -85,23 +101,21 @@ def places(motions: tuple[Motion, ...]) -> list[int | None]:
     found: list[int | None] = []
     start = 0
     for m in motions:
-        own = {"ball": [None] * 3, "free": [None] * 3 + [0, 1, 2]}.get(m.kind, [0])
-        found += [None if k is None else start + k for k in own]
+        turns = 0 if m.kind in AXIAL else 3  # of a quaternion, which no entry of q stands for
+        found += [None] * turns + list(range(start, start + SIZE[m.kind][1] - turns))
         start += SIZE[m.kind][0]
     return found
 
 
 def home(motions: tuple[Motion, ...]) -> tuple[float, ...]:
     """q = 0 of a joint: zeros, and the unit quaternion [1, 0, 0, 0] of a ball or free motion."""
-    zero = {"rotate": (0.0,), "translate": (0.0,), "ball": (1.0, 0.0, 0.0, 0.0)}
-    zero["free"] = (0.0, 0.0, 0.0, *zero["ball"])
-    return tuple(x for m in motions for x in zero[m.kind])
+    return tuple(x for m in motions for x in KINDS[m.kind].home)
 
 
 # -- what is wrong with a joint --------------------------------------------------------------------
 
 # what a joint has besides its limits, one number a motion
-PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
+PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution", "pitch")
 
 Finding = tuple[str, str]  # (field, sentence)
 Motions = tuple[Motion, ...]
@@ -221,7 +235,8 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
 def physics_problems(
     name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
 ) -> list[tuple[str, str]]:
-    if len(values) == len(motions) and not any(values):
+    screws = [m.kind == "screw" for m in motions]
+    if len(values) == len(motions) and not any(values) and not (name == "pitch" and any(screws)):
         return []
     if values and not motions:
         return [(name, f"a weld has no motion; given {list(values)}")]
@@ -229,6 +244,11 @@ def physics_problems(
         text = f"give one number for all motions, or one a motion: {len(motions)}"
         text += f"; given {list(values)}"
         return [(name, text)]
+    if name == "pitch":
+        if [x != 0 for x in values] == screws:
+            return []
+        text = "is the way along the axis in a turn [m], not 0, of a screw and of no other motion"
+        return [(name, f"{text}; given {list(values)}")]
     if name != "rest" and any(x < 0 for x in values):
         return [(name, f"must be >= 0; given {list(values)}")]
     if name == "limit_restitution" and any(x > 1 for x in values):

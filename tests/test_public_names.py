@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.engine import layout as at
 
 MODEL = pg.Model.serial(2)
 SCENARIO = pg.Scenario(name="s", q={"knee": 0.5})
@@ -54,7 +55,7 @@ def test_a_validated_copy_of_a_body_moves_as_its_fields_say():
     assert turned == pg.Body(name="arm", com=(0.2, 0, 0), axes=(1, 0, 0), q=0.1, stiffness=2.0)
     slides = arm.model_copy(update={"joint": "prismatic"})
     assert slides == pg.Body(name="arm", com=(0.2, 0, 0), joint="prismatic")
-    assert pg.Mechanism(pg.Model(bodies=(slides,))).joints["arm"].kinds == (1,)
+    assert pg.Mechanism(pg.Model(bodies=(slides,))).joints["arm"].kinds == (at.TRANSLATE,)
     solid = pg.Body(
         name="b", shape=pg.Shape(kind="sphere", radius=0.1), derived=("mass",), density=1000.0
     )

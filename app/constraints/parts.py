@@ -12,6 +12,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import PAIR
 from pgraph_core.forces import BetweenPoints
+from pgraph_core.joints import SIZE
 from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
@@ -194,10 +195,10 @@ def _wide(body: pg.Body) -> tuple[Any, ...]:
     """Half a turn or a metre either way about the initial position. Raises Refusal."""
     bounds, start = [], 0
     for m in body.sequence:
-        reach = {"rotate": math.pi, "translate": 1.0}.get(m.kind)
+        reach = {"rotate": math.pi, "screw": math.pi, "translate": 1.0}.get(m.kind)
         q = body.q[start]
         bounds.append(None if reach is None else (min(-reach, q - reach), max(reach, q + reach)))
-        start += {"rotate": 1, "translate": 1, "ball": 4}.get(m.kind, 7)
+        start += SIZE[m.kind][0]
     if not any(bounds):
         text = f"the {body.joint} joint of '{body.name}' has no motion that a limit could bound"
         raise Refusal(f"{text}; choose a body that turns or slides")

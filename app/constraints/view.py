@@ -136,7 +136,7 @@ def _limits(state: State, page: Client) -> list[Payload]:
         if not any(body.limits) or page.listed not in (None, body.name):
             continue
         texts = [
-            _bounds(pair, "angle" if m.kind == "rotate" else "length", page.display)
+            _bounds(pair, "length" if m.kind == "translate" else "angle", page.display)
             for pair, m in zip(body.limits, body.sequence) if pair is not None
         ]  # fmt: skip
         found.append({"body": body.name, "text": "; ".join(texts)})

@@ -303,7 +303,7 @@ LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names
 MORE = "more"  # stands for the number of a new row
 OF_MOTIONS = {"axes": "axes", "q": "q", "v": "v", **dict.fromkeys((
     "motions", "limits", "stiffness", "damping", "rest", "friction", "armature",
-    "limit_restitution",
+    "limit_restitution", "pitch",
 ), "motions")}  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.errors import counted
+from pgraph_core.joints import AXIAL, SIZE
 from pgraph_core.model.model import TOLD
 
 from ..gait import Walking
@@ -332,7 +333,6 @@ def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, An
 # -- rows that stay themselves ---------------------------------------------------------------------
 
 Places = Sequence[int | None]  # former place of each row of a list, None for a new row
-COORDINATES = {"ball": (0, 4, 3), "free": (0, 7, 6)}  # numbers of axes, q, v, else 1 each
 
 
 def followed(
@@ -419,8 +419,8 @@ def _of_body(old: pg.Body, new: pg.Body, at: int | None) -> Inner:
         return
     places = _kept(a, b, at)
     yield "motions", len(a), places
-    for i, name in enumerate(("axes", "q", "v")):
-        before, now = ([COORDINATES.get(kind, (1, 1, 1))[i] for kind, _ in x] for x in (a, b))
+    for i, name in enumerate(("q", "v", "axes")):
+        before, now = ([(*SIZE[kind], kind in AXIAL)[i] for kind, _ in x] for x in (a, b))
         start = list(accumulate(before, initial=0))
         yield name, start[-1], [
             start[place] + k if place is not None and before[place] == count else None

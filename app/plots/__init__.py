@@ -223,7 +223,8 @@ def unit(model: pg.Model, signal: Signal) -> str:
         return both
     turning, sliding = both.split(", ")
     motions = {motion.kind for motion in model.body(signal.of).sequence}
-    if motions == {"rotate"} or (signal.kind != "q" and motions <= {"rotate", "ball"}):
+    turn = {"rotate", "screw"}
+    if motions <= turn or (signal.kind != "q" and motions <= {*turn, "ball"}):
         return turning
     return sliding if motions == {"translate"} else both
 

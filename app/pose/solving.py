@@ -11,7 +11,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.analysis.targets import nearest
 from pgraph_core.fields import fields_of
-from pgraph_core.joints import Motion
+from pgraph_core.joints import AXIAL, SIZE, Motion
 from pgraph_core.paper import frames
 from pgraph_core.paper.motion import bodies_of, elementary, q_slices
 from pgraph_core.show.shapes import to_wxyz
@@ -89,8 +89,8 @@ def _of_joint(
     limits = body.limits or (None,) * len(body.sequence)
     for (motion, x), limit in zip(elementary(body, q), limits):
         low, high = limit or (None, None)
-        if motion.kind in ("rotate", "translate"):
-            turns = motion.kind == "rotate"
+        if motion.kind in AXIAL:
+            turns = motion.kind != "translate"
             far = math.pi if turns else reach
             label = f"{'about' if turns else 'along'} {_axis(motion)}"
             low, high = (-far if low is None else low), (far if high is None else high)
@@ -114,7 +114,7 @@ def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
     """q of one joint with its coordinate `index` at `value`."""
     q, i, place = q.copy(), index, 0
     for motion, x in elementary(body, q):
-        size = {"ball": 3, "free": 6}.get(motion.kind, 1)
+        size = SIZE[motion.kind][1]
         if i >= size:
             i, place = i - size, place + len(x)
             continue
@@ -190,7 +190,7 @@ def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray
     if not state.kernels.ready:
         raise _cannot(body, "the fast code that closes loops is still being compiled")
     model, held = state.model, None
-    if all(m.kind in ("rotate", "translate") for m in body.sequence):
+    if all(m.kind in AXIAL for m in body.sequence):
         goal = {"kind": "polynomial", "coefficients": [float(q[_first(model, body) + index])]}
         held = pg.Constraint(
             name=HAND,

@@ -15,6 +15,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import About, about
+from pgraph_core.joints import KINDS, PER_MOTION
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, multiply, unit
 
@@ -24,12 +25,11 @@ from .length import end_of
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
 Content = Any  # nested tuples of numbers, formulas and None
 
-PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 DERIVED = ("mass", "com", "inertia", "tip")
 ALL = "all"  # stands for all of these
 SHAPES = tuple(DIMENSIONS)
 OF_FILES = ("mesh", "heightfield")
-MOTIONS = ("rotate", "translate", "ball")
+MOTIONS = ("rotate", "screw", "translate", "ball")
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # least length of a new shape [m]
@@ -69,16 +69,11 @@ def shows(field: str) -> About:
 
 
 def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
-    angle: tuple[Quantity, ...] = ("angle",)
-    length: tuple[Quantity, ...] = ("length",)
-    number: tuple[Quantity, ...] = ("number",)
-    sizes = {
-        "rotate": dict.fromkeys(("q", "v", "limits", "rest"), angle),
-        "translate": dict.fromkeys(("q", "v", "limits", "rest"), length),
-        "ball": {"q": number * 4, "v": angle * 3},
-        "free": {"q": length * 3 + number * 4, "v": angle * 3 + length * 3},
-    }
-    return [q for m in body.sequence for q in sizes[m.kind].get(field, number)]
+    shown: dict[str, Quantity] = {"rad": "angle", "m": "length", "1": "number"}
+    kinds = [KINDS[m.kind] for m in body.sequence]
+    if field in ("q", "v"):
+        return [shown[unit] for kind in kinds for unit in (kind.q if field == "q" else kind.v)]
+    return [shown[kind.q[0]] if len(kind.q) == 1 else "number" for kind in kinds]
 
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:

@@ -37,7 +37,7 @@ LABELS = {
 BodyField = Literal[
     "name", "joint", "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
     "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
-    "armature", "limits", "limit_restitution", "shape_kind", "shape_size", "shape_radius",
+    "armature", "limits", "limit_restitution", "pitch", "shape_kind", "shape_size", "shape_radius",
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
     "shape_rotation",
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "shape_opacity",

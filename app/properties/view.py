@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.joints import AXIAL
 
 from ..core.bridge import Bridge
 from ..core.cells import (
@@ -120,7 +121,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         choice("joint", "Type", body.joint, [
             (j, j.capitalize() + f", {body.dof} DoF" * (j == body.joint)) for j in JOINTS
         ], help=shows("joint").help),
-        *form.motions(), form.vector("link"),
+        *form.motions(), *([form.vector("pitch")] if any(body.pitch) else []), form.vector("link"),
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.length(), form.follows(form.tip())]
     mass = [form.follows(form.vector(one)) for one in ("mass", "com")]
@@ -269,7 +270,7 @@ class _Form:
         cells = [
             cell((i, k), self.shown(x, "limits", (i, k)), ("≥", "≤")[k])
             for i, pair in enumerate(self.value("limits"))
-            if motions[i].kind in ("rotate", "translate")
+            if motions[i].kind in AXIAL
             for k, x in enumerate(pair)
         ]
         return field("limits", "Limits", cells, unit=self.unit("limits"),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pgraph_core as pg
+from pgraph_core.joints import KINDS
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.scenario import coordinates, known_names
 
@@ -54,14 +55,12 @@ def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
 
 def quantities(body: pg.Body, field: str) -> list[Quantity]:
     """Return the quantity of each number of a joint's q. Rates are in SI units."""
-    kinds: dict[str, Quantity] = {"rotate": "angle", "translate": "length"}
-    counts = {"ball": (4, 3), "free": (7, 6)}
-    found: list[Quantity] = []
-    for motion in body.sequence:
-        count = counts.get(motion.kind, (1, 1))[field == "v"]
-        kind: Quantity = kinds.get(motion.kind, "number") if field == "q" else "number"
-        found.extend(kind for _ in range(count))
-    return found
+    shown: dict[str, Quantity] = {"rad": "angle", "m": "length"}
+    kinds = [KINDS[motion.kind] for motion in body.sequence]
+    if field == "v":
+        return ["number" for kind in kinds for _ in kind.v]
+    single = [(unit, len(kind.q) == 1) for kind in kinds for unit in kind.q]
+    return [shown[unit] if alone else "number" for unit, alone in single]
 
 
 def changed(

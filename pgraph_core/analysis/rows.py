@@ -292,7 +292,7 @@ def turns(mech: Dynamics) -> NDArray[np.bool_]:
     """(nv,) whether a degree of freedom is an angle."""
     angles = np.zeros(mech.nv, dtype=bool)
     for _, kind, _, j in mech.packed.rows[1:].tolist():
-        angles[j : j + {at.ROTATE: 1, at.TRANSLATE: 0}.get(kind, 3)] = True
+        angles[j : j + {at.ROTATE: 1, at.SCREW: 1, at.TRANSLATE: 0}.get(kind, 3)] = True
     return angles
 
 

@@ -16,6 +16,7 @@ from ..dynamics.arguments import finite
 from ..engine import layout as at
 from ..errors import InputError, Problem, choices, counted, shown
 from ..given import array_of
+from ..joints import SIZE
 from ..packing import Array
 from ..rotation import matrix
 from ..tolerances import LONGEST_STEP, NOTABLE, ROUNDING, SOLVED
@@ -135,7 +136,7 @@ def bounds(mech: Dynamics) -> tuple[Array, Array]:
             if pair is not None:
                 low[j] = -np.inf if pair[0] is None else pair[0]
                 high[j] = np.inf if pair[1] is None else pair[1]
-            j += {"ball": 3, "free": 6}.get(kind, 1)
+            j += SIZE[kind][1]
     return low, high
 
 

@@ -15,6 +15,7 @@ from ..engine.records import CREEP
 from ..fields import GROUND
 from ..forces import ends_of
 from ..forces.spring import points_of
+from ..joints import SIZE
 from ..model import Contact, Force, Spring, Tendon
 from ..packing import Array, Drives, Loads
 from ..packing.forces import length_at, terms_of
@@ -93,7 +94,7 @@ class Touching:
                 below = low is not None and q[at] <= low + SOLVED
                 if below or (high is not None and q[at] >= high - SOLVED):
                     self.shut.append(f"the limit of joint '{name}'")
-                at += {"ball": 4, "free": 7}.get(kind, 1)
+                at += SIZE[kind][0]
         for f in self.mech.model.forces:
             low, high = ends_of(f)
             if low is None and high is None:

@@ -539,7 +539,7 @@ def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
     largest of the mechanism's lengths, the limit, and the initial distance from it.
     """
     low, high = pair
-    turns = mech.system.rows[row, at.KIND] == at.ROTATE
+    turns = mech.system.rows[row, at.KIND] < at.TRANSLATE
     bounds = [x for x in pair if x is not None]
     start = mech.system.q[mech.system.rows[row, at.QI]]
     ways = [mech.length, *(abs(x) for x in bounds), *(abs(start - x) for x in bounds)]

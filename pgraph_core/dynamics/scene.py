@@ -34,6 +34,7 @@ from ..engine.records import (
     WATCH,
     table,
 )
+from ..joints import SIZE
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
@@ -411,7 +412,7 @@ def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
     if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
         return nv
     depth = [0] * len(rows)
-    size = (1, 1, 3, 6)
+    size = [nv for _, nv in SIZE.values()]
     for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
         depth[k] = size[kind] + depth[parent]
     return min(nv, 2 * max(depth))

@@ -63,7 +63,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
         return apart.max(axis=1, initial=0.0), np.zeros(len(q))
     free = places[kinds == at.FREE]
     slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
-    turned = apart[:, places[kinds == at.ROTATE]].max(axis=1, initial=0.0)
+    turned = apart[:, places[kinds < at.TRANSLATE]].max(axis=1, initial=0.0)
     for _, i, _ in quaternions(rows):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
     return turned, apart[:, slides].max(axis=1, initial=0.0)

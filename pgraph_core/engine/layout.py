@@ -11,20 +11,22 @@ constant rotation of a body frame out of the kernels. R_body = R_row · (its hom
 
 # rows: int64 (n + 1, 4)
 PARENT = 0  # row of the parent
-KIND = 1  # one of the four kinds below
+KIND = 1  # one of the five kinds below
 QI = 2  # first index into q
 VI = 3  # first index into v
 
-ROTATE, TRANSLATE, BALL, FREE = 0, 1, 2, 3  # kinds of motion
+# kinds of motion: those before TRANSLATE turn, those up to it have one coordinate
+ROTATE, SCREW, TRANSLATE, BALL, FREE = 0, 1, 2, 3, 4
 
 # const: float64 (n + 1, 28), home axes
-AXIS = 0  # 3, unit axis of a rotate or translate motion
+AXIS = 0  # 3, unit axis of a motion of one coordinate
 LINK = 3  # 3, from the parent row's origin to this row's [m]
 MASS = 6  # [kg]
 COM = 7  # 3, from the row's origin [m]
 INERTIA = 10  # 6, about the centre of mass: xx, yy, zz, xy, xz, yz [kg m^2]
 BASE = 16  # 9, home orientation of the parent body: the axes of a ball's or free motion's q, v
 ARMATURE = 25  # added inertia about the axis [kg m^2, kg]
+PITCH = 26  # way along the axis of a screw [m/rad]
 CONST = 28
 GRAVITY = 0  # 3, of row 0: gravity in world axes [m/s^2]
 
@@ -42,6 +44,7 @@ PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
+ADVANCE = 60  # PITCH of a screw
 X = 61  # 3, position of the origin [m] (only where something needs it)
 WORK = 64
 

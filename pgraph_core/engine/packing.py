@@ -37,9 +37,9 @@ from .vec import (
 TABLE_GRAVITY = 0
 LINK, ROTATION, MASS, COM, INERTIA, MOTIONS = 0, 3, 7, 8, 11, 17
 TABLE_BODY = 18
-# the table's motions, float64 (nm, 9), in its order
-KIND, AXIS, ARMATURE, STIFFNESS, DAMPING, REST, FRICTION = 0, 1, 4, 5, 6, 7, 8
-TABLE_MOTION = 9
+# the table's motions, float64 (nm, 10), in its order
+KIND, AXIS, ARMATURE, STIFFNESS, DAMPING, REST, FRICTION, PITCH = 0, 1, 4, 5, 6, 7, 8, 9
+TABLE_MOTION = 10
 
 
 # -- numbers --------------------------------------------------------------------------------------
@@ -120,9 +120,8 @@ def pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home):
             set_row(rows, k, row, kind, q_end, v_end)
             q_end += nq_of(kind)
             v_end += nv_of(kind)
-            set_motion(
-                const, k, mul(turned, load(motion, m, AXIS)), link, base, motion[m, ARMATURE]
-            )
+            axis = mul(turned, load(motion, m, AXIS))
+            set_motion(const, k, axis, link, base, motion[m, ARMATURE], motion[m, PITCH])
             springs += has_spring(motion, m)
             link = (0.0, 0.0, 0.0)
             row = k

@@ -9,7 +9,7 @@ from . import layout as at
 from .compiler.jit import part
 from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, store9, sub
 
-ROTATE, TRANSLATE, BALL, FREE = at.ROTATE, at.TRANSLATE, at.BALL, at.FREE
+ROTATE, SCREW, TRANSLATE, BALL, FREE = at.ROTATE, at.SCREW, at.TRANSLATE, at.BALL, at.FREE
 
 # -- place in the tree ----------------------------------------------------------------------------
 
@@ -77,11 +77,18 @@ def home_base(const, k):
 
 
 @part
-def set_motion(const, k, axis, link, base, armature):
+def set_motion(const, k, axis, link, base, armature, pitch):
     store(const, k, at.AXIS, axis)
     store(const, k, at.LINK, link)
     store9(const, k, at.BASE, base)
     const[k, at.ARMATURE] = armature
+    const[k, at.PITCH] = pitch
+
+
+@part
+def home_pitch(const, k):
+    """Way along the axis of a screw [m/rad]."""
+    return const[k, at.PITCH]
 
 
 @part
@@ -256,6 +263,17 @@ def set_velocity(work, k, velocity):
 def projected_of(work, k):
     """U = I h of a rotation or translation, I articulated: (angular, linear)."""
     return load(work, k, at.PROJECTED), load(work, k, at.PROJECTED + 3)
+
+
+@part
+def pitch_of(work, k):
+    """Way along the axis of a screw [m/rad], from the first sweep."""
+    return work[k, at.ADVANCE]
+
+
+@part
+def set_pitch(work, k, pitch):
+    work[k, at.ADVANCE] = pitch
 
 
 @part

@@ -12,6 +12,7 @@ from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, choices, explained, shown
 from ..fields import EVERY, GROUND
 from ..forces import OnJoint, ends_of
+from ..joints import SIZE
 from ..model import (
     Body,
     Contact,
@@ -68,7 +69,8 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     FileError
         If the file cannot be written.
     ModelError
-        If a free joint is inside the tree, which MJCF does not allow. Then nothing is written.
+        If a joint is one that MJCF does not have, a screw or a free joint inside the tree. Then
+        nothing is written.
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
@@ -77,6 +79,9 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     if inside:
         text = "is free below another body; MJCF has free joints at the ground only"
         raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in inside])
+    if screws := [b for b in model.bodies if any(m.kind == "screw" for m in b.sequence)]:
+        text = "is a screw, which MJCF does not have; use a cylindrical joint and a pg.Coupling"
+        raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in screws])
     writer = _Writer(model, path)
     bodies = gathered(model.bodies, path.parent)
     write_atomic(path, writer.text(bodies))
@@ -270,7 +275,7 @@ class _Writer:
                     geom.set(type="box", size=size)
                 case "sphere":
                     geom.set(type="sphere", size=(r,))
-                case "capsule" | "cylinder":
+                case "capsule" | "cylinder" if shape.end_radius is None or shape.role == "visual":
                     geom.set(type=shape.kind, size=(r, h))
                 case "ellipsoid":
                     geom.set(type="ellipsoid", size=shape.radii)
@@ -506,7 +511,7 @@ class _Writer:
         for k, (kind, _) in enumerate(self.model.body(body).motions):
             if kind in ("rotate", "translate") and coordinate == first:
                 return self.joints[body, k]
-            first += {"ball": 3, "free": 6}.get(kind, 1)
+            first += SIZE[kind][1]
         return ""
 
     def _fluid(self) -> dict[str, float]:
@@ -731,7 +736,7 @@ def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
     """Yield for each motion whether its coordinates differ from those of q = 0."""
     i = 0
     for kind, _ in body.motions:
-        size = {"ball": 4, "free": 7}.get(kind, 1)
+        size = SIZE[kind][0]
         yield any(q[i : i + size]) if size == 1 else abs(q[i + size - 4]) != 1.0
         i += size
 

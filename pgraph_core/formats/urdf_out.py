@@ -108,9 +108,9 @@ class _Writer:
     def refuse_balls(self) -> None:
         """Raise ModelError for joints that URDF does not have."""
         found = [
-            Problem(f"body '{b.name}'", "joint", "is a ball joint, which URDF does not have")
+            Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not have")
             for b in self.model.bodies
-            if any(kind == "ball" for kind, _ in b.motions)
+            for kind in sorted({kind for kind, _ in b.motions} & {"ball", "screw"})
         ]
         if found:
             raise ModelError(found)
@@ -214,7 +214,7 @@ class _Writer:
                 parts = [(Tag("box", size=shape.size), 0.0)]
             case "sphere":
                 parts = [(Tag("sphere", radius=r), 0.0)]
-            case "cylinder":
+            case "cylinder" if shape.end_radius is None or tag == "visual":
                 parts = [(Tag("cylinder", radius=r, length=h), 0.0)]
             case "capsule":
                 parts = [(Tag("cylinder", radius=r, length=h), 0.0)]

@@ -39,6 +39,7 @@ from ..fields import (
     whole,
 )
 from ..joints import (
+    AXIAL,
     PER_MOTION,
     Finding,
     JointKind,
@@ -108,7 +109,7 @@ class Body(Described):
         help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
-        "('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
+        "('rotate' | 'screw' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
         converter=_motions_in, default=(), role="joint",
     )  # fmt: skip
     link: Vec3 = field(
@@ -182,6 +183,11 @@ class Body(Described):
         "numbers from 0 to 1, one for all or one a motion",
         converter=per_motion, default=(), dim=NONE, label="Rebound",
         help="velocity that comes back at a limit, 0 to 1",
+    )  # fmt: skip
+    pitch: PerMotion = field(
+        "numbers [m a turn], not 0 of a screw and 0.01 by default, one for all or one a motion",
+        converter=per_motion, default=(), dim=M, since=5,
+        help="way along the axis of a screw in a turn; negative for a left-handed thread",
     )  # fmt: skip
     shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None, role="parts"
@@ -307,7 +313,8 @@ class Body(Described):
 
     @cached_property
     def sequence(self) -> tuple[Motion, ...]:
-        return tuple(Motion(kind, axis) for kind, axis in self.motions)
+        pairs = zip(self.motions, self.pitch)
+        return tuple(Motion(kind, axis, pitch) for (kind, axis), pitch in pairs)
 
     @cached_property
     def tip_point(self) -> tuple[float, float, float]:
@@ -357,7 +364,8 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
     given = data.get("joint", kind)
     if not isinstance(given, str) or given not in joints.DEFAULT:
         return
-    motions = data.get("motions") or (motions if given == kind else joints.DEFAULT[given])
+    usual = motions if given == kind else joints.DEFAULT[given]
+    motions = data.get("motions") or tuple(m[:2] for m in usual)
     data["joint"], data["motions"] = given, motions
     try:
         agrees = joints.nv(tuple(Motion(m[0], joints.Z) for m in motions)) == number
@@ -369,13 +377,13 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
 
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     """Fill in `motions`. `axes` alone gives the directions of the kind's own motions."""
-    motions = listed(data.get("motions")) or joints.DEFAULT[kind]
+    given = listed(data.get("motions"))
     try:
-        motions = tuple(_motion(*m) for m in motions)
+        motions = tuple(_motion(*m) for m in given) if given else joints.DEFAULT[kind]
     except TypeError:
         return  # ill-formed motions are refused by their own field
     axes = _directions(data.get("axes"))
-    moving = [m for m in motions if m.kind in ("rotate", "translate")]
+    moving = [m for m in motions if m.kind in AXIAL]
     if axes != () and kind != "weld":
         if axes is None or len(axes) != len(moving):
             given = shown(data["axes"])
@@ -383,11 +391,9 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
             refuse([("axes", text)])
             return
         left = iter(axes)
-        motions = tuple(
-            Motion(m.kind, next(left)) if m.kind in ("rotate", "translate") else m for m in motions
-        )
-    data["motions"] = motions
-    data["axes"] = tuple(m.axis for m in motions if m.kind in ("rotate", "translate"))
+        motions = tuple(Motion(m.kind, next(left)) if m.kind in AXIAL else m for m in motions)
+    data["motions"] = tuple(m[:2] for m in motions)
+    data["axes"] = tuple(m.axis for m in motions if m.kind in AXIAL)
     try:
         _fill_coordinates(data, motions)
     except (KeyError, TypeError):
@@ -440,6 +446,9 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
         if len(value) == 1 and (motions or value == (0,)):
             value *= len(motions)
         data[name] = value or (0.0,) * len(motions)
+        if name == "pitch" and not value:
+            usual = joints.DEFAULT["screw"][0].pitch
+            data[name] = tuple(usual if m.kind == "screw" else 0.0 for m in motions)
 
 
 def _limits(value: Any, count: int) -> Any:

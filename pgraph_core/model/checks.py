@@ -244,7 +244,7 @@ def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
 
 def _has_position(body: Body, coordinate: int) -> bool:
     kinds = [m.kind for m in body.sequence for _ in range(joints.SIZE[m.kind][1])]
-    return kinds[coordinate] in ("rotate", "translate")
+    return kinds[coordinate] in joints.AXIAL
 
 
 def soles_among(contacts: Sequence[Contact]) -> list[str]:

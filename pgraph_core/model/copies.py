@@ -9,7 +9,7 @@ from typing import Any
 from ..curves import VectorTable
 from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
 from ..forces import Between, Force, Wrench
-from ..joints import SIZE, Motion
+from ..joints import AXIAL, SIZE, Motion
 from .body import Body, Shape
 from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
@@ -324,14 +324,15 @@ class Mirror:
     def body(self, body: Body) -> Body:
         """The reflected row, its parent and name as they were."""
         motions = tuple(
-            (m.kind, self.axial(m.axis) if m.kind == "rotate" else self.point(m.axis))
-            if m.kind in ("rotate", "translate") else (m.kind, m.axis)
+            (m.kind, self.point(m.axis) if m.kind == "translate" else self.axial(m.axis))
+            if m.kind in AXIAL else (m.kind, m.axis)
             for m in body.sequence
         )  # fmt: skip
         return body.unchecked_copy({
             **self.fields(body),
             "motions": motions,
-            "axes": tuple(axis for kind, axis in motions if kind in ("rotate", "translate")),
+            "axes": tuple(axis for kind, axis in motions if kind in AXIAL),
+            "pitch": tuple(-x + 0.0 for x in body.pitch),  # a thread has a hand
             "q": self.coordinates("q", body.q, body.sequence),
             "v": self.coordinates("v", body.v, body.sequence),
             "shapes": tuple(map(self.shape, body.shapes)),

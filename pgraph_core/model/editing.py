@@ -430,7 +430,7 @@ def cut_joint(
         text = f"a loop is not cut at a {joint} joint; choose one of {', '.join(CUT)}"
         raise ModelError(Problem(where, "joint", text))
     if "axis" not in given and joint == body.joint != "weld":
-        if joint == "universal" and body.motions != joints.DEFAULT["universal"]:
+        if joint == "universal" and body.sequence != joints.DEFAULT["universal"]:
             text = "its axes do not say where the second parent's stands; give axis and other_axis"
             raise ModelError(Problem(where, "axes", text))
         if joint in ("revolute", "prismatic", "cylindrical"):

@@ -56,10 +56,11 @@ def _carried(parent: Pose, body: Body) -> Pose:
         nq = joints.SIZE[motion.kind][0]
         a = np.array(body.q[i : i + nq], dtype=float)
         axis = R @ home @ unit_vector(motion.axis)
-        if motion.kind == "translate":
-            x = x + axis * a[0]
-        elif motion.kind == "rotate":
-            R = rodrigues(axis, float(a[0])) @ R
+        if motion.kind in joints.AXIAL:
+            if motion.kind != "translate":
+                R = rodrigues(axis, float(a[0])) @ R
+            slide = 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
+            x = x + axis * slide * a[0]
         else:
             if motion.kind == "free":
                 x = x + R @ a[:3]

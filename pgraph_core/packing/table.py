@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable
-from typing import TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from ..joints import AXIAL, CODES
 from ..model import Body, Model
 from . import Array, Ints
 
-# parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 9); q and v (nq + nv,)
+# parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 10); q and v (nq + nv,)
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
+BODY, MOTION = (struct.Struct(f"{n}d").pack for n in (packing.TABLE_BODY, packing.TABLE_MOTION))
 Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # of the body, of its motions, q and v
 
 
@@ -43,24 +44,35 @@ def record_of(body: Body) -> Record:
     """Return the float64 numbers of a row, which the body keeps.
 
     Body: link 3, rotation 4, mass, com 3, inertia 6 (xx, yy, zz, xy, xz, yz), number of motions. A
-    motion: kind, axis 3, armature, stiffness, damping, rest, friction.
+    motion: kind, axis 3, armature, stiffness, damping, rest, friction, pitch a radian.
     """
-    known = vars(body).get("record")
-    if known is None:
-        known = vars(body)["record"] = _record(body)
-    return known
+    own = vars(body)
+    known = own.get("record")
+    return known if known is not None else own.setdefault("record", _record(own))
 
 
-def _record(b: Body) -> Record:
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = b.inertia
-    row = (*b.link, *_unit(b.rotation), b.mass, *b.com, xx, yy, zz, xy, xz, yz, len(b.motions))
-    motions: list[float] = []
-    physics = zip(b.motions, b.armature, b.stiffness, b.damping, b.rest, b.friction)
-    for (kind, axis), *numbers in physics:
+def _record(b: Mapping[str, Any]) -> Record:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = b["inertia"]
+    motions, q, v = b["motions"], b["q"], b["v"]
+    row = BODY(
+        *b["link"],
+        *_unit(b["rotation"]),
+        b["mass"],
+        *b["com"],
+        xx,
+        yy,
+        zz,
+        xy,
+        xz,
+        yz,
+        len(motions),
+    )
+    physics = zip(b["armature"], b["stiffness"], b["damping"], b["rest"], b["friction"], b["pitch"])
+    moved = b""
+    for (kind, axis), (*numbers, pitch) in zip(motions, physics):
         direction = _unit(axis) if kind in AXIAL else axis
-        motions += (CODES[kind], *direction, *numbers)
-    body, motion, q, v = (struct.pack(f"{len(x)}d", *x) for x in (row, motions, b.q, b.v))
-    return body, motion, q, v
+        moved += MOTION(CODES[kind], *direction, *numbers, pitch / math.tau)
+    return row, moved, struct.pack(f"{len(q)}d", *q), struct.pack(f"{len(v)}d", *v)
 
 
 def _unit(x: tuple[float, ...]) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..joints import SIZE
 from ..model import Body, Model
 from ..rotation import Array, skew
 from ..topology import Topology
@@ -171,9 +172,9 @@ class Operators:
         for body, place in zip(self.bodies, v_slices(self.bodies)):
             i = place.start
             for motion, value in zip(body.sequence, body.armature):
-                size = 1 if motion.kind in ("rotate", "translate") else 0
-                added[i : i + size] = value
-                i += size or (3 if motion.kind == "ball" else 6)
+                size = SIZE[motion.kind][1]
+                added[i : i + size] = value if size == 1 else 0.0
+                i += size
         return added
 
     # -- velocities, accelerations, Jacobians ------------------------------------------------

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import counted, explained, refusal, shown
-from ..joints import SIZE, Motion
+from ..joints import AXIAL, SIZE, Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
@@ -213,7 +213,7 @@ def increments(model: Model, q: Sequence[float] | Array, q_next: Sequence[float]
 
 
 def _increment(motion: Motion, x: Array, y: Array) -> Array:
-    if motion.kind in ("rotate", "translate"):
+    if motion.kind in AXIAL:
         return y - x
     w, *axis = multiply(unit(y[-4:].tolist()), unit((x[-4:] * CONJUGATE).tolist()))
     sine = float(np.linalg.norm(axis))
@@ -253,6 +253,10 @@ def frame_update_trace(
 ) -> FrameUpdateTrace:
     """The update of all frames from q to q_next by exact increments, place by place: Fig. 8."""
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
+    for body in model.bodies:
+        if any(m.kind == "screw" for m in body.sequence):
+            text = f"body '{body.name}' has a screw, which the paper's update does not know"
+            raise refusal("frame_update_trace", "model", text)
     start, step = frame_vectors(model, q), increments(model, q, q_next)
     bodies = bodies_of(model, start.topology)
     steps = []

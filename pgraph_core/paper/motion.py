@@ -118,24 +118,29 @@ def _direction(motion: Motion, home: Array) -> Array:
 
 def turn(motion: Motion, home: Array, q: Sequence[float] | Array) -> Array:
     """(3, 3) rotation of a motion, in the axes before it."""
-    if motion.kind == "rotate":
+    if motion.kind in ("rotate", "screw"):
         return rodrigues(_direction(motion, home), q[0])
     return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
 
 
 def displacement(motion: Motion, turned: Array, home: Array, q: Sequence[float] | Array) -> Array:
     """Return the shift of the origin by a motion (3,), in world axes, after the axes `turned`."""
-    if motion.kind == "translate":
-        return turned @ _direction(motion, home) * q[0]
+    if motion.kind in ("translate", "screw"):
+        return turned @ _direction(motion, home) * _slide(motion) * q[0]
     return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
+
+
+def _slide(motion: Motion) -> float:
+    """Return the way along the axis by a unit of q."""
+    return 1.0 if motion.kind == "translate" else motion.pitch / (2 * np.pi)
 
 
 def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
     """(6, dof) H of one motion, eq. (6) where it turns, eq. (7) where it slides."""
     none = np.zeros((3, 3))
-    if motion.kind in ("rotate", "translate"):
+    if motion.kind in joints.AXIAL:
         h = (turned @ _direction(motion, home))[:, None]
-        return np.vstack((h, 0 * h) if motion.kind == "rotate" else (0 * h, h))
+        return np.vstack((0 * h if motion.kind == "translate" else h, _slide(motion) * h))
     if motion.kind == "ball":
         return np.vstack((turned, none))
     return np.block([[turned, none], [none, turned]])

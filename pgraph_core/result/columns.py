@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import NameLookupError, Problem, choices, needed
+from ..joints import KINDS
 from ..packing import Array
 
 if TYPE_CHECKING:
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
 
 LEDGER = ("energy", "kinetic_energy", "potential_energy", "work", "dissipation")
 OTHER_WORDS = {"time": "t", "total_energy": "energy"}
-UNITS_Q = {"rotate": ["rad"], "translate": ["m"], "ball": ["1"] * 4, "free": ["m"] * 3 + ["1"] * 4}
-UNITS_V = {
-    "rotate": ["rad"],
-    "translate": ["m"],
-    "ball": ["rad"] * 3,
-    "free": ["rad"] * 3 + ["m"] * 3,
-}
 
 
 class Column(NamedTuple):
@@ -90,11 +84,12 @@ def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str,
     """(name, unit) of every entry of q and of v: ("knee", "rad"), or ("trunk.0", "m"), ..."""
     found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
     for name in mech.names:
-        for entries, units in zip(found, (UNITS_Q, UNITS_V)):
-            each = [unit for m in mech.model.body(name).sequence for unit in units[m.kind]]
-            places = [name] if len(each) == 1 else [f"{name}.{k}" for k in range(len(each))]
+        kinds = [KINDS[m.kind] for m in mech.model.body(name).sequence]
+        of_q = [unit for kind in kinds for unit in kind.q]
+        for entries, each in zip(found, (of_q, [unit for kind in kinds for unit in kind.v])):
+            places = [name] if len(each) == 1 else [f"{name}.{n}" for n in range(len(each))]
             if len(each) > 1 and set(places) & set(mech.names):
-                places = [f"{name}[{k}]" for k in range(len(each))]
+                places = [f"{name}[{n}]" for n in range(len(each))]
             entries += zip(places, each)
     return found
 

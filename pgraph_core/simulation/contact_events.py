@@ -466,7 +466,7 @@ class ContactEvents:
         if not self.scene.points["limit"][s]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
-        return bool(self.mech.packed.system.rows[row, at.KIND] == at.ROTATE)
+        return bool(self.mech.packed.system.rows[row, at.KIND] < at.TRANSLATE)
 
     def _hidden(self, t: float, s: int) -> float:
         """Return `_hidden` of point s in its present state."""

@@ -14,12 +14,11 @@ import numpy as np
 
 from ..errors import InputError, PgraphError, refusal
 from ..fields import GROUND
-from ..joints import SIZE
+from ..joints import AXIAL, SIZE
 from ..model import Body, Force, Model, Spring, Torsion
 from ..topology import Topology
 from .rescaling import changed, rescaled
 
-ONE_COORDINATE = ("rotate", "translate")
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 
 
@@ -266,8 +265,8 @@ def friction(model: Model, value: float) -> Model:
 def joint_friction(model: Model, value: float) -> Model:
     """Every hinge and slide gets `value` of friction."""
     bodies = tuple(
-        changed(b, friction=tuple(value if m.kind in ONE_COORDINATE else 0.0 for m in b.sequence))
-        if any(m.kind in ONE_COORDINATE for m in b.sequence)
+        changed(b, friction=tuple(value if m.kind in AXIAL else 0.0 for m in b.sequence))
+        if any(m.kind in AXIAL for m in b.sequence)
         else b
         for b in model.bodies
     )
@@ -295,7 +294,7 @@ def redundancy(model: Model, value: float) -> Model:
 def singularity(model: Model, value: float) -> Model:
     """The first hinge or slide starts `value` further on."""
     kinds = ((b, b.sequence[0].kind) for b in model.bodies if b.sequence)
-    mover = next((b for b, kind in kinds if kind in ONE_COORDINATE), None)
+    mover = next((b for b, kind in kinds if kind in AXIAL), None)
     if mover is None:
         raise lacking("singularity", "the first hinge or slide")
     return _with_body(model, mover, changed(mover, q=(mover.q[0] + value, *mover.q[1:])))

@@ -180,7 +180,7 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
     size = mech.packed.length
     for k, (_, kind, i, _) in enumerate(rows):
         a, b = q[:, i : i + 7], other[:, i : i + 7]
-        if kind == at.ROTATE:
+        if kind < at.TRANSLATE:
             found[:, k] = np.abs(a[:, 0] - b[:, 0])
         elif kind == at.TRANSLATE:
             found[:, k] = _distances(a[:, :1], b[:, :1], size)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import refusal
 from ..fields import Frozen, OfSums, dim_of, facts, fields_of
-from ..joints import PER_MOTION, Motion
+from ..joints import KINDS, PER_MOTION, Motion
 from ..model import Body, Force, Model
 from ..model.constraint import InJoints
 from ..packing.signals import varying
@@ -22,8 +22,8 @@ def changed(body: Body, **fields: object) -> Body:
 
 
 # powers of a length in the coordinates and velocities of a motion
-Q = {"rotate": (0,), "translate": (1,), "ball": (0,) * 4, "free": (1, 1, 1, 0, 0, 0, 0)}
-V = {"rotate": (0,), "translate": (1,), "ball": (0,) * 3, "free": (0, 0, 0, 1, 1, 1)}
+Q = {kind: tuple(int(unit == "m") for unit in k.q) for kind, k in KINDS.items()}
+V = {kind: tuple(int(unit == "m") for unit in k.v) for kind, k in KINDS.items()}
 
 
 @dataclass(frozen=True)

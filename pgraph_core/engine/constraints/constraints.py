@@ -23,7 +23,7 @@ from ..compiler.dual import carries
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..layout import T_ALIGN, T_COORD, T_VELOCITY
-from ..rows import ROTATE, TRANSLATE, axis_of, kind_of, origin_of
+from ..rows import TRANSLATE, axis_of, kind_of, origin_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance
@@ -289,7 +289,7 @@ def wrenches(rows, blocks, work, space, out):
             x = scale(vectors[LAMBDA, first_of(slots, i)], axis_of(work, a))
             if kind_of(rows, a) <= TRANSLATE:
                 x = scale(terms_f[terms_of(blocks_i, i)[0]], x)
-                store(out, i, 0 if kind_of(rows, a) == ROTATE else 3, x)
+                store(out, i, 0 if kind_of(rows, a) < TRANSLATE else 3, x)
             continue
         arm = sub(place_a(place, i), point_a(blocks_f, i, work, a))
         for r in range(size_of(blocks_i, i)):

@@ -22,7 +22,7 @@ from ..linear import backward3, backward6, forward3, forward_free, pivots6, solv
 from ..rows import (
     BALL,
     FREE,
-    ROTATE,
+    SCREW,
     TRANSLATE,
     axis_of,
     ball_of,
@@ -33,13 +33,14 @@ from ..rows import (
     nv_of,
     origin_of,
     parent_of,
+    pitch_of,
     projected_of,
     set_acceleration,
     set_solved,
     solved_of,
     v_of,
 )
-from ..tree.kinematics import base_axes, carried
+from ..tree.kinematics import along_axis, base_axes, carried, with_own
 from ..vec import (
     accumulate,
     add,
@@ -164,11 +165,12 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
     link = link_of(work, k)
     felt = True
     if kind <= TRANSLATE:
-        h = axis_of(work, k)
-        if kind == ROTATE:
-            share = beyond(dot(h, moment), ROUNDING * reach)
-        else:
-            share = beyond(dot(h, force), ROUNDING)
+        least = ROUNDING * reach
+        if kind == TRANSLATE:
+            least = ROUNDING + 0.0 * reach
+        elif kind == SCREW:
+            least = ROUNDING * (reach + abs(pitch_of(work, k)))
+        share = beyond(along_axis(work, k, kind, moment, force), least)
         felt = any_number(share)
         store_triple(y, i, 3 * slot, share)
         passed = -inverse_pivot_of(work, k) * share
@@ -270,7 +272,7 @@ def push(rows, const, work, k, column, size, whole):
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:
         x = scale(size, axis_of(work, k))
-        turns = kind == ROTATE
+        turns = kind < TRANSLATE
     else:
         axes = base_axes(const, work, p, k)
         c = column % 3
@@ -285,14 +287,6 @@ def push(rows, const, work, k, column, size, whole):
         if p > 0:
             accumulate(whole, p, 0, scale(-1.0, cross(link_of(work, k), x)))
             accumulate(whole, p, 3, scale(-1.0, x))
-
-
-@part
-def with_own(work, k, kind, x, alpha, linear):
-    """An acceleration (angular, linear) with what a hinge or slider adds that accelerates by x."""
-    if kind == ROTATE:
-        return add_scaled(alpha, x, axis_of(work, k)), linear
-    return alpha, add_scaled(linear, x, axis_of(work, k))
 
 
 @part

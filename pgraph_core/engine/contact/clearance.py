@@ -16,7 +16,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F2, I1, i8, plain, read, void
 from ..motion import opened
 from ..records import NEAR, ONCE
-from ..rows import BALL, FREE, TRANSLATE, kind_of, origin_of, parent_of, q_of, v_of
+from ..rows import BALL, FREE, SCREW, TRANSLATE, kind_of, origin_of, parent_of, pitch_of, q_of, v_of
 from ..stepping.explicit import dense_output
 from ..stepping.run import LOOK_BACK
 from ..stepping.state import copied, size_of_state
@@ -152,10 +152,13 @@ def find_reach(run, guard, free):
         arm = math.sqrt(dot(way, way)) + shapes[i].reach
         while k > 0:
             reach[k] = max(reach[k], arm)
+            kind = kind_of(rows, k)
+            if kind == SCREW:
+                reach[k] = max(reach[k], arm + abs(pitch_of(work, k)))
             p = parent_of(rows, k)
             way = sub(origin_of(work, k), origin_of(work, p))
             arm += math.sqrt(dot(way, way))
-            if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
+            if kind == SCREW or kind == TRANSLATE or kind == FREE:
                 arm += free
             k = p
 

@@ -25,7 +25,7 @@ from ..constraints.blocks import (
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
 from ..motion import RECORD, call_acceleration, call_record
 from ..records import STANCE, SWING
-from ..rows import FREE, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
+from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
@@ -125,7 +125,8 @@ def path_length(rows, const, work, k, p, n):
     length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
         length += abs(dot(link_of(work, k), n))
-        if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
+        kind = kind_of(rows, k)
+        if kind == SCREW or kind == TRANSLATE or kind == FREE:
             link = load(const, k, at.LINK)  # a displacement may have been subtracted from it
             length += abs(link[0]) + abs(link[1]) + abs(link[2])
         k = parent_of(rows, k)

@@ -18,9 +18,7 @@ from ..records import SOFT
 from ..rows import (
     BALL,
     FREE,
-    ROTATE,
     TRANSLATE,
-    axis_of,
     ball_of,
     inertia_of,
     inverse_pivot_of,
@@ -33,6 +31,7 @@ from ..rows import (
     solved_of,
 )
 from ..tree.articulated import inboard
+from ..tree.kinematics import along_axis
 from ..vec import add, add_cross, add_scaled, cross, dot, mul_t, scale, sub, xyz
 
 SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
@@ -130,7 +129,7 @@ def past_joint(rows, factored, k, moment, force):
     """(what joint k takes of a unit wrench [1/kg], moment and force that it passes on)."""
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:
-        share = dot(axis_of(factored, k), moment if kind == ROTATE else force)
+        share = along_axis(factored, k, kind, moment, force)
         passed = inverse_pivot_of(factored, k) * share
         u0, u1 = projected_of(factored, k)
         force = add_scaled(force, -passed, u1)

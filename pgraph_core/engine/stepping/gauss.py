@@ -19,6 +19,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, substitute
 from ..motion import call_acceleration, opened
 from ..rows import (
+    SCREW,
     TRANSLATE,
     add_force,
     armature_of,
@@ -29,6 +30,7 @@ from ..rows import (
     link_of,
     origin_of,
     parent_of,
+    pitch_of,
     set_acceleration,
     set_force,
     set_origin,
@@ -79,10 +81,15 @@ def momenta(rows, const, work, q, v, p, pdot):
         parent = parent_of(rows, k)
         turning = spin_of(work, parent)
         if kind_of(rows, k) <= TRANSLATE:
-            moves = kind_of(rows, k) == TRANSLATE
-            along = axis_of(work, k)
-            gone = dot(cross(turning, along), force if moves else moment)
-            pdot[i] = gone if moves else gone - dot(along, lost)
+            along, kind = axis_of(work, k), kind_of(rows, k)
+            swung = cross(turning, along)
+            pdot[i] = 0.0
+            if kind < TRANSLATE:
+                pdot[i] = dot(swung, moment) - dot(along, lost)
+            if kind == SCREW:
+                pdot[i] += pitch_of(work, k) * dot(swung, force)
+            elif kind == TRANSLATE:
+                pdot[i] = dot(swung, force)
             p[i] += armature_of(const, k) * v[i]
         else:
             rate = scale(-1.0, add(lost, cross(turning, moment)))

@@ -65,7 +65,6 @@ from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, follow, opened
 from ..rows import (
     BALL,
-    ROTATE,
     TRANSLATE,
     armature_of,
     axis_of,
@@ -403,7 +402,7 @@ def turn_rates(rows, const, work, v):
         j = v_of(rows, k)
         w = spin_of(work, p)
         kind = kind_of(rows, k)
-        if kind == ROTATE:
+        if kind < TRANSLATE:
             w = add_scaled(w, v[j], axis_of(work, k))
         elif kind >= BALL:
             axes = base_axes(const, work, p, k)

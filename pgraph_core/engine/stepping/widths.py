@@ -13,7 +13,7 @@ from ..compiler.jit import part, sweep
 from ..forces import lag_width
 from ..motion import opened
 from ..records import CHOSEN, GIVEN
-from ..rows import BALL, FREE, ROTATE, TRANSLATE, kind_of, q_of, v_of
+from ..rows import BALL, FREE, TRANSLATE, kind_of, q_of, v_of
 from ..vec import finite
 from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
@@ -62,7 +62,7 @@ def weigh(rows, size, stages, control):
         i = q_of(rows, k)
         j = nq + v_of(rows, k)
         kind = kind_of(rows, k)
-        if kind == ROTATE:
+        if kind < TRANSLATE:
             rounding = 8.0 * EPS * abs(stages[at.CANDIDATE, i])
             weights[i] = 1.0 / (rtol + atol + rounding)
             weights[j] = 1.0 / (rtol * spin + atol)

@@ -10,6 +10,7 @@ from ..linear import backward6, diagonal6, factor3, factor6, forward6, pivots6, 
 from ..rows import (
     BALL,
     ROTATE,
+    SCREW,
     TRANSLATE,
     add_bias,
     add_inertia,
@@ -24,6 +25,7 @@ from ..rows import (
     left_of,
     link_of,
     parent_of,
+    pitch_of,
     projected_of,
     set_acceleration,
     set_ball,
@@ -52,7 +54,7 @@ from ..vec import (
     sub,
     sym_mul,
 )
-from .kinematics import base_axes, carried, outboard
+from .kinematics import along_axis, base_axes, carried, outboard, with_own
 
 
 @part
@@ -84,7 +86,7 @@ def add_to_parent(work, p, link, inertia, moment, force):
 
 @part
 def reduce_hinge(rows, const, work, k, tau):
-    """A rotation or translation: I - U Uᵀ / D and p + I a + U u' / D, to its parent.
+    """A row of one coordinate: I - U Uᵀ / D and p + I a + U u' / D, to its parent.
 
     [Featherstone 2008, eqs. (7.23), (7.24)]: U = I h, D = hᵀ U + armature, u' = τ - hᵀ p - Uᵀ a,
     with the bias p = (moment, force) and I of the blocks j, b, bᵀ, m. Kept: U, 1 / D, τ - hᵀ p.
@@ -92,14 +94,18 @@ def reduce_hinge(rows, const, work, k, tau):
     j, b, m = inertia_of(work, k)
     h = axis_of(work, k)
     moment, force = bias_of(work, k)
-    if kind_of(rows, k) == ROTATE:
+    kind = kind_of(rows, k)
+    if kind == ROTATE:
         u0, u1 = sym_mul(j, h), mul_t(b, h)
         d = 1.0 / (dot(h, u0) + armature_of(const, k))
-        left = tau[v_of(rows, k)] - dot(h, moment)
+    elif kind == SCREW:
+        slide = scale(pitch_of(work, k), h)
+        u0, u1 = add(sym_mul(j, h), mul(b, slide)), add(mul_t(b, h), sym_mul(m, slide))
+        d = 1.0 / (dot(h, u0) + dot(slide, u1) + armature_of(const, k))
     else:
         u0, u1 = mul(b, h), sym_mul(m, h)
         d = 1.0 / (dot(h, u1) + armature_of(const, k))
-        left = tau[v_of(rows, k)] - dot(h, force)
+    left = tau[v_of(rows, k)] - along_axis(work, k, kind, moment, force)
     set_hinge(work, k, u0, u1, d, left)
     p = parent_of(rows, k)
     if p == 0:
@@ -189,10 +195,7 @@ def joint_acceleration(rows, const, work, vdot):
             u0, u1 = projected_of(work, k)
             rate = inverse_pivot_of(work, k) * (left_of(work, k) - dot(u0, alpha) - dot(u1, linear))
             vdot[i] = rate
-            if kind == ROTATE:
-                alpha = add_scaled(alpha, rate, axis_of(work, k))
-            else:
-                linear = add_scaled(linear, rate, axis_of(work, k))
+            alpha, linear = with_own(work, k, kind, rate, alpha, linear)
         elif kind == BALL:
             alpha = accelerate_ball(rows, const, work, k, alpha, linear, vdot)
         else:
@@ -246,7 +249,10 @@ def singular_row(rows, work):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)
         if kind <= TRANSLATE:
-            if vanishes(angular if kind == ROTATE else linear, inverse_pivot_of(work, k)):
+            size = angular if kind < TRANSLATE else linear
+            if kind == SCREW:
+                size += pitch_of(work, k) ** 2 * linear
+            if vanishes(size, inverse_pivot_of(work, k)):
                 return k
         elif kind == BALL:
             f, _ = ball_of(work, k)

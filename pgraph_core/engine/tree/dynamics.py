@@ -8,6 +8,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, I2, i8, void
 from ..rows import (
     ROTATE,
+    SCREW,
     TRANSLATE,
     acceleration_of,
     add_bias,
@@ -24,6 +25,7 @@ from ..rows import (
     offset_of,
     origin_of,
     parent_of,
+    pitch_of,
     rotation_of,
     set_acceleration,
     set_force,
@@ -119,6 +121,8 @@ def motion(rows, const, work, k, column):
     kind = kind_of(rows, k)
     if kind == ROTATE:
         return axis_of(work, k), zero
+    if kind == SCREW:
+        return axis_of(work, k), scale(pitch_of(work, k), axis_of(work, k))
     if kind == TRANSLATE:
         return zero, axis_of(work, k)
     axes = base_axes(const, work, parent_of(rows, k), k)

@@ -7,6 +7,7 @@ from ..rows import (
     BALL,
     FREE,
     ROTATE,
+    SCREW,
     TRANSLATE,
     acceleration_of,
     armature_of,
@@ -16,11 +17,13 @@ from ..rows import (
     home_axis,
     home_base,
     home_link,
+    home_pitch,
     kind_of,
     link_of,
     mass_of,
     origin_of,
     parent_of,
+    pitch_of,
     q_of,
     rotation_of,
     set_acceleration,
@@ -30,6 +33,7 @@ from ..rows import (
     set_inertia,
     set_link,
     set_origin,
+    set_pitch,
     set_rotation,
     set_sine_cosine,
     set_spin,
@@ -90,15 +94,22 @@ def move(rows, const, work, q, v, k):
     r = rotation_of(work, p)
     w = spin_of(work, p)
     link = mul(r, home_link(const, k))
-    if kind == ROTATE:
+    if kind < TRANSLATE:
         u = home_axis(const, k)
         h = mul(r, u)
         relative = scale(v[j], h)
+        around = cross(w, link)
+        if kind == SCREW:
+            pitch = home_pitch(const, k)
+            set_pitch(work, k, pitch)
+            slide = scale(pitch, h)
+            link = add_scaled(link, q[i], slide)
+            around = add_cross(scale(2.0 * v[j], slide), w, link)
         set_axis(work, k, h)
         sine, cosine = sine_cosine_of(work, k)
         set_rotation(work, k, mat_mul(r, rodrigues(u, sine, cosine)))
         set_spin(work, k, add(w, relative))
-        set_coriolis(work, k, cross(w, relative), cross(w, cross(w, link)))
+        set_coriolis(work, k, cross(w, relative), cross(w, around))
     elif kind == TRANSLATE:
         h = mul(r, home_axis(const, k))
         link = add_scaled(link, q[i], h)
@@ -141,8 +152,8 @@ def rigid(const, work, k):
 
 @part
 def turn(rows, work, q, k):
-    """Sine and cosine of row k, if it is a rotation."""
-    if kind_of(rows, k) == ROTATE:
+    """Sine and cosine of row k, if it turns about an axis."""
+    if kind_of(rows, k) < TRANSLATE:
         sine, cosine = sine_cosine(q[q_of(rows, k)])
         set_sine_cosine(work, k, sine, cosine)
 
@@ -155,8 +166,8 @@ def turn_all(rows, work, q):
 
 @part
 def near(rows, q, k):
-    """True if row k is a rotation by an angle that a lane accepts."""
-    return kind_of(rows, k) == ROTATE and abs(q[q_of(rows, k)]) < FAR
+    """True if row k turns about an axis, by an angle that a lane accepts."""
+    return kind_of(rows, k) < TRANSLATE and abs(q[q_of(rows, k)]) < FAR
 
 
 @part
@@ -220,6 +231,30 @@ def carried(work, p, k):
     return alpha, add_cross(linear, alpha, link_of(work, k))
 
 
+@part
+def with_own(work, k, kind, x, alpha, linear):
+    """Return an acceleration with what row k, of one coordinate, adds where that accelerates by x.
+
+    H of a rotation is (h, 0), of a translation (0, h), of a screw (h, p h) with its pitch p.
+    """
+    if kind == ROTATE:
+        return add_scaled(alpha, x, axis_of(work, k)), linear
+    if kind == SCREW:
+        more = scale(x, axis_of(work, k))
+        return add(alpha, more), add_scaled(linear, pitch_of(work, k), more)
+    return alpha, add_scaled(linear, x, axis_of(work, k))
+
+
+@part
+def along_axis(work, k, kind, moment, force):
+    """Return Hᵀ F of row k, of one coordinate, eq. (23)."""
+    if kind == ROTATE:
+        return dot(axis_of(work, k), moment)
+    if kind == SCREW:
+        return dot(axis_of(work, k), add_scaled(moment, pitch_of(work, k), force))
+    return dot(axis_of(work, k), force)
+
+
 @sweep
 def accelerate(rows, const, work, v, vdot):
     """Compute V'_k = φ V'_p + H v' + a_k (8) in the place of the bias, with V'_0 = [0, -g]."""
@@ -231,10 +266,8 @@ def accelerate(rows, const, work, v, vdot):
         a0, a1 = coriolis_of(work, k)
         linear = add(linear, a1)
         alpha = add(alpha, a0)
-        if kind == ROTATE:
-            alpha = add_scaled(alpha, vdot[j], axis_of(work, k))
-        elif kind == TRANSLATE:
-            linear = add_scaled(linear, vdot[j], axis_of(work, k))
+        if kind <= TRANSLATE:
+            alpha, linear = with_own(work, k, kind, vdot[j], alpha, linear)
         else:
             axes = base_axes(const, work, p, k)
             alpha = add(alpha, mul(axes, (vdot[j], vdot[j + 1], vdot[j + 2])))
@@ -252,6 +285,8 @@ def linear_velocity(rows, const, work, v, k, parent_velocity):
     velocity = add_cross(parent_velocity, spin_of(work, p), link_of(work, k))
     if kind == TRANSLATE:
         velocity = add_scaled(velocity, v[j], axis_of(work, k))
+    elif kind == SCREW:
+        velocity = add_scaled(velocity, pitch_of(work, k) * v[j], axis_of(work, k))
     elif kind == FREE:
         axes = base_axes(const, work, p, k)
         velocity = add(velocity, mul(axes, (v[j + 3], v[j + 4], v[j + 5])))
@@ -263,10 +298,8 @@ def joint_force(rows, const, work, k, force, moment, out):
     """Hᵀ F of row k, eq. (23), into `out` at the row's place in v."""
     j = v_of(rows, k)
     kind = kind_of(rows, k)
-    if kind == ROTATE:
-        out[j] = dot(axis_of(work, k), moment)
-    elif kind == TRANSLATE:
-        out[j] = dot(axis_of(work, k), force)
+    if kind <= TRANSLATE:
+        out[j] = along_axis(work, k, kind, moment, force)
     else:
         axes = base_axes(const, work, parent_of(rows, k), k)
         x = mul_t(axes, moment)
