@@ -157,6 +157,7 @@ def test_a_number_without_influence_is_named():
         ("q.upper", {"method": "gauss6"}),
         ("q.upper", {"tau": lambda t, q, v: 0.0 * v}),
         ([3], {}),
+        ("q.upper", {"events": lambda t, q, v: q[0]}),
     ],
 )
 def test_what_has_no_derivative_is_refused(wrt, options):
