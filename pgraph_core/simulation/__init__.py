@@ -161,7 +161,7 @@ def simulate(
         if monitors:
             text = "an event that ends steps has no derivatives yet: give either events or wrt"
             raise InputError(Problem("simulate", "events", text))
-        given = Given(mech, options, replace(plan, start=state), tau, q, v)
+        given = Given(mech, options, replace(plan, start=state), tau, q, v, Recording)
         record.carried = Carried(given, variables_of(given, wrt))
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     built, busy = time.perf_counter(), time.thread_time()

@@ -45,6 +45,7 @@ class Given(NamedTuple):
     tau: Any
     q: Any
     v: Any
+    recording: Callable[..., Any]  # makes a `Recording`
 
     def at(self, mech: Mechanism, options: Options) -> RunPlan:
         """The plan for another mechanism of the same structure."""
@@ -220,12 +221,11 @@ class Carried:
     def beside(self, run: Result, path: str, change: float) -> Result:
         """The run that a number changed by this much has to first order, at the same frames."""
         from ..engine.stepping.duals import record_states
-        from .recording import Recording
 
         (variable,) = (one for one in self.variables if one.path == path)
         mech, plan = variable.made(variable.present + change)
         plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None)
-        other = Recording(mech, plan, *plan.start, self.given.tau)
+        other = self.given.recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
         states[1:] = np.column_stack((run.q, run.v, run.work, run.dissipation))
         states[1:] += change * run.derivatives[path]
@@ -237,8 +237,6 @@ class Carried:
 
     def _slope(self, record: Any, variable: Variable) -> tuple[Any, Array, Array]:
         """Derivatives of the scene and of the initial state."""
-        from .recording import Recording
-
         if variable.seed is not None:
             q, v = (np.zeros(len(part)) for part in self.given.plan.start)
             (q, v)[variable.seed[0]][variable.seed[1]] = 1.0
@@ -250,7 +248,7 @@ class Carried:
                 found = []
                 for k in weights:
                     mech, plan = variable.made(variable.present + side * k * h)
-                    other = Recording(mech, plan, *plan.start, self.given.tau)
+                    other = self.given.recording(mech, plan, *plan.start, self.given.tau)
                     found.append((other.scene.arrays, *plan.start))
                 per = [side * weight / h for weight in weights.values()]
                 scene = slope_of(SCENE_OF_DUALS, [one[0] for one in found], per)
