@@ -1,4 +1,4 @@
-"""Pgraph in the browser. Installed, this folder is the package `pgraph_app`."""
+"""Pgraph in the browser. This folder is installed as the package `pgraph_app`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ if TYPE_CHECKING:
 
 
 def show(model: pg.Model) -> Server:
-    """Open `model` in the browser. The page lives as long as the returned server."""
+    """Open `model` in the browser. The page stays available as long as the returned server
+    exists.
+    """
     from pgraph_app.server import serve  # also where this package is called `app`
 
     return serve(model)

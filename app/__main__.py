@@ -1,4 +1,4 @@
-"""`python -m app`, the console script `pgraph`."""
+"""Entry point for `python -m app` and the console script `pgraph`."""
 
 from __future__ import annotations
 

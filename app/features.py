@@ -1,4 +1,4 @@
-"""All features: each folder of the app that has an `update.py` is one."""
+"""Discovery of features: each folder in the app with an `update.py` is one."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ for _name in FEATURES:
 
 
 def places() -> list[Place]:
-    """The views of all features: `VIEWS` of each `view.py`."""
+    """Collect the views of all features, `VIEWS` in each `view.py`."""
     names = sorted(path.parent.name for path in APP.glob("*/view.py"))
     return [place for name in names for place in import_module(f".{name}.view", __package__).VIEWS]

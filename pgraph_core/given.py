@@ -11,7 +11,7 @@ MOST_DIMENSIONS = 8  # lists within lists: no argument has so many dimensions
 
 
 def array_of(given: Any) -> NDArray[Any]:
-    """Return a value as an array, without copying one. Raises TypeError, ValueError.
+    """Return a value as an array, without copying an existing array. Raises TypeError, ValueError.
 
     NumPy would follow lists that hold themselves through 64 levels, which takes 2^64 steps where
     one holds itself twice.

@@ -1,4 +1,4 @@
-"""Gymnasium environments: of any model, and of a quadruped that learns to walk.
+"""Gymnasium environments for any model, and for a quadruped that learns to walk.
 
     env = pgraph_core.gym.make(model, dt=0.02, reward=lambda seen, action: -abs(seen[..., 0]))
     many = pgraph_core.gym.make(model, num_envs=256, dt=0.02, reward=...)
@@ -60,7 +60,8 @@ def make(
     max_episode_steps: int | None = None,
     **options: Any,
 ) -> Any:
-    """Return an environment of a model, with `num_envs` a vector one over one `BatchStepper`.
+    """Create an environment for a model. With `num_envs` it is a vector environment over one
+    `BatchStepper`.
 
     An action holds the inputs of the model's motors, servos and actuators, within their limits, or
     the torques of all joints if the model has none. It acts for `dt` [s]. The observation holds
@@ -83,7 +84,7 @@ def make(
 
 
 class Task:
-    """Observations, actions and rewards of an environment of a model."""
+    """The observations, actions and rewards for a model's environment."""
 
     def __init__(
         self,
@@ -101,25 +102,27 @@ class Task:
         self.ended = ended or (lambda seen: np.zeros(seen.shape[:-1], dtype=bool))
 
     def substeps(self, options: dict[str, Any]) -> tuple[int, dict[str, Any]]:
-        """Return the number of steps per action, and options with a step that divides it."""
+        """Return the number of steps per action, and options with a step size that divides the
+        interval.
+        """
         step = options.get("step") or Stepper(self.mech, **options).width
         n = max(1, math.ceil(self.dt / step - 0.5))
         return n, {**options, "step": self.dt / n}
 
     def drives(self, inputs: Sequence[str]) -> list[OnJoint]:
-        """Return the forces whose inputs are the actions."""
+        """Return the forces that take the actions as inputs."""
         forces = self.mech.model.forces
         return [f for f in forces if isinstance(f, OnJoint) and f.name in inputs]
 
     def actions(self, drives: Sequence[OnJoint]) -> Any:
-        """Return the space of actions."""
+        """Return the action space."""
         bounds = [self._bounds(f) for f in drives] or [(-math.inf, math.inf)] * self.mech.nv
         low, high = np.array(bounds, dtype=np.float32).reshape(-1, 2).T
         return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
     def _bounds(self, f: OnJoint) -> tuple[float, float]:
-        """Return the limits of an input: its own, else those of a motor's torque or a servo's
-        joint.
+        """Return the limits of an input, narrowed by the motor's torque or the servo's joint
+        limits.
         """
         low, high = f.inputs
         if isinstance(f, Motor) and not f.integrates:
@@ -132,27 +135,27 @@ class Task:
         return low, high
 
     def observations(self, seen: Array) -> Any:
-        """Return the space of observations."""
+        """Return the observation space."""
         return gymnasium.spaces.Box(-np.inf, np.inf, seen.shape[-1:], np.float32)
 
     def seen(self, stepper: Stepper | BatchStepper, leading: tuple[int, ...]) -> Array:
-        """Return the observation (..., n) in float32: the outputs, or q and v."""
+        """Return the observation (..., n) in float32, which is the outputs, or q and v."""
         parts = stepper.outputs.values() if self.mech.model.outputs else (stepper.q, stepper.v)
         rows = [np.asarray(x).reshape(*leading, -1) for x in parts]
         return np.concatenate(rows, axis=-1).astype(np.float32)
 
     def state(self, rng: np.random.Generator) -> tuple[Any, Any]:
-        """Return the (q, v) at which an episode starts, None for the model's."""
+        """Return the initial (q, v) for an episode. None stands for the model's initial state."""
         return (None, None) if self.start is None else self.start(rng)
 
     def checked(self, action: Any, space: Any) -> Array:
-        """Return an action as numbers within the limits. Raises InputError."""
+        """Return an action as an array within the limits. Raises InputError."""
         given = finite("action", action, *space.shape)
         return np.clip(given, space.low, space.high)
 
 
 class ModelEnv(gymnasium.Env):
-    """Environment of one instance of a model, see `make`."""
+    """An environment for a single instance of a model, see `make`."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own protocol)
 
@@ -173,7 +176,7 @@ class ModelEnv(gymnasium.Env):
         return self.task.seen(self.stepper, ()), {}
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Act for `dt`. Raises InputError for an action that does not fit."""
+        """Apply an action for `dt`. Raises InputError if the action is invalid."""
         given = self.task.checked(action, self.action_space)
         if self.drives:
             inputs = {f.name: x for f, x in zip(self.drives, given.tolist())}
@@ -187,32 +190,36 @@ class ModelEnv(gymnasium.Env):
 
 
 class Many(Protocol):
-    """Instances that `VectorEnv` steps."""
+    """The instances that `VectorEnv` steps."""
 
     def start(self, which: Array, rngs: Sequence[np.random.Generator]) -> None:
-        """Start episodes, each drawn by the generator of its instance."""
+        """Start episodes, sampling each one with the generator for its instance."""
         ...
 
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """Return rewards and a mask of ends. Instances that are `over` then start again."""
+        """Return rewards and a mask of ended episodes. Instances that are `over` are then
+        restarted.
+        """
         ...
 
     def observed(self) -> Array:
-        """Return one row of observations per instance."""
+        """Return the observations, one row per instance."""
         ...
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
-    """Environments in one batch. The step after the end of an episode starts another one."""
+    """A batch of environments. The step after the end of an episode starts a new episode."""
 
     metadata = {  # noqa: RUF012 (gymnasium's own protocol)
         "render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP
     }  # fmt: skip
 
     def __init__(self, many: Many, num_envs: int, observation: Any, action: Any, most: float):
-        """Make environments with the spaces of one instance and `most` steps per episode."""
+        """Create environments with the spaces of one instance and at most `most` steps per
+        episode.
+        """
         self.many, self.num_envs, self._most = many, num_envs, most
         self.single_observation_space, self.single_action_space = observation, action
         self.observation_space = gymnasium.vector.utils.batch_space(observation, num_envs)
@@ -227,7 +234,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Start all. Instance i is the single one of seed + i, or of the i-th of a list."""
+        """Reset all instances. Instance i matches a single environment with seed + i, or with the
+        i-th seed in a list.
+        """
         if seed is not None or not self._rngs:
             self._rngs = [gymnasium.utils.seeding.np_random(x)[0] for x in self._seeds(seed)]
         self._start(np.arange(self.num_envs))
@@ -262,7 +271,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 
 class Instances:
-    """Instances of a model in a `BatchStepper` with driven motors and servos, see `make`."""
+    """Model instances in a `BatchStepper` that take motor and servo inputs, see `make`."""
 
     def __init__(self, task: Task, size: int, options: dict[str, Any]):
         of_batch = {k: options.pop(k) for k in ("threads", "set") if k in options}
@@ -290,7 +299,7 @@ class Instances:
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """Return rewards and a mask of ended episodes after `dt`. Raises InputError for another
+        """Return rewards and a mask of ended episodes after `dt`. Raises InputError for a wrong
         shape.
         """
         given = self.task.checked(action, self._space)
@@ -306,7 +315,7 @@ class Instances:
         return np.array(self.task.reward(seen, given), dtype=float), ended
 
     def observed(self) -> Array:
-        """Return one row of observations per instance."""
+        """Return the observations, one row per instance."""
         return self.task.seen(self.batch, (self.batch.size,))
 
 
@@ -314,7 +323,7 @@ DRIVEN = (Motor, Servo)  # whose inputs a batch takes
 
 
 def _arms(mech: Mechanism, f: OnJoint) -> Array:
-    """Return the (nv,) torques of joints for a unit force of a motor."""
+    """Return the joint torques (nv,) for a unit motor force."""
     found = np.zeros(mech.nv)
     for name, k, factor in f.terms:
         found[mech.joints[name].v.start + k] += factor

@@ -1,4 +1,6 @@
-"""What lower floors ask of higher ones. `pgraph_core/__init__.py`, above all floors, gives it."""
+"""Hooks that lower layers require from higher layers. `pgraph_core/__init__.py`, above all layers,
+sets them.
+"""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The integration methods as data, with their tableaus. Kernels take the steps.
+"""Integration methods as data, with their Butcher tableaus. The kernels perform the steps.
 
 Coefficients of DOPRI5 and DOP853: [Hairer, Norsett, Wanner 1993, II.5, II.6 and their code].
 """
@@ -20,7 +20,7 @@ STEPPING = stepping.__name__
 
 
 class Tableau(NamedTuple):
-    """y(t + θ h) = y + h Σ k_i p_i(θ), the stages k_i at t + c_i h.
+    """The tableau for y(t + θ h) = y + h Σ k_i p_i(θ), with the stages k_i at t + c_i h.
 
     A step takes the first s stages, s the length of `b`; stage s is the slope at its end, and
     those after it serve dense output alone.
@@ -34,7 +34,7 @@ class Tableau(NamedTuple):
 
 
 class Method(NamedTuple):
-    """A method: its coefficients, the kernel of its step, and its use."""
+    """An integration method, with its coefficients, step kernel and application."""
 
     name: str
     order: int
@@ -50,28 +50,30 @@ class Method(NamedTuple):
 
     @property
     def kernel(self) -> Any:
-        """Return the kernel of a step."""
+        """The step kernel."""
         module, name = self.step.split(".")
         return getattr(import_module(f"{STEPPING}.{module}"), name)
 
     @property
     def starts(self) -> bool:
-        """True if a step starts from v' at its start."""
+        """Return True if a step requires v' at its start."""
         return self.name != "moreau_jean"
 
     @property
     def eventful(self) -> bool:
-        """True if events can be located in its steps."""
+        """Return True if the method supports event location within a step."""
         return self.starts and not self.implicit
 
     @property
     def evaluations(self) -> int:
-        """Return the number of evaluations of the dynamics per step."""
+        """The number of dynamics evaluations per step."""
         return max(len(self.tableau.b), 1)
 
 
 def _pi(order: int, last: float, most: float) -> tuple[float, float, float, float, float]:
-    """PI control of an error that grows as h^order ([Hairer, Wanner 1996, IV.2])."""
+    """Return the gains for PI control of an error that grows as h^order ([Hairer, Wanner 1996,
+    IV.2]).
+    """
     return 0.9, 1.0 / order - 0.75 * last, last, 0.2, most
 
 
@@ -81,7 +83,7 @@ NONE = np.zeros((0, 0))
 
 
 def _square(rows: Sequence[dict[int, float]], size: int) -> Array:
-    """Return sparse rows as a square array, of which they are the last rows."""
+    """Return sparse rows as a square array, in which they are the last rows."""
     found = np.zeros((size, size))
     for r, row in enumerate(rows, start=size - len(rows)):
         found[r, list(row)] = list(row.values())
@@ -89,12 +91,12 @@ def _square(rows: Sequence[dict[int, float]], size: int) -> Array:
 
 
 def euler() -> Tableau:
-    """Semi-implicit Euler needs no tableau."""
+    """Return an empty tableau, since semi-implicit Euler does not need one."""
     return Tableau(NONE, np.zeros(0), np.zeros(0), NONE, NONE)
 
 
 def rk4() -> Tableau:
-    """The classical method of order 4."""
+    """Return the tableau of the classical fourth-order method."""
     b = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
     return Tableau(
         _square(({0: 0.5}, {1: 0.5}, {2: 1.0}), 4), b, np.array([0.0, 0.5, 0.5, 1.0]), NONE, NONE
@@ -102,7 +104,7 @@ def rk4() -> Tableau:
 
 
 def dopri5() -> Tableau:
-    """Order 5 with an error estimate of order 4 and dense output of order 4."""
+    """Return a tableau of order 5 with an error estimate of order 4 and dense output of order 4."""
     a = _square(
         (
             {0: 1 / 5},
@@ -134,7 +136,9 @@ def dopri5() -> Tableau:
 
 
 def dop853() -> Tableau:
-    """Order 8 with error estimates of orders 5 and 3 and dense output of order 7."""
+    """Return a tableau of order 8 with error estimates of orders 5 and 3 and dense output of order
+    7.
+    """
     a = _square(DOP853_A, 16)
     third = np.zeros(12)
     third[[0, 8, 11]] = DOP853_THIRD
@@ -149,7 +153,8 @@ def dop853() -> Tableau:
 
 
 def _interpolant(b: Array, end: int, d: Array) -> Array:
-    """Return p_i in powers of θ, from Hermite's cubic between both ends and the terms of `d`.
+    """Return p_i in powers of θ, from the cubic Hermite interpolant between both ends and the terms
+    in `d`.
 
     The polynomial is y + θ (Δ + (1 - θ) (h k_0 - Δ + θ (2 Δ - h (k_0 + k_end)
     + (1 - θ) (h d_0 k + θ ...)))) with Δ = h Σ b_i k_i.
@@ -165,7 +170,7 @@ def _interpolant(b: Array, end: int, d: Array) -> Array:
 
 
 def radau5() -> Tableau:
-    """Radau IIA of order 5: collocation at `c`."""
+    """Return the tableau of Radau IIA of order 5, with collocation at `c`."""
     r = np.sqrt(6.0)
     a = np.array(
         [
@@ -180,7 +185,8 @@ def radau5() -> Tableau:
 
 
 def _decoupled(a: Array) -> Array:
-    """(7, 3): T and T⁻¹ that make A⁻¹ diagonal, its real and a complex eigenvalue.
+    """Return T and T⁻¹, which diagonalise A⁻¹, with its real and a complex eigenvalue, as a (7, 3)
+    array.
 
     A⁻¹ = T Λ T⁻¹; as a complex number, the second and third of T⁻¹ z are multiplied by the
     complex eigenvalue ([Hairer, Wanner 1996, IV.8]).
@@ -194,7 +200,9 @@ def _decoupled(a: Array) -> Array:
 
 
 def gauss6() -> Tableau:
-    """Gauss collocation of three stages, order 6, symplectic ([Hairer et al. 2006, II.1.3])."""
+    """Return the tableau of three-stage Gauss collocation, symplectic and of order 6 ([Hairer et
+    al. 2006, II.1.3]).
+    """
     r = np.sqrt(15.0)
     a = np.array(
         [

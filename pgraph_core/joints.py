@@ -1,5 +1,5 @@
-"""Joint kinds as sequences of elementary motions, the kinds of the DoF column, and checks of
-joints.
+"""Joint kinds as sequences of elementary motions, the kinds for the DoF column, and joint
+checks.
 """
 
 from __future__ import annotations
@@ -87,17 +87,19 @@ OF_DOF: tuple[tuple[JointKind, tuple[Motion, ...]], ...] = (
 
 
 def nq(motions: tuple[Motion, ...]) -> int:
-    """Number of position coordinates of a joint."""
+    """Return the number of position coordinates in a joint."""
     return sum(SIZE[m.kind][0] for m in motions)
 
 
 def nv(motions: tuple[Motion, ...]) -> int:
-    """Degrees of freedom of a joint."""
+    """Return the number of degrees of freedom in a joint."""
     return sum(SIZE[m.kind][1] for m in motions)
 
 
 def places(motions: tuple[Motion, ...]) -> list[int | None]:
-    """Return the entry of q of each degree of freedom, None for rotations of balls and free."""
+    """Return the index in q for each degree of freedom, or None for rotations of ball and free
+    joints.
+    """
     found: list[int | None] = []
     start = 0
     for m in motions:
@@ -108,7 +110,7 @@ def places(motions: tuple[Motion, ...]) -> list[int | None]:
 
 
 def home(motions: tuple[Motion, ...]) -> tuple[float, ...]:
-    """q = 0 of a joint: zeros, and the unit quaternion [1, 0, 0, 0] of a ball or free motion."""
+    """Return q = 0 for a joint, with the unit quaternion [1, 0, 0, 0] for a ball or free motion."""
     return tuple(x for m in motions for x in KINDS[m.kind].home)
 
 
@@ -126,7 +128,7 @@ Limits = tuple[tuple[float | None, float | None] | None, ...]
 def joint_problems(
     joint: JointKind, motions: Motions, q: Numbers, v: Numbers, limits: Limits
 ) -> list[Finding]:
-    """Return the problems of a joint's motions, axes, initial state and limits."""
+    """Return problems with the motions, axes, initial state and limits of a joint."""
     found: list[Finding] = []
     if joint != "compound" and _kinds(motions) != _kinds(DEFAULT[joint]):
         found.append(("motions", f"are not those of a {joint} joint; use joint 'compound'"))
@@ -149,7 +151,7 @@ def joint_problems(
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
-    """Return problems of limits: wrong number, wrong order, or on a motion without a single
+    """Return problems with limits: a wrong number, a wrong order, or a motion without a single
     position.
     """
     if not limits:
@@ -171,7 +173,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
 
 
 def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, float]]:
-    """Return (motion, excess) of positions beyond their limits [rad, m]."""
+    """Yield (motion, excess) for positions beyond their limits [rad, m]."""
     start = 0
     for k, (m, pair) in enumerate(zip(motions, limits)):
         if pair is not None and m.kind in AXIAL:
@@ -184,7 +186,7 @@ def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, 
 
 
 def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
-    """Return problems of successive turns or slides along one line, which are one degree of
+    """Return problems with successive collinear rotations or slides, which form one degree of
     freedom.
     """
     return [
@@ -199,7 +201,9 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
 
 
 def parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Return whether two directions are parallel to 1e-9 rad, so that a joint cannot have both."""
+    """Return True if two directions are parallel to within 1e-9 rad, so that a joint cannot have
+    both.
+    """
     return _norm(_cross(a, b)) <= 1e-9 * _norm(a) * _norm(b)
 
 

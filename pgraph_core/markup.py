@@ -1,4 +1,5 @@
-"""Bounded reading of foreign files: XML with line numbers, without entities or external files.
+"""Bounded reading of untrusted files, including XML with line numbers but no entities or external
+files.
 
 The standard library's Expat parses. A document type, through which entity bombs and local files
 enter, is refused before it is read.
@@ -25,7 +26,7 @@ LONGEST_ATTRIBUTE = 1_000_000  # characters of one attribute
 
 
 class Element:
-    """An element with its attributes, children and line."""
+    """An XML element with its attributes, children and line number."""
 
     __slots__ = ("attributes", "children", "encoding", "line", "tag", "text")
 
@@ -36,7 +37,7 @@ class Element:
         self.encoding = ""  # encoding of the file, set at the root
 
     def all(self, *tags: str) -> Iterator[Element]:
-        """Return the children with one of these tags."""
+        """Return the children with any of these tags."""
         return (child for child in self.children if child.tag in tags)
 
     def first(self, tag: str) -> Element | None:
@@ -44,7 +45,7 @@ class Element:
         return next(self.all(tag), None)
 
     def inside(self) -> Iterator[Element]:
-        """Iterate over this element and all below it, in the order of the file."""
+        """Iterate over this element and all its descendants, in file order."""
         waiting: list[Element] = [self]
         while waiting:
             element = waiting.pop()
@@ -52,7 +53,7 @@ class Element:
             waiting += reversed(element.children)
 
     def get(self, name: str, default: str = "") -> str:
-        """Return an attribute as text."""
+        """Return the text of an attribute."""
         return self.attributes.get(name, default)
 
 
@@ -63,7 +64,7 @@ class Source:
         self.name = name
 
     def at(self, element: Element | int, what: str = "") -> str:
-        """Return the place in words, such as 'robot.urdf, line 12, joint 'knee''."""
+        """Return the location in words, such as 'robot.urdf, line 12, joint 'knee''."""
         line = element if isinstance(element, int) else element.line
         return f"{self.name}, line {line}" + (f", {what}" if what else "")
 
@@ -80,7 +81,7 @@ class Source:
         *,
         infinite: bool = False,
     ) -> tuple[float, ...]:
-        """Return as many numbers as `default` has from an attribute.
+        """Return the numbers in an attribute, with the same count as `default`.
 
         They are finite, unless they may be `infinite`. Raises FileError.
         """
@@ -115,7 +116,7 @@ class Source:
 
 
 def read_markup(path: Path) -> Element:
-    """Return the root element of an XML file. Raises FileError, also for files beyond the bounds
+    """Return the root element of an XML file. Raises FileError, also if the file exceeds the limits
     above.
     """
     try:
@@ -151,7 +152,7 @@ def ordinary(path: str | Path) -> BinaryIO:
 
 
 def reason_of(error: Exception) -> str:
-    """Return the reason why a file cannot be read or written, for a sentence."""
+    """Return the reason why a file cannot be read or written, for use in a sentence."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     text = str(error)
@@ -219,7 +220,7 @@ DECLARED = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
 
 
 def _in_utf8(content: bytes, source: Source) -> tuple[bytes, str]:
-    """Return XML text in UTF-8, and the encoding that its first line declares.
+    """Return XML text as UTF-8, and the encoding declared in its first line.
 
     The encoding is "" if a byte-order mark says that the text is in UTF-8 or UTF-16. Python decodes
     the others, because Expat knows few. An encoding that does not contain ASCII is refused, since

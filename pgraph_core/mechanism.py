@@ -1,4 +1,4 @@
-"""The mechanism: the dynamics of a model, and its analyses as methods."""
+"""The mechanism, which holds the dynamics of a model and provides its analyses as methods."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _derivatives() -> Any:
 
 @explained
 class Mechanism(Dynamics):
-    """A model numbered depth-first and packed for the compiled kernels.
+    """A model with depth-first numbering, packed for the compiled kernels.
 
     q (nq,), v (nv,) and tau (nv,) are in number order, with names in `names`. Body 0 is the ground.
     A mechanism keeps no state: every answer depends on its arguments only. Methods raise InputError
@@ -46,7 +46,7 @@ class Mechanism(Dynamics):
         return sorted(set(super().__dir__()) - OF_TOPOLOGY)
 
     def __contains__(self, name: Any) -> bool:
-        """True if its model has a part `name`."""
+        """Return True if the model has a part `name`."""
         return name in self.model
 
     def __eq__(self, other: object) -> bool:
@@ -59,7 +59,7 @@ class Mechanism(Dynamics):
     def assemble(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
     ) -> tuple[Array, Array, Assembly]:
-        """Find the state nearest to (q, v) that meets the constraints.
+        """Find the state closest to (q, v) that satisfies the constraints.
 
         The distance is measured with the mass matrix. All coordinates may move, including those
         that you set; a `pg.Motion` in the model holds one.
@@ -92,7 +92,7 @@ class Mechanism(Dynamics):
     def mobility(
         self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
     ) -> Mobility:
-        """Return degrees of freedom, redundant rows and singular positions at q.
+        """Return the degrees of freedom, redundant rows and singular positions at q.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class Mechanism(Dynamics):
         actuated: Sequence[str] | None = None,
         weights: Array | Mapping[str, float] | None = None,
     ) -> Array:
-        """Return the torques that give v' while all active constraints hold.
+        """Return the joint torques that produce v' while all active constraints hold.
 
         This is the inverse of `constrained_dynamics`. The torques act in addition to the passive
         forces of the model; prescribed motions bring their own forces. If several sets of torques
@@ -249,7 +249,7 @@ class Mechanism(Dynamics):
         scenario: str | None = None,
         starts: int = 32,
     ) -> Array:
-        """Find a configuration near q in which bodies and sites are at their targets.
+        """Find a configuration near q that brings bodies and sites to their targets.
 
         Joint limits and active constraints hold. The search starts at q. If it fails, it starts
         again from random configurations within the limits, the same ones in each call.

@@ -1,4 +1,4 @@
-"""Mesh files: the formats and the limits, and how a file becomes geometry."""
+"""Mesh files: supported formats, size limits and conversion to geometry."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 
 
 def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
-    """A mesh file as a trimesh.Trimesh in metres, its parts joined.
+    """Load a mesh file as a single trimesh.Trimesh in metres, with its parts merged.
 
     `unit` is that of the file; `scale` comes on top, one factor or one an axis.
     Raises FileError, ModelError.
@@ -40,7 +40,9 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
 
 
 def parsed_mesh(file: str | Path) -> Any:
-    """The geometry in a file, as it stands there. Opens that one file and none that it names."""
+    """Return the geometry from a file without conversion. Only this file is opened, not files it
+    references.
+    """
     trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):
@@ -76,7 +78,7 @@ def parsed_mesh(file: str | Path) -> Any:
 
 
 def _looks_like(suffix: str, content: bytes) -> bool:
-    """True if a file begins like its format, so that no other file is parsed as a mesh."""
+    """Return True if a file starts like its format, to avoid parsing other files as meshes."""
     match suffix:
         case "dae":
             return b"<COLLADA" in content[:10_000]
@@ -99,7 +101,7 @@ def _unreadable(file: str | Path, reason: str) -> Problem:
 
 
 def _damage(error: Exception) -> str:
-    """Return the damage of a file in the words of our reader, or a general sentence."""
+    """Return the damage to a file as described by our reader, or a general message."""
     if isinstance(error, MemoryError):
         return "it needs more memory than there is"
     return str(error) if isinstance(error, PgraphError) else "its content is damaged or cut short"
@@ -114,7 +116,7 @@ MOST_REFERENCES = 100  # nodes that name nodes
 
 
 def triangles(content: bytes, name: str) -> tuple[Array, Array, Counter[Any]]:
-    """(vertices (n, 3) [m], faces (m, 3), number of faces by colour) of the scene.
+    """Return vertices (n, 3) [m], faces (m, 3) and face counts by colour for the scene.
 
     A colour is four numbers, "texture", or None if there is none. Raises FileError.
     """
@@ -199,7 +201,7 @@ class _Collada:
         return found
 
     def _paint(self, instance: Element, symbol: str) -> Any:
-        """The colour of a material by which an instance of a geometry calls it."""
+        """Return the colour of the material that a geometry instance binds to a symbol."""
         for bound in instance.inside():
             if bound.tag != "instance_material" or bound.get("symbol") != symbol:
                 continue
@@ -236,7 +238,7 @@ class _Collada:
             self.parts.append((points @ turn[:3, :3].T + turn[:3, 3], faces))
 
     def _points(self, vertex: Element) -> Array:
-        """(n, 3) positions that a VERTEX input stands for."""
+        """Return the (n, 3) positions referenced by a VERTEX input."""
         vertices = self._target(vertex, "source")
         position = None
         if vertices is not None:
@@ -273,7 +275,7 @@ class _Collada:
 
 
 def _fans(corners: Array, sizes: Array) -> Array:
-    """Triangles of polygons, each a fan about its first corner."""
+    """Split polygons into triangles, each polygon as a fan about its first corner."""
     first = np.cumsum(sizes) - sizes
     found: list[Array] = []
     for n in np.unique(sizes):
@@ -285,7 +287,7 @@ def _fans(corners: Array, sizes: Array) -> Array:
 
 
 def _strip(x: Array) -> Array:
-    """Return the triangles of a strip, of which every second one is reversed."""
+    """Return the triangles in a strip, reversing every second one."""
     if len(x) < 3:
         return np.zeros((0, 3), np.int64)
     faces = np.stack((x[:-2], x[1:-1], x[2:]), axis=1)
@@ -294,7 +296,7 @@ def _strip(x: Array) -> Array:
 
 
 def _turn(axis: Array, angle: float) -> Array:
-    """(3, 3) rotation about an axis of any length but zero."""
+    """Return a (3, 3) rotation matrix about an axis of any non-zero length."""
     size = float(np.linalg.norm(axis))
     if size == 0.0:
         return np.eye(3)

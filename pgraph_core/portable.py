@@ -1,4 +1,4 @@
-"""Shared parts of public values: pickles tagged with their version, and equality."""
+"""Common parts of public values: version-tagged pickles and equality."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .errors import InputError, Problem, shown
 
 @cache
 def installed() -> str:
-    """Return the running version of Pgraph."""
+    """Return the installed version of Pgraph."""
     return version("pgraph-dynamics")
 
 
 class Portable:
-    """A mixin whose `pickle` and `copy` keep the state that `__getstate__` returns.
+    """A mixin that makes `pickle` and `copy` keep the state returned by `__getstate__`.
 
     The pickle names its version before anything else. Another version raises InputError when it
     reads that, before it meets classes or fields that it does not have.
@@ -39,7 +39,9 @@ SUM = 16  # bytes: of the digest that follows the name of the kind
 
 
 def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
-    """Return a snapshot of a `kind`: digest, version, words, and the state in bytes."""
+    """Return a snapshot for a `kind`, made up of a digest, the version, the words and the state
+    bytes.
+    """
     head = "\n".join((installed(), *words)).encode()
     rest = b"".join((len(head).to_bytes(4, "little"), head, body))
     return b"".join((_magic(kind), sha256(rest).digest()[:SUM], rest))
@@ -48,7 +50,7 @@ def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
 def unsealed(
     kind: str, snapshot: Any, key: str, arrays: Sequence[Any]
 ) -> tuple[list[str], memoryview]:
-    """Return (words after the key, the state of these arrays) of a sealed snapshot.
+    """Return (words after the key, state of the arrays) from a sealed snapshot.
 
     Raises InputError for bytes that it did not give, or gave for another key.
     """
@@ -73,7 +75,7 @@ def unsealed(
 
 
 def put_back(state: memoryview, arrays: Iterable[Any]) -> None:
-    """Copy bytes of arrays, one after the other, into these arrays."""
+    """Copy consecutive bytes back into the given arrays."""
     place = 0
     for array in arrays:
         view = array.reshape(-1).view(np.uint8)
@@ -86,7 +88,9 @@ def _magic(kind: str) -> bytes:
 
 
 def _empty(written: str, module: str, name: str) -> Any:
-    """An instance without state, for `pickle`. Raises InputError for another version's pickle."""
+    """Create an instance without state, for `pickle`. Raises InputError for another version's
+    pickle.
+    """
     if written != installed():
         text = (
             f"was written by Pgraph {written}, and Pgraph {installed()} is running; use "
@@ -100,7 +104,7 @@ def _empty(written: str, module: str, name: str) -> Any:
 
 
 class Unportable:
-    """A mixin for objects that hold addresses of this process and cannot be pickled."""
+    """A mixin for objects that hold memory addresses in this process and cannot be pickled."""
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         text = "holds memory addresses and cannot be pickled or copied; send its Mechanism instead"
@@ -108,7 +112,7 @@ class Unportable:
 
 
 class ReadOnly(dict[str, Any]):
-    """A read-only dictionary. Changing it raises InputError with the alternative."""
+    """A read-only dictionary. Changing it raises InputError, which suggests an alternative."""
 
     def __init__(self, entries: Mapping[str, Any], where: str, instead: str):
         super().__init__(entries)
@@ -137,7 +141,7 @@ def keep_unchanged(arrays: Iterable[Any]) -> None:
 
 
 def same(a: Any, b: Any) -> bool:
-    """True if two values, or all values in them, are equal, with nan = nan and list = tuple."""
+    """Return True if two values or containers are equal, with nan = nan and list = tuple."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a), np.asarray(b)
         floats = all(x.dtype.kind in "fc" for x in (a, b))  # others have no nan
@@ -150,13 +154,13 @@ def same(a: Any, b: Any) -> bool:
 
 
 class EqualByFields:
-    """A mixin of dataclasses with arrays, compared by fields except those with `compare=False`.
+    """A mixin for dataclasses with arrays. Fields are compared unless they have `compare=False`.
 
     Arrays can change, so there is no hash.
     """
 
     def __eq__(self, other: object) -> bool:
-        """Compare the fields, with nan equal to nan."""
+        """Compare the fields, treating nan as equal to nan."""
         if type(self) is not type(other):
             return NotImplemented
         names = [field.name for field in fields(cast("Any", self)) if field.compare]

@@ -1,4 +1,4 @@
-"""Quaternions [w, x, y, z] in plain Python, for descriptions and oracles (not for kernels)."""
+"""Quaternions [w, x, y, z] in plain Python, for descriptions and test oracles (not for kernels)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Quaternion: TypeAlias = "tuple[float, float, float, float]"
 
 
 def multiply(p: Sequence[float], q: Sequence[float]) -> Quaternion:
-    """The Hamilton product p q: first q, then p."""
+    """Return the Hamilton product p q, which applies q first and then p."""
     (a, b, c, d), (w, x, y, z) = p, q
     return (
         a * w - b * x - c * y - d * z,
@@ -25,20 +25,20 @@ def multiply(p: Sequence[float], q: Sequence[float]) -> Quaternion:
 
 
 def unit(q: Sequence[float]) -> Quaternion:
-    """`q` at length one."""
+    """Return `q` normalised to unit length."""
     w, x, y, z = q
     norm = math.hypot(w, x, y, z)
     return (w / norm, x / norm, y / norm, z / norm)
 
 
 def unit_vector(x: Sequence[float] | Array) -> Array:
-    """`x` at length one."""
+    """Return `x` normalised to unit length."""
     vector = np.array(x, dtype=float)
     return vector / np.linalg.norm(vector)
 
 
 def matrix(q: Sequence[float]) -> Array:
-    """(3, 3) rotation matrix of a quaternion of any length but zero."""
+    """Return the (3, 3) rotation matrix for a quaternion with any nonzero norm."""
     w, x, y, z = unit(q)
     return np.array(
         [
@@ -50,31 +50,33 @@ def matrix(q: Sequence[float]) -> Array:
 
 
 def rotate(q: Sequence[float], x: Sequence[float]) -> tuple[float, float, float]:
-    """The vector x turned by the quaternion q."""
+    """Rotate the vector x by the quaternion q."""
     a, b, c = matrix(q) @ np.asarray(x, dtype=float)
     return (float(a), float(b), float(c))
 
 
 def skew(x: Sequence[float] | Array) -> Array:
-    """(3, 3) matrix of the cross product: skew(x) y = x × y."""
+    """Return the (3, 3) cross product matrix, such that skew(x) y = x × y."""
     return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
 
 
 def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
-    """(3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
+    """Return the (3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ),
+    Fig. 7.
+    """
     h = skew(axis)
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)
 
 
 def normals_of(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed frame with a unit axis as the third."""
+    """Return two unit vectors that form a right-handed frame with a unit axis as the third."""
     least = np.eye(3)[np.argmin(np.abs(axis))]
     first = unit_vector(np.cross(least, axis).astype(float))
     return first, np.cross(axis, first)
 
 
 def quaternion_of(R: Array) -> Quaternion:
-    """Return the quaternion of a rotation matrix (3, 3), with its largest number positive."""
+    """Return the quaternion for a (3, 3) rotation matrix, with its largest component positive."""
     a, b, c = R[0, 0], R[1, 1], R[2, 2]
     squares = np.array([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c])  # 4 x its own
     products = np.array([

@@ -1,4 +1,4 @@
-"""Errors of pydantic as sentences, with our words for those of other programs."""
+"""Pydantic errors as sentences, with our terms for those used by other programs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def all_problems(
     where: str,
     followers: Mapping[str, tuple[str, ...]],
 ) -> list[Problem]:
-    """Return the problems of a part, those of other fields without the refused ones included.
+    """Return all problems in a part, including those found once the refused fields are removed.
 
     A refused field hides the findings of validators of the whole part, so validation is repeated
     without it. `followers` have no meaning without their field and are dropped with it.
@@ -54,7 +54,7 @@ def all_problems(
 def _problems(
     kind: type[BaseModel], data: Mapping[str, Any], error: ValidationError, where: str
 ) -> list[Problem]:
-    """Return one Problem per refused field, or all problems that our validator found."""
+    """Return one Problem per refused field, or all problems found by our validator."""
     items: dict[str, list[Any]] = {}
     for item in error.errors(include_url=False):
         field = next((part for part in item["loc"] if isinstance(part, str)), "")
@@ -72,7 +72,7 @@ def _problems(
 
 
 def _of_whole(item: Any, value: Any) -> Any:
-    """Return the error about a whole value where a number and a row of numbers were confused."""
+    """Return the error about a whole value if a number was confused with a list of numbers."""
     inside = item["loc"][1:]
     row = "tuple" in item["type"] or isinstance(item.get("input"), (tuple, list))
     rows = inside and all(isinstance(part, int) for part in inside) and row
@@ -80,7 +80,7 @@ def _of_whole(item: Any, value: Any) -> Any:
 
 
 def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
-    """Return (True if the error is about a part of the value, the sentence)."""
+    """Return (whether the error concerns only a part of the value, sentence)."""
     field, *inside = [part for part in item["loc"] if isinstance(part, str)] or [""]
     parts = _parts_of(known[field].annotation) if field in known else {}
     within, names = None, []
@@ -102,7 +102,7 @@ def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
 
 
 def no_such_field(name: str, known: Mapping[str, FieldInfo]) -> str:
-    """Return a sentence on an unknown field: the field of a part of it, or one like it."""
+    """Return a sentence about an unknown field that suggests a nested or a similar field."""
     for own, info in known.items():
         parts = {} if get_origin(info.annotation) is tuple else _parts_of(info.annotation)
         inner = name if name in parts else words.ours(name, parts)
@@ -124,7 +124,7 @@ def _expected(item: Any, field: FieldInfo) -> str:
 
 
 def _meant(item: Any, given: Any, field: FieldInfo) -> str:
-    """Return the replacement of a value that other programs accept."""
+    """Return our equivalent for a value that other programs accept."""
     name = item["loc"][0] if item["loc"] else ""
     if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
         return f"; write (0, 0, {-abs(given)}) where z is up"
@@ -140,7 +140,7 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
 
 
 def along(given: Any) -> str:
-    """Return the hint "write (0, 1, 0)" for an axis given as "y"."""
+    """Return the hint "write (0, 1, 0)" if an axis is given as "y"."""
     letter = given.removeprefix("-") if isinstance(given, str) else ""
     if letter not in ("x", "y", "z"):
         return ""
@@ -157,14 +157,14 @@ def _leaves(value: Any) -> Iterator[Any]:
 
 
 def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
-    """Return the fields of the objects that a value may be, such as a shape's, else {}."""
+    """Return the fields of the objects that a value may be, such as a shape's, or {} otherwise."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation.model_fields
     return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
 
 
 def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return refused fields of a part under our names and choices, {} without a change."""
+    """Return refused fields under our names and choices, or {} if nothing changes."""
     found = _ours(kind.model_fields, data)
     if "name" in kind.model_fields and "name" not in found and isinstance(found.get("body"), str):
         found["name"] = _name_of(kind, found)
@@ -172,7 +172,7 @@ def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, An
 
 
 def _same(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
-    """True if two mappings hold the same objects."""
+    """Return True if two mappings hold the same objects."""
     return a.keys() == b.keys() and all(a[name] is b[name] for name in a)
 
 
@@ -189,7 +189,7 @@ def _ours(fields: Mapping[str, FieldInfo], data: Mapping[str, Any]) -> dict[str,
 
 
 def _name_of(kind: Any, data: Mapping[str, Any]) -> str:
-    """Return a name for a part without one: its bodies and its kind."""
+    """Return a name for an unnamed part, from its bodies and its kind."""
     ends = [x for x in map(data.get, PAIR) if isinstance(x, str) and x != GROUND]
     what = getattr(kind, "own_kind", kind.word)()
     return f"{'-'.join(ends)} {what}"

@@ -1,4 +1,4 @@
-"""Numbers that decide what counts as zero, equal, near or converged.
+"""Numerical tolerances for values that count as zero, equal, near or converged.
 
 A threshold elsewhere is one of these, or derived from one as `c * EPS * scale`. All are relative
 unless a unit is given. A test halves and doubles each one and checks that verdicts stay the same

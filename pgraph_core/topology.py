@@ -1,4 +1,4 @@
-"""The digraph: depth-first numbers, Pgraph and jdof by the paper's seven steps, and back.
+"""The digraph: depth-first numbers, Pgraph and jdof by the paper's seven steps, and the inverse.
 
 Numbers are the paper's: bodies from 1, the ground 0. `parent[i - 1]` is the parent of body i.
 """
@@ -25,7 +25,9 @@ Ints: TypeAlias = "NDArray[np.int64]"
 @explained
 @dataclass(frozen=True, eq=False)
 class Topology(EqualByFields, Portable):
-    """A model's bodies numbered depth-first in pre-order, left child (upper row) first."""
+    """The bodies of a model, numbered in depth-first pre-order with the left child (upper row)
+    first.
+    """
 
     names: tuple[str, ...]  # by number
     row: Ints  # (nb,) row of the table, from 0, by number
@@ -33,7 +35,7 @@ class Topology(EqualByFields, Portable):
     dof: Ints  # (nb,) degrees of freedom of the joint to the parent
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only, because mechanisms share them."""
+        """Make the arrays read-only, because they are shared between mechanisms."""
         keep_unchanged((self.row, self.parent, self.dof))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -42,7 +44,7 @@ class Topology(EqualByFields, Portable):
 
     @classmethod
     def of(cls, model: Model) -> Topology:
-        """Return the topology of a valid model in O(n)."""
+        """Build the topology of a valid model in O(n)."""
         bodies, rows = model.bodies, model.row
         given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
         order = depth_first(given)
@@ -62,11 +64,11 @@ class Topology(EqualByFields, Portable):
 
     @property
     def nb(self) -> int:
-        """Number of bodies: every row of the table, welds too."""
+        """The number of bodies, one for every table row, including welded ones."""
         return len(self.names)
 
     def number(self, name: str) -> int:
-        """Return the number of a body, 0 for 'ground'. Raises InputError naming the bodies."""
+        """Return the number of a body, or 0 for 'ground'. Raises InputError listing the bodies."""
         if name not in self._number:
             text = f"no body has this name; choose one of {choices(self.names)}"
             raise InputError(Problem(f"body '{name}'", "", text))
@@ -74,33 +76,33 @@ class Topology(EqualByFields, Portable):
 
     @property
     def pgraph(self) -> Ints:
-        """The path-defined directed graph vector, Fig. 4."""
+        """The path-defined directed graph vector (Fig. 4)."""
         return pgraph_of(self.parent)
 
     @property
     def jdof(self) -> Ints:
-        """The joint degrees of freedom along Pgraph, 0 at every re-entry, Fig. 4."""
+        """The joint degrees of freedom along Pgraph, 0 at every re-entry (Fig. 4)."""
         return jdof_of(self.pgraph, self.dof)
 
     @property
     def tips(self) -> Ints:
-        """Numbers of the bodies without children, ascending."""
+        """The numbers of bodies without children, ascending."""
         return np.flatnonzero(self._children() == 0)
 
     @property
     def separation_bodies(self) -> Ints:
-        """Numbers of the bodies with more than one child, ascending, without the ground."""
+        """The numbers of bodies with more than one child, ascending, excluding the ground."""
         many = np.flatnonzero(self._children() > 1)
         return many[many > 0]
 
     def _children(self) -> Ints:
-        """Return the number of children (nb + 1,), at least 1 for the ground."""
+        """Return the number of children as an (nb + 1,) array, at least 1 for the ground."""
         count = np.bincount(self.parent, minlength=self.nb + 1)
         count[0] = max(count[0], 1)
         return count
 
     def adjacency(self) -> Any:
-        """S, eq. (1): (nb, nb) sparse, 1 where the row's body is a child of the column's."""
+        """S, eq. (1): an (nb, nb) sparse matrix, 1 if the row's body is a child of the column's."""
         from scipy import sparse
 
         child = np.flatnonzero(self.parent)
@@ -109,7 +111,7 @@ class Topology(EqualByFields, Portable):
 
 
 class Loop(NamedTuple):
-    """A cut edge of the digraph: a constraint from one body to another, or to the ground (0)."""
+    """A cut edge in the digraph: a constraint from one body to another, or to the ground (0)."""
 
     name: str
     kind: str
@@ -118,7 +120,7 @@ class Loop(NamedTuple):
 
 
 def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
-    """Return the constraints between bodies as edges of the digraph outside the tree."""
+    """Return the constraints between bodies as edges of the digraph that are not in the tree."""
     return tuple(
         Loop(c.name, c.kind, *map(topology.number, c.pair))
         for c in model.constraints
@@ -127,7 +129,7 @@ def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
 
 
 def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Return the children of the ground and of every body, ascending."""
+    """Return the children of the ground and of every body in ascending order."""
     children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for i, p in enumerate(np.asarray(parent, dtype=np.int64).tolist(), start=1):
         children[p].append(i)
@@ -135,7 +137,7 @@ def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
 
 
 def depth_first(parent: Sequence[int]) -> list[int]:
-    """Return the indices (from 0) of the bodies in depth-first pre-order, left child first."""
+    """Return body indices (from 0) in depth-first pre-order, with the left child first."""
     children = children_of(parent)
     order: list[int] = []
     stack = children[0][::-1]
@@ -148,7 +150,7 @@ def depth_first(parent: Sequence[int]) -> list[int]:
 
 @explained
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
-    """Return Pgraph of a tree on the numbers as given, by the seven steps of Fig. 4.
+    """Return the Pgraph of a tree with the given numbering, by the seven steps in Fig. 4.
 
     The left child is the one with the smaller number. Several roots make the ground, 0, the
     first separation body (checklist R20). Raises InputError where `parent` is not a forest.
@@ -176,7 +178,7 @@ def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
 
 
 def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
-    """Return the children, the left one last, so that pop() takes it. Raises InputError."""
+    """Return the children in reverse order, so that pop() takes the left one. Raises InputError."""
     numbers = _whole("parent", parent)
     nb = len(numbers)
     for i, p in enumerate(numbers.tolist(), start=1):
@@ -192,7 +194,7 @@ def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
 
 
 def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
-    """Return whole numbers as an array. Raises InputError."""
+    """Convert to an array of integers. Raises InputError."""
     try:
         numbers = np.asarray(values)
     except ValueError:  # lists of unequal length
@@ -216,13 +218,13 @@ def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
 
 
 def find(pgraph: Sequence[int] | Ints) -> Ints:
-    """Return the first place (from 0) of every body in Pgraph, in order of appearance (Fig. 7)."""
+    """Return the index (from 0) of each body's first occurrence in Pgraph (Fig. 7)."""
     return np.sort(np.unique(np.asarray(pgraph, dtype=np.int64), return_index=True)[1])
 
 
 @explained
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
-    """Return the tree of Pgraph: the parent of a body's first occurrence stands before it."""
+    """Recover the tree from Pgraph. The parent of a body precedes its first occurrence."""
     pgraph, first = _first_occurrences(pgraph)
     parent = np.zeros(len(first), dtype=np.int64)
     before = np.where(first > 0, pgraph[np.maximum(first - 1, 0)], 0)
@@ -231,7 +233,7 @@ def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
 
 
 def _first_occurrences(pgraph: Sequence[int] | Ints) -> tuple[Ints, Ints]:
-    """Return Pgraph and the first places of its bodies, without the ground. Raises InputError."""
+    """Return Pgraph and the first index of each body except the ground. Raises InputError."""
     pgraph = _whole("pgraph", pgraph)
     first = find(pgraph)
     first = first[pgraph[first] != 0]

@@ -1,4 +1,4 @@
-"""Dimensions of fields, with their units in forms and their conversion factors."""
+"""Physical dimensions of fields, with their display units and conversion factors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Dim(NamedTuple):
-    """Exponents of length, mass, time and angle, and of a coordinate, which is a length or angle.
+    """Exponents of length, mass, time, angle, and of a coordinate, which is a length or an angle.
 
     A sum of coordinates is a length where all of them are.
     """
@@ -29,7 +29,7 @@ class Dim(NamedTuple):
         return Dim(*(n * a for a in self))
 
     def factor(self, length: float, mass: float, time: float, coordinate: float = 1.0) -> float:
-        """Return the factor of a number with this dimension, from those of its base units."""
+        """Return the conversion factor for this dimension, given the factors for the base units."""
         of_base = length**self.length * mass**self.mass * time**self.time
         return of_base * coordinate**self.coordinate
 

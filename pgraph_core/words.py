@@ -1,4 +1,4 @@
-"""Words of other programs: synonyms of ours, and names that get a hint.
+"""Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
 A name is taken where it means the same in the same form: `dt` is the step, `axis` the direction of
 a joint. Where the form differs it is a hint: `tspan` is a pair, and `t_end` one number. The tables
@@ -105,14 +105,16 @@ SAME, NEAR = _table(_SAME), _table(_NEAR)
 
 
 def ours(name: str, known: Iterable[str]) -> str:
-    """Return the known name that another program's `name` stands for, or ""."""
+    """Return the Pgraph name that corresponds to another program's `name`, or ""."""
     names = set(known)
     found = [each for each in SAME.get(name, ()) if each in names]
     return found[0] if name not in names and len(found) == 1 else ""
 
 
 def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-    """Return arguments under our names, {} if none is renamed or two have the same meaning."""
+    """Return arguments under Pgraph names, or {} if none is renamed or two have the same
+    meaning.
+    """
     names = list(known)
     pairs = [(ours(name, names) or name, value) for name, value in given.items()]
     changed = [name for name, _ in pairs] != list(given)
@@ -120,7 +122,7 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
 
 
 def chosen(value: Any, known: Iterable[str]) -> str:
-    """Return the choice that a word of another program stands for, or ""."""
+    """Return the Pgraph choice that corresponds to a word of another program, or ""."""
     word = value.lower() if isinstance(value, str) else ""
     names = list(known)
     return next((x for x in CHOICES.get(word, (word,)) if x in names and x != value), "")
@@ -139,7 +141,9 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
 
 
 def synonym(name: Any, known: Iterable[str]) -> str:
-    """Return the hint "did you mean revolute?" for a choice by a word of other programs."""
+    """Return the hint "did you mean revolute?" for a choice that another program names
+    differently.
+    """
     listed = list(known)
     word = name.lower() if isinstance(name, str) else ""
     found = chosen(name, listed) or next((x for x in NEAR_CHOICES.get(word, ()) if x in listed), "")

@@ -1,3 +1,3 @@
-"""The command line: `pgraph` opens the page, `pgraph COMMAND` answers in the terminal."""
+"""The command line interface: `pgraph` opens the page, `pgraph COMMAND` runs in the terminal."""
 
 from .main import main as main

@@ -1,4 +1,4 @@
-"""`pgraph bench` lists and runs the benchmarks of a clone. The installed package has none."""
+"""`pgraph bench`: list and run the benchmarks. They are only available in a clone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def arguments(parser: ArgumentParser) -> None:
 
 
 def bench(args: Namespace) -> Answer:
-    """Raises InputError where this is no clone, or for an unknown name."""
+    """Run the benchmarks. Raises InputError outside a clone, or for an unknown name."""
     folder, table, measure, machine = (part(x) for x in ("", "table", "measure", "machine"))
     known = folder.benchmarks()
     if not args.names:
@@ -71,7 +71,7 @@ def bench(args: Namespace) -> Answer:
 
 
 def _listed(known: dict[str, Any]) -> Answer:
-    """The benchmarks, their peers and about how long they take."""
+    """List the benchmarks, their peers and approximate durations."""
     rows = [
         (one.name, f"{one.minutes:g} min", ", ".join(one.peers), one.what) for one in known.values()
     ]
@@ -88,7 +88,7 @@ RUN_THEM = "Run some with `pgraph bench NAME ...`, every one with `pgraph bench 
 
 
 def _earlier(path: Path) -> dict[str, Any]:
-    """An earlier run. Raises InputError."""
+    """Load an earlier run. Raises InputError."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(found["machine"]["cpu"], str) and isinstance(found["benchmarks"], dict):
@@ -108,7 +108,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def part(name: str) -> Any:
-    """The folder `benchmarks` of this clone, or a module of it."""
+    """Import the folder `benchmarks` of this clone, or one of its modules."""
     if not (ROOT / "benchmarks" / "__init__.py").is_file():
         text = "the package is installed without the benchmarks; run it in a clone of Pgraph"
         raise InputError(Problem("pgraph bench", "", text))

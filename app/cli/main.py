@@ -1,4 +1,4 @@
-"""Finds the command that was typed and runs it."""
+"""Parsing and dispatch of commands."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ COMMANDS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Returns 0 if all is well, 1 if the model or the run has a problem, 2 for wrong usage."""
+    """Run the program. Return 0 on success, 1 for a model or run problem, 2 for incorrect usage."""
     words = list(sys.argv[1:] if argv is None else argv)
     try:
         if words and words[0] in COMMANDS:
@@ -60,7 +60,7 @@ MEANT = {
 
 
 def _no_command(word: str, rest: Sequence[str]) -> str:
-    """Return a suggestion for an unknown first word, "" for a model or an option."""
+    """Return a suggestion for an unknown first word, or "" if it is a model or an option."""
     if word.startswith("-") or Path(word).suffix or os.sep in word or Path(word).exists():
         return ""
     if word in pgraph_models.names() and not (rest and not rest[0].startswith("-")):
@@ -144,7 +144,7 @@ def arguments(parser: ArgumentParser) -> None:
 
 
 def start(args: Namespace) -> None:
-    """Serve the page until Ctrl+C."""
+    """Serve the page until interrupted by Ctrl+C."""
     model = open_model(args)
     _bind(args.host)
     if args.log is not None:
@@ -170,7 +170,7 @@ def start(args: Namespace) -> None:
 
 
 def _log_to(path: str) -> None:
-    """Log the page's events with times to a file. Raises InputError if it cannot be written."""
+    """Log page events with timestamps to a file. Raises InputError if it cannot be written."""
     try:
         handler = logging.FileHandler(path, encoding="utf-8")
     except OSError as error:
@@ -183,7 +183,9 @@ def _log_to(path: str) -> None:
 
 
 def _bind(host: str) -> None:
-    """Raise InputError if this machine has no such address. viser would retry forever."""
+    """Raise InputError if this machine does not have the address, since viser would retry
+    forever.
+    """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as free:

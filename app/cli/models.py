@@ -1,4 +1,4 @@
-"""Commands about models: `pgraph new`, `models`, `info`, `check`, `convert`."""
+"""Commands for models: `pgraph new`, `models`, `info`, `check`, `convert`."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def info(args: Namespace) -> Answer:
 
 
 def facts(model: pg.Model) -> dict[str, Any]:
-    """The answer under the names of `Mechanism`, in number order."""
+    """Return the answer with the attribute names of `Mechanism` as keys, in number order."""
     topology = pg.Topology.of(model)
     bodies = [model.bodies[row] for row in topology.row]
     return {
@@ -107,7 +107,7 @@ def facts(model: pg.Model) -> dict[str, Any]:
 
 
 def _mobility(model: pg.Model) -> dict[str, Any] | None:
-    """Return the mobility, or why the model cannot be assembled. None without constraints."""
+    """Return the mobility, or why the model cannot be assembled, or None without constraints."""
     if not any(c.active for c in model.constraints):
         return None
     try:
@@ -146,7 +146,7 @@ def _listed(numbers: Any) -> str:
 
 
 def check(args: Namespace) -> Answer:
-    """Raises PgraphError with all problems of the model and its meshes."""
+    """Check a model. Raises PgraphError with all problems in the model and its meshes."""
     path = model_path(args.model)
     data: dict[str, Any] = {"problems": []}
     if path.suffix.lower() in (*FOREIGN, ".zip"):
@@ -165,7 +165,7 @@ def check(args: Namespace) -> Answer:
 
 
 def mesh_problems(model: pg.Model) -> list[Problem]:
-    """One problem for each body whose mesh file cannot be read.
+    """Return one problem for each body with an unreadable mesh file.
 
     A file that is not there is a doubt where it would only be drawn.
     """

@@ -1,4 +1,4 @@
-"""Commands that simulate: `pgraph run`, `pgraph sweep` at many values, `pgraph export`."""
+"""Commands for simulation: `pgraph run`, `pgraph sweep` over many values, `pgraph export`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SHOWN = 12  # rows of a sweep's table that are printed
 
 
 def _run_options(parser: ArgumentParser) -> None:
-    """Add the options that both commands pass to `simulate`."""
+    """Add the options that both commands pass on to `simulate`."""
     parser.add_argument("--scenario", help="default: the model's first one")
     parser.add_argument("--t-end", type=duration, metavar="S", help="duration [s]")
     parser.add_argument("--method", help="integration method; default: the scenario's, else auto")
@@ -46,7 +46,7 @@ def _run_options(parser: ArgumentParser) -> None:
 
 
 def _options(args: Namespace) -> dict[str, Any]:
-    """Return the given options of a run except the scenario."""
+    """Return the given simulation options, except the scenario."""
     asked = {name: getattr(args, name, None) for name in ("t_end", "method", "step", "rtol")}
     return {name: value for name, value in asked.items() if value is not None}
 
@@ -86,14 +86,16 @@ def run(args: Namespace) -> Answer:
 
 
 def _writable(output: str | None) -> None:
-    """Raises FileError before the run if the file has no known suffix."""
+    """Check the output path in advance. Raises FileError if the suffix is unknown."""
     if output and not output.lower().endswith((".npz", ".csv", ".html")):
         text = "must end in .npz (the whole run), .csv (a table) or .html (an animation)"
         raise FileError(Problem(output, "", text))
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
-    """Return the answer under the names of `Result`, with extremes of energies and drifts."""
+    """Return the answer with the attribute names of `Result` as keys, with energy and drift
+    extremes.
+    """
     return {
         "status": result.status.name,
         "message": result.message,
@@ -136,7 +138,7 @@ def _run_lines(data: dict[str, Any]) -> list[str]:
 
 
 def _steps(data: dict[str, Any]) -> str:
-    """The step, or the tolerance of adaptive steps."""
+    """Return the step size, or the tolerance for adaptive steps."""
     if data["step"] is None:
         return f"steps to a tolerance of {data['header']['rtol']:g}"
     return f"step {data['step']:.6g} s"
@@ -146,7 +148,7 @@ def _steps(data: dict[str, Any]) -> str:
 
 
 def varied(text: str) -> tuple[str, np.ndarray | tuple[float, ...]]:
-    """PATH=a:b:n, PATH=a,b,c, or PATH=a:b, which is a pair and no array."""
+    """Parse PATH=a:b:n or PATH=a,b,c, or PATH=a:b, which is a pair rather than an array."""
     path, _, given = text.rpartition("=")
     try:
         numbers = [float(x) for x in given.replace(":", ",").split(",")]
@@ -269,7 +271,7 @@ def export_arguments(parser: ArgumentParser) -> None:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height in pixels."""
+    """Parse a width and height in pixels."""
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not found:
         raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, as 1280x720; given {text!r}")
@@ -306,7 +308,7 @@ def export(args: Namespace) -> Answer:
 
 
 def _drawn(args: Namespace, film: bool) -> Answer:
-    """A picture or a film."""
+    """Render an image or a video."""
     model, bar = open_model(args), progress_bar()
     scenario = first_scenario(model, args.scenario)
     look = {"view": args.view, "dark": args.dark}

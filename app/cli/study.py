@@ -1,4 +1,4 @@
-"""Commands that compare methods: `pgraph report` and `pgraph stability`."""
+"""Commands for comparing methods: `pgraph report` and `pgraph stability`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .terminal import (
 
 
 def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
-    """Raises FileError before the work if the file has no known suffix."""
+    """Check the output path in advance. Raises FileError if the suffix is unknown."""
     if output and Path(output).suffix.lower() not in suffixes:
         raise FileError(Problem(output, "", f"must end in {', '.join(suffixes)}"))
 
@@ -67,7 +67,7 @@ def report_arguments(parser: ArgumentParser) -> None:
 
 
 def report(args: Namespace) -> Answer:
-    """Raises PgraphError. A target that no method reaches is exit code 1, after all rows."""
+    """Run a study. Raises PgraphError. The exit code is 1 if no method reaches the target."""
     if (args.model is None) == (args.case is None):
         raise InputError(Problem("pgraph report", "", "give either a MODEL or --case NAME"))
     _writable(args.output, pg.Study.SUFFIXES)
@@ -90,7 +90,7 @@ def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
 
 
 def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
-    """Return the mechanism of a case and the options of its motion, without the method."""
+    """Return the mechanism of a case and its simulation options, except the method."""
     found = list(pgraph_models.cases(name))
     if len(found) > 1:
         text = f"names several cases; choose one of {choices([case.name for case in found], 40)}"
@@ -175,7 +175,7 @@ def stability(args: Namespace) -> Answer:
 def _maps(
     model: pg.Model, args: Namespace, options: dict[str, Any]
 ) -> tuple[list[pg.StabilityMap], list[str]]:
-    """(a map of each axis, a sentence for each axis that does not fit the model)."""
+    """Return one map per axis, and a message for each axis that does not apply to the model."""
     from pgraph_core.study.axes import AXES
 
     bar, found, lacking = progress_bar(), [], []

@@ -1,4 +1,4 @@
-"""Shared parts of commands: arguments as values, answers in text and JSON, a progress bar."""
+"""Shared helpers for commands: argument parsing, text and JSON output, a progress bar."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
 
 
 def model_argument(parser: ArgumentParser, nargs: str | None = None) -> None:
-    """MODEL, which most commands take."""
+    """Add the MODEL argument that most commands take."""
     text = "a file or the name of a built-in model"
     parser.add_argument("model", metavar="MODEL", nargs=nargs, help=text)  # type: ignore[arg-type]
     file_options(parser)
 
 
 def file_options(parser: ArgumentParser) -> None:
-    """Options of commands that read a model file."""
+    """Add the options for commands that read a model file."""
     parser.add_argument(
         "--root", action="append", default=[], metavar="FOLDER",
         help="a folder in which meshes and included files may lie; may be repeated",
@@ -53,7 +53,7 @@ def file_options(parser: ArgumentParser) -> None:
 
 
 def given(text: str) -> tuple[str, str]:
-    """A name and its value."""
+    """Parse a name and its value."""
     name, mark, value = text.partition("=")
     if not (name and mark):
         raise ArgumentTypeError(f"must be NAME=VALUE; given {text!r}")
@@ -61,7 +61,7 @@ def given(text: str) -> tuple[str, str]:
 
 
 def open_model(args: Namespace) -> pg.Model:
-    """The model in a file, or the built-in one of this name. Raises PgraphError."""
+    """Load a model file, or the built-in model with this name. Raises PgraphError."""
     path = model_path(args.model)
     if path.suffix.lower() == ".zip":
         model, report = read_file(args)
@@ -70,7 +70,7 @@ def open_model(args: Namespace) -> pg.Model:
 
 
 def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:
-    """(model, report) of a file, an archive or a built-in model. Raises PgraphError."""
+    """Return (model, report) for a file, an archive or a built-in model. Raises PgraphError."""
     from pgraph_core.formats import read_model  # other formats need kernels
 
     path = model_path(args.model)
@@ -92,7 +92,7 @@ def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:
 
 
 def roots(args: Namespace) -> list[str]:
-    """The folders of `--root`. Raises FileError if one is not there."""
+    """Return the folders given by `--root`. Raises FileError if one does not exist."""
     for root in args.root:
         if not Path(root).is_dir():
             raise FileError(Problem(f"--root {root}", "", "there is no such folder"))
@@ -100,7 +100,7 @@ def roots(args: Namespace) -> list[str]:
 
 
 def model_path(name: str) -> Path:
-    """Return the path of a model. A built-in name wins over a file, which is then ./name."""
+    """Return the path to a model. Built-in names take precedence, so a file may need ./name."""
     if name in pgraph_models.names():
         return pgraph_models.path(name)
     path = Path(name)
@@ -112,12 +112,12 @@ def model_path(name: str) -> Path:
 
 
 def first_scenario(model: pg.Model, given: str | None) -> str | None:
-    """The given scenario, else the model's first one, else None."""
+    """Return the given scenario, or the model's first one, or None if there are none."""
     return given or next((s.name for s in model.scenarios), None)
 
 
 def count(text: str) -> int:
-    """A number of bodies or rounds."""
+    """Parse a number of bodies or rounds."""
     try:
         number = int(text)
     except ValueError:
@@ -128,7 +128,7 @@ def count(text: str) -> int:
 
 
 def port(text: str) -> int:
-    """Parse a port, 0 for any free one."""
+    """Parse a port number, where 0 stands for any free port."""
     if not (text.isascii() and text.isdigit() and int(text) <= 65535):
         text = f"must be a whole number from 0 (any free port) to 65535; given {text!r}"
         raise ArgumentTypeError(text)
@@ -136,14 +136,14 @@ def port(text: str) -> int:
 
 
 def seed(text: str) -> int:
-    """A whole number >= 0."""
+    """Parse an integer >= 0."""
     if not (text.isascii() and text.isdigit()):
         raise ArgumentTypeError(f"must be a whole number >= 0; given {text!r}")
     return int(text)
 
 
 def positive(text: str) -> float:
-    """A finite number > 0."""
+    """Parse a finite number > 0."""
     try:
         value = float(text)
     except ValueError:
@@ -154,7 +154,7 @@ def positive(text: str) -> float:
 
 
 def duration(text: str) -> float:
-    """Seconds of a run."""
+    """Parse a run duration in seconds."""
     value = positive(text)
     if value > LONGEST:
         raise ArgumentTypeError(f"must be at most {LONGEST:g} s; given {text!r}")
@@ -170,12 +170,12 @@ def tolerance(text: str) -> float:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Names separated by commas."""
+    """Parse names separated by commas."""
     return tuple(x.strip() for x in text.split(",") if x.strip())
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Numbers separated by commas."""
+    """Parse numbers separated by commas."""
     try:
         return tuple(float(x) for x in names(text))
     except ValueError:
@@ -187,7 +187,7 @@ def numbers(text: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a command, for programs and for people."""
+    """The answer to a command, as data for programs and as text for people."""
 
     data: Mapping[str, Any]  # with --json, under the names of the Python API
     text: str
@@ -196,7 +196,9 @@ class Answer:
 
 @dataclass(frozen=True)
 class Command:
-    """`pgraph NAME`: one line of help, its arguments, and what answers it."""
+    """The command `pgraph NAME`: its one-line help, its arguments, and the function that runs
+    it.
+    """
 
     name: str
     help: str
@@ -205,12 +207,12 @@ class Command:
 
 
 def print_answer(answer: Answer, as_json: bool) -> None:
-    """The text, or one JSON object, on stdout."""
+    """Print the text, or one JSON object, to stdout."""
     print(to_json(answer.data) if as_json else plain(answer.text))
 
 
 def print_problems(problems: Iterable[Problem], as_json: bool) -> None:
-    """Print each problem on stderr, and with --json also one object on stdout."""
+    """Print each problem to stderr, and with --json also one object to stdout."""
     problems = tuple(problems)
     for problem in problems:
         print(problem, file=sys.stderr)
@@ -219,7 +221,7 @@ def print_problems(problems: Iterable[Problem], as_json: bool) -> None:
 
 
 def to_json(data: Any) -> str:
-    """JSON text: arrays as lists, numbers that are not finite as null."""
+    """Serialise to JSON text, with arrays as lists and non-finite numbers as null."""
     return json.dumps(_plain(data), allow_nan=False)
 
 
@@ -236,7 +238,7 @@ def _plain(value: Any) -> Any:
 
 
 def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
-    """A table in columns: numbers to the right, text to the left."""
+    """Format a table in columns, with numbers right-aligned and text left-aligned."""
     cells = [[*header], *([*row] for row in rows)]
     left = [
         not all(isinstance(row[i], (int, float)) for row in cells[1:]) for i in range(len(cells[0]))
@@ -249,12 +251,12 @@ def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
 
 
 def progress_bar() -> Bar:
-    """A bar on a terminal, nothing in a pipe."""
+    """Return a progress bar for a terminal, or nothing if output is piped."""
     return _draw if sys.stderr.isatty() and sys.stdout.isatty() else _ignore
 
 
 def _draw(what: str, fraction: float) -> bool:
-    """Draw a bar on stderr, erased if `what` is empty. Returns True, so the work continues."""
+    """Draw a bar on stderr, or erase it if `what` is empty. Return True to continue the work."""
     done = round(WIDTH * fraction)
     bar = f"{what:10}[{'#' * done}{'.' * (WIDTH - done)}] {fraction:4.0%}" if what else ""
     print(f"\r{bar or ' ' * (WIDTH + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""The command that checks Pgraph itself: `pgraph verify`."""
+"""The command for verifying Pgraph itself: `pgraph verify`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HEADER = (
 
 
 def tell(text: str) -> None:
-    """Print progress over the last line of a terminal, but not into a pipe."""
+    """Print progress over the last line of a terminal, or do nothing if output is piped."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
@@ -32,7 +32,7 @@ def verify_arguments(parser: ArgumentParser) -> None:
 
 
 def verify(args: Namespace) -> Answer:
-    """Raises PgraphError for an unknown name."""
+    """Run verification cases. Raises PgraphError for an unknown name."""
     wanted = args.names or pgraph_models.case_names()
     chosen = [case for name in wanted for case in _cases(name)]
     began = time.perf_counter()
@@ -49,12 +49,12 @@ def verify(args: Namespace) -> Answer:
 
 
 def _cases(name: str) -> tuple[pg.Case, ...]:
-    """The built-in cases of a name, or those in a file."""
+    """Return the built-in cases with a name, or those in a file."""
     return pg.load_cases(name) if Path(name).suffix == ".json" else pgraph_models.cases(name)
 
 
 def facts(verdict: pg.Verdict) -> dict[str, Any]:
-    """One result, under names that scripts can rely on."""
+    """Return one result as a dictionary with stable keys for scripts."""
     run, case = verdict.run, verdict.case
     return {
         "case": case.name,

@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, loops, limits, sites and outputs, and their tab: kinds, cells.
+"""Constraints, contacts, forces, loops, limits, sites and outputs, with their tab and cells.
 
 Labels, units and help of fields come from the fields of the classes; here are the few cells of a
 form that stand for a part of a field.
@@ -24,7 +24,7 @@ Slot = Literal["body", "other"]
 
 @dataclass(frozen=True)
 class Picking:
-    """A body is to be clicked: for a part that is there, or the next one of a new part."""
+    """A pending click on a body, for an existing part or as the next body of a new part."""
 
     part: Part | Literal["loops", "limits"]
     kind: str  # kind of the part, or of the joint of a loop
@@ -36,7 +36,7 @@ class Picking:
 
 @dataclass(frozen=True)
 class MobilityReport:
-    """Degrees of freedom that the constraints of `model` leave, or why that is not known."""
+    """The remaining degrees of freedom in a constrained `model`, or why they are unknown."""
 
     model: pg.Model
     found: Any = None  # pg.Mobility
@@ -84,7 +84,7 @@ CELLS = {  # cells of a form that are a part of a field, or choose how it is giv
 
 
 def about(item: Any, field: str) -> About:
-    """A field of a part, or one of its cells, as a form shows it."""
+    """Return how a form shows a field of a part, or one of its cells."""
     known = type(item).model_fields
     if field not in known:
         return CELLS.get(field, About(field))
@@ -94,7 +94,7 @@ def about(item: Any, field: str) -> About:
 
 
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
-    """Return the type of a field's cell, with its options.
+    """Return the type of a field's cell and its options.
 
     It is ("vector", ()), ("whole", (least, greatest)), ("flag", ()), ("choice", options), or
     ("number", ()), the last also for cells without a field.
@@ -119,7 +119,7 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
 
 
 def _types(annotation: Any) -> Iterator[Any]:
-    """The types that an annotation allows."""
+    """Return the types allowed by an annotation."""
     if get_origin(annotation) in (Annotated, Union, UnionType):
         parts = get_args(annotation)
         for part in parts[:1] if get_origin(annotation) is Annotated else parts:
@@ -129,7 +129,7 @@ def _types(annotation: Any) -> Iterator[Any]:
 
 
 def own_fields(item: Any) -> tuple[str, ...]:
-    """The fields that matter to it, in the order a person sets them."""
+    """Return the fields relevant to a part, in the order in which a user sets them."""
     names = [name for name in type(item).model_fields if name not in ("name", "active")]
     if isinstance(item, pg.Contact):
         rigid = item.law == "complementarity"
@@ -143,7 +143,7 @@ def own_fields(item: Any) -> tuple[str, ...]:
 
 
 def rare(item: Any, name: str) -> bool:
-    """True if a field of a drive has its usual value, so a form shows it below the others."""
+    """Return True if a drive's field has its default value, so that a form lists it last."""
     if not isinstance(item, OnJoint) or name not in OnJoint.model_fields:
         return False
     if name in ("kind", "body", "coordinate", item.INPUT):
@@ -152,7 +152,7 @@ def rare(item: Any, name: str) -> bool:
 
 
 def takes_other(part: str, kind: str) -> bool:
-    """True if a new part of that kind needs a second body."""
+    """Return True if a new part of that kind needs a second body."""
     kinds = {"constraints": pg.Constraint.KINDS, "forces": pg.Force.KINDS}.get(part)
     if kinds is None:
         return part in ("contacts", "loops")

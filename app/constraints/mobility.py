@@ -1,4 +1,4 @@
-"""The report on degrees of freedom and redundant rows, in words that a person can act on."""
+"""A readable report about degrees of freedom and redundant constraint rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROWS = {kind: rows for rows, kind in HOLDING.items()}
 
 
 def mobility_report(state: State, by_itself: int) -> Payload:
-    """Headline, lines that name a constraint each, and whether it is of the model as it stands."""
+    """Return a headline, lines that each name a constraint, and whether the report is current."""
     active = [c for c in state.model.constraints if c.active]
     if not active:
         text = f"{counted(state.derived.dof, 'degree')} of freedom; no active constraint takes any."
@@ -43,12 +43,14 @@ def mobility_report(state: State, by_itself: int) -> Payload:
 
 
 def sentence(text: str) -> str:
-    """With a capital letter and a full stop."""
+    """Format as a sentence with a capital letter and a full stop."""
     return text[:1].upper() + text[1:].rstrip(".") + "."
 
 
 def headline(found: Any) -> str:
-    """'1 degree of freedom left: 3 of the tree less 2 that constraints take.'"""
+    """Return a headline like '1 degree of freedom left: 3 of the tree less 2 that constraints
+    take.'
+    """
     left = counted(found.dof, "degree") + " of freedom left"
     if found.extra and found.finite:
         left += f", {found.extra} of them only in this position"
@@ -57,7 +59,7 @@ def headline(found: Any) -> str:
 
 
 def lines_of(state: State, found: Any) -> list[Payload]:
-    """Per constraint: which directions it needlessly removes, and what would do."""
+    """Return one line per constraint about its redundant directions, with an alternative."""
     by_name: dict[str, list[Any]] = {}
     for row in found.redundant:
         by_name.setdefault(row.constraint, []).append(row)
@@ -85,7 +87,7 @@ def lines_of(state: State, found: Any) -> list[Payload]:
 
 
 def needless(name: str, kind: str, rows: list[Any]) -> str:
-    """Return a remark on redundant rows, with a kind of constraint that has fewer."""
+    """Return a remark about redundant rows, suggesting a constraint kind with fewer of them."""
     always = [row for row in rows if not row.only_here]
     here = [row for row in rows if row.only_here]
     parts = []
@@ -104,7 +106,9 @@ def _listed(words: list[str]) -> str:
 
 
 def instead(kind: str, rows: list[Any]) -> str:
-    """The kind that holds what is left, where there is one."""
+    """Return a suggestion for a kind that imposes only the remaining directions, if there is
+    one.
+    """
     if kind not in ROWS:
         return ""
     turned = Counter("turn" if r.direction.startswith("rotation") else "move" for r in rows)
@@ -123,7 +127,7 @@ BY_ITSELF = 300  # degrees of freedom up to which the report comes unasked: it c
 
 
 class Reports:
-    """Reports on the newest model."""
+    """Mobility reports for the latest model."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -145,7 +149,7 @@ class Reports:
 
 
 def wanted(state: State) -> bool:
-    """True if a page shows constraints whose report is missing."""
+    """Return True if a page shows constraints but their report is missing."""
     if not state.model.constraints or not any(
         "constraints" in c.sees for c in state.clients.values()
     ):
@@ -156,7 +160,9 @@ def wanted(state: State) -> bool:
 
 
 def report(model: pg.Model) -> MobilityFound:
-    """Degrees of freedom and redundant rows in the initial state, or the sentence why not."""
+    """Return the degrees of freedom and redundant rows in the initial state, or why they are
+    unknown.
+    """
     try:
         return MobilityFound(model, pg.Mechanism(model).mobility())
     except pg.PgraphError as error:

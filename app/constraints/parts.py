@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, sites, outputs: made with what they need, changed by cells."""
+"""Creating and editing constraints, contacts, forces, sites and outputs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outpu
 
 
 def item_of(model: pg.Model, part: Part, name: str) -> Item:
-    """The part of that name. Raises Refusal."""
+    """Return the part with that name. Raises Refusal."""
     found = next((x for x in getattr(model, part) if x.name == name), None)
     if found is None:
         raise Refusal(f"the {WORD[part]} '{name}' is gone")
@@ -50,12 +50,12 @@ def item_of(model: pg.Model, part: Part, name: str) -> Item:
 
 
 def kind_of(part: Part, item: Item) -> str:
-    """The kind of a constraint, force or output, the law of a contact."""
+    """Return the kind of a constraint, force or output, or the law of a contact."""
     return "site" if part == "sites" else getattr(item, KIND_FIELD[part])
 
 
 def quantity_of(item: Item, field: str) -> Quantity:
-    """Return the quantity of a field."""
+    """Return the physical quantity of a field."""
     return quantity_in(about(item, field).unit)
 
 
@@ -63,7 +63,9 @@ def quantity_of(item: Item, field: str) -> Quantity:
 
 
 def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple[pg.Model, str]:
-    """A model with a new part, with what its kind needs, and its name. Raises PgraphError."""
+    """Add a part with its required fields. Return the model and the part's name. Raises
+    PgraphError.
+    """
     if part == "loops":
         model = model.close_loop(body, other, joint=kind)
         return model, model.constraints[-1].name
@@ -84,7 +86,7 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
 
 
 def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
-    """Return the required fields of a new part of that kind, chosen so that nothing jumps."""
+    """Return the required fields for a new part, chosen so that the motion does not jump."""
     first = model.body(body) if body != EVERY else None
     if part == "contacts":
         bare = first is not None and first.shape is None
@@ -125,7 +127,7 @@ QUICK = 10.0  # [rad/s] bandwidth of a servo without gravity
 
 
 def gains(model: pg.Model, name: str) -> dict[str, float]:
-    """kp and kd of a servo that holds up what its joint carries as it is shown, without swinging.
+    """Return kp and kd for a critically damped servo that holds the load on its joint.
 
     The weight moves it by SAG at most, at its full lever; the damping is critical.
     """
@@ -146,7 +148,7 @@ def gains(model: pg.Model, name: str) -> dict[str, float]:
 
 
 def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
-    """Numbers of the bodies whose weight the joint of body `at` may have to hold alone.
+    """Return the numbers of the bodies whose weight the joint of body `at` may have to carry alone.
 
     They are what hangs together on its outer side without it, through joints and loops. If only
     that side stands on the ground, as a leg does, they are on the inner side; if both do, on the
@@ -178,7 +180,9 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
 
 
 def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
-    """Return the bodies connected with `start`. The ground, 0, is reached and joins nothing."""
+    """Return the bodies connected to `start`. Paths may end at the ground, 0, but not pass through
+    it.
+    """
     near: dict[int, list[int]] = {}
     for a, b in ties:
         near.setdefault(a, []).append(b)
@@ -192,7 +196,9 @@ def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
 
 
 def _wide(body: pg.Body) -> tuple[Any, ...]:
-    """Half a turn or a metre either way about the initial position. Raises Refusal."""
+    """Return limits of half a turn or 1 m to either side of the initial position. Raises
+    Refusal.
+    """
     bounds, start = [], 0
     for m in body.sequence:
         reach = {"rotate": math.pi, "screw": math.pi, "translate": 1.0}.get(m.kind)
@@ -209,13 +215,13 @@ def _wide(body: pg.Body) -> tuple[Any, ...]:
 
 
 def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Places:
-    """Position and rotation matrix at home by body name, the ground's too."""
+    """Return the home position and rotation matrix for each body name and for the ground."""
     ground = {GROUND: (np.zeros(3), np.eye(3))}
     return ground | {n: (p, matrix(q)) for n, p, q in zip(names, positions, wxyz)}
 
 
 def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
-    """Return the default of a field that is not given, or None if there is nothing to show."""
+    """Return the default for a missing field, or None if there is nothing to show."""
     match item, field:
         case pg.Constraint(), "point":
             return model.point_of(item)
@@ -242,7 +248,7 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
 
 
 def knots(value: Any) -> str:
-    """Return a number, or the text of a table over time with semicolons between its lines."""
+    """Format a number, or a table over time with semicolons between its rows."""
     if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
         return value if isinstance(value, str) else f"{value!r}".removesuffix(".0")
     data = value if isinstance(value, dict) else value.model_dump()
@@ -250,7 +256,7 @@ def knots(value: Any) -> str:
 
 
 def rows(value: Any) -> str:
-    """Return a table or matrix as text, of a diagonal matrix its diagonal."""
+    """Format a table or matrix as text. A diagonal matrix is reduced to its diagonal."""
     if value is None or isinstance(value, str):
         return value or ""
     if isinstance(value, (dict, pg.Lines)):
@@ -260,7 +266,7 @@ def rows(value: Any) -> str:
 
 
 def rows_of(old: Any, text: str) -> Any:
-    """Read the text of `rows`: a table, a matrix, or its diagonal. Raises Refusal."""
+    """Parse the text from `rows`: a table, a matrix, or its diagonal. Raises Refusal."""
     typed = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
     found = tuple(tuple(number(x) for x in row) for row in typed)
     if isinstance(old, tuple):
@@ -301,7 +307,7 @@ def changed(
     display: Display,
     at: Places,
 ) -> pg.Model:
-    """The model with typed text in cells of a part. Raises Refusal, PgraphError."""
+    """Return the model with typed text applied to a part's cells. Raises Refusal, PgraphError."""
     item = item_of(model, part, name)
     data = model.cells(item, part)
     if field == "name":
@@ -377,7 +383,7 @@ def _dict(value: Any) -> dict[str, Any]:
 
 
 def _curve(old: Any, kind: str) -> dict[str, Any]:
-    """A curve of another kind that starts where the old one does."""
+    """Return a curve of another kind with the same initial value."""
     if kind not in CURVES:
         raise Refusal(f"must be one of {', '.join(CURVES)}")
     match old:
@@ -397,7 +403,7 @@ def _curve(old: Any, kind: str) -> dict[str, Any]:
 
 
 def _over(old: Any, text: str) -> Any:
-    """A constant as a table, or a table as its first value."""
+    """Convert a constant to a table, or a table to its first value."""
     constant = isinstance(old, tuple)
     if text == "constant":
         return old if constant else old.value[0]
@@ -412,7 +418,7 @@ def _points(
     text: str,
     display: Display,
 ) -> tuple[Any, ...]:
-    """Contact points with a number typed, one added or one taken out."""
+    """Return the contact points after a number was typed, or a point was added or removed."""
     points = tuple(data["points"])
     if len(index) == 2:
         return replaced(points, index, content(text, "length", display))
@@ -425,7 +431,7 @@ def _points(
 def _coefficients(
     model: pg.Model, data: dict[str, Any], index: tuple[int, ...], text: str
 ) -> dict[str, Any]:
-    """Set a number of a sum over joints, or, without an index, add or take out a body.
+    """Set a coefficient in a sum over joints. Without an index, add or remove a body.
 
     A part that acts on the joint of its body alone keeps that joint when another one is added.
     """
@@ -447,12 +453,12 @@ def _coefficients(
 
 
 def _unit_row(model: pg.Model, body: str, coordinate: int = 0) -> tuple[float, ...]:
-    """Return coefficients that pick one coordinate of a joint."""
+    """Return coefficients that select one coordinate of a joint."""
     return tuple(float(i == coordinate) for i in range(model.body(body).dof))
 
 
 def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, Any]:
-    """The fields of a part as another kind: what fits stays, what it needs is added."""
+    """Convert a part's fields to another kind, keeping compatible ones and adding required ones."""
     if kind not in KINDS[part]:
         raise Refusal(f"must be one of {', '.join(KINDS[part])}")
     if kind == kind_of(part, item):
@@ -485,30 +491,30 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
 
 
 def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.Model:
-    """The model with one part replaced by these fields."""
+    """Return the model with one part replaced by the given fields."""
     items = tuple(dict(data) if x.name == name else x for x in getattr(model, part))
     return model.replace(**{part: items})
 
 
 def switched(model: pg.Model, part: Part, name: str, on: bool) -> pg.Model:
-    """The model with a constraint or contact active, or not."""
+    """Return the model with a constraint or contact activated or deactivated."""
     return model.edit(item_of(model, part, name).name, kind=WORD[part], active=on)
 
 
 def renamed(model: pg.Model, part: Part, name: str, new: str) -> pg.Model:
-    """The model with a part's new name, followed by the scenarios. Raises Refusal, PgraphError."""
+    """Rename a part in the model and its scenarios. Raises Refusal, PgraphError."""
     if len(new) > LONGEST_NAME:
         raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(new)}")
     return model.edit(item_of(model, part, name).name, kind=WORD[part], name=new)
 
 
 def removed(model: pg.Model, part: Part, name: str) -> pg.Model:
-    """The model without a part, and without what refers to it."""
+    """Return the model without a part and everything that refers to it."""
     return model.remove(item_of(model, part, name).name, kind=WORD[part])
 
 
 def duplicated(model: pg.Model, part: Part, name: str) -> tuple[pg.Model, str]:
-    """The model with a part once more, below it, and the name of the copy."""
+    """Duplicate a part below the original. Return the model and the name of the copy."""
     item = item_of(model, part, name)
     new = free_name(name, [x.name for x in getattr(model, part)])
     copy = {**model.cells(item, part), "name": new}

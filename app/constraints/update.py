@@ -1,4 +1,4 @@
-"""Parts of the constraints tab: adding, picking, editing, the report (pure)."""
+"""Events of the constraints tab: adding, picking, editing, the report (pure)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, about, parts, ta
 
 @dataclass(frozen=True)
 class EditPart(FromPage):
-    """Cells of one field were typed into."""
+    """Text was typed into cells of one field."""
 
     serial: int
     part: Part
@@ -90,7 +90,7 @@ def duplicate(state: State, event: DuplicatePart) -> State:
 
 @dataclass(frozen=True)
 class AddPart(FromPage):
-    """A new part of that kind: its bodies are picked next, the first may be given."""
+    """Add a part of that kind. Its bodies are picked next, and the first may be given."""
 
     part: Part | Literal["loops", "limits"]
     kind: Text
@@ -111,7 +111,7 @@ def add(state: State, event: AddPart) -> State:
 
 @dataclass(frozen=True)
 class Pick(FromPage):
-    """The next body that is clicked becomes this one of a part."""
+    """Start picking: the next body clicked is assigned to this field of a part."""
 
     part: Part
     name: Text
@@ -130,7 +130,7 @@ def pick(state: State, event: Pick) -> State:
 
 @dataclass(frozen=True)
 class PickName(FromPage):
-    """Picked without a click on a body: the ground, or "*" for every body of a contact."""
+    """Pick by name without clicking: the ground, or "*" for every body in a contact."""
 
     name: Text
 
@@ -158,7 +158,7 @@ def picking_of(state: State, client: int) -> Picking | None:
 
 
 def picked(state: State, client: int, body: str | None) -> State:
-    """Take a body clicked while picking, or the ground. None (Escape) ends picking."""
+    """Assign a body clicked while picking, or the ground. None (Escape) ends picking."""
     picking = picking_of(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
@@ -172,7 +172,7 @@ def picked(state: State, client: int, body: str | None) -> State:
 
 
 def allowed(picking: Picking) -> tuple[str, ...]:
-    """Return the other targets that may be picked."""
+    """Return the other targets that can be picked."""
     if picking.part == "contacts":
         named = (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
         return named if picking.name is not None else (*named, parts.ALL_ON_GROUND)
@@ -210,7 +210,9 @@ def _with_body(state: State, part: Part, name: str, slot: str, body: str):
 
 
 def _made(state: State, client: int, picking: Picking, body: str, other: str) -> State:
-    """Make the new part between the picked bodies and open it, one part for each of `more`."""
+    """Create the new part between the picked bodies and open it, with one part for each of
+    `more`.
+    """
     made = ""
 
     def make():
@@ -243,7 +245,7 @@ def _called(state: State, client: int) -> State:
 
 @dataclass(frozen=True)
 class OpenPart(FromPage):
-    """Open one part in the tab, None for none."""
+    """Open one part in the tab, or none if None."""
 
     part: Part
     name: Text | None
@@ -257,7 +259,7 @@ def open_part(state: State, event: OpenPart) -> State:
 
 @dataclass(frozen=True)
 class OpenConstraints(FromPage):
-    """Show the tab with the parts of one body, None for all parts."""
+    """Show the tab with the parts on one body, or all parts if None."""
 
     body: Text | None
 
@@ -273,7 +275,7 @@ def open_constraints(state: State, event: OpenConstraints) -> State:
 
 @dataclass(frozen=True)
 class AskMobility(FromPage):
-    """The report of a model so large that it is not made by itself."""
+    """Request the report for a model that is too large for an automatic one."""
 
 
 @on(AskMobility)
@@ -283,7 +285,7 @@ def ask_mobility(state: State, event: AskMobility) -> State:
 
 @dataclass(frozen=True)
 class MobilityFound(Event):
-    """The report on a model's constraints, or why there is none."""
+    """The report about a model's constraints, or the reason for its absence."""
 
     model: pg.Model
     found: Any  # pg.Mobility | None
@@ -299,7 +301,7 @@ def mobility_found(state: State, event: MobilityFound) -> State:
 
 @dataclass(frozen=True)
 class AssembleState(FromPage):
-    """Move the initial state onto the constraints."""
+    """Project the initial state onto the constraints."""
 
 
 @on(AssembleState)
@@ -308,7 +310,9 @@ def assemble(state: State, event: AssembleState) -> State:
 
 
 def assembled(model: pg.Model) -> Found:
-    """The initial state moved onto the constraints, and how far. Raises PgraphError."""
+    """Project the initial state onto the constraints. Return the distance too. Raises
+    PgraphError.
+    """
     mech = pg.Mechanism(model)
     q, v, found = mech.assemble()
     if not found.notable:

@@ -1,4 +1,4 @@
-"""The constraints tab: parts on bodies, and the mobility that they leave."""
+"""The constraints tab: parts on bodies, and the remaining mobility."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ class ConstraintsView:
 
 
 def _seen(page: Client) -> tuple[Any, ...]:
-    """Return the client state that this tab depends on."""
+    """Return the part of the client state that this tab depends on."""
     return (page.picking, page.opened, page.listed, page.called, page.display)
 
 
 def constraints(state: State, page: Client) -> Payload:
-    """Lists of all parts, the opened one with its form, the report, and what is being picked."""
+    """Return the lists of parts, the opened part's form, the report, and the picking state."""
     return {
         "listed": page.listed,
         "called": page.called,
@@ -76,7 +76,7 @@ def constraints(state: State, page: Client) -> Payload:
 
 
 def _switched(state: State, part: Part, item: Any) -> str:
-    """Return what the chosen scenario makes of a part, where that is not as in the model."""
+    """Return a note if a part's active state in the chosen scenario differs from the model."""
     name = state.request.scenario
     scenario = next((s for s in state.model.scenarios if s.name == name), None)
     listed = getattr(scenario, part, None) if part in ("constraints", "contacts") else None
@@ -86,7 +86,7 @@ def _switched(state: State, part: Part, item: Any) -> str:
 
 
 def _list(state: State, page: Client, part: Part) -> Payload:
-    """Return one line per part (name, kind, bodies), and all fields of the opened one."""
+    """Return one line per part (name, kind, bodies), and all fields for the opened one."""
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
     number = state.rows.named(state.model, part)
     lines = [
@@ -106,7 +106,7 @@ def _list(state: State, page: Client, part: Part) -> Payload:
 
 
 def _bodies(item: Any) -> tuple[str, ...]:
-    """The bodies that a part acts on."""
+    """Return the bodies on which a part acts."""
     return item.touches
 
 
@@ -118,7 +118,7 @@ def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
 
 
 def between(item: Any) -> str:
-    """'thigh, shin' or 'foot, ground': where it acts."""
+    """Return the bodies on which a part acts as text: 'thigh, shin' or 'foot, ground'."""
     if coefficients := getattr(item, "coefficients", None):
         return ", ".join(coefficients)
     if isinstance(item, (pg.Site, pg.Output)):
@@ -130,7 +130,7 @@ def between(item: Any) -> str:
 
 
 def _limits(state: State, page: Client) -> list[Payload]:
-    """The joint limits as one form a body."""
+    """Return the joint limits, with one form per body."""
     found = []
     for body in state.model.bodies:
         if not any(body.limits) or page.listed not in (None, body.name):
@@ -144,13 +144,13 @@ def _limits(state: State, page: Client) -> list[Payload]:
 
 
 def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> str:
-    """Return a range such as "-1.5 to 1.5 rad", with "open" for an infinite end."""
+    """Format a range such as "-1.5 to 1.5 rad", with "open" for an infinite end."""
     low, high = ("open" if x is None else f"{display.shown(x, of):.4g}" for x in pair)
     return f"{low} to {high} {display.unit(of)}"
 
 
 def _picking(picking: Picking | None) -> Payload | None:
-    """The banner: what to click, and what may be chosen without a click."""
+    """Return the picking banner: what to click, and alternatives that need no click."""
     if picking is None:
         return None
     slots = {"body": "the body", "other": "the other body"}
@@ -182,7 +182,7 @@ def _picking(picking: Picking | None) -> Payload | None:
 def form(
     state: State, display: Display, part: Part, item: Any, among: Sequence[Any] = ()
 ) -> list[Payload]:
-    """Return the relevant fields of a part, with `among` as the parts of its scenario."""
+    """Return the relevant fields of a part. `among` holds the parts of its scenario."""
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
@@ -235,7 +235,7 @@ def _field(
 
 
 def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
-    """Return a drop-down of bodies with a button to pick one, and of sites for `at`."""
+    """Return a drop-down list of bodies with a pick button, and of sites for `at`."""
     if name == "at":
         sites = [site.name for site in model.sites]
         return field(name, about(item, name).label, [cell((), item.at)], kind="names",
@@ -254,7 +254,7 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
 
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
-    """Return a number or a vector, showing the default of a field that is not given."""
+    """Return a number or a vector, or the default if the field is not given."""
     shows, of = about(item, name), parts.quantity_of(item, name)
     value, implied = cells.get(name), False
     if value is None:
@@ -271,7 +271,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
 
 
 def _unit(model: pg.Model, item: Any, given: str) -> str:
-    """The unit of a drive's field, which goes by what it drives: "N m/rad, N/m" or one of them."""
+    """Return the unit of a drive's field, depending on the joint: "N m/rad, N/m" or one of them."""
     if not isinstance(item, OnJoint) or item.coefficients or ", " not in given:
         return given
     joint = degrees(model.body(item.body))
@@ -280,7 +280,7 @@ def _unit(model: pg.Model, item: Any, given: str) -> str:
 
 
 def _curve(item: pg.Motion) -> list[Payload]:
-    """The kind of a prescribed motion and its numbers."""
+    """Return fields for the kind of a prescribed motion and its numbers."""
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
     found = [choice("curve", "Follows", kind, parts.CURVES, help=CELLS["curve"].help)]
@@ -328,7 +328,7 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
-    """A wrench's vector, constant or as rows over time."""
+    """Return fields for a wrench's vector, which is constant or given as rows over time."""
     shows, constant = about(item, name), isinstance(getattr(item, name), tuple)
     how = "constant" if constant else "over time"
     over = choice(f"{name}_over", CELLS[f"{name}_over"].label, how, ("constant", "over time"))

@@ -1,1 +1,1 @@
-"""Shared parts of all features: the state, the store, the bridge to the page, cells, forms."""
+"""Shared infrastructure: the state, the store, the bridge to the page, cells, forms."""

@@ -1,4 +1,4 @@
-"""Both directions between Python and our script in the page.
+"""Communication in both directions between Python and our script in the page.
 
 Only this file and `door.py` use names that viser 1.1.1 does not document. These are
 `RunJavascriptMessage`, a client's own connection, the event of a message buffer, a handle's uuid
@@ -39,7 +39,7 @@ PATIENCE = 1.0  # [s] between pictures for a page that does not answer: it holds
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
-    """Start a viser server that refuses other sites' pages, on the next free port."""
+    """Start a viser server on the next free port. It rejects pages from other sites."""
     with guarded(host, token), quiet():
         server = viser.ViserServer(host=host, port=port, label="Pgraph", verbose=False)
         woken_in_its_loop(server._websock_server)
@@ -47,7 +47,7 @@ def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
 
 
 class WokenInItsLoop(asyncio.Event):
-    """An event whose `set` does nothing outside its loop, where asyncio forbids it.
+    """An event whose `set` has no effect outside its event loop, where asyncio forbids it.
 
     viser sets its events in the thread that sends, and then again in the loop. The first of the
     two fails where the loop changes the list of who waits at that moment.
@@ -60,12 +60,12 @@ class WokenInItsLoop(asyncio.Event):
 
 
 def woken_in_its_loop(connection: Any) -> None:
-    """Messages to this connection, or to all, may be sent from any thread."""
+    """Allow messages to this connection, or to all, to be sent from any thread."""
     connection.get_message_buffer().message_event.__class__ = WokenInItsLoop
 
 
 class Bridge:
-    """Sends topics to pages and hands their messages to `receive(client, text)`."""
+    """A bridge that sends topics to pages and passes their messages to `receive(client, text)`."""
 
     def __init__(self, server: viser.ViserServer, receive: Receive):
         self.server = server
@@ -75,12 +75,12 @@ class Bridge:
         self.shown: Callable[[], None] = lambda: None  # called when a page has shown one
 
     def publish(self, hosts: list[tuple[str, str, str]]) -> None:
-        """Send script, style and hosts (view, slot, tab) to every page that opens."""
+        """Send the script, style and hosts (view, slot, tab) to every page that opens."""
         source = static_script(hosts)
         self.server._websock_server.queue_message(RunJavascriptMessage(source=source))
 
     def connect(self, client: viser.ClientHandle) -> None:
-        """The way back from this page: a hidden text whose value our script sets."""
+        """Set up the return channel from this page, a hidden text whose value our script sets."""
         woken_in_its_loop(client._websock_connection)
         uplink = client.gui.add_text("", initial_value="", visible=False)
 
@@ -96,7 +96,7 @@ class Bridge:
         self._push(client, "uplink", uplink._impl.uuid)
 
     def send(self, client_id: int, topic: str, data: Any) -> None:
-        """Send `data` to the views that listen to `topic` on one page, ignoring closed pages."""
+        """Send `data` to one page's views that listen to `topic`. Closed pages are ignored."""
         client = self.server.get_clients().get(client_id)
         if client is None:
             self._behind.pop(client_id, None)
@@ -115,7 +115,7 @@ class Bridge:
 
     @contextlib.contextmanager
     def together(self, each: bool) -> Iterator[None]:
-        """Batch outgoing messages to all pages, and if `each` also per-page ones.
+        """Batch outgoing messages to all pages, and also messages to single pages if `each` is set.
 
         The loop is woken once. Each wake-up releases Python's lock, which costs more than the
         message if many threads compete for it.
@@ -127,7 +127,7 @@ class Bridge:
             yield
 
     def ready(self) -> bool:
-        """True if every page has shown its pictures, or got none for a while."""
+        """Return True if every page has shown its images, or has received none for a while."""
         late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]
         if not late:
             return True
@@ -135,14 +135,16 @@ class Bridge:
         return all(page not in pages or now - self._heard[page] > PATIENCE for page in late)
 
     def _push(self, client: viser.ClientHandle, topic: str, data: Any) -> None:
-        """Send on the client's own connection, to an inbox because our script may arrive later."""
+        """Send on the client's own connection, to an inbox because our script may not have
+        arrived.
+        """
         message = json.dumps([topic, data], allow_nan=False)  # ASCII: safe inside a script
         source = f"(window.pgraphInbox ??= []).push({message}); window.pgraph?.drain();"
         client._websock_connection.queue_message(RunJavascriptMessage(source=source))
 
 
 def static_script(hosts: list[tuple[str, str, str]]) -> str:
-    """All of our script and style, to be run once per page: the core's, then every feature's."""
+    """Return our complete script and style, core first, to be run once per page."""
     style = "\n".join(_sources(CORE_STYLES, "css"))
     font = base64.b64encode((APP / "core" / "inter.woff2").read_bytes()).decode()
     style = json.dumps(style.replace("inter.woff2", f"data:font/woff2;base64,{font}"))
@@ -158,6 +160,6 @@ def _sources(core: tuple[str, ...], suffix: str) -> list[str]:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """viser's own banners are not printed: the app says where it is itself."""
+    """Suppress viser's own banners, since the app prints its address itself."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield

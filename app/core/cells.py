@@ -1,7 +1,8 @@
-"""Fields of forms: typed text to values and back, and what a form sends to the page.
+"""Form fields: conversion between typed text and values, and the data sent to the page.
 
 Numbers are strict; units, and one entry of a vector or matrix, are typed by themselves. Degrees and
-millimetres exist on the page only: models and files hold radians and metres."""
+millimetres exist on the page only: models and files hold radians and metres.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +31,13 @@ UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (time
 
 
 def quantity_in(unit: str) -> Quantity:
-    """Return the quantity of a unit, of which "length" and "angle" follow the page's units."""
+    """Return the quantity of a unit. "length" and "angle" follow the units of the page."""
     return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
 class Display:
-    """The units and forms in which one page shows and takes numbers."""
+    """The units and formats in which one page displays and accepts numbers."""
 
     angle: Literal["rad", "deg"] = "rad"
     length: Literal["m", "mm"] = "m"
@@ -44,11 +45,13 @@ class Display:
     about: Literal["com", "origin"] = "com"  # reference point of inertias
 
     def unit(self, quantity: Quantity) -> str:
-        """The name of the unit a quantity is shown in."""
+        """Return the unit in which a quantity is displayed."""
         return {"angle": self.angle, "length": self.length}.get(quantity, "")
 
     def shown(self, value: float, quantity: Quantity) -> float:
-        """An SI value in the page's unit: of the nearest numbers the one with fewest digits."""
+        """Convert an SI value to the page's unit, using the fewest digits that convert back to
+        it.
+        """
         if quantity == "length" and self.length == "mm":
             return _shortest(value * 1000, value, quantity, self)
         if quantity == "angle" and self.angle == "deg":
@@ -56,7 +59,7 @@ class Display:
         return value
 
     def si(self, value: float, quantity: Quantity) -> float:
-        """A value in the page's unit as SI."""
+        """Convert a value in the page's unit to SI."""
         if quantity == "length" and self.length == "mm":
             return value / 1000
         if quantity == "angle" and self.angle == "deg":
@@ -65,17 +68,19 @@ class Display:
 
 
 def _shortest(near: float, value: float, quantity: Quantity, display: Display) -> float:
-    """The shortest decimal that is read back as `value`: 30 deg stay 30, not 29.999999999999996."""
+    """Return the shortest decimal that converts back to `value`: 30 deg, not 29.999999999999996."""
     rounded = (float(f"{near:.{digits}g}") for digits in (12, 14, 15, 16))
     return next((x for x in rounded if display.si(x, quantity) == value), near)
 
 
 class Refusal(ValueError):
-    """Error of typed text that is no value, with a sentence for the person who typed."""
+    """An error for invalid typed text, with a message for the user."""
 
 
 def number(text: str) -> float:
-    """The number typed, exactly: 1e-6 is 1e-6, 0.2/2 is 0.1. Raises Refusal with what would do."""
+    """Parse a typed number exactly: 1e-6 is 1e-6, 0.2/2 is 0.1. Raises Refusal with a valid
+    example.
+    """
     typed = text.strip()
     if not NUMBER.fullmatch(typed) and typed and ARITHMETIC.fullmatch(typed):
         return _calculated(typed)
@@ -99,7 +104,7 @@ def _calculated(typed: str) -> float:
 
 
 def quantity(text: str, of: Quantity, display: Display) -> float:
-    """The SI value typed: in the page's unit, or in the one that is typed with it: 3 mm, 30 deg.
+    """Parse a typed quantity into SI. It is in the page's unit unless typed with one: 3 mm, 30 deg.
 
     Raises Refusal.
     """
@@ -123,7 +128,7 @@ def _quantity(text: str, of: Quantity, display: Display) -> float:
 
 
 def _refuse_unit_of_another(typed: str, of: Quantity) -> None:
-    """Refuses 15 deg in a length. Raises Refusal."""
+    """Reject a unit of another quantity, such as 15 deg in a length. Raises Refusal."""
     words = {
         "length": "a length",
         "angle": "an angle",
@@ -140,12 +145,12 @@ def _refuse_unit_of_another(typed: str, of: Quantity) -> None:
 
 
 def content(text: str, of: Quantity, display: Display) -> float | str:
-    """A number in SI units, or the formula typed in place of one. Raises Refusal."""
+    """Parse a number into SI units, or return the formula typed instead of one. Raises Refusal."""
     return text.strip() if text.lstrip().startswith("=") else quantity(text, of, display)
 
 
 def whole(text: str, low: int, high: int) -> int:
-    """The whole number typed, within [low, high]. Raises Refusal."""
+    """Parse a typed integer within [low, high]. Raises Refusal."""
     typed = text.strip()
     if not re.fullmatch(r"[0-9]{1,9}", typed) or not low <= int(typed) <= high:
         raise Refusal(f"must be a whole number from {low} to {high}; given {quoted(typed)}")
@@ -153,7 +158,7 @@ def whole(text: str, low: int, high: int) -> int:
 
 
 def change(body: pg.Body, field: str, index: tuple[int, ...], text: str) -> dict[str, Any]:
-    """The keyword arguments of `model.edit` that put `text` into a cell of `body`."""
+    """Return the keyword arguments for `model.edit` that put `text` into a cell of `body`."""
     match field:
         case "name":
             if len(text) > LONGEST_NAME:
@@ -174,7 +179,7 @@ def change(body: pg.Body, field: str, index: tuple[int, ...], text: str) -> dict
 
 
 def replaced(value: Any, index: tuple[int, ...], new: Any) -> Any:
-    """`value` with the entry at `index` replaced by `new`."""
+    """Return `value` with the entry at `index` replaced by `new`."""
     if not index:
         if isinstance(value, tuple):
             raise Refusal("has several numbers; say which")
@@ -190,7 +195,7 @@ def quoted(text: str) -> str:
 
 
 def named_number(name: str, text: str) -> float:
-    """The number typed for a setting. Raises Refusal with its name."""
+    """Parse a number typed for a setting. Raises Refusal with the setting's name."""
     try:
         return number(text)
     except Refusal as refusal:
@@ -203,7 +208,7 @@ WXYZ = ("w", *XYZ)
 
 
 def cell(index: Sequence[int], value: Any, name: str = "", **more: Any) -> Payload:
-    """Return one cell with its index in the field and its value, None for an empty cell.
+    """Return one cell with its index in the field and its value, or None if the cell is empty.
 
     `name` is read and shown, a `mark` is only shown. The cell takes `span` of six columns, or its
     share.
@@ -212,14 +217,14 @@ def cell(index: Sequence[int], value: Any, name: str = "", **more: Any) -> Paylo
 
 
 def components(cells: Iterable[Payload]) -> list[Payload]:
-    """Mark the cells of a vector x, y, z or of a quaternion w, x, y, z, unless they have names."""
+    """Label cells as vector x, y, z or quaternion w, x, y, z, unless they have names."""
     cells = list(cells)
     marks = {3: XYZ, 4: WXYZ}.get(len(cells), ())
     return [{"mark": mark, **c} if not c["name"] else c for c, mark in zip(cells, marks)] or cells
 
 
 def shown(value: Any, quantity: Quantity, display: Display) -> Any:
-    """Return a number in the page's unit, or a formula or nothing unchanged."""
+    """Convert a number to the page's unit. A formula or an empty value is returned unchanged."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return value
     return display.shown(float(value), quantity)
@@ -228,7 +233,7 @@ def shown(value: Any, quantity: Quantity, display: Display) -> Any:
 def field(
     name: str, label: str, cells: Iterable[Payload], *, unit: str = "", help: str = "", **more: Any
 ) -> Payload:
-    """Return a labelled row of cells, whose `kind` is number, text, choice or names.
+    """Return a labelled row of cells. Its `kind` is number, text, choice or names.
 
     With `pick`, "point" or "axis", its numbers can be picked in the 3D view. Those of a
     `direction`, such as an axis, can be typed as a letter.
@@ -247,23 +252,23 @@ def field(
 
 
 def choice(name: str, label: str, value: str, options: Iterable[Any], **more: Any) -> Payload:
-    """Return a drop-down, whose options are (value, text) pairs or words."""
+    """Return a drop-down list whose options are (value, text) pairs or words."""
     pairs = [o if isinstance(o, (tuple, list)) else (o, o) for o in options]
     return field(name, label, [cell((), value)], kind="choice", options=pairs, **more)
 
 
 def button(text: str, event: str, title: str = "", /, **fields: Any) -> Payload:
-    """A button that sends an event."""
+    """Return a button that sends an event."""
     return {"text": text, "event": event, "title": title, "fields": fields}
 
 
 def group(title: str, fields: Iterable[Payload], is_open: bool = True, state: str = "") -> Payload:
-    """Return fields under a title that folds them, with `state` as their summary when folded."""
+    """Return fields under a collapsible title, with `state` as their summary when collapsed."""
     return {"title": title, "open": is_open, "state": state, "fields": list(fields)}
 
 
 def merged(forms: Sequence[list[Payload]]) -> list[Payload]:
-    """Return one form of the fields that all forms have. Cells that differ are `varied`."""
+    """Merge several forms into one with their common fields. Cells that differ are `varied`."""
     first, *others = forms
     if not others:
         return first
@@ -309,18 +314,18 @@ OF_MOTIONS = {"axes": "axes", "q": "q", "v": "v", **dict.fromkeys((
 
 @dataclass(frozen=True)
 class Rows:
-    """The numbers of the rows of every list that was changed."""
+    """The row numbers for every list that was changed."""
 
     known: Mapping[Key, tuple[int, ...]] = field_(default_factory=dict)
     given: Mapping[Key, int] = field_(default_factory=dict)  # numbers below were given to a row
 
     def of(self, key: Key, count: int) -> tuple[int, ...]:
-        """The numbers of a list with so many rows, in their order."""
+        """Return the row numbers for a list of this length, in order."""
         known = self.known.get(key)
         return known if known is not None and len(known) == count else tuple(range(count))
 
     def named(self, model: pg.Model, part: str) -> dict[str, int]:
-        """Name -> number of bodies, constraints, ..."""
+        """Return a mapping from the names of bodies, constraints, ... to their row numbers."""
         names = names_of(model, part)
         return dict(zip(names, self.of((part,), len(names))))
 
@@ -339,7 +344,7 @@ SHAPE = re.compile(r"shape_(?:((?:\d+|more)(?:\.(?:\d+|more))*)_)?([a-z_]+)")
 def numbers(
     rows: Rows, model: pg.Model, part: str, name: str, field: str, among: Sequence[Any] = ()
 ) -> tuple[int, ...] | None:
-    """Return the numbers of the rows that the first index of a field counts, or None.
+    """Return the row numbers for the first index of a field, or None.
 
     `part` is also "ground", or "scenario" for the cells of a scenario, whose forces are `among`.
     Raises Refusal, or PgraphError if the part no longer exists.
@@ -374,7 +379,7 @@ def by_number(
     groups: list[Payload], rows: Rows, model: pg.Model, part: str, name: str = "",
     among: Sequence[Any] = (),
 ) -> list[Payload]:  # fmt: skip
-    """A form whose rows are named by their numbers in place of their places."""
+    """Return a form whose rows are identified by row number instead of position."""
     for f in (f for g in groups for f in g["fields"]):
         known = numbers(rows, model, part, name, f["field"], among)
         for one in [*f["cells"], *(b["fields"] for b in f["buttons"])]:
@@ -390,7 +395,7 @@ def by_number(
 def shapes_by_number(
     groups: list[Payload], rows: Rows, model: pg.Model, names: Sequence[str]
 ) -> list[Payload]:
-    """A form of bodies, in which shapes are named by their numbers in place of their places."""
+    """Return a body form whose shapes are identified by row number instead of position."""
     lists = [numbers(rows, model, "bodies", name, "shapes") or () for name in names]
     for f in (f for g in groups for f in g["fields"]):
         for one in [f, *(b["fields"] for b in f["buttons"])]:
@@ -408,7 +413,7 @@ def shapes_by_number(
 
 
 def placed(rows: Rows, model: pg.Model, chosen: str, event: Any) -> Any:
-    """Replace row numbers in a page's event by places. Raises Refusal, PgraphError.
+    """Replace row numbers in a page's event by current positions. Raises Refusal, PgraphError.
 
     `chosen` is the scenario of an event that names none.
     """
@@ -449,7 +454,7 @@ def place_of(
     rows: Rows, model: pg.Model, part: str, name: str, field: str, index: tuple[int, ...],
     among: Sequence[Any] = (),
 ) -> tuple[str, tuple[int, ...]]:  # fmt: skip
-    """A field and an index in it as a page names them, by their places now.
+    """Translate a page's field and index to current positions.
 
     Raises Refusal, PgraphError.
     """
@@ -460,7 +465,7 @@ def place_of(
 
 
 def _shape_field(rows: Rows, model: pg.Model, names: Sequence[str], field: str) -> str:
-    """A field of a shape by its place now, which has to be the same in all these bodies."""
+    """Translate a shape field to its current position, which must agree for all these bodies."""
     found = SHAPE.fullmatch(field)
     assert found
     each = (found[1] or "0").split(".")
@@ -481,7 +486,7 @@ def _place(known: tuple[int, ...], number: int) -> int:
 
 
 def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
-    """The scenario that an event is about: the one it names by its number, else `chosen`.
+    """Return the scenario that an event names by its number, or `chosen` if it names none.
 
     Raises Refusal where it is gone.
     """
@@ -494,7 +499,7 @@ def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
 
 
 def touched(event: Any) -> int | None:
-    """The place of the row that an edit is about, of those that `followed` asks for."""
+    """Return the position of the row that an edit affects, as needed by `followed`."""
     if (number := getattr(event, "number", None)) is not None:
         return number
     entries = getattr(event, "entries", ())

@@ -1,4 +1,4 @@
-"""Admission of connections and messages of pages, by the threat model of docs/security.md.
+"""Access control for connections and page messages, by the threat model in docs/security.md.
 
 viser accepts any of its own messages from any page: it would open a public tunnel, keep uploads and
 set any attribute of a handle. Only the kinds that our page sends pass, with plain, short values.
@@ -85,14 +85,14 @@ log = logging.getLogger(__name__)
 
 
 def token_for(host: str, wanted: str = "auto") -> str | None:
-    """Return the secret of the address. "auto" needs none if only this machine can connect."""
+    """Return the token for the address. "auto" omits it if only this machine can connect."""
     on = wanted == "on" or (wanted == "auto" and host not in LOOPBACK)
     return secrets.token_urlsafe(16) if on else None
 
 
 @contextlib.contextmanager
 def guarded(host: str, token: str | None) -> Iterator[None]:
-    """While a viser server is made: the `serve` it calls checks requests and messages."""
+    """Make a viser server created in this context check requests and messages in its `serve`."""
     module = websockets.asyncio.server
     plain = module.serve
     pages: dict[bytes, bytes] = {}  # viser's pages and our versions of them
@@ -131,7 +131,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
 
 
 def ours(response: Response, known: dict[bytes, bytes]) -> None:
-    """Turn viser's page into ours with its loading screen, cached in `known`."""
+    """Turn viser's page into ours with a loading screen, cached in `known`."""
     if not response.headers.get("Content-Type", "").startswith("text/html"):
         return
     body = bytes(response.body)
@@ -147,12 +147,14 @@ def ours(response: Response, known: dict[bytes, bytes]) -> None:
 
 
 def cookie_for(named: str) -> str:
-    """Return the name of a server's cookie for a requested `Host`. Raises ValueError."""
+    """Return the name of a server's cookie for the requested `Host`. Raises ValueError."""
     return f"{COOKIE}_{urlsplit(f'//{named}').port or 80}"
 
 
 def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None:
-    """Why a request is not for us: another site's page, a foreign name, a missing token."""
+    """Return why a request is rejected: another site's page, a foreign host name, a missing
+    token.
+    """
     try:
         named, origin = headers.get("Host", ""), headers.get("Origin")
         if host in LOOPBACK and urlsplit(f"//{named}").hostname not in LOOPBACK:
@@ -173,7 +175,7 @@ def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None
 
 
 class _Bounded(websockets.asyncio.server.ServerConnection):
-    """A connection that is cut where it sends what no browser sends, or where there are too many.
+    """A connection that is closed if it floods the server or if there are too many connections.
 
     The library counts whole messages only: a flood of pings or of empty parts of a message would
     take the time of all others, and memory.
@@ -209,7 +211,7 @@ class _Bounded(websockets.asyncio.server.ServerConnection):
 
 
 class _Filtered:
-    """A connection whose `recv` gives only messages that may pass, at the pace of its budget."""
+    """A connection whose `recv` returns only allowed messages, rate-limited by its budget."""
 
     def __init__(self, connection: Any):
         self._connection = connection
@@ -235,14 +237,14 @@ class _Filtered:
 
 
 class Budget:
-    """So much a second, and `most` at once."""
+    """A rate limit per second, with bursts up to `most`."""
 
     def __init__(self, rate: float, most: float):
         self._rate, self._most = rate, most
         self._left, self._at = most, time.monotonic()
 
     def spend(self, amount: float) -> float:
-        """Seconds to wait until `amount` more is within the budget."""
+        """Return the time to wait [s] until `amount` more fits into the budget."""
         now = time.monotonic()
         self._left = min(self._most, self._left + (now - self._at) * self._rate) - amount
         self._at = now
@@ -253,7 +255,7 @@ CUT = Budget(0.1, 5.0)  # lines of the log on connections that are cut
 
 
 def faults(raw: bytes | str) -> str | None:
-    """Return the reason why a message may not pass, or None."""
+    """Return the reason why a message is rejected, or None if it is allowed."""
     if isinstance(raw, str):
         return "text"
     try:
@@ -281,14 +283,14 @@ def faults(raw: bytes | str) -> str | None:
 
 @functools.cache
 def _kinds() -> dict[str, tuple[Any, set[str]]]:
-    """viser's classes of the messages that pass, and the fields that a page may set."""
+    """Return viser's allowed message classes, with the fields that a page may set."""
     classes = [getattr(viser._messages, name) for name in PASS]
     ours = {"excluded_self_client"}  # the server says whom a message does not go to
     return {c.__name__: (c, {f.name for f in dataclasses.fields(c)} - ours) for c in classes}
 
 
 def _plain(value: Any, depth: int) -> bool:
-    """True for a finite number, a short text, or a short list of these."""
+    """Return True for a finite number, a short text, or a short list of these."""
     if isinstance(value, (list, tuple)):
         return (
             depth > 0

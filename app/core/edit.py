@@ -1,4 +1,4 @@
-"""Edits of the model: each is one undo step with an answer to its page (pure).
+"""Model edits: each is one undo step with a reply to its page (pure).
 
 Selections and opened parts of pages follow the names of bodies and parts. Each message carries the
 rename count that its page has seen, and older names are translated. Rows keep their numbers, bodies
@@ -42,7 +42,7 @@ def edited(
     offer: Callable[[], str] = lambda: "",
     at: int | None = None,
 ) -> State:
-    """The new model of `make() -> (model, what was done)` as one undo step.
+    """Apply the new model from `make() -> (model, what was done)` as one undo step.
 
     What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
     for the repair that `offer` names; without a cell it is a notice. `at` is the place of the row
@@ -62,12 +62,12 @@ def edited(
 
 
 def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """The new model of `make()`, or a notice why not."""
+    """Apply the new model from `make()`, or notify the page about the reason for its failure."""
     return edited(state, client, lambda: (make(), label))
 
 
 def _pointed(before: pg.Model, now: pg.Model) -> Iterator[str]:
-    """A sentence for each contact whose body got a shape, but which touches at points alone."""
+    """Yield a message for each contact that still uses points although its body now has a shape."""
     for contact in now.contacts:
         name = contact.body
         bare = name in before.row and not before.body(name).shapes
@@ -80,14 +80,14 @@ def _pointed(before: pg.Model, now: pg.Model) -> Iterator[str]:
 
 
 def _noticed(state: State, client: int, said: Sequence[str]) -> State:
-    """Tells the page what else the edit changed, and what it did not."""
+    """Notify the page about side effects of the edit, and about parts that it did not change."""
     first, *more = said or ("",)
     text = f"{first}; and {len(more)} more" if len(more) > 1 else "; ".join((first, *more))
     return told(state, client, Notice("Also changed", text)) if text else state
 
 
 def with_model(state: State, model: pg.Model, label: str, at: int | None = None) -> State:
-    """`model` in place of the current one, as one undo step. Nothing if it is the same."""
+    """Replace the current model by `model`, as one undo step. Do nothing if it is the same."""
     if model is state.model:
         return state
     vars(model).pop(TOLD, None)  # the page shows notices at each edit, so no run repeats them
@@ -97,7 +97,7 @@ def with_model(state: State, model: pg.Model, label: str, at: int | None = None)
 
 
 def replaced(state: State, model: pg.Model, label: str) -> State:
-    """A different model, as one undo step: with its own run settings, and in view.
+    """Open a different model as one undo step, with its own run settings and camera view.
 
     What was selected, drawn, plotted and measured of the one before goes with it.
     """
@@ -125,7 +125,7 @@ def replaced(state: State, model: pg.Model, label: str) -> State:
 
 
 def _afresh(client: Client) -> Client:
-    """A page that has chosen nothing of this model yet."""
+    """Return the page with all choices for the previous model reset."""
     none = Client()
     of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "picking", "aim",
                 "opened", "listed")  # fmt: skip
@@ -137,7 +137,7 @@ def _afresh(client: Client) -> Client:
 def showing(
     state: State, model: pg.Model, at: int | None = None, earlier: Step | None = None
 ) -> State:
-    """`model` shown: selections follow by name or row, the playback is at its start.
+    """Show `model`. Selections follow names or rows, and the playback is reset to its start.
 
     `at` is the place of the row that was edited; `earlier` is the step that comes back.
     """
@@ -172,7 +172,7 @@ def showing(
 
 
 def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
-    """A run of the old model as one of the new, if an edit changed names or looks only."""
+    """Carry a run over to the new model if an edit changed only names or appearance."""
     if run.model is not old or not _same_motion(old, new):
         return run
     result = run.result
@@ -182,7 +182,7 @@ def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
 
 
 def _same_motion(old: pg.Model, new: pg.Model) -> bool:
-    """True if two models have the same motion, apart from names of bodies and visual shapes."""
+    """Return True if two models have the same motion, ignoring body names and visual shapes."""
     if old is new:
         return True
     if len(old.bodies) != len(new.bodies):
@@ -200,13 +200,13 @@ def _same_motion(old: pg.Model, new: pg.Model) -> bool:
 
 
 def _bare(body: pg.Body) -> pg.Body:
-    """A body without what is only drawn."""
+    """Return a body without its purely visual parts."""
     touching = tuple(s.unchecked_copy({"role": "collision", "colour": None}) for s in body.touching)
     return body.unchecked_copy({"shapes": touching})
 
 
 def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
-    """The live run of an edited model: it goes on if the joints are the same, else starts over."""
+    """Continue the live run of an edited model if its joints are unchanged, or else restart it."""
 
     def joints(model: pg.Model) -> list[tuple[str, str, int]]:
         return [(body.name, body.parent, len(body.q)) for body in model.bodies]
@@ -215,7 +215,7 @@ def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
 
 
 def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
-    """The page with its selection in the new model: by name, or by row where it was renamed."""
+    """Transfer the page's selection to the new model, by name, or by row if a body was renamed."""
     if not client.selected:
         return client
     if len(old.bodies) == len(new.bodies):
@@ -229,7 +229,7 @@ def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
 
 
 def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
-    """Rename the parts that the page has opened, listed and plotted."""
+    """Rename the parts that a page has opened, listed or plotted."""
     if not names:
         return client
     opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
@@ -242,7 +242,7 @@ def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
 
 
 def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
-    """Return `state` with these bodies selected on one page, unchanged if `body` is unknown."""
+    """Return `state` with these bodies selected on one page, or unchanged if `body` is unknown."""
     if body is not None and body not in state.model.row:
         return state
     page, wanted = state.clients.get(client), {*bodies, body}
@@ -257,7 +257,7 @@ def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...
 
 
 def renamed(old: pg.Model, new: pg.Model) -> Iterator[tuple[str, str, str]]:
-    """(kind, old name, new name) of what stands in its row under another name."""
+    """Yield (kind, old name, new name) for each row that has been renamed."""
     for kind in ("bodies", *NAMED):
         for a, b in _pairs(getattr(old, kind), getattr(new, kind)):
             if all(getattr(a, f, None) == getattr(b, f, None) for f in ("mass", "inertia", "kind")):
@@ -279,14 +279,14 @@ def _pairs(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[Any, Any]]:
 def remembered(
     renames: tuple[Rename, ...], changed: Iterable[tuple[str, str, str]]
 ) -> tuple[Rename, ...]:
-    """With those of an edit: (kind, old name, new name)."""
+    """Append the renames of an edit, given as (kind, old name, new name)."""
     last = renames[-1].number if renames else 0
     more = [Rename(last + k, *said) for k, said in enumerate(changed, 1)]
     return (*renames, *more)[-MOST_RENAMES:] if more else renames
 
 
 def as_now(renames: Sequence[Rename], event: Any) -> Any:
-    """An event of a page in the names of now."""
+    """Translate a page's event to the current names."""
     seen = getattr(event, "seen", None)
     if seen is None or not renames or renames[-1].number <= seen:
         return event
@@ -312,7 +312,7 @@ def as_now(renames: Sequence[Rename], event: Any) -> Any:
 
 
 def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
-    """(field, kind, value) of the fields of an event that are names of what there is."""
+    """Yield (field, kind, value) for the event fields that hold names of model parts."""
     for field in OF_BODIES:
         if fields.get(field) is not None:
             yield field, "bodies", fields[field]
@@ -339,7 +339,7 @@ def followed(
     rows: Rows, old: pg.Model, new: pg.Model, renames: Iterable[tuple[str, str, str]],
     at: int | None = None, earlier: tuple[pg.Model, Rows] | None = None,
 ) -> Rows:  # fmt: skip
-    """The rows after an edit from `old` to `new`.
+    """Return the row numbers after an edit from `old` to `new`.
 
     `renames` are (part, old name, new name); `at` is the place of the row that was edited, which
     decides between rows that are alike; what comes back is what it was in `earlier`.
@@ -385,7 +385,7 @@ def followed(
 
 
 def _kept(old: Sequence[Any], new: Sequence[Any], at: int | None) -> Places:
-    """Rows without names: those before and after the ones that were put in or taken out."""
+    """Match rows without names: keep those before and after the inserted or removed ones."""
     few = min(len(old), len(new))
     if len(old) == len(new):
         return range(few)

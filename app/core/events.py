@@ -39,7 +39,7 @@ Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_leng
 
 
 class Event:
-    """Something that happened, on a page or in the server."""
+    """An event on a page or in the server."""
 
     # several in a row are drawn once, as the last leaves them, when the pages show what they have
     collapses: ClassVar[bool] = False
@@ -47,7 +47,7 @@ class Event:
 
 @dataclass(frozen=True)
 class FromPage(Event):
-    """An event that one open page sent."""
+    """An event sent by an open page."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     client: int
@@ -55,12 +55,12 @@ class FromPage(Event):
 
 
 class OfBodies(FromPage):
-    """Event about its `bodies`, by default those that its page has selected."""
+    """An event for its `bodies`, by default those selected on its page."""
 
 
 @dataclass(frozen=True)
 class OfScenario(FromPage):
-    """Event about a scenario by number, None for the chosen one."""
+    """An event for a scenario, given by number, or None for the chosen one."""
 
     scenario: int | None = field(default=None, kw_only=True)
 
@@ -72,7 +72,7 @@ HANDLERS: dict[type[Event], Callable[[State, Any], State]] = {}
 
 
 def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
-    """Make a function (state, event) -> state the one handler of these kinds of events."""
+    """Register a function (state, event) -> state as the only handler for these kinds of events."""
 
     def keep(handler: Handler) -> Handler:
         for kind in kinds:
@@ -84,7 +84,8 @@ def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
 
 
 def on_news(of: str, *kinds: type[Event]) -> Callable[[News], News]:
-    """Like `on`, for messages of background work: (state, event, work) -> state.
+    """Like `on`, but for messages from background work, with a handler (state, event, work) ->
+    state.
 
     The work is the field `of` of the state. Messages of other work, by `event.id`, are ignored.
     """
@@ -102,7 +103,7 @@ def on_news(of: str, *kinds: type[Event]) -> Callable[[News], News]:
 
 
 def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
-    """Makes a kind of event set fields of its page, {field of the page: that of the event}."""
+    """Make a kind of event set fields of its page, given as {page field: event field}."""
 
     def keep(kind: type[FromPage]) -> type[FromPage]:
         on(kind)(lambda state, event: with_client(
@@ -114,7 +115,7 @@ def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
 
 
 def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
-    """Like `on`, for text typed into a cell, with an answer to its page.
+    """Like `on`, but for text typed into a cell, with a reply to its page.
 
     A Refusal of the handler, or an error of the core, is shown next to the cell.
     """
@@ -136,7 +137,8 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
 def on_edit(
     *kinds: type[FromPage], offer: Callable[[State, Any], str] = lambda state, event: ""
 ) -> Callable[[Edit], Edit]:
-    """Like `on`, for edits: a function (state, event) -> (new model, label) makes an undo step.
+    """Like `on`, but for edits. A function (state, event) -> (new model, label) makes one undo
+    step.
 
     A refusal is shown next to the cell if the event has a `serial`, with a button for the repair
     that `offer` names, otherwise as a notice.
@@ -156,7 +158,9 @@ def on_edit(
 
 
 def update(state: State, event: Event) -> State:
-    """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
+    """Return the state after `event` (pure). Invalid and stale events change nothing, except
+    notices.
+    """
     event = as_now(state.renames, event)
     try:
         event = placed(state.rows, state.model, state.request.scenario, of_selection(state, event))
@@ -169,7 +173,7 @@ def update(state: State, event: Event) -> State:
 
 
 def of_selection(state: State, event: Any) -> Any:
-    """An event that names no bodies is about those that its page has selected by now.
+    """Apply an event without bodies to those currently selected on its page.
 
     So a page sends what is typed after a click and before the form of what was clicked is there.
     """
@@ -183,7 +187,7 @@ def of_selection(state: State, event: Any) -> Any:
 
 @dataclass(frozen=True)
 class Misread(FromPage):
-    """The page sent something that is not an event."""
+    """A message from a page that is not a valid event."""
 
     text: str
 
@@ -195,19 +199,19 @@ def misread(state: State, event: Misread) -> State:
 
 
 class OfServer(FromPage):
-    """About a page, but sent by the server: no page may send it."""
+    """An event about a page that only the server may send."""
 
 
 @cache
 def page_events() -> dict[str, TypeAdapter[FromPage]]:
-    """The events that a page may send, by name."""
+    """Return the events that pages may send, by name."""
     ours = (Misread, OfServer)
     kinds = [k for k in HANDLERS if issubclass(k, FromPage) and not issubclass(k, ours)]
     return {kind.__name__: TypeAdapter(kind) for kind in kinds}
 
 
 def from_page(client: int, text: str) -> FromPage:
-    """Return the event in a page's message `{"event": name, ...fields}`, Misread if invalid."""
+    """Parse a page's message `{"event": name, ...fields}` into an event, or Misread if invalid."""
     try:
         fields = json.loads(text)
         adapter = page_events()[fields.pop("event")]

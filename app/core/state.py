@@ -1,4 +1,4 @@
-"""State of the page as frozen values: the model, its derived data, and the open pages."""
+"""The state of the app as immutable values: the model, its derived data, and the open pages."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .cells import Display, Rows
 
 @dataclass(frozen=True)
 class Reply:
-    """The answer to a typed cell: "" where it was taken, else the sentence that refuses it."""
+    """The reply for a typed cell: "" if it was accepted, or else the error message."""
 
     serial: int
     text: str
@@ -38,7 +38,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something to tell one person in passing."""
+    """A transient notification for one user."""
 
     title: str
     text: str = ""
@@ -47,7 +47,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class Rename:
-    """Something got another name: pages may speak of it by the old one for a moment."""
+    """A rename that pages may not yet know, so that they may briefly use the old name."""
 
     number: int  # from 1
     kind: str  # "bodies", "parameters", "constraints", "contacts" or "forces"
@@ -57,7 +57,7 @@ class Rename:
 
 @dataclass(frozen=True)
 class Client:
-    """One open page with its selection and its last notice."""
+    """An open page with its selection and its last notice."""
 
     page: str = ""  # name of the page, kept when it reconnects
     selection: str | None = None  # the body that was selected last
@@ -145,7 +145,7 @@ class State:
 
     @property
     def pose(self) -> Pose | None:
-        """The pose by hand that is shown."""
+        """The displayed pose if it was set by hand."""
         posed = self.posed
         if posed is None or posed.model is not self.model or posed.run is not self.run:
             return None
@@ -153,12 +153,14 @@ class State:
 
     @property
     def going(self) -> Live | None:
-        """The live run, unless it was stopped."""
+        """The live run, or None if it was stopped."""
         return None if self.live is None or self.live.over else self.live
 
     @property
     def run(self) -> Run | None:
-        """The run to play: the live one's part at this time, else the last of this model."""
+        """The run to play: the live run's part at the current time, or the last run of this
+        model.
+        """
         if self.live is not None:
             live = self.live
             part = live.part_at(self.playback.time) if live.parts else None
@@ -168,45 +170,47 @@ class State:
 
     @property
     def earlier(self) -> Run | None:
-        """The last run if the model was edited since, None if another model was opened since."""
+        """The last run if the model was edited since, or None if another model was opened."""
         last = self.last_run
         gone = last is None or self.live is not None or self.run is not None
         return None if gone or self.run_framed != self.framed else last
 
     @property
     def plotted(self) -> Run | None:
-        """The run whose numbers are shown: the one to play, else that of an earlier model."""
+        """The run used for plots: the one to play, or else that of the model before its last
+        edits.
+        """
         return self.run or self.earlier
 
     @property
     def falls(self) -> tuple[Change, ...]:
-        """Changes of feet in the run to play."""
+        """The foot phase changes in the run to play."""
         if self.live is not None:
             return self.live.falls
         return self.run.falls if self.run is not None else ()
 
     @property
     def t_end(self) -> float:
-        """End of the run to play [s], 0 without one."""
+        """The end time of the run to play [s], or 0 if there is none."""
         if self.live is not None:
             return float(self.live.parts[-1].t[-1]) if self.live.parts else 0.0
         return float(self.run.result.t[-1]) if self.run is not None else 0.0
 
     @property
     def t_start(self) -> float:
-        """Start of the run to play [s]."""
+        """The start time of the run to play [s]."""
         if self.live is not None:
             return float(self.live.parts[0].t[0]) if self.live.parts else 0.0
         return float(self.run.result.t[0]) if self.run is not None else 0.0
 
 
 def initial(model: pg.Model, gallery: Mapping[str, str] | None = None) -> State:
-    """The state the server starts with."""
+    """Return the initial state of the server."""
     return State(model, first_request(model), gallery or {})
 
 
 def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """(nb, 3) positions and (nb, 4) orientations to draw: by hand, of the run at its time, home."""
+    """Return the (nb, 3) positions and (nb, 4) orientations to draw: pose by hand, run, or home."""
     if (pose := state.pose) is not None:
         return pose.positions, pose.wxyz
     if state.run is None:
@@ -216,7 +220,7 @@ def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_client(state: State, client: int, **changes: Any) -> State:
-    """Return `state` with one page's own part changed, ignoring unknown pages."""
+    """Return `state` with one page's own fields changed. Unknown pages are ignored."""
     if client not in state.clients:
         return state
     changed = replace(state.clients[client], **changes)
@@ -224,16 +228,16 @@ def with_client(state: State, client: int, **changes: Any) -> State:
 
 
 def told(state: State, client: int, notice: Notice) -> State:
-    """`state` with a notice for one page."""
+    """Return `state` with a notice for one page."""
     return with_client(state, client, notice=notice)
 
 
 def replied(state: State, client: int, serial: int, text: str = "", offer: str = "") -> State:
-    """`state` with a typed cell of one page answered: "" accepts it."""
+    """Return `state` with a reply to one page's typed cell, where "" accepts it."""
     return with_client(state, client, reply=Reply(serial, text, offer))
 
 
 def display_of(state: State, client: int) -> Display:
-    """Return the units and forms of numbers of one page."""
+    """Return the units and number formats for one page."""
     page = state.clients.get(client)
     return page.display if page is not None else Display()

@@ -1,4 +1,4 @@
-"""A queue, and the one thread that owns the state: it applies events and lets the views draw."""
+"""A queue, and the single thread that owns the state, applies events and lets views draw."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ log = logging.getLogger(__name__)
 
 
 class View(Protocol):
-    """Whatever follows the state: it draws, or works, where `old` and `new` differ."""
+    """An observer of the state that draws, or works, on differences between `old` and `new`."""
 
     def render(self, old: State, new: State) -> None: ...
 
 
 class Closed(Exception):
-    """The queue was closed, and its last event taken."""
+    """Raised when the queue is closed and its last event has been taken."""
 
 
 class Queue:
-    """Events of many senders, taken in turn: one that floods delays the others by one event each.
+    """An event queue that serves senders in turn, so that none can delay the others by much.
 
     The events of one sender stay in their order. The server is one of the senders; what people do
     passes its events, but no more than MOST_AHEAD times in a row.
@@ -47,7 +47,7 @@ class Queue:
         self._woken = False
 
     def put(self, event: Event) -> None:
-        """Append an event, unless too many events of its page are waiting."""
+        """Append an event, unless too many events from its page are waiting."""
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
             waiting = self._waiting.setdefault(sender, deque())
@@ -61,19 +61,19 @@ class Queue:
             return sum(map(len, self._waiting.values()))
 
     def close(self) -> None:
-        """No more events: after those that wait now, `get` raises Closed."""
+        """Refuse further events. `get` raises Closed once those already waiting are taken."""
         with self._changed:
             self._closed = True
             self._changed.notify()
 
     def wake(self) -> None:
-        """Whoever waits in `get` gets None."""
+        """Wake up a waiting `get`, which returns None."""
         with self._changed:
             self._woken = True
             self._changed.notify()
 
     def get(self, seconds: float) -> Event | None:
-        """Return the next event, or None after that time or `wake`. Raises Closed."""
+        """Return the next event, or None after the given time or `wake`. Raises Closed."""
         with self._changed:
             timeout = None if seconds == math.inf else seconds
             self._changed.wait_for(lambda: self._waiting or self._closed or self._woken, timeout)
@@ -93,7 +93,9 @@ class Queue:
             return event
 
     def more(self, event: Event) -> list[Event]:
-        """Take the next waiting events of the same kind and sender if that kind collapses."""
+        """Return and remove consecutive events of the same kind and sender, if that kind
+        collapses.
+        """
         found: list[Event] = []
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
@@ -106,7 +108,7 @@ class Queue:
 
 
 class Store:
-    """Event loop: `send(event)` from any thread, all else in the store's own thread."""
+    """An event loop. `send(event)` is thread-safe, and all else runs in the store's own thread."""
 
     def __init__(self, state: State, update: Callable[[State, Event], State] = update):
         self.state = state
@@ -124,7 +126,7 @@ class Store:
         self.ready: Callable[[], bool] = lambda: True  # whether the pages can take a picture
 
     def start(self, views: Sequence[View], workers: Sequence[View] = ()) -> None:
-        """Draw for the first time, then follow the events.
+        """Draw for the first time, then start processing events.
 
         Workers follow every event at once; pictures wait for `ready`, and the newest is drawn.
         """
@@ -134,20 +136,20 @@ class Store:
         self._thread.start()
 
     def wake(self) -> None:
-        """The pages may be ready for a picture."""
+        """Check again whether the pages are ready for a new image."""
         self._events.wake()
 
     def send(self, event: Event) -> None:
-        """Queue an event without waiting."""
+        """Queue an event without blocking."""
         self._events.put(event)
 
     @property
     def waiting(self) -> int:
-        """Number of waiting events."""
+        """The number of waiting events."""
         return len(self._events)
 
     def stop(self) -> None:
-        """Finish the events queued so far and end the thread."""
+        """Process the queued events, then end the thread."""
         self._events.close()
         self._thread.join(timeout=5.0)
 
@@ -172,7 +174,9 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """Apply an event, or several drawn as one. Faults are logged and the page continues."""
+        """Apply an event, or several that are drawn as one. Exceptions are logged and the loop
+        continues.
+        """
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state
@@ -195,7 +199,7 @@ class Store:
             )  # fmt: skip
 
     def _show(self, at_once: bool = False) -> dict[str, float]:
-        """Draw what has not been drawn, `at_once` or if the pages are ready for it."""
+        """Draw pending changes, `at_once` or if the pages are ready for them."""
         old, new = self._drawn, self.state
         if new is old or not (at_once or self.ready()):
             return {}
@@ -204,7 +208,9 @@ class Store:
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
-        """Seconds spent by each view. One that failed draws next time what it left out too."""
+        """Draw the views and return the seconds spent by each. A view that failed is retried next
+        time.
+        """
         spent = {}
         for view in views:
             began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Views, which draw changes of their part of the state, and their places on the page.
+"""Views, which draw changes in their part of the state, and their positions on the page.
 
 A feature lists its own in `VIEWS` of its `view.py`.
 """
@@ -20,12 +20,12 @@ from .store import View
 
 
 def audience(old: State, new: State, changed: bool) -> list[int]:
-    """The pages to send to: all where something changed, else those that have just come."""
+    """Return the pages to update: all pages after a change, or else only newly opened ones."""
     return [client for client in new.clients if changed or client not in old.clients]
 
 
 def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
-    """Pages whose picture of a view that is sent only where it is in sight is out of date.
+    """Return the pages on which a view that is sent only while visible is out of date.
 
     Where another model was opened that is all of them: a hidden tab keeps nothing of the last one.
     """
@@ -38,12 +38,12 @@ def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
 
 
 def hue(branch: int) -> str:
-    """The hue of a branch, as the style of each theme has it."""
+    """Return the hue for a branch as a CSS variable, which each theme defines."""
     return f"var(--branch-{hue_of(branch)})"
 
 
 def count(state: State) -> str:
-    """'16 bodies, 21 DoF', or '3 bodies, 1 DoF (3 in tree)' once the mobility is known."""
+    """Return '16 bodies, 21 DoF', or '3 bodies, 1 DoF (3 in tree)' once the mobility is known."""
     tree, report = state.derived.dof, state.mobility
     left = f"{tree} DoF"
     if report and report.found and report.model is state.model and report.found.dof != tree:
@@ -60,7 +60,7 @@ Slot = Literal["top", "left", "view", "display", "drawer", "right", "run", "time
 
 @dataclass(frozen=True)
 class Desk:
-    """The bridge and the store's `send`, from which views are made."""
+    """The bridge and the store's `send`, passed to views on construction."""
 
     bridge: Bridge
     send: Callable[[Event], None]
@@ -68,7 +68,7 @@ class Desk:
 
 @dataclass(frozen=True)
 class Host:
-    """Place of a view on the page: its slot, and the tab within "left" or "drawer".
+    """The position of a view on the page: its slot, and the tab within "left" or "drawer".
 
     Hosts of a slot stand in the order of their places, unless they have their own.
     """
@@ -80,7 +80,7 @@ class Host:
 
 
 class Place:
-    """A view and its hosts. Without hosts it draws in 3D only, or nothing.
+    """A view and its hosts. A view without hosts draws in 3D only, or nothing.
 
     Views are made, and drawn after each event, by increasing `order`.
     """
@@ -91,7 +91,7 @@ class Place:
 
 
 def made(places: list[Place], desk: Desk) -> tuple[View, ...]:
-    """Make all views, and send the page with their hosts."""
+    """Create all views, and send the page with their hosts."""
     places = sorted(places, key=lambda place: place.order)
     views = tuple(place.make(desk) for place in places)
     hosts = sorted((host for place in places for host in place.hosts), key=lambda h: h.order or 0)

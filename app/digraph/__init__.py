@@ -1,1 +1,1 @@
-"""The digraph of the bodies: its layout, drawing, drag and drop, and the stepping through."""
+"""The digraph of the bodies: its layout, drawing, drag and drop, and step-by-step display."""

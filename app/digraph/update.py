@@ -1,4 +1,4 @@
-"""The digraph: a node dropped on another, and stepping through the figures (pure)."""
+"""The digraph: dropping a node on another, and stepping through the figures (pure)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..core.state import State
 
 @dataclass(frozen=True)
 class Drop(FromPage):
-    """A body was dropped on its new parent, or on a second one: that closes a `loop`."""
+    """A body was dropped on its new parent, or on a second one, which closes a `loop`."""
 
     serial: int
     body: Text
@@ -35,6 +35,8 @@ def drop(state: State, event: Drop) -> tuple[pg.Model, str]:
 @on_page(walk="what")
 @dataclass(frozen=True)
 class StepThrough(FromPage):
-    """Show how Pgraph is made (Fig. 4), or how frames are updated along it (Fig. 8)."""
+    """Show step by step how Pgraph is built (Fig. 4), or how frames are updated along it (Fig.
+    8).
+    """
 
     what: Literal["", "pgraph", "frames"]

@@ -1,4 +1,4 @@
-"""The digraph and the vectors Pgraph and jdof above it, and stepping through both."""
+"""The digraph with the vectors Pgraph and jdof above it, and stepping through both."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ class DigraphView:
 
 
 def digraph(state: State) -> Payload:
-    """Places, numbers and kinds of the nodes, the two vectors, and the constraints."""
+    """Return the positions, numbers and kinds of the nodes, the two vectors, and the
+    constraints.
+    """
     d = state.derived
     bodies = [state.model.body(name) for name in d.names]
     return {
@@ -62,7 +64,7 @@ def digraph(state: State) -> Payload:
 
 
 def walk(state: State, what: str) -> Payload:
-    """Return the steps that a page walks through: Fig. 4, Fig. 8, or none."""
+    """Return the steps for a page to walk through, from Fig. 4, Fig. 8 or neither."""
     if what == "pgraph":
         d = state.derived
         dof = [state.model.body(name).dof for name in d.names]
@@ -71,7 +73,9 @@ def walk(state: State, what: str) -> Payload:
 
 
 def frame_update(state: State) -> Payload:
-    """The trace of Fig. 8 from the initial state to what is shown, or by a sample step."""
+    """Return the trace of Fig. 8 from the initial state to the displayed one, or for a sample
+    step.
+    """
     start, end = home(state.model), shown_q(state)
     said = "from the initial pose to the one shown"
     if np.array_equal(start, end):
@@ -83,14 +87,14 @@ def frame_update(state: State) -> Payload:
 
 
 def sampled(model: pg.Model) -> np.ndarray:
-    """(nq,) the initial state with every joint of one coordinate moved by SAMPLE."""
+    """Return the initial state (nq,) with every single-coordinate joint moved by SAMPLE."""
     bodies = (model.body(name) for name in pg.Topology.of(model).names)
     step = [SAMPLE if len(body.q) == 1 else 0.0 for body in bodies for _ in body.q]
     return home(model) + np.array(step)
 
 
 class Step(NamedTuple):
-    """One step, and what it does to Pgraph, jdof and the stack of separation bodies SBS."""
+    """One step and its effect on Pgraph, jdof and the stack of separation bodies SBS."""
 
     step: str  # its number in Fig. 4, or two consecutive numbers
     text: str
@@ -102,7 +106,9 @@ class Step(NamedTuple):
 
 
 def seven_steps(parent: Sequence[int], dof: Sequence[int]) -> list[Step]:
-    """Return the steps for bodies 1..n in depth-first numbers, from the ground if many roots."""
+    """Return the steps for bodies 1..n in depth-first numbers, starting at the ground if many
+    roots.
+    """
     left: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k in range(len(parent), 0, -1):
         left[parent[k - 1]].append(k)  # the left child last, so that pop() takes it

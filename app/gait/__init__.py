@@ -1,4 +1,4 @@
-"""Walking: gaits, their settings, the phases and the prints of the feet."""
+"""Walking: gaits, their settings, foot phases and footprints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SIDES = {"left": (0, -1), "right": (0, 1), "back": (-1, 0), "ahead": (1, 0)}  # 
 
 @dataclass(frozen=True)
 class Walking:
-    """Settings of the walk made on the page. The others are those of the model."""
+    """Walking settings made on the page. Other settings are taken from the model."""
 
     gait: str = ""  # name, "" for the model's first gait
     changes: Mapping[str, float] = field(default_factory=dict)  # fields of the gait
@@ -40,7 +40,7 @@ class Walking:
 
 
 class Offer(NamedTuple):
-    """A gait, and the scenario whose contacts and drives it walks with."""
+    """A gait, and the scenario that provides its contacts and drives."""
 
     gait: pg.Gait
     scenario: str
@@ -48,7 +48,7 @@ class Offer(NamedTuple):
 
 
 def offers(model: pg.Model) -> dict[str, Offer]:
-    """Return gaits by name: those of scenarios, then presets, {} for a model without a gait."""
+    """Return gaits by name, from scenarios and then presets, or {} for a model without a gait."""
     own = {s.gait.name: Offer(s.gait, s.name, True) for s in model.scenarios if s.gait is not None}
     if not own:
         return {}
@@ -63,12 +63,12 @@ def offers(model: pg.Model) -> dict[str, Offer]:
 
 @lru_cache(maxsize=8)
 def _presets(feet: tuple[str, ...]) -> Mapping[str, pg.Gait]:
-    """Asked for with each part of a live run."""
+    """Return the preset gaits, cached because each part of a live run needs them."""
     return pg.gaits(feet)
 
 
 def offered(model: pg.Model, walking: Walking) -> Offer | None:
-    """Return the gait of the walk with its changes, or None if the model has none."""
+    """Return the gait for the walk with its changes, or None if the model has none."""
     found = offers(model)
     if not found:
         return None
@@ -79,7 +79,7 @@ def offered(model: pg.Model, walking: Walking) -> Offer | None:
 
 
 def has_feet(model: pg.Model) -> bool:
-    """True for a model with a gait, or with four contacts of one point with the ground."""
+    """Return True if the model has a gait, or four single-point contacts with the ground."""
     feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
     return len(feet) >= FEET or bool(offers(model))
 
@@ -92,7 +92,7 @@ def why_not(model: pg.Model) -> str:
 
 
 def turns(model: pg.Model, gait: pg.Gait) -> bool:
-    """True if the hips spread, so that feet push sideways."""
+    """Return True if the hips can abduct, so that feet can push sideways."""
     contacts = {contact.name: contact for contact in model.contacts}
     for fall in gait.feet:
         if fall.foot not in contacts:
@@ -106,12 +106,12 @@ def turns(model: pg.Model, gait: pg.Gait) -> bool:
 
 
 def feet_of(model: pg.Model) -> list[pg.Contact]:
-    """The contacts with the ground."""
+    """Return the contacts with the ground."""
     return [contact for contact in model.contacts if contact.other == "ground"]
 
 
 def friction(model: pg.Model) -> float:
-    """Return the friction of the feet."""
+    """Return the friction coefficient of the feet."""
     given = [c.friction for c in feet_of(model) if c.friction is not None]
     return given[0] if given else model.ground.friction
 
@@ -122,7 +122,7 @@ def law(model: pg.Model) -> str:
 
 
 def platforms(height: float) -> tuple[Step, ...]:
-    """Return platforms to walk over, from 1 m ahead on, or () for height 0."""
+    """Return platforms to walk over, starting 1 m ahead, or () if the height is 0."""
     if height == 0.0:
         return ()
     starts = [FIRST + k * APART for k in range(MANY)]
@@ -130,12 +130,12 @@ def platforms(height: float) -> tuple[Step, ...]:
 
 
 def step_height(model: pg.Model) -> float:
-    """Return the height of the highest step of the ground [m]."""
+    """Return the height of the highest ground step [m]."""
     return max((step.height for step in model.ground.steps), key=abs, default=0.0)
 
 
 def grounded(model: pg.Model, what: str, value: float | str) -> pg.Model:
-    """The model on other ground. Raises ModelError."""
+    """Return the model on modified ground. Raises ModelError."""
     match what:
         case "law":
             return pg.underfoot(model, law=str(value))
@@ -148,12 +148,12 @@ def grounded(model: pg.Model, what: str, value: float | str) -> pg.Model:
 
 
 def chosen(walking: Walking, name: str) -> Walking:
-    """Another gait, as it is."""
+    """Return the settings for another gait, without changes."""
     return replace(walking, gait=name, changes={})
 
 
 def checked(model: pg.Model, offer: Offer) -> None:
-    """Raises InputError where the model cannot walk so: other feet, a speed out of reach."""
+    """Check that the model can walk like this. Raises InputError, for example if it is too fast."""
     pg.Controller(pg.Mechanism(model), offer.gait)
 
 
@@ -164,7 +164,7 @@ Place = tuple[float, float, float]
 
 
 class Change(NamedTuple):
-    """Start of a phase of a foot at `t`, with the place `at` of its touchdown."""
+    """The start of a foot's phase at `t`, with its touchdown position `at`."""
 
     foot: str  # name of a contact
     t: float  # [s]
@@ -173,7 +173,7 @@ class Change(NamedTuple):
 
 
 def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
-    """Return the changes of a run, or those that a part adds to `known`."""
+    """Return the phase changes in a run, or those that a part adds to `known`."""
     if not len(run.t):
         return ()
     points = {c.name for c in run.mechanism.model.contacts if len(c.points) == 1}
@@ -200,7 +200,9 @@ def _change(run: pg.Result, foot: str, t: float, after: str, before: str) -> Cha
 
 
 def place(run: pg.Result, foot: str, t: float) -> Place | None:
-    """Return the place of a foot in the frame at or after t, None unless it is one point."""
+    """Return the position of a foot in the frame at or after t, or None unless it is a single
+    point.
+    """
     model = run.mechanism.model
     contact = next((c for c in model.contacts if c.name == foot), None)
     if contact is None or len(contact.points) != 1:
@@ -212,12 +214,12 @@ def place(run: pg.Result, foot: str, t: float) -> Place | None:
 
 
 def prints(found: Sequence[Change], time: float, most: int) -> np.ndarray:
-    """(n, 3) the last places where feet came down by `time`."""
+    """Return the last touchdown positions up to `time` as an (n, 3) array."""
     down = (change.at for change in reversed(found) if change.at is not None and change.t <= time)
     return np.array(list(islice(down, most))[::-1]).reshape(-1, 3)
 
 
 def since(found: Sequence[Change], time: float) -> list[Change]:
-    """Changes after `time`, and of each foot the last one before."""
+    """Return the changes after `time`, and the last one before it for each foot."""
     last = {change.foot: change for change in found if change.t <= time}
     return [*last.values(), *(change for change in found if change.t > time)]

@@ -1,4 +1,4 @@
-"""Walking: the gait, its speed, pushes, the ground (pure)."""
+"""Walking: the gait, its speed, pushes, and the ground (pure)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAMES = {"speed": "The speed", "turn": "The turning", "friction": "The friction"
 
 @dataclass(frozen=True)
 class Walk(FromPage):
-    """Go live with the gait that is chosen."""
+    """Start a live run with the chosen gait."""
 
 
 @on(Walk)
@@ -34,7 +34,7 @@ def walk(state: State, event: Walk) -> State:
 
 @on(GoLive)
 def live(state: State, event: GoLive) -> State:
-    """The live run of a scenario: a walk if it has a gait."""
+    """Start the live run of a scenario, as a walk if it has a gait."""
     if not idle(state):
         return state
     if event.here:
@@ -51,7 +51,7 @@ def live(state: State, event: GoLive) -> State:
 
 @on(Simulate)
 def simulate(state: State, event: Simulate) -> State:
-    """Start a run, which is a walk with the speed and turning set here."""
+    """Start a simulation. A walk uses the speed and turning rate set here."""
     return asked(state, None, set_gait(state)) if idle(state) else state
 
 
@@ -63,7 +63,7 @@ def go_on(state: State, event: Continue) -> State:
 
 
 def set_gait(state: State) -> pg.Gait | None:
-    """The gait of the scenario to simulate, where something of it was changed here."""
+    """Return the gait of the scenario to simulate, if its settings were changed here."""
     offer = offered(state.model, state.walking)
     if offer is None or not state.walking.changes or offer.scenario != state.request.scenario:
         return None
@@ -71,7 +71,7 @@ def set_gait(state: State) -> pg.Gait | None:
 
 
 def begun(state: State, client: int) -> State | None:
-    """A live run of the gait, with the ground forces shown."""
+    """Start a live run with the gait, and show the ground forces."""
     offer = offered(state.model, state.walking)
     if offer is None:
         return None
@@ -80,7 +80,7 @@ def begun(state: State, client: int) -> State | None:
 
 
 def requested(model: pg.Model, offer: Offer) -> Request:
-    """Return the request of a walk: its scenario, with a method for the law of its feet."""
+    """Return the run request for a walk, with a method suited to the contact law of its feet."""
     scenario = model.scenario(offer.scenario)
     _, method, step = LAWS[law(model)]
     return Request(offer.scenario, scenario.t_end, step, method)
@@ -101,7 +101,7 @@ def gait_set(state: State, event: SetGait) -> State:
 
 @dataclass(frozen=True)
 class SetWalk(FromPage):
-    """A field of the gait, at once."""
+    """Set one field of the gait, with immediate effect."""
 
     serial: int
     field: Literal["speed", "turn"]
@@ -116,7 +116,7 @@ def walk_set(state: State, event: SetWalk) -> State:
 
 
 def settled(state: State, walking: Walking) -> State:
-    """`walking`, where the model's legs can do it. Raises PgraphError that says why not."""
+    """Apply `walking` if the model's legs permit it. Raises PgraphError with the reason if not."""
     offer = offered(state.model, walking)
     if offer is not None and state.kernels.ready:
         checked(state.model, offer)
@@ -130,7 +130,7 @@ def settled(state: State, walking: Walking) -> State:
 
 @dataclass(frozen=True)
 class SetGround(FromPage):
-    """Change the ground as an edit of the model. A live run continues on it."""
+    """Change the ground as an edit of the model. A live run continues on the new ground."""
 
     serial: int
     field: Literal["friction", "slope", "steps", "law"]
@@ -153,7 +153,7 @@ def ground_set(state: State, event: SetGround) -> State:
 
 @dataclass(frozen=True)
 class Push(FromPage):
-    """Push the trunk, or the body that is selected."""
+    """Push the trunk or the selected body."""
 
     side: Literal["left", "right", "back", "ahead"]
 
@@ -170,7 +170,7 @@ def push(state: State, event: Push) -> State:
 
 @dataclass(frozen=True)
 class SetPush(FromPage):
-    """Set the force of pushes relative to the weight."""
+    """Set the strength of pushes relative to the weight."""
 
     serial: int
     text: Text

@@ -1,4 +1,4 @@
-"""The walk: its gait, speed, pushes and ground, as far as the model can walk."""
+"""The walk: its gait, speed, pushes and ground, as far as the model supports walking."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
 class GaitView:
-    """Settings of a walk, below the scenarios of a model with feet."""
+    """The settings for a walk, shown below the scenarios of a model with feet."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -50,7 +50,7 @@ class GaitView:
 
 
 def gait(state: State) -> Payload:
-    """Everything the tab shows, but what the feet do."""
+    """Return the contents of the tab, except the motion of the feet."""
     model, found = state.model, offers(state.model)
     offer = offered(model, state.walking)
     if offer is None:
@@ -100,7 +100,7 @@ class FootprintsView:
         self.show(new, prints(falls, new.playback.time, MOST))
 
     def show(self, state: State, at: np.ndarray) -> None:
-        """A disc at each of these places, and no others."""
+        """Show a disc at each of these positions and remove all others."""
         if at.shape == self._at.shape and np.array_equal(at, self._at):
             return
         self._at = at
@@ -114,7 +114,7 @@ class FootprintsView:
 
 
 def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
-    """A flat disc on the ground at each place."""
+    """Draw a flat disc on the ground at each position."""
     disc = shapes.unit("cylinder")
     turned, size = discs(state, len(at))
     return scene.add_batched_meshes_simple(
@@ -125,7 +125,7 @@ def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
 
 
 def discs(state: State, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 4) orientations and (n, 3) sizes [m] of flat discs on the ground."""
+    """Return the orientations (n, 4) and sizes (n, 3) [m] of flat discs on the ground."""
     turned = shapes.to_wxyz(shapes.z_to(np.asarray(state.model.ground_normal))[None])
     size = state.derived.size * np.array([WIDE, WIDE, THICK])
     return np.repeat(turned, count, 0), np.tile(size, (count, 1))
@@ -136,7 +136,7 @@ WINDOW = 60.0  # [s] longest motion of a live run that is sent
 
 
 class PhasesView:
-    """Sends all of a run that is kept or paused, the last seconds of a live one."""
+    """A view that sends all phases of a kept or paused run, or the last seconds of a live one."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -162,7 +162,7 @@ class PhasesView:
 
 
 class Window:
-    """Changes of the last seconds of a run that grows: only what is new is gone through."""
+    """Incremental tracking of the changes in the last seconds of a growing run."""
 
     def __init__(self) -> None:
         self._first: Change | None = None
@@ -170,7 +170,7 @@ class Window:
         self._last: dict[str, Change] = {}  # the last of each foot that are
 
     def of(self, falls: tuple[Change, ...], start: float) -> list[Change]:
-        """Changes after `start`, and of each foot the last one before."""
+        """Return the changes after `start`, and the last one before it for each foot."""
         if not falls or falls[0] is not self._first:  # another run, or its beginning was dropped
             self._first, self._left, self._last = falls[0] if falls else None, 0, {}
         while self._left < len(falls) and falls[self._left].t <= start:
@@ -181,7 +181,7 @@ class Window:
 
 
 def phases(falls: tuple[Change, ...], state: State, window: Window | None = None) -> Payload:
-    """Return feet and their changes as [foot, time, phase], all or those in a window."""
+    """Return feet and their changes as [foot, time, phase], either all or those in a window."""
     start = max(state.t_start, state.t_end - WINDOW)
     shown = falls if window is None else window.of(falls, start)
     feet = list(dict.fromkeys(change.foot for change in shown))

@@ -1,4 +1,4 @@
-"""A live run that walks: one controller through all its parts, obeying what is set meanwhile."""
+"""Walking in a live run: one controller for all its parts, which follows changes of settings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LYING = 0.8  # [s] duration for which a fall is shown
 
 
 class Walker:
-    """The walk of a live run. Its clock goes on over changes of gait, ground and method."""
+    """The walk of a live run. Its clock continues across changes of gait, ground and method."""
 
     def __init__(self, pushes: int) -> None:
         self.fell: float | None = None  # when [s]
@@ -29,7 +29,7 @@ class Walker:
     def advanced(
         self, mech: pg.Mechanism, offer: Offer, live: Live, walking: Walking, now: Any, span: float
     ) -> pg.Result:
-        """The next `span` seconds from `now`: (t, q, v), the latter None at the start."""
+        """Simulate `span` seconds from `now`, given as (t, q, v). q and v are None at the start."""
         t, q, v = now
         walk = self._prepared(mech, offer, live, t, (q, v))
         if offer.gait != walk.gait:
@@ -47,7 +47,7 @@ class Walker:
         return self._said_once(part)
 
     def pull(self, force: np.ndarray, body: str) -> None:
-        """The mouse pulls on a body with a force [N] while the next part lasts."""
+        """Apply a mouse force [N] to a body during the next part."""
         self._pull = tuple(map(float, force)), body
 
     def _prepared(
@@ -67,7 +67,7 @@ class Walker:
         return self._walk
 
     def _said_once(self, part: pg.Result) -> pg.Result:
-        """Every part detects the fall: only the first one reports it."""
+        """Report a fall only once, although every part detects it."""
         if not self._walk.fell:
             return part
         if self.fell is None:
@@ -89,7 +89,7 @@ def gait_of(model: pg.Model, live: Live, walking: Walking) -> Offer | None:
 def pushed(
     model: pg.Model, q: np.ndarray, side: str, strength: float = PUSH
 ) -> tuple[float, float, float]:
-    """A push of `strength` times the weight to a side of the trunk, level [N]."""
+    """Return a horizontal push on one side of the trunk, of `strength` times the weight [N]."""
     along, right = SIDES[side]
     R = to_matrix(np.asarray(q[3:7]))
     x, _, z = along * R[:, 0] + right * R[:, 2]

@@ -1,4 +1,4 @@
-"""The model itself: new, open, save, undo, redo, and what follows from it."""
+"""The model itself: new, open, save, undo, redo, and derived data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pgraph_core as pg
 
 @dataclass(frozen=True)
 class Step:
-    """One user action, as an undo step: the model before it and what the action was."""
+    """A user action as an undo step, with the model before it and a description."""
 
     model: pg.Model
     label: str
@@ -22,7 +22,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Found:
-    """The answer to an errand: changes of bodies, or a whole model, and a sentence."""
+    """The result of an errand: changes to bodies, or a whole model, and a message."""
 
     text: str = ""
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # body -> fields
@@ -33,7 +33,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Members:
-    """The models of an archive, for a page to choose one."""
+    """The models in an archive, from which a page chooses one."""
 
     file: str
     names: tuple[str, ...]
@@ -41,7 +41,7 @@ class Members:
 
 @dataclass(frozen=True)
 class Errand:
-    """Background work whose answer may change bodies of `model`.
+    """Background work with a result that may change bodies of `model`.
 
     It runs in a thread, or `apart` in a child process, to which `work` is sent without a model.
     """

@@ -1,4 +1,4 @@
-"""Files of others, read in a child process with limits of time and memory, which can be stopped.
+"""Reading of untrusted files in a child process with memory and time limits. It can be stopped.
 
 A file of a few hundred bytes can ask a reader for hours of work or for all memory, or crash a
 library. In a child process it delays nobody else. It costs the start of a process, 1 s.
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 class Reader:
-    """Reads one file in a child process.
+    """A child process that reads one file.
 
     `leaves` is a file or folder that the work makes. It is removed where a reading was broken off.
     """
@@ -48,14 +48,14 @@ class Reader:
         self._stopped = False
 
     def stop(self) -> None:
-        """End the child process, or keep it from being started."""
+        """Stop the child process, or prevent it from starting."""
         with self._lock:
             self._stopped = True
             if self._process is not None:
                 self._process.kill()
 
     def result(self) -> Found:
-        """Wait for the child. Raises Refusal with the reason why there is no result."""
+        """Wait for the child process. Raises Refusal with the reason if there is no result."""
         with AT_ONCE:
             new = self._leaves is not None and not self._leaves.exists()
             try:
@@ -97,7 +97,7 @@ class Reader:
 
 
 def refused(error: Exception) -> str:
-    """The sentence for an error of an errand."""
+    """Return the message for an error in an errand."""
     if isinstance(error, (pg.PgraphError, Refusal, OSError)):
         return str(error)
     if isinstance(error, MemoryError):
@@ -112,7 +112,7 @@ def refused(error: Exception) -> str:
 
 
 def main() -> None:
-    """Do the work that comes in through standard input, and answer through standard output."""
+    """Read the task from standard input, run it, and write the result to standard output."""
     out = os.dup(1)
     os.dup2(2, 1)  # libraries print what is no answer
     with suppress(ImportError):  # not on Windows

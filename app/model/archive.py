@@ -1,4 +1,4 @@
-"""A model and its mesh files as one file: what a page downloads, and what it opens again."""
+"""A model and its mesh files in one file, for download and for opening again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
 
 
 def packed(model: pg.Model) -> tuple[str, bytes]:
-    """(name, content) of a download: JSON, or with meshes a zip of that and them.
+    """Return (name, content) for a download: JSON, or a zip of JSON and meshes if there are any.
 
     Raises FileError.
     """
@@ -38,7 +38,7 @@ def packed(model: pg.Model) -> tuple[str, bytes]:
 
 
 def converted(model: pg.Model, suffix: str) -> tuple[str, bytes, pg.Report]:
-    """(name, content, report) of a download in the format of this suffix.
+    """Return (name, content, report) for a download in the format given by this suffix.
 
     One file, or with meshes a zip of it and them. Raises FileError, ModelError.
     """
@@ -53,7 +53,7 @@ def converted(model: pg.Model, suffix: str) -> tuple[str, bytes, pg.Report]:
 
 
 def zipped(folder: Path) -> bytes:
-    """A zip of the files in a folder."""
+    """Zip the files in a folder."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*")):
@@ -63,12 +63,12 @@ def zipped(folder: Path) -> bytes:
 
 
 def own(text: str) -> pg.Model:
-    """The model in text that Pgraph kept on this machine: its meshes may lie anywhere."""
+    """Read a model that Pgraph kept on this machine. Its meshes may be located anywhere."""
     return pg.Model.from_json(text, roots=[Path.cwd().anchor])
 
 
 def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
-    """The model in the text of a file of another format, without the files that it names.
+    """Read a model from text in another format, without the files that it refers to.
 
     Raises PgraphError, and Refusal for a program.
     """
@@ -80,7 +80,7 @@ def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
 
 
 class Several(Refusal):
-    """An archive of several models, of which none is named."""
+    """An archive with several models, none of which has been selected."""
 
     def __init__(self, members: list[str]):
         self.members = tuple(members)
@@ -90,12 +90,12 @@ class Several(Refusal):
 
 
 def folder_of(content: bytes, keep: Path) -> Path:
-    """The folder of `keep` in which the files of an archive stay."""
+    """Return the folder in `keep` that stores the files of an archive."""
     return keep / hashlib.sha256(content).hexdigest()[:16]
 
 
 def refuse_program(name: str | PurePosixPath) -> None:
-    """Raise Refusal for a file whose macros are a program."""
+    """Raise Refusal for a file whose macros form a program."""
     if PurePosixPath(name).suffix.lower() == SUFFIX:
         own = PurePosixPath(name).name
         text = f"{own}: its macros are a program, and the page runs no program that a file brings; "
@@ -103,7 +103,7 @@ def refuse_program(name: str | PurePosixPath) -> None:
 
 
 def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg.Report]:
-    """Return the model in a zip, and store the meshes that it names in a folder of `keep`.
+    """Read the model in a zip, and store its meshes in a folder in `keep`.
 
     A Pgraph model is at the top with its meshes in `meshes`. A model of another format may be in
     any folder with the files that it names. `member` names one of several models.
@@ -151,7 +151,9 @@ def _size(folder: Path) -> int:
 
 
 def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes], set[PurePosixPath]]:
-    """Return (unpacked bytes, models and meshes by name, other names). Large files stay packed."""
+    """Return (unpacked bytes, models and meshes by name, other names). Large files are not
+    unpacked.
+    """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {PurePosixPath(item.filename): item for item in archive.infolist()}
         size = sum(item.file_size for item in files.values())
@@ -171,7 +173,7 @@ NAMED = re.compile(rb"""<(?:include|model)\s[^>]*?file\s*=\s*["']([^"']+)["']"""
 
 
 def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
-    """Models of other formats, those nearest to the top first.
+    """Return models in other formats, starting with those nearest to the top level.
 
     A file that another one includes is a part of that one, and not each XML file is a model.
     """
@@ -186,7 +188,7 @@ def _of_others(held: Mapping[PurePosixPath, bytes]) -> list[PurePosixPath]:
 
 
 def _goes_along(name: PurePosixPath) -> bool:
-    """True for a file inside the archive that a model of another format may name."""
+    """Return True for a file inside the archive that a model in another format may refer to."""
     inside = not name.is_absolute() and ".." not in name.parts
     return inside and name.suffix.lower().lstrip(".") in (
         *FORMATS,
@@ -203,5 +205,7 @@ def _is_model(name: PurePosixPath) -> bool:
 
 
 def _is_mesh(name: PurePosixPath) -> bool:
-    """True for a mesh in the folder that `packed` uses, and hence only there when unpacked."""
+    """Return True for a mesh in the folder that `packed` uses, which exists only after
+    unpacking.
+    """
     return name.parts[:-1] == (FOLDER,) and name.suffix.lower().lstrip(".") in FORMATS

@@ -1,4 +1,4 @@
-"""Data that the page derives from a model alone."""
+"""Data derived from a model alone, for use by the page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Derived:
 
     @property
     def grain(self) -> float:
-        """A length in keeping with one body [m]: what is drawn on bodies is a part of it."""
+        """The typical size of one body [m], a reference length for the marks drawn on bodies."""
         return self.size / max(1.0, len(self.names) / 16)
 
 
@@ -52,7 +52,7 @@ _recent: tuple[tuple[pg.Model, Derived], ...] = ()  # newest first
 
 
 def derive(model: pg.Model) -> Derived:
-    """Return the derived data of a model, computed once while the model is in use."""
+    """Return the data derived from a model, cached while the model is in use."""
     global _recent
     for known, derived in _recent:
         if known is model:
@@ -63,7 +63,7 @@ def derive(model: pg.Model) -> Derived:
 
 
 def _derived(model: pg.Model) -> Derived:
-    """Topology, layout, home poses, colours and the constraint column of a model."""
+    """Compute the topology, layout, home poses, colours and constraint column of a model."""
     top = pg.Topology.of(model)
     names, parent = tuple(top.names), tuple(top.parent.tolist())
     bodies = [model.body(name) for name in names]
@@ -95,7 +95,7 @@ def _derived(model: pg.Model) -> Derived:
 
 
 class Tree(NamedTuple):
-    """Follows from parents and degrees of freedom alone: most edits do not change it."""
+    """Data that depends on parents and degrees of freedom only, so that most edits preserve it."""
 
     children: tuple[tuple[int, ...], ...]
     pgraph: tuple[int, ...]
@@ -115,7 +115,7 @@ _layout = lru_cache(maxsize=16)(layout)
 
 
 def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
-    """The constraint column: constraints and contacts that touch a body, and its limits.
+    """Return the constraint column: constraints and contacts attached to a body, and its limits.
 
     A contact with the name of its body is called "contact" there.
     """

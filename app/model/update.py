@@ -1,4 +1,4 @@
-"""New, open, undo, redo, and errands: work in a thread whose answer edits the model (pure)."""
+"""New, open, undo, redo, and errands, which run in a thread and then edit the model (pure)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ MOST_NAMED = 5  # models of earlier sessions that the greeting names
 
 @dataclass(frozen=True)
 class Edit(FromPage):
-    """A cell was typed into: `index` leads into vectors and matrices, () for a scalar."""
+    """Text was typed into a cell. `index` selects a vector or matrix entry, and is () for a
+    scalar.
+    """
 
     serial: int
     body: Text
@@ -63,12 +65,12 @@ def cell_edited(state: State, event: Edit) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class Undo(FromPage):
-    """Take back the last edit, whoever made it."""
+    """Undo the last edit, no matter who made it."""
 
 
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
-    """The model before the last edit, and its run again if it has one."""
+    """Restore the model before the last edit, together with its run if it has one."""
     if not state.undo:
         return state
     *undo, step = state.undo
@@ -77,7 +79,7 @@ def undone(state: State, event: Undo) -> State:
 
 @dataclass(frozen=True)
 class Redo(FromPage):
-    """Make the edit again that was undone last."""
+    """Redo the edit that was undone last."""
 
 
 @on(Redo)
@@ -93,7 +95,7 @@ def _back(state: State, step: Step) -> State:
 
 
 def _way(state: State, step: Step) -> Step:
-    """The way back from a step that is gone to."""
+    """Return the inverse of a step that is about to be applied."""
     return replace(step, model=state.model, rows=state.rows, document=state.document)
 
 
@@ -102,7 +104,7 @@ def _way(state: State, step: Step) -> Step:
 
 @dataclass(frozen=True)
 class NewModel(FromPage):
-    """The answer to the one question of Sec. 4.1: how many bodies."""
+    """Create a model with the number of bodies, the only question asked in Sec. 4.1."""
 
     serial: int
     bodies: Text
@@ -110,7 +112,7 @@ class NewModel(FromPage):
 
 @on(NewModel)
 def new_model(state: State, event: NewModel) -> State:
-    """A serial chain of that many bodies."""
+    """Create a serial chain with the given number of bodies."""
     try:
         model = pg.Model.serial(cells.whole(event.bodies, 1, MOST_BODIES))
     except Refusal as refusal:
@@ -121,7 +123,7 @@ def new_model(state: State, event: NewModel) -> State:
 
 @dataclass(frozen=True)
 class ShowGallery(FromPage):
-    """The page wants pictures of the models it can open."""
+    """Request pictures of the models that can be opened."""
 
 
 @on(ShowGallery)
@@ -144,14 +146,14 @@ def built_in_opened(state: State, event: OpenBuiltIn) -> State:
 
 @dataclass(frozen=True)
 class OpenKept(FromPage):
-    """Open the model that an earlier session left."""
+    """Open a model left by an earlier session."""
 
     name: Text
 
 
 @on(OpenKept)
 def kept_opened(state: State, event: OpenKept) -> State:
-    """Open a kept model in place of the current one. An unreadable one stays on offer."""
+    """Open a kept model in place of the current one. An unreadable one remains on offer."""
     if event.name not in state.kept:
         return state
     name, client = event.name, event.client
@@ -165,21 +167,21 @@ def kept_opened(state: State, event: OpenKept) -> State:
 
 @dataclass(frozen=True)
 class DiscardKept(FromPage):
-    """Delete the model that an earlier session left."""
+    """Delete a model left by an earlier session."""
 
     name: Text
 
 
 @on(DiscardKept)
 def kept_discarded(state: State, event: DiscardKept) -> State:
-    """Remove an offered model. Autosave removes the file."""
+    """Remove an offered model. Autosave deletes its file."""
     left = {key: kept for key, kept in state.kept.items() if key != event.name}
     return replace(state, kept=left)
 
 
 @dataclass(frozen=True)
 class OpenText(FromPage):
-    """A file's content, read by the page."""
+    """Open a file whose content was read by the page."""
 
     name: Text
     content: Annotated[str, Field(max_length=8_000_000)]
@@ -187,7 +189,9 @@ class OpenText(FromPage):
 
 @on(OpenText)
 def text_opened(state: State, event: OpenText) -> State:
-    """Open the model in a text, as an errand if it is long, so that no other page waits."""
+    """Open the model in a text. Long texts are read in an errand, so that other pages do not
+    wait.
+    """
     name, content = event.name, event.content
     foreign = Path(name).suffix.lower() in READERS
     if len(content) <= LONG and not foreign:
@@ -198,14 +202,14 @@ def text_opened(state: State, event: OpenText) -> State:
 
 
 def _found_in_text(name: str, content: str, _: Any) -> Found:
-    """Read the model in a text. Raises PgraphError, Refusal."""
+    """Parse the model in a text. Raises PgraphError, Refusal."""
     if Path(name).suffix.lower() in READERS:
         return _small_enough(*read_text(name, content))
     return Found(opened=_read(name, content))
 
 
 def _small_enough(model: pg.Model, report: pg.Report) -> Found:
-    """A model that pages can show, its meshes too. Raises Refusal, MemoryError."""
+    """Check that pages can show a model and its meshes. Raises Refusal, MemoryError."""
     if problem := too_many(vars(model)):
         raise Refusal(problem)
     files_of_meshes = {shape.file for body in model.bodies for shape in body.shapes if shape.file}
@@ -221,7 +225,7 @@ def _small_enough(model: pg.Model, report: pg.Report) -> Found:
 
 @dataclass(frozen=True)
 class OpenArchive(FromPage):
-    """A zip of a model and its meshes, read by the page."""
+    """Open a zip with a model and its meshes, read by the page."""
 
     name: Text
     content: Annotated[str, Field(max_length=16_000_000)]  # base64
@@ -230,14 +234,16 @@ class OpenArchive(FromPage):
 
 @on(OpenArchive)
 def archive_opened(state: State, event: OpenArchive) -> State:
-    """An errand that keeps the meshes and opens the model."""
+    """Start an errand that stores the meshes and opens the model."""
     work = partial(_found_in_archive, event.member)
     leaves = lambda content: folder_of(content, mesh_folder())  # noqa: E731
     return sent_file(state, event.client, event.content, "open", work, leaves, event.name)
 
 
 def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
-    """The model in an archive, or its models where none is named. Raises PgraphError, Refusal."""
+    """Return the model in an archive, or its models if none is selected. Raises PgraphError,
+    Refusal.
+    """
     try:
         return _small_enough(*unpacked(content, mesh_folder(), member))
     except Several as several:
@@ -246,12 +252,12 @@ def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
 
 @dataclass(frozen=True)
 class CancelReading(FromPage):
-    """The page no longer wants the file that is being read for it."""
+    """Cancel the file that is being read for the page."""
 
 
 @on(CancelReading)
 def reading_cancelled(state: State, event: CancelReading) -> State:
-    """Cancel the reading of a page's file and stop its process."""
+    """Cancel the page's current file and stop the process that reads it."""
     errand = reading(state, event.client)
     if errand is None:
         return state
@@ -261,12 +267,12 @@ def reading_cancelled(state: State, event: CancelReading) -> State:
 
 
 def reading(state: State, client: int) -> Errand | None:
-    """The errand that reads a file for a page, if there is one."""
+    """Return the errand that is reading a file for a page, if there is one."""
     return next((e for e in state.errands if e.apart and e.client == client), None)
 
 
 def opened(state: State, client: int, name: str, content: str) -> State:
-    """The model in a file's text, or the reason why it cannot be opened."""
+    """Open the model in a file's text, or report why it cannot be opened."""
     try:
         return shown_model(state, client, name, _read(name, content))
     except (pg.PgraphError, Refusal) as error:
@@ -274,7 +280,7 @@ def opened(state: State, client: int, name: str, content: str) -> State:
 
 
 def _read(name: str, content: str) -> pg.Model:
-    """The model in a text. Raises PgraphError, Refusal."""
+    """Parse the model in a text. Raises PgraphError, Refusal."""
     files.refuse_format(name)
     data = files.parse(content, name)
     if problem := too_many(data):
@@ -314,7 +320,7 @@ def _listed(value: Any) -> bool:
 def shown_model(
     state: State, client: int, name: str, model: pg.Model | None, problem: str = ""
 ) -> State:
-    """Open a model that was read in place of the current one, or report the problem."""
+    """Replace the current model by one that was read, or report the problem."""
     if model is not None:
         problem = problem or too_many(vars(model))
     if model is None or problem:
@@ -324,7 +330,7 @@ def shown_model(
 
 
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
-    """The first state, given the models that earlier sessions left, newest first.
+    """Return the initial state, given the models that earlier sessions left, newest first.
 
     The newest model of killed sessions that were started with the same model is restored. The
     others are offered, and the greeting says so.
@@ -360,7 +366,7 @@ def _at(kept: Kept) -> str:
 
 @dataclass(frozen=True)
 class Download(FromPage):
-    """The model as a file, with its meshes."""
+    """Download the model and its meshes as a file."""
 
     suffix: Literal[".json", ".urdf", ".xml"] = ".json"
 
@@ -378,7 +384,7 @@ def downloaded(state: State, event: Download) -> State:
 
 @dataclass(frozen=True)
 class ErrandDone(Event):
-    """Result of an errand, or the reason of its failure."""
+    """The result of an errand, or the reason for its failure."""
 
     id: int
     found: Found = field(default_factory=Found)
@@ -387,7 +393,7 @@ class ErrandDone(Event):
 
 @on(ErrandDone)
 def errand_done(state: State, event: ErrandDone) -> State:
-    """Apply an errand's changes as one undo step, or notify if the model changed meanwhile."""
+    """Apply an errand's changes as one undo step, or notify the page if the model has changed."""
     errand = next((e for e in state.errands if e.id == event.id), None)
     if errand is None:
         return state
@@ -424,7 +430,7 @@ def sent(
     apart: bool = False,
     leaves: Path | None = None,
 ) -> State:
-    """Start an errand for the current model, which waits for the kernels if `compiled`.
+    """Start an errand for the current model. If `compiled`, it waits for the kernels.
 
     An errand `apart` is refused while another one reads a file for the same page.
     """
@@ -446,7 +452,7 @@ def sent_file(
     leaves: Callable[[bytes], Path],
     file: str = "",
 ) -> State:
-    """An errand that reads an uploaded file, given in base64, in a child process.
+    """Start an errand that reads an uploaded base64 file in a child process.
 
     `leaves` gives the place at which it keeps what was read.
     """

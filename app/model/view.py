@@ -1,4 +1,4 @@
-"""The model: new, open, save, undo."""
+"""The model toolbar: new, open, save, undo."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ToolbarView:
 
 
 def toolbar(state: State, client: int) -> Payload:
-    """Everything the toolbar of one page shows."""
+    """Return the contents of the toolbar for one page."""
     errand = reading(state, client)
     return {
         "name": state.model.name,
@@ -54,32 +54,32 @@ def toolbar(state: State, client: int) -> Payload:
 
 
 def counts(model: pg.Model) -> dict[str, int]:
-    """Return the numbers of parts in the tabs of the model."""
+    """Return the number of parts in each tab of the model."""
     tied = len(model.constraints) + len(model.contacts) + len(model.forces)
     return {"Bodies": len(model.bodies), "Connections": tied, "Scenarios": len(model.scenarios)}
 
 
 def unsaved(state: State) -> bool:
-    """True if the model was edited since it was opened or saved."""
+    """Return True if the model was edited since it was last opened or saved."""
     edited = bool(state.undo) and state.undo[-1].document == state.document
     return edited and state.saved != (state.document, state.model)
 
 
 def _left(kept: Kept) -> str:
-    """A sentence on a model that an earlier session left."""
+    """Return a message about a model left by an earlier session."""
     how = "stopped" if kept.ended else "killed"
     return f"not saved when Pgraph was {how}" + (f"; started with {kept.given}" * bool(kept.given))
 
 
 def gallery(state: State) -> list[tuple[str, str]]:
-    """Return the built-in models with a sentence each, walking ones first."""
+    """Return the built-in models with one-sentence descriptions, walking models first."""
     said = pgraph_models.about()
     names = sorted(state.gallery, key=lambda name: ('"gait"' not in state.gallery[name], name))
     return [(name, said.get(name, "")) for name in names]
 
 
 class GalleryView:
-    """Pictures of the models that can be opened, to the pages that look at them."""
+    """Pictures of the models that can be opened, sent to pages with the gallery open."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -96,7 +96,7 @@ class GalleryView:
 
 
 def drawn(model: pg.Model) -> str:
-    """A picture of a model at home, as SVG text."""
+    """Draw a model in its home position, as SVG text."""
     top, (positions, R) = pg.Topology.of(model), pg.home_poses(model)
     return picture(model, tuple(top.parent.tolist()), tuple(top.names), positions, R)
 

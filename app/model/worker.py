@@ -1,4 +1,4 @@
-"""Errands of pages: computed one after the other in a thread, files read in child processes."""
+"""Execution of errands, one at a time in a thread, with files read in child processes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .update import ErrandDone
 
 
 class Errands:
-    """Runs the errands of pages. Those that need the kernels wait for their compilation."""
+    """Runs the errands of pages. Errands that need the kernels wait for their compilation."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -41,7 +41,7 @@ class Errands:
             self._queue.put(errand)
 
     def _stop_readers(self, old: State, new: State) -> None:
-        """Stop what was cancelled, and what a page that is gone has asked for."""
+        """Stop readers that were cancelled or whose page has closed."""
         gone = old.clients.keys() - new.clients.keys()
         wanted = {errand.id for errand in new.errands if errand.client not in gone}
         for known in self._readers.keys() - wanted:
@@ -60,7 +60,7 @@ class Errands:
 
 
 def answer(errand: Errand) -> ErrandDone:
-    """Return the result of an errand, or the reason of its failure."""
+    """Return the result of an errand, or the reason for its failure."""
     try:
         return ErrandDone(errand.id, errand.work(errand.model))
     except Exception as error:  # shown on the page: the session goes on

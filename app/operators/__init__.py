@@ -1,4 +1,4 @@
-"""The operators of the paper as pictures."""
+"""Pictures of the operators in the paper."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Inspected:
-    """Part of an operator that a page shows, None for all rows or columns."""
+    """The part of an operator that a page shows. None stands for all rows or columns."""
 
     what: str  # key of TITLES in `view.py`
     rows: tuple[int, int] | None = None  # from, to

@@ -1,4 +1,4 @@
-"""The operator that each page looks at (pure)."""
+"""The operator shown on each page (pure)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ What = Literal["", "M", "J", "eps_phi", "Phi", "S"]
 
 @dataclass(frozen=True)
 class Inspect(FromPage):
-    """Show an operator, or rows and columns of it, "" for none."""
+    """Show an operator, or some of its rows and columns, or "" for none."""
 
     what: What
     rows: tuple[Index, Index] | None = None
@@ -32,7 +32,7 @@ def inspect(state: State, event: Inspect) -> State:
 
 @dataclass(frozen=True)
 class ExportOperator(FromPage):
-    """Download an operator at the pose shown."""
+    """Download an operator, evaluated at the displayed pose."""
 
     what: What
     suffix: Literal["npz", "csv", "mtx"]

@@ -1,4 +1,4 @@
-"""The Operators tab: pattern and values at what is shown, on the pages that look at it."""
+"""The Operators tab: sparsity pattern and values at the displayed pose, on pages that show it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class OperatorsView:
 
 
 def operator(state: State, part: Inspected) -> Payload:
-    """Return the shown part of an operator, or the reason why there is none, and counts."""
+    """Return the displayed part of an operator, or the reason if there is none, and counts."""
     payload = {"what": part.what, "facts": facts(state), "titles": TITLES}
     problem = available(state, part.what)
     if not problem:
@@ -69,7 +69,7 @@ def operator(state: State, part: Inspected) -> Payload:
 
 
 def facts(state: State) -> str:
-    """'16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies'."""
+    """Return '16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies'."""
     d = state.derived
     separation = counted(len(d.separation), "separation body", "separation bodies")
     return f"{count(state)}, {separation}, {counted(len(d.tips), 'tip body', 'tip bodies')}"
@@ -95,7 +95,7 @@ SPATIAL = ("ωx", "ωy", "ωz", "vx", "vy", "vz")
 
 
 class Picture(NamedTuple):
-    """Shown part of an operator, whose cells are blocks of `step` rows and columns."""
+    """The displayed part of an operator. Each cell is a block of `step` rows and columns."""
 
     shape: tuple[int, int]
     rows: tuple[int, int]
@@ -115,7 +115,7 @@ def available(state: State, what: str) -> str:
 
 
 def matrix(state: State, what: str) -> Any:
-    """The operator at what is shown, sparse. Raises PgraphError."""
+    """Return the operator at the displayed pose as a sparse matrix. Raises PgraphError."""
     top, q = pg.Topology.of(state.model), shown_q(state)
     if what == "S":
         return sparse.coo_array(top.adjacency())
@@ -127,7 +127,7 @@ def matrix(state: State, what: str) -> Any:
 
 
 def picture(whole: Any, part: Inspected) -> Picture:
-    """The cells of an operator within rows and columns, at most MOST a side."""
+    """Return an operator's cells in a range of rows and columns, with at most MOST per side."""
     whole = sparse.coo_array(whole)
     rows, columns = _within(part.rows, whole.shape[0]), _within(part.columns, whole.shape[1])
     step = (_step(rows), _step(columns))
@@ -157,7 +157,7 @@ def _step(span: tuple[int, int]) -> int:
 
 
 def labels(state: State, what: str) -> tuple[list[str], list[str]]:
-    """Return the labels of the rows and the columns of an operator."""
+    """Return the row and column labels for an operator."""
     d = state.derived
     motions = [
         name if body.dof == 1 else f"{name} {i + 1}"
@@ -173,7 +173,7 @@ def labels(state: State, what: str) -> tuple[list[str], list[str]]:
 
 
 def numbers(state: State, what: str) -> tuple[list[int], list[int]]:
-    """The number, in Pgraph, of the body that each row and each column belongs to."""
+    """Return the Pgraph number of the body for each row and each column."""
     d = state.derived
     bodies = [d.number[name] for name in d.names]
     motions = [d.number[name] for name in d.names for _ in range(state.model.body(name).dof)]
@@ -183,7 +183,7 @@ def numbers(state: State, what: str) -> tuple[list[int], list[int]]:
 
 
 def as_file(state: State, what: str, suffix: str) -> bytes:
-    """An operator as an NPZ (scipy.sparse.load_npz), CSV or Matrix Market file."""
+    """Export an operator as an NPZ (scipy.sparse.load_npz), CSV or Matrix Market file."""
     whole, out = matrix(state, what), io.BytesIO()
     if suffix == "npz":
         sparse.save_npz(out, whole)

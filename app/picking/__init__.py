@@ -1,4 +1,4 @@
-"""Points, axes and faces of bodies, picked in the 3D view: for a field, or to be measured."""
+"""Picking of points, axes and faces of bodies in the 3D view, for a field or a measurement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class Spot:
-    """A point of a body, or of the ground."""
+    """A point on a body or on the ground."""
 
     body: str
     point: Vector  # position in the body's axes [m]
@@ -23,7 +23,7 @@ class Spot:
 
 @dataclass(frozen=True)
 class Aim:
-    """A pick in progress: one spot for the cells of a field, or two for a measurement."""
+    """A pick in progress, with one spot for the cells of a field or two for a measurement."""
 
     wants: Literal["point", "axis", "measure"]
     field: str = ""  # field that receives the spot

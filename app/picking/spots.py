@@ -1,4 +1,4 @@
-"""Which point of which body is under the pointer, by exact solids where there are such (pure)."""
+"""Ray casting from the pointer to bodies, with exact solids if available (pure)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MEANT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances, small for preferred
 
 
 class Ray(NamedTuple):
-    """From the camera through the pointer."""
+    """A ray from the camera through the pointer."""
 
     origin: np.ndarray  # (3,) [m]
     direction: np.ndarray  # (3,) unit vector
@@ -34,7 +34,7 @@ class Ray(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """Intersection of a ray with a surface, in the axes of the piece or body of the ray."""
+    """The intersection of a ray with a surface, in the axes of the ray's piece or body."""
 
     far: float  # along the ray [m]
     direction: np.ndarray  # (3,) unit: the normal of a flat face, the axis of a round one
@@ -42,7 +42,7 @@ class Hit(NamedTuple):
 
 
 def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
-    """Return the nearest surface along a ray, or a corner, end or centre of its body nearby.
+    """Return the nearest surface point on a ray, or a corner, end or centre of that body nearby.
 
     With `joints`, joints and tips are preferred to what is drawn in front of them.
     """
@@ -79,12 +79,12 @@ def _far(hit: Hit) -> float:
 
 
 def _seen_from(ray: Ray, position: np.ndarray, R: np.ndarray) -> Ray:
-    """A ray in the axes of a body."""
+    """Transform a ray into the axes of a body."""
     return Ray(R.T @ (ray.origin - position), R.T @ ray.direction, ray.slack)
 
 
 def _in_reach(look: Look, ray: Ray) -> bool:
-    """True if a ray as wide as its slack may meet a piece of a body."""
+    """Return True if a ray, widened by its slack, may hit a piece of a body."""
     for piece in look.pieces:
         low, high = shapes.bounds(piece)
         radius = float(np.linalg.norm(high - low)) / 2
@@ -103,7 +103,9 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 def _snapped(
     state: State, look: Look, k: int, ray: Ray, far: float, joints: bool
 ) -> tuple[np.ndarray, str, float] | None:
-    """Return the best candidate of a body within the ray's slack, and its weighted distance."""
+    """Return the best snapping candidate on a body within the ray's slack, and its weighted
+    distance.
+    """
     best: tuple[np.ndarray, str, float] | None = None
     size = state.derived.grain
     for point, what, weight in candidates(state, look, k, joints):
@@ -121,7 +123,7 @@ def _snapped_beside(
     state: State, drawn: Sequence[Look], near: Sequence[int], ray: Ray, positions: np.ndarray,
     R: np.ndarray, joints: bool,
 ) -> Spot | None:  # fmt: skip
-    """A corner that is pointed at from just outside its body."""
+    """Return the best snapping point for a ray that passes just outside a body."""
     best: tuple[np.ndarray, str, float, int] | None = None
     for k in near:
         own = _seen_from(ray, positions[k], R[k])
@@ -134,7 +136,7 @@ def _snapped_beside(
 
 
 def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candidate]:
-    """Yield corners, middles, ends and centres of pieces, then joints, tip and centre of mass."""
+    """Yield corners, midpoints, ends and centres of pieces, then joints, tip and centre of mass."""
     body, joint = look.body, MEANT if joints else INSIDE
     for piece in look.pieces:
         for point, what, inside in _of_piece(piece):
@@ -151,7 +153,7 @@ def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candi
 
 
 def _of_piece(piece: Piece) -> Iterator[tuple[np.ndarray, str, bool]]:
-    """Points in the axes of the piece, what they are, and whether they are inside."""
+    """Yield points in the piece's axes, with a description and whether they are inside."""
     half = np.asarray(piece.size) / 2
     match piece.kind:
         case "box":
@@ -176,7 +178,7 @@ def _of_piece(piece: Piece) -> Iterator[tuple[np.ndarray, str, bool]]:
 
 
 def _balls(piece: Piece) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Height of the middle and radius of the two balls whose hull a capsule is."""
+    """Return the (height, radius) of the two end spheres whose convex hull is the capsule."""
     near, tall = piece.size[0] / 2, piece.size[2]
     far = near * piece.taper
     return (near - tall / 2, near), (tall / 2 - far, far)
@@ -191,7 +193,7 @@ def _clean(v: np.ndarray) -> tuple[float, float, float]:
 
 
 def met(piece: Piece, ray: Ray) -> Hit | None:
-    """The first point of a piece along a ray in the axes of its body."""
+    """Return the first intersection of a ray with a piece, in the axes of its body."""
     own = _seen_from(ray, np.asarray(piece.position), piece.rotation)
     hit = min(_meetings(piece, own), default=None, key=_far)
     if hit is None:
@@ -200,7 +202,7 @@ def met(piece: Piece, ray: Ray) -> Hit | None:
 
 
 def _meetings(piece: Piece, ray: Ray) -> Iterator[Hit]:
-    """Points of a piece's surface in front of the camera, in the axes of the piece."""
+    """Yield surface points of a piece in front of the camera, in the axes of the piece."""
     half = np.asarray(piece.size) / 2
     near, far = half[0], half[0] * piece.taper
     match piece.kind:
@@ -243,7 +245,9 @@ def _ellipsoid(half: np.ndarray, middle: np.ndarray, ray: Ray) -> Iterator[Hit]:
 def _frustum(
     low: tuple[float, float], high: tuple[float, float], ray: Ray
 ) -> Iterator[Hit]:  # fmt: skip
-    """Yield hits on the side of a cone between two (height, radius), directed along its axis."""
+    """Yield hits on a conical side between two (height, radius) pairs, with the cone axis as
+    direction.
+    """
     (z0, r0), (z1, r1) = low, high
     if z1 - z0 < 1e-12:
         return
@@ -266,7 +270,7 @@ def _disc(z: float, radius: float, ray: Ray) -> Iterator[Hit]:
 
 
 def _roots(a: float, b: float, c: float) -> list[float]:
-    """Positive t with a t² + 2 b t + c = 0."""
+    """Return the positive roots t of a t² + 2 b t + c = 0."""
     if abs(a) < 1e-300:
         return []
     root = b * b - a * c
@@ -276,7 +280,9 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 
 def _triangles(piece: Piece, ray: Ray) -> Iterator[Hit]:
-    """Möller and Trumbore, *Fast, minimum storage ray/triangle intersection* (1997)."""
+    """Intersect by Möller and Trumbore, *Fast, minimum storage ray/triangle intersection*
+    (1997).
+    """
     solid = shapes.mesh((piece,))
     place, R = np.asarray(piece.position), piece.rotation
     corners = (np.asarray(solid.vertices) - place) @ R
@@ -296,7 +302,7 @@ def _triangles(piece: Piece, ray: Ray) -> Iterator[Hit]:
 
 
 def _on_ground(state: State, ray: Ray) -> Spot | None:
-    """Return the hit of a ray on the plane of the ground, if something may touch it."""
+    """Return the intersection of a ray with the ground plane, if something can touch the ground."""
     normal = np.asarray(state.model.ground_normal)
     down = float(ray.direction @ normal)
     if down >= 0 or state.derived.low > 0:

@@ -1,4 +1,4 @@
-"""Picking in the 3D view: the requested spot, the pointer, the effect of a click (pure)."""
+"""Picking in the 3D view: the active pick, the pointer, and the effect of clicks (pure)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OF_PARENT = "link"  # a body's field in the axes of its parent
 
 @dataclass(frozen=True)
 class StartAim(FromPage):
-    """The next click in the 3D view is for a row of a field, or measures."""
+    """Start picking in the 3D view, for a row of a field or for a measurement."""
 
     wants: Literal["point", "axis", "measure"]
     field: Text = ""
@@ -44,7 +44,7 @@ def started(state: State, event: StartAim) -> State:
 
 @dataclass(frozen=True)
 class EndAim(FromPage):
-    """End picking and discard measurements."""
+    """End picking and discard the measurements."""
 
 
 @on(EndAim)
@@ -54,7 +54,7 @@ def ended(state: State, event: EndAim) -> State:
 
 @dataclass(frozen=True)
 class Pointed(FromPage):
-    """The pointer in the 3D view, as a ray in world axes [m]."""
+    """The pointer position in the 3D view, as a ray in world axes [m]."""
 
     origin: Vector
     direction: Vector
@@ -80,7 +80,7 @@ def hovered(state: State, event: Hover) -> State:
 
 @dataclass(frozen=True)
 class ClickSpot(Pointed):
-    """A click while something is picked."""
+    """A click while picking is active."""
 
 
 @on(ClickSpot)
@@ -113,7 +113,7 @@ def asked(state: State, event: AskBody) -> State:
 
 @dataclass(frozen=True)
 class FrameSpot(Pointed):
-    """A double click: the camera on the body under the pointer, which is selected, or on all."""
+    """A double click, which selects and frames the body under the pointer, or frames all bodies."""
 
 
 @on(FrameSpot)
@@ -127,7 +127,7 @@ def framed(state: State, event: FrameSpot) -> State:
 
 
 def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:
-    """Return the spot that a ray meets, preferring joints for points. None without direction."""
+    """Return the spot hit by a ray, preferring joints for points, or None without a direction."""
     direction = np.asarray(event.direction)
     length = float(np.linalg.norm(direction))
     if not 1e-9 < length < 1e9:
@@ -137,7 +137,7 @@ def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
-    """Fill the cells of the picked field from a spot, as one undo step."""
+    """Fill the cells of the picked field from a spot as one undo step."""
     vector = in_axes_of(state, aim, found)
     of = aim.name if aim.part else aim.bodies[0] if aim.bodies else ""
     after = with_client(state, client, aim=None)
@@ -159,7 +159,7 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
 
 
 def in_axes_of(state: State, aim: Aim, found: Spot) -> tuple[float, ...] | None:
-    """A spot as its field has it: in the axes of the body, of the other or of the parent."""
+    """Convert a spot to the axes used by its field: the body, the other body or the parent."""
     owner = _owner(state, aim)
     if owner is None:
         return None
@@ -175,7 +175,7 @@ def in_axes_of(state: State, aim: Aim, found: Spot) -> tuple[float, ...] | None:
 
 
 def _owner(state: State, aim: Aim) -> str | None:
-    """Return the body whose axes a field uses, or None if it no longer exists."""
+    """Return the body in whose axes a field is given, or None if it no longer exists."""
     if aim.part is not None:
         try:
             item = parts.item_of(state.model, aim.part, aim.name)
@@ -189,7 +189,7 @@ def _owner(state: State, aim: Aim) -> str | None:
 
 
 def place(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) and (3, 3) pose of a body as it is shown, or of the ground."""
+    """Return the displayed position (3,) and rotation (3, 3) of a body, or of the ground."""
     k = state.derived.number.get(name)
     if k is None:
         return np.zeros(3), np.eye(3)

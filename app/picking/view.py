@@ -1,4 +1,4 @@
-"""Marks and hints of picking over each page's 3D view, and menus of bodies."""
+"""Picking marks and hints over each page's 3D view, and context menus for bodies."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class PickingView:
 
 
 def aimed(state: State, page: Client) -> Payload | None:
-    """Marks in world axes [m], and the sentence that goes with them."""
+    """Return picking marks in world axes [m] and the accompanying message."""
     aim = page.aim
     if aim is None:
         return None
@@ -71,7 +71,7 @@ def asks(aim: Aim) -> str:
 
 
 def measured(state: State, spots: tuple[Spot, ...], display: Display) -> list[tuple[str, str]]:
-    """Distance, its components in world axes, and the angle between faces or axes."""
+    """Return the distance, its world components, and the angle between faces or axes."""
     (p, R), (q, S) = (place(state, one.body) for one in spots)
     a, b = spots
     gap = (q + S @ np.asarray(b.point)) - (p + R @ np.asarray(a.point))

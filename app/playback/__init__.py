@@ -1,4 +1,4 @@
-"""Playing a run: play, scrub, step, speed, loop."""
+"""Playback of a run: play, scrub, step, speed, loop."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ class Playback:
 
     @property
     def moves(self) -> bool:
-        """True if time advances."""
+        """True if time is advancing."""
         return self.playing or (self.preview and not self.unseen)

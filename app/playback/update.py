@@ -1,4 +1,4 @@
-"""Playing a run (pure). A live run is paused to look back, and played again at its end."""
+"""Playback of a run (pure). A live run pauses to show earlier times, and resumes at its end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def pause(state: State, event: Pause) -> State:
 
 @dataclass(frozen=True)
 class Scrub(FromPage):
-    """To this time [s]."""
+    """Jump to this time [s]."""
 
     collapses = True
     time: Finite
@@ -59,7 +59,7 @@ def scrub(state: State, event: Scrub) -> State:
 
 @dataclass(frozen=True)
 class StepFrames(FromPage):
-    """So many saved frames ahead, or back."""
+    """Move by this number of saved frames, forwards or backwards."""
 
     frames: Annotated[int, Field(ge=-1000, le=1000)]
 
@@ -105,7 +105,7 @@ def loop(state: State, event: Loop) -> State:
 
 @dataclass(frozen=True)
 class Tick(Event):
-    """Wall-clock time passed while playing [s]."""
+    """Wall-clock time that passed during playback [s]."""
 
     collapses = True
     dt: float
@@ -132,6 +132,6 @@ def _at(state: State, time: float, playing: bool) -> State:
 
 
 def _held(state: State) -> State:
-    """A live run waits while one looks back."""
+    """Pause a live run while an earlier time is shown."""
     live = state.going
     return state if live is None else replace(state, live=replace(live, running=False))

@@ -1,4 +1,4 @@
-"""The playback bar. During motion only the time is sent."""
+"""The playback bar. During playback, only the time is sent."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ class PlaybackView:
 
 
 def settings(state: State) -> tuple[object, ...]:
-    """Return the rarely changing data, without the time and the end of a growing run."""
+    """Return the data that changes rarely, without the time or the end of a growing run."""
     live = state.going
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
     return replace(state.playback, time=0.0), span
 
 
 def moment(state: State) -> tuple[float, float, float]:
-    """The time shown, and the first and last there are [s]."""
+    """Return the displayed time, and the first and last available times [s]."""
     return state.playback.time, state.t_start, state.t_end
 
 
 def playback(state: State) -> Payload:
-    """Everything the bar shows."""
+    """Return the contents of the playback bar."""
     p, live = state.playback, state.going
     return {
         "moment": moment(state),

@@ -1,4 +1,4 @@
-"""Curves of a run over time."""
+"""Time series plots for a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POSES, STRIP = "poses", 6  # pictures of the run, evenly over it
 
 
 class Signal(NamedTuple):
-    """One group of curves: a quantity of a body, a constraint, a contact or the whole scene.
+    """A group of curves: one quantity of a body, a constraint, a contact or the whole scene.
 
     Of several bodies it is one component: 'velocity.z' of 'a' and 'b', or 'q.1'.
     """
@@ -30,22 +30,22 @@ class Signal(NamedTuple):
 
     @property
     def quantity(self) -> str:
-        """The kind without its component."""
+        """The kind of signal without its component."""
         return self.kind.partition(".")[0]
 
     @property
     def component(self) -> str:
-        """Plotted component of several bodies, "" for all."""
+        """The plotted component for several bodies, or "" for all."""
         return self.kind.partition(".")[2]
 
     @property
     def bodies(self) -> list[str]:
-        """The names of what it is of."""
+        """The names of the bodies or parts that the signal describes."""
         return self.of.split(MANY)
 
 
 class Curve(NamedTuple):
-    """One line of a plot."""
+    """A line in a plot."""
 
     label: str
     t: list[float]  # [s]
@@ -53,7 +53,7 @@ class Curve(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """Reader of a quantity of a result."""
+    """A quantity that can be read from a result."""
 
     label: str
     unit: str
@@ -61,7 +61,7 @@ class Kind(NamedTuple):
 
 
 def body(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """Three columns of a body's row of an array (n, nb, ...)."""
+    """Return a reader for three columns of a body's row in an array (n, nb, ...)."""
 
     def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
         k = run.mechanism.topology.number(name) - 1
@@ -71,7 +71,9 @@ def body(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[st
 
 
 def joint(array: str, size: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """A joint's own columns of q, v or v', of which the body's field `size` has as many."""
+    """Return a reader for a joint's columns in q, v or v'. The body's field `size` sets their
+    number.
+    """
 
     def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
         model, first = run.mechanism.model, 0
@@ -84,12 +86,12 @@ def joint(array: str, size: str) -> Callable[[pg.Result, str], tuple[Sequence[st
 
 
 def named(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """Three columns of what a run keeps by name."""
+    """Return a reader for three columns of an array that a run stores by name."""
     return lambda run, name: (XYZ, getattr(run, array)[name][:, first : first + 3])
 
 
 def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """One number by name."""
+    """Return a reader for a single value per name."""
     return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
 
 
@@ -100,7 +102,7 @@ def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
 
 
 def energies(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
-    """The ledger: what there is, what was put in and what was lost."""
+    """Return the energy balance: kinetic, potential, total, work and dissipated energy."""
     columns = (run.kinetic_energy, run.potential_energy, run.energy, run.work, run.dissipation)
     return ("kinetic", "potential", "total", "work", "dissipated"), np.stack(columns, axis=1)
 
@@ -141,13 +143,13 @@ OF_JOINTS = ("q", "v", "vdot")
 
 
 def of_body(model: pg.Model, name: str) -> list[Signal]:
-    """Return the signals of a body."""
+    """Return the available signals for a body."""
     moves = model.body(name).dof > 0
     return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
 
 
 def of_several(model: pg.Model, names: Sequence[str]) -> list[Signal]:
-    """Return the signals of several bodies together: one component of each."""
+    """Return signals that combine several bodies, with one component of each."""
     moving = [name for name in names if model.body(name).dof]
     found = []
     for kind in OF_BODIES:
@@ -159,7 +161,7 @@ def of_several(model: pg.Model, names: Sequence[str]) -> list[Signal]:
 
 
 def components(run: pg.Result, signal: Signal) -> list[str]:
-    """The components that a chart of several bodies may show."""
+    """Return the components available in a chart of several bodies."""
     if not signal.component:
         return []
     found: list[str] = []
@@ -173,7 +175,7 @@ def components(run: pg.Result, signal: Signal) -> list[str]:
 
 
 def strip(run: pg.Result) -> list[tuple[float, str]]:
-    """(time, SVG text) of pictures evenly over a run, as in Fig. 10 of the paper."""
+    """Return (time, SVG text) for pictures evenly spaced over a run, as in Fig. 10 of the paper."""
     top = run.mechanism.topology
     times = np.linspace(float(run.t[0]), float(run.t[-1]), STRIP if len(run.t) > 1 else 1)
     poses = [between(np.asarray(run.t), np.asarray(run.body_pose), float(t)) for t in times]
@@ -185,7 +187,7 @@ def strip(run: pg.Result) -> list[tuple[float, str]]:
 
 
 def of_scene(run: pg.Result) -> list[Signal]:
-    """Return the signals of a run that belong to no body."""
+    """Return the signals of a run that do not belong to a body."""
     found = [Signal(POSES, SCENE), Signal("energy", SCENE)]
     if run.constraint_force:
         found.append(Signal("drift", SCENE))
@@ -200,12 +202,12 @@ def of_scene(run: pg.Result) -> list[Signal]:
 
 
 def idle(run: pg.Result) -> set[str]:
-    """Contacts that never touch in a run."""
+    """Return the contacts that never touch during a run."""
     return {name for name, force in run.contact_force.items() if not np.any(force)}
 
 
 def title(signal: Signal) -> str:
-    """'joint torque of knee'."""
+    """Return a title such as 'joint torque of knee'."""
     label = KINDS[signal.quantity].label
     if signal.of == SCENE:
         return label
@@ -215,7 +217,7 @@ def title(signal: Signal) -> str:
 
 
 def unit(model: pg.Model, signal: Signal) -> str:
-    """Return the unit of a signal. A joint that both turns and slides has two."""
+    """Return the unit of a signal. A joint that both rotates and slides has two."""
     both = KINDS[signal.quantity].unit
     if signal.kind == "output":
         return next((x.reading.unit for x in model.outputs if x.name == signal.of), both)
@@ -230,7 +232,7 @@ def unit(model: pg.Model, signal: Signal) -> str:
 
 
 def curves(run: pg.Result, signal: Signal) -> list[Curve]:
-    """Return the lines of a signal, [] if the run lacks it."""
+    """Return the lines for a signal, or [] if the run lacks it."""
     found: list[Curve] = []
     for name in signal.bodies:
         try:
@@ -246,7 +248,7 @@ def curves(run: pg.Result, signal: Signal) -> list[Curve]:
 
 
 def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:
-    """A line of at most 2 POINTS points: the extremes of each stretch stay where they are."""
+    """Downsample a line to at most 2 POINTS points, preserving the extremes of each interval."""
     keep = np.isfinite(y)
     t, y = t[keep], y[keep]
     if len(t) > 2 * POINTS:

@@ -1,4 +1,4 @@
-"""Which signals each page plots (pure)."""
+"""The selection of plotted signals on each page (pure)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_PLOTS = 12
 
 @dataclass(frozen=True)
 class Plot(FromPage):
-    """Plot a signal, or stop plotting it: a quantity `kind` of the body or constraint `of`."""
+    """Toggle the plot of a signal: the quantity `kind` of the body or constraint `of`."""
 
     kind: Text
     of: Text
@@ -33,7 +33,7 @@ def plot(state: State, event: Plot) -> State:
 
 @dataclass(frozen=True)
 class PlotComponent(FromPage):
-    """Another component in a chart of several bodies."""
+    """Select another component in a chart of several bodies."""
 
     kind: Text
     of: Text

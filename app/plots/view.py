@@ -1,4 +1,4 @@
-"""Plots of a run: what can be plotted, and the curves of what is."""
+"""Plots of a run: the available signals, and the curves of the plotted ones."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PlotsView:
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
-        """True if a live run has grown enough to be drawn again."""
+        """Return True if a live run has grown enough to be redrawn."""
         if new.live is None or old.live is None or new.live.parts is old.live.parts:
             return False
         late = time.perf_counter() - self._drawn > LIVE_EVERY
@@ -62,7 +62,7 @@ class PlotsView:
 
 
 def fresh(old: State, new: State) -> bool:
-    """True if there is another run to plot, or other kept ones."""
+    """Return True if there is a new run to plot, or a change in the kept runs."""
     if (old.live is None) != (new.live is None) or new.runs is not old.runs:
         return True
     if new.live is not None and old.live is not None:
@@ -71,7 +71,7 @@ def fresh(old: State, new: State) -> bool:
 
 
 def signals(state: State, client: Client) -> Payload:
-    """Return the signals of the selected body and of the run."""
+    """Return the signals available for the selected body and for the run."""
     name, several = client.selection, [n for n in client.selected if n in state.derived.number]
     of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
     if len(several) > 1:
@@ -93,12 +93,12 @@ def signals(state: State, client: Client) -> Payload:
 
 
 def plots(state: State, client: Client) -> Payload:
-    """Return the charts of one page, with the curves of the kept runs."""
+    """Return the charts for one page, including the curves of kept runs."""
     return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
 
 
 def chart(state: State, signal: Signal) -> Payload:
-    """One signal: its curves, and those of each kept run."""
+    """Return the chart for one signal, with its curves and those of each kept run."""
     run = state.plotted.result if state.plotted is not None else None
     found, why = of_state(state, signal), missing(state, signal)
     if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
@@ -120,7 +120,7 @@ def chart(state: State, signal: Signal) -> Payload:
 
 
 def missing(state: State, signal: Signal) -> str:
-    """Return the reason why a chart is empty, or ""."""
+    """Return the reason why a chart is empty, or "" if it is not."""
     if state.plotted is None:
         return "no run yet"
     known = of_scene(state.plotted.result)
@@ -131,7 +131,7 @@ def missing(state: State, signal: Signal) -> str:
 
 
 def of_state(state: State, signal: Signal) -> list[Curve]:
-    """Return the curves of the played run, or of the last stretch of a live one."""
+    """Return the curves for the played run, or for the last part of a live one."""
     if state.plotted is None:
         return []
     if state.live is None:

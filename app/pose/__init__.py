@@ -1,4 +1,4 @@
-"""Poses by hand: joint sliders, the gizmo in 3D, pulling on a body."""
+"""Manual posing: joint sliders, the 3D gizmo, pulling on a body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..run import Run
 
 @dataclass(frozen=True)
 class Grip:
-    """Vector of a body that a page's gizmo has dragged or turned."""
+    """The vector of a body that a page's gizmo has dragged or rotated."""
 
     body: str
     what: str  # "link", "com" or "rotation"
@@ -22,7 +22,7 @@ class Grip:
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose set by hand, shown until the model, the run or the time shown changes."""
+    """A manual pose, displayed until the model, the run or the displayed time changes."""
 
     model: pg.Model
     run: Run | None

@@ -1,4 +1,4 @@
-"""Poses by hand: the coordinates of joints as numbers to move, and loops kept closed (pure)."""
+"""Manual poses: joint coordinates as adjustable numbers, with loops kept closed (pure)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELD = 1e-6  # [rad, m] to which it is
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A degree of freedom of a joint for a slider. Spatial rotations are rotation vectors."""
+    """A joint's degree of freedom for a slider. Spatial rotations are given as rotation vectors."""
 
     body: str
     index: int  # among those of its joint
@@ -37,7 +37,7 @@ class Coordinate:
 
 
 def shown_q(state: State) -> np.ndarray:
-    """(nq,) of what is shown: the pose by hand, the run's frame nearest to its time, home."""
+    """Return the displayed q (nq,): the manual pose, the nearest frame of the run, or home."""
     if (pose := state.pose) is not None:
         return pose.q
     if state.run is None:
@@ -46,25 +46,25 @@ def shown_q(state: State) -> np.ndarray:
 
 
 def shown_v(state: State) -> np.ndarray | None:
-    """Return v (nv,) of the shown frame of the run, or None for the model's own."""
+    """Return v (nv,) at the displayed frame of the run, or None to use the model's initial v."""
     if state.pose is not None or state.run is None:
         return None
     return np.asarray(state.run.result.v[_frame(state.run, state.playback.time)])
 
 
 def _frame(run: Run, time: float) -> int:
-    """The frame nearest to a time."""
+    """Return the index of the frame nearest to a time."""
     return int(np.abs(np.asarray(run.result.t) - time).argmin())
 
 
 def home(model: pg.Model) -> np.ndarray:
-    """(nq,) of the model's initial state, in number order."""
+    """Return q (nq,) in the model's initial state, in number order."""
     bodies = bodies_of(model, pg.Topology.of(model))
     return np.array([x for body in bodies for x in body.q], dtype=float)
 
 
 def coordinates(state: State, names: Container[str] | None = None) -> list[Coordinate]:
-    """Every coordinate of every joint at what is shown, or of those in `names`."""
+    """Return every joint coordinate at the displayed pose, for all bodies or those in `names`."""
     q, reach = shown_q(state), 2 * state.derived.size
     bodies = bodies_of(state.model, pg.Topology.of(state.model))
     found = []
@@ -79,7 +79,7 @@ def coordinates(state: State, names: Container[str] | None = None) -> list[Coord
 
 
 def degrees(body: pg.Body) -> list[tuple[str, str]]:
-    """Each degree of freedom of a joint, and its unit: ("about z", "rad")."""
+    """Return the label and unit of each degree of freedom of a joint: ("about z", "rad")."""
     return [(found[0], found[-1]) for found in _of_joint(body, np.asarray(body.q, float), 1.0)]
 
 
@@ -111,7 +111,7 @@ def _axis(motion: Motion) -> str:
 
 
 def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
-    """q of one joint with its coordinate `index` at `value`."""
+    """Return q for one joint with its coordinate `index` set to `value`."""
     q, i, place = q.copy(), index, 0
     for motion, x in elementary(body, q):
         size = SIZE[motion.kind][1]
@@ -131,20 +131,20 @@ def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
 
 
 def rotation_vector(wxyz: np.ndarray) -> np.ndarray:
-    """(3,) axis times angle in [0, pi] of a quaternion."""
+    """Convert a quaternion to a (3,) rotation vector, the axis times an angle in [0, pi]."""
     w, xyz = (wxyz[0], wxyz[1:]) if wxyz[0] >= 0 else (-wxyz[0], -wxyz[1:])
     sine = float(np.linalg.norm(xyz))
     return xyz * (2 * math.atan2(sine, w) / sine if sine > 0 else 2.0)
 
 
 def quaternion(vector: np.ndarray) -> np.ndarray:
-    """(4,) [w, x, y, z] of a rotation vector."""
+    """Convert a rotation vector to a (4,) quaternion [w, x, y, z]."""
     half = float(np.linalg.norm(vector)) / 2
     return np.array([math.cos(half), *(vector / 2 * np.sinc(half / math.pi))])
 
 
 def posed(state: State, name: str, index: int, value: float) -> Pose:
-    """Return the shown pose with one coordinate moved and loops closed.
+    """Return the displayed pose with one coordinate moved and the loops closed.
 
     Raises PgraphError with the sentence to show if they cannot close.
     """
@@ -161,7 +161,7 @@ def posed(state: State, name: str, index: int, value: float) -> Pose:
 def dragged(
     state: State, name: str, point: Sequence[float], target: Sequence[float]
 ) -> Pose:  # fmt: skip
-    """Return the pose with a body's point (3,) as near to a place (3,) [m] as possible.
+    """Return the pose that brings a body's point (3,) as close as possible to a target (3,) [m].
 
     Free joints of other bodies do not move, so that an animal stays where it is. Raises
     PgraphError where the loops cannot be closed.
@@ -180,13 +180,15 @@ def dragged(
 
 
 def pose_at(state: State, q: np.ndarray) -> Pose:
-    """The pose of the model's bodies at q."""
+    """Return the pose of the model's bodies at q."""
     positions, rotations = frames(state.model, pg.Topology.of(state.model), q)
     return Pose(state.model, state.run, state.playback.time, q, positions, to_wxyz(rotations))
 
 
 def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
-    """q near the given one that meets the constraints, with the moved coordinate held."""
+    """Return the q nearest to the given one that satisfies the constraints, with one coordinate
+    fixed.
+    """
     if not state.kernels.ready:
         raise _cannot(body, "the fast code that closes loops is still being compiled")
     model, held = state.model, None
@@ -222,7 +224,7 @@ def _cannot(body: pg.Body, why: str) -> pg.PgraphError:
 
 
 def with_initial(model: pg.Model, q: np.ndarray, v: np.ndarray | None = None) -> pg.Model:
-    """The model with q (nq,), and v (nv,) if given, as its initial state. Raises PgraphError."""
+    """Return the model with q (nq,), and v (nv,) if given, as initial state. Raises PgraphError."""
     top = pg.Topology.of(model)
     bodies = bodies_of(model, top)
     ends = np.cumsum([len(body.v) for body in bodies])
@@ -242,7 +244,7 @@ WEIGHTS = 5.0  # the most it pulls, in weights of the whole model
 def pull_force(
     point: np.ndarray, velocity: np.ndarray, target: np.ndarray, mass: float
 ) -> np.ndarray:
-    """(3,) [N] on a body at `point`, which moves with `velocity`, towards `target`.
+    """Return the (3,) pull force [N] towards `target` on a body at `point` moving with `velocity`.
 
     A spring that would swing `mass` [kg], the model's, at FREQUENCY, critically damped; never
     more than WEIGHTS times its weight, so that a far mouse does not tear the model apart.

@@ -1,4 +1,4 @@
-"""Moving bodies by sliders and the gizmo. A pose is shown, then an edit is made (pure)."""
+"""Moving bodies with sliders and the gizmo. Poses are previewed before the edit is made (pure)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 
 @dataclass(frozen=True)
 class MoveJoint(FromPage):
-    """One coordinate of a joint was moved to `text`, by a slider or typed.
+    """A joint coordinate was changed to `text`, either by a slider or by typing.
 
     If typed it has a `serial` to be answered; a slider's is 0.
     """
@@ -42,7 +42,7 @@ class MoveJoint(FromPage):
 
 @on(MoveJoint)
 def joint_moved(state: State, event: MoveJoint) -> State:
-    """Move one coordinate of the pose, unless a loop prevents it."""
+    """Move one coordinate of the pose, unless a loop prevents this."""
     client, serial, problem = event.client, event.serial, ""
     try:
         state.model.body(event.body)
@@ -62,7 +62,7 @@ def joint_moved(state: State, event: MoveJoint) -> State:
 
 
 def measured(state: State, event: MoveJoint) -> cells.Quantity:
-    """Return the quantity of a coordinate, so that 90 deg and 5 mm may be typed."""
+    """Return the quantity of a coordinate, so that units such as 90 deg and 5 mm can be typed."""
     units = [found.unit for found in solving.coordinates(state, (event.body,))]
     return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
@@ -79,7 +79,7 @@ def home_pose(state: State, event: HomePose) -> State:
 
 @dataclass(frozen=True)
 class UsePose(FromPage):
-    """Make the pose that is shown the model's initial state."""
+    """Set the displayed pose as the model's initial state."""
 
 
 @on_edit(UsePose)
@@ -91,14 +91,14 @@ def use_pose(state: State, event: UsePose) -> tuple[pg.Model, str]:
 @on_page(gizmo="what")
 @dataclass(frozen=True)
 class SetGizmo(FromPage):
-    """Which vector of the selected body this page moves in 3D, or that it turns it."""
+    """Select the vector of the selected body that this page's gizmo moves or rotates in 3D."""
 
     what: Literal["", "link", "com", "rotation"]
 
 
 @dataclass(frozen=True)
 class Gripped(FromPage):
-    """The gizmo was dragged to `vector` [m] in the axes of the field, or turned to a quaternion.
+    """The gizmo was dragged to `vector` [m] in the axes of the field, or rotated to a quaternion.
 
     Its release is one undo step.
     """
@@ -111,7 +111,7 @@ class Gripped(FromPage):
 
 @on(Gripped)
 def gripped(state: State, event: Gripped) -> State:
-    """Draw the body at the gizmo. A release sets the model's link vector or centre of mass."""
+    """Draw the body at the gizmo. On release, set the model's link vector or centre of mass."""
     if event.body not in state.model.row:
         return state
     body, client = state.model.body(event.body), event.client
@@ -131,7 +131,7 @@ def gripped(state: State, event: Gripped) -> State:
 
 
 def _drafted(state: State, name: str, what: str, vector: tuple[float, ...]) -> State:
-    """The pose that another link vector or orientation gives at what is shown."""
+    """Return the state with the pose for another link vector or orientation previewed."""
     try:
         draft = state.model.edit(name, **{what: vector})
     except pg.PgraphError:
@@ -142,14 +142,16 @@ def _drafted(state: State, name: str, what: str, vector: tuple[float, ...]) -> S
 
 
 def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[float, ...]:
-    """Round `new` to the resolution of a drag in a model of this size, keeping unmoved numbers."""
+    """Round `new` to the drag resolution for a model of this size. Unmoved numbers are kept."""
     decimals = FINE - math.ceil(math.log10(size))
     least = 0.5 * 10.0**-decimals
     return tuple(a if abs(b - a) < least else round(b, decimals) for a, b in zip(old, new))
 
 
 def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
-    """A unit quaternion, turned from `old` by a multiple of NOTCH where it is nearly that."""
+    """Return `new` as a unit quaternion, snapped to a rotation from `old` by a multiple of
+    NOTCH.
+    """
     q, r = unit(old), unit(new)
     turn = matrix(r) @ matrix(q).T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
@@ -167,7 +169,7 @@ def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class DragBody(FromPage):
-    """The mouse brings a body's `point`, in its axes, towards `target`, in the world's [m]."""
+    """The mouse drags a body's `point`, in its own axes, towards `target`, in world axes [m]."""
 
     body: Text
     point: Vector

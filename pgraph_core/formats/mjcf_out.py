@@ -548,7 +548,9 @@ class _Writer:
                 self.out(where, f"a {f.kind}")
 
     def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
-        """gain u + bias at the file's default control, which is 0, or the nearest in its range."""
+        """Yield the actuator of a force: gain u + bias, with u the default control in the file, 0
+        or the nearest value in range.
+        """
         gain, torque, kp, kd = f.law
         value = getattr(f, f.INPUT)
         if not isinstance(torque, float) or not isinstance(value, float):
@@ -594,7 +596,9 @@ class _Writer:
         yield one
 
     def _lifted(self) -> Iterator[tuple[str, str, float]]:
-        """Wrenches that take the weight of their body, it, and how much of its weight."""
+        """Yield wrenches that support the weight of a body, with the body and the fraction of its
+        weight.
+        """
         g = np.array(self.model.gravity)
         for f in self.model.forces:
             if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
@@ -614,7 +618,7 @@ class _Writer:
     # -- outputs ---------------------------------------------------------------------------------
 
     def _sensors(self) -> Iterator[Tag]:
-        """Yield outputs as sensors, those of bodies on additional sites."""
+        """Yield outputs as sensors. Sensors on bodies are attached to additional sites."""
         words = {kind: word for word, kind in SENSORS.items()}
         sites = {s.name for s in self.model.sites}
         for o in self.model.outputs:
@@ -634,7 +638,9 @@ class _Writer:
     # -- initial states --------------------------------------------------------------------------
 
     def _keys(self) -> Iterator[Tag]:
-        """Keyframes: the initial state where it is not that of q = 0, and those of scenarios."""
+        """Yield keyframes for the initial state, if it differs from that at q = 0, and for the
+        scenarios.
+        """
         start = Scenario(name=INITIAL)
         moved = any(b.joint != "free" and any(_away(b.q, b)) for b in self.model.bodies)
         taken: set[str] = set()
@@ -660,7 +666,7 @@ class _Writer:
             waiting += reversed(self.children.get(body.name, ()))
 
     def _state(self, body: Body, q: Any, v: Any, qpos: list[float], qvel: list[float]) -> None:
-        """A joint's coordinates as MuJoCo counts them."""
+        """Write the coordinates of a joint into `qpos` and `qvel` in MuJoCo's convention."""
         i = j = 0
         for kind, _ in body.motions:
             if kind in ("rotate", "translate"):

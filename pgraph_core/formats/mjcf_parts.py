@@ -1,4 +1,4 @@
-"""Equalities, actuators, tendons, sites, sensors and keyframes of an MJCF file."""
+"""Equality constraints, actuators, tendons, sites, sensors and keyframes in an MJCF file."""
 
 from __future__ import annotations
 
@@ -49,18 +49,18 @@ GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
 
 
 class Sums(dict[int, float]):
-    """Coefficients of a sum of coordinates, by joint."""
+    """The coefficients in a sum of coordinates, by joint."""
 
 
 class Parts:
-    """The parts of a model other than its bodies."""
+    """The parts of a model other than the bodies."""
 
     def __init__(self, reader: Reading):
         self.reader, self.m, self.report = reader, reader.m, reader.report
         self.obey_flags()
 
     def obey_flags(self) -> None:
-        """Take out what the file switches off as a whole."""
+        """Remove everything that the global flags in the file disable."""
         m = self.m
         flags = {
             "LIMIT": ("jnt_limited", "tendon_limited"),
@@ -98,7 +98,7 @@ class Parts:
     # -- equalities ------------------------------------------------------------------------------
 
     def constraints(self) -> list[Constraint]:
-        """Connects, welds, and joints that follow others."""
+        """Return the constraints from connect, weld, joint and tendon equalities."""
         found: list[Constraint] = []
         taken: set[str] = set()
         for e in range(self.m.neq):
@@ -142,7 +142,9 @@ class Parts:
         )  # fmt: skip
 
     def _tendon_held(self, e: int, name: str) -> Constraint | None:
-        """A tendon that keeps its length, or follows another one by a line."""
+        """Return the constraint for a tendon that keeps its length or follows another tendon
+        linearly.
+        """
         m, data = self.m, self.m.eq_data[e]
         one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
         total = self._along_joints(one)
@@ -159,7 +161,7 @@ class Parts:
         )  # fmt: skip
 
     def _along_joints(self, t: int) -> Sums | None:
-        """Return a fixed tendon's coefficients, or None for a spatial tendon."""
+        """Return the coefficients of a fixed tendon, or None for a spatial tendon."""
         m, first = self.m, int(self.m.tendon_adr[t])
         parts = range(first, first + int(m.tendon_num[t]))
         if any(m.wrap_type[w] != ALONG_JOINT for w in parts):
@@ -171,7 +173,7 @@ class Parts:
         return found
 
     def _rows(self, sums: Sums) -> dict[str, list[float]]:
-        """Coefficients by joint as rows by body."""
+        """Convert coefficients by joint to rows by body."""
         found: dict[str, list[float]] = {}
         for j, x in sums.items():
             body, k = self.reader.place_of_joint[j]
@@ -179,7 +181,9 @@ class Parts:
         return found
 
     def _length(self, sums: Sums) -> float:
-        """A tendon's length in the file's initial pose, where all q here are zero."""
+        """Return the length of a tendon in the file's initial pose, where all q in the model are
+        zero.
+        """
         return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
 
     def _tied(self, e: int, name: str, kind: int) -> Constraint | None:
@@ -246,14 +250,16 @@ class Parts:
         yield from self._lifts()
 
     def _channel(self, a: int) -> tuple[int, int]:
-        """Return the rows of an actuator's output and input in MuJoCo's tables."""
+        """Return the rows for the output and input of an actuator in MuJoCo's tables."""
         m = self.m
         if not hasattr(m, "actuator_outadr"):  # before MuJoCo 4 each actuator has one of both
             return a, a
         return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
 
     def _several(self, a: int) -> str:
-        """Return a reason if an actuator has not one input and one output, else ""."""
+        """Return a message if an actuator does not have exactly one input and one output, else
+        "".
+        """
         m = self.m
         inputs, outputs = (
             int(table[a]) if (table := getattr(m, f"actuator_{word}num", None)) is not None else 1
@@ -264,7 +270,9 @@ class Parts:
         return f"an actuator with {inputs} inputs and {outputs} outputs, not one of each"
 
     def _lifts(self) -> Iterator[Wrench]:
-        """Compensation of gravity as a wrench at the centre of mass of each body that has it."""
+        """Yield gravity compensation as wrenches at the centres of mass of the compensated
+        bodies.
+        """
         m, lifted = self.m, list[str]()
         for b in np.flatnonzero(m.body_gravcomp):
             name = self.reader.names[b]
@@ -296,14 +304,16 @@ class Parts:
             self.report.add("converted", self.reader.path.name, text)
 
     def _joints_above(self, b: int) -> Iterator[int]:
-        """The joints that move a body."""
+        """Yield the joints that move a body."""
         m = self.m
         while b:
             yield from range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
             b = int(m.body_parentid[b])
 
     def _switched_off(self, a: int, name: str) -> bool:
-        """Report an actuator whose group the file switches off. Returns False for others."""
+        """Report an actuator whose group is disabled in the file. Return False for other
+        actuators.
+        """
         m, group = self.m, int(self.m.actuator_group[a])
         if not (0 <= group < GROUPS and int(m.opt.disableactuator) >> group & 1):
             return False
@@ -312,7 +322,7 @@ class Parts:
         return True
 
     def _tendons(self) -> Iterator[Force]:
-        """Tendons along joints, and those straight from one site to another, where they act."""
+        """Yield the active tendons, both those along joints and straight ones between two sites."""
         m = self.m
         for t in range(m.ntendon):
             name = m.tendon(t).name or f"tendon {t + 1}"
@@ -345,7 +355,7 @@ class Parts:
                 yield made
 
     def _used_tendons(self) -> set[int]:
-        """Return the tendons of actuators and equalities."""
+        """Return the tendons used by actuators and equalities."""
         m = self.m
         pulled = m.actuator_trnid[m.actuator_trntype == ON_TENDON, 0]
         held = m.eq_type == TENDON
@@ -361,7 +371,7 @@ class Parts:
         )  # fmt: skip
 
     def _ends(self, t: int, name: str) -> dict[str, Any]:
-        """Return the least and greatest length of a tendon, {} without limits."""
+        """Return the minimum and maximum length of a tendon, or {} if it has no limits."""
         if not self.m.tendon_limited[t]:
             return {}
         low, high = (float(x) for x in self.m.tendon_range[t])
@@ -371,7 +381,7 @@ class Parts:
         return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
     def _straight(self, t: int, name: str) -> Spring | None:
-        """A tendon straight from one site to another as a spring."""
+        """Return a spring for a straight tendon between two sites."""
         m, first = self.m, int(self.m.tendon_adr[t])
         straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
         if not straight or m.tendon_frictionloss[t]:
@@ -396,7 +406,9 @@ class Parts:
         )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:
-        """gear x (gain u + b0 + b1 length + b2 rate) on a joint or on a tendon's joints."""
+        """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate), on a joint
+        or on the joints of a tendon.
+        """
         m, kind = self.m, int(self.m.actuator_trntype[a])
         target = int(m.actuator_trnid[a, 0])
         sums = self._moved(a)
@@ -434,12 +446,14 @@ class Parts:
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
 
     def _moved(self, a: int) -> Sums | None:
-        """Return the joints that an actuator acts on, or None if not a sum of coordinates."""
+        """Return the joints that an actuator acts on, or None if its length is not a sum of
+        coordinates.
+        """
         target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
         return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
 
     def _states(self, a: int) -> dict[str, float]:
-        """Bounds of the integral of an input, and what it is at first."""
+        """Return the bounds on the integrated input and its initial value."""
         if not self.m.actuator_actlimited[a]:
             return {}
         low, high = (float(x) for x in self.m.actuator_actrange[a])
@@ -477,7 +491,7 @@ class Parts:
         return ""
 
     def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:
-        """Least and greatest torque, before the gear."""
+        """Return the minimum and maximum torque, before the gear."""
         m, (output, _) = self.m, self._channel(a)
         gear = float(m.actuator_gear[output, 0])
         low, high = -np.inf, np.inf
@@ -516,12 +530,14 @@ class Parts:
         return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
 
     def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
-        """True if forces within these ends, times a factor, never reach a joint's limit."""
+        """Return True if forces within these bounds, times a factor, never reach the limit of a
+        joint.
+        """
         low, high = self.m.jnt_actfrcrange[j]
         return all(low <= factor * end <= high for end in ends)
 
     def _drags(self) -> Iterator[Drag]:
-        """The fluid around the bodies, by MuJoCo's inertia boxes."""
+        """Yield the fluid drag on the bodies, modelled with MuJoCo's inertia boxes."""
         m = self.m
         if not (m.opt.density or m.opt.viscosity):
             return
@@ -542,7 +558,7 @@ class Parts:
             )  # fmt: skip
 
     def sites(self, taken: list[str]) -> list[Site]:
-        """Return sites, renaming those with the name of a body."""
+        """Return the sites, renaming those that share a name with a body."""
         m, found = self.m, dict[str, Site]()
         tied = [m.tendon(t).name for t in range(m.ntendon)]
         tied += [m.equality(e).name for e in range(m.neq)]
@@ -569,7 +585,9 @@ class Parts:
         return list(found.values())
 
     def outputs(self, sites: list[Site]) -> list[Output]:
-        """Return sensors of joints and frames, those of frames of bodies with new sites."""
+        """Return the sensors on joints and frames as outputs. Sensors on body frames get new
+        sites.
+        """
         m, found = self.m, dict[str, Output]()
         kinds = needed("mujoco", "mjcf").mjtSensor
         others: dict[tuple[str, str], list[str]] = {}
@@ -595,7 +613,9 @@ class Parts:
         return list(found.values())
 
     def _sensed(self, k: int, word: str, name: str, sites: list[Site]) -> dict[str, Any]:
-        """Return the object of a sensor: a coordinate, a body, or a site, which may be new."""
+        """Return the object of a sensor: a coordinate, a body, or a site, which may be a new
+        one.
+        """
         m, what = self.m, int(self.m.sensor_objid[k])
         if word in ("jointpos", "jointvel"):
             if m.qpos0[m.jnt_qposadr[what]] and word == "jointpos":
@@ -631,7 +651,7 @@ class Parts:
     # -- keyframes and the rest ------------------------------------------------------------------
 
     def keyframes(self) -> list[Scenario]:
-        """Each keyframe as a scenario with its initial state."""
+        """Return each keyframe as a scenario with its initial state."""
         found: list[Scenario] = []
         for k in range(self.m.nkey):
             name = self.m.key(k).name or f"key {k + 1}"
@@ -657,13 +677,15 @@ class Parts:
         return found
 
     def _mocap(self) -> Array:
-        """(3 nmocap,) where the bodies that MuJoCo's user moves stand."""
+        """Return the positions of the mocap bodies as a (3 nmocap,) array."""
         m = self.m
         moved = sorted(np.flatnonzero(m.body_mocapid >= 0), key=lambda b: m.body_mocapid[b])
         return m.body_pos[moved].ravel()
 
     def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
-        """(q, v) by body of a state of MuJoCo's, and the joints that it puts beyond limits."""
+        """Return (q, v) by body for a MuJoCo state, and the joints that it puts beyond their
+        limits.
+        """
         m, q, v = self.m, dict[str, list[float]](), dict[str, list[float]]()
         beyond: list[str] = []
         for j in range(m.njnt):
@@ -691,7 +713,7 @@ class Parts:
         return q, v, beyond
 
     def rest(self) -> None:
-        """Report kinds of elements that are skipped as a whole."""
+        """Report element types that are skipped entirely."""
         m, reader = self.m, self.reader
         for table, text in (
             ("geom_adhesion", "adhesion: it does not stick to what it touches"),
@@ -734,7 +756,7 @@ class Parts:
 def within_margin(
     reader: Reading, tag: str, name: str, low: float, high: float, margin: float
 ) -> tuple[float, float]:
-    """The ends at which MuJoCo stops a joint or tendon: `margin` before those of its range.
+    """Return the limits at which MuJoCo stops a joint or tendon, `margin` inside its range.
 
     The reference of MuJoCo's limits is the distance less the margin, so this is where they rest.
     """
@@ -750,11 +772,13 @@ def within_margin(
 
 
 def end_name(name: str, k: int) -> str:
-    """Return the name of the site that `write_mjcf` writes at an end, and the reader skips."""
+    """Return the name of the site that `write_mjcf` writes at an end and that the reader skips."""
     return f"{name} end {k}"
 
 
 def _relative(a: Array, b: Array) -> Any:
-    """Return the rotation of the body of site b relative to that of site a if the sites agree."""
+    """Return the rotation of the body at site b relative to the body at site a if the sites
+    coincide.
+    """
     w, x, y, z = unit(b.tolist())
     return multiply(unit(a.tolist()), (w, -x, -y, -z))

@@ -1,4 +1,4 @@
-"""The attributes of MJCF that the reader was written for, those of MuJoCo 4.0.
+"""The MJCF attributes that the reader supports, as of MuJoCo 4.0.
 
 Each of them is read, is compiled away by MuJoCo, or is reported as left out. An attribute that a
 later version of MuJoCo adds is in no row, so that a file which uses it is reported as well.
@@ -72,7 +72,7 @@ ACTUATORS = (
 
 
 def _rows() -> dict[str, frozenset[str]]:
-    """Return attributes by element. An indented line continues the previous one."""
+    """Return the attributes by element. An indented line continues the previous line."""
     rows = (row.split(":") for row in ATTRIBUTES.replace("\n    ", " ").strip().splitlines())
     known = {tag: frozenset[str](names.split()) for tag, names in rows}
     actuator = known.pop("actuator")
@@ -83,6 +83,6 @@ KNOWN = _rows()  # attributes by element, without elements that have no effect o
 
 
 def newer(tag: str, attributes: Iterable[str]) -> list[str]:
-    """Return the attributes of an element that MuJoCo 4.0 does not have."""
+    """Return the attributes of an element that do not exist in MuJoCo 4.0."""
     known = KNOWN.get(tag)
     return [] if known is None or known.issuperset(attributes) else sorted(set(attributes) - known)

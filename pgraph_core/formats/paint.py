@@ -1,4 +1,4 @@
-"""Colours in mesh files: COLLADA, OBJ with its .mtl file, glTF and PLY."""
+"""Colours from mesh files in COLLADA, OBJ (with its .mtl file), glTF and PLY format."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Rgba = tuple[float, float, float, float]
 
 
 class Seen(NamedTuple):
-    """Size and colours of a mesh file."""
+    """The size and colours of a mesh file."""
 
     size: float  # largest extent, in the units of the file
     colour: Rgba | None  # colour of most of its faces, from 0 to 1
@@ -26,7 +26,7 @@ class Seen(NamedTuple):
 
 
 def seen_in(file: Path) -> Seen:
-    """The size and the colours of a mesh file. Raises FileError, OSError."""
+    """Return the size and colours of a mesh file. Raises FileError, OSError."""
     mesh = parsed_mesh(file)
     size = float(np.max(mesh.extents))
     match file.suffix.lower():
@@ -44,7 +44,9 @@ def seen_in(file: Path) -> Seen:
 
 
 def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
-    """The colour with most faces, and what is lost. "texture" stands for an image."""
+    """Return the most common face colour and a description of what is lost. "texture" stands for an
+    image.
+    """
     colours = Counter({paint: n for paint, n in faces.items() if isinstance(paint, tuple)})
     lost = ["its textures are not drawn"] if faces["texture"] else []
     if not colours:
@@ -66,7 +68,9 @@ LINES = re.compile(rb"^[ \t]*(?:(usemtl|mtllib)[ \t]+([^\r\n]+)|f[ \t])", re.MUL
 
 
 def _of_obj(file: Path) -> Counter[Any]:
-    """Faces by the colours of their materials, whose files lie next to the mesh."""
+    """Count faces by the colour of their material. Material files are read from the mesh's
+    folder.
+    """
     material, materials, faces = "", dict[str, Any](), Counter[Any]()
     for line in LINES.finditer(content_of(file, LARGEST)):
         name = (line[2] or b"").decode(errors="replace").strip()
@@ -80,7 +84,7 @@ def _of_obj(file: Path) -> Counter[Any]:
 
 
 def _materials(folder: Path, name: str) -> dict[str, Any]:
-    """The colours in a .mtl file next to a mesh, by the names of the materials."""
+    """Return the colours in a .mtl file next to a mesh, by material name."""
     found, at = dict[str, Any](), ""
     try:
         if Path(name).name != name or (folder / name).is_symlink():
@@ -113,7 +117,7 @@ JSON_CHUNK = 0x4E4F534A
 
 
 def _of_glb(content: bytes) -> Counter[Any]:
-    """Corners of triangles by the colours of their materials."""
+    """Count triangle corners by the colour of their material."""
     length, kind = (int.from_bytes(content[k : k + 4], "little") for k in (12, 16))
     faces = Counter[Any]()
     try:
@@ -132,7 +136,7 @@ def _of_glb(content: bytes) -> Counter[Any]:
 
 
 def _encoded(colour: Any) -> Any:
-    """Linear light as the numbers of sRGB (IEC 61966-2-1), which all other formats have."""
+    """Convert a linear colour to sRGB (IEC 61966-2-1), which all other formats use."""
     if colour is None:
         return None
     r, g, b, a = (float(x) for x in colour)
@@ -141,7 +145,7 @@ def _encoded(colour: Any) -> Any:
 
 
 def _of_ply(mesh: Any) -> Counter[Any]:
-    """Corners or faces by their colours."""
+    """Count corners or faces by colour."""
     if mesh.visual.kind not in ("vertex", "face"):
         return Counter()
     colours = np.asarray(getattr(mesh.visual, f"{mesh.visual.kind}_colors"))[:, :4]

@@ -1,4 +1,4 @@
-"""URDF in: links and joints as bodies, their shapes, limits, motors, mimics and loops.
+"""The URDF reader, which converts links and joints, shapes, limits, motors, mimic joints and loops.
 
 A link is a body whose frame is that of its joint, so nothing has to be moved. The root link is
 welded to the ground, or free.
@@ -87,7 +87,7 @@ def read_urdf(
     base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> tuple[Model, Report]:
-    """Read a URDF file, or a xacro file that makes one.
+    """Read a URDF file, or a xacro file that generates one.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class _Reader:
                     self.colours[material.get("name")] = rgba
 
     def result(self) -> tuple[Model, Report]:
-        """The model and the report."""
+        """Return the model and the report."""
         self.joint_of = {joint.child: joint for joint in self.joints}
         order = [*self.links]
         if not self.faults:  # the names that make the tree are sound
@@ -208,7 +208,7 @@ class _Reader:
     # -- faults: all are found before the file is refused ----------------------------------------
 
     def _noted(self, otherwise: Value, read: Callable[..., Value], *given: Any) -> Value:
-        """Return read(*given), or `otherwise` if it refuses. Refusals are reported at the end."""
+        """Return read(*given), or `otherwise` if it fails. Errors are reported at the end."""
         try:
             return read(*given)
         except PgraphError as fault:
@@ -227,12 +227,14 @@ class _Reader:
         return self._numbers(element, name, (default,), what)[0]
 
     def _bound(self, element: Element | None, name: str, what: str) -> float:
-        """Return a bound, which may be infinite, by default 0."""
+        """Return a bound, which may be infinite and defaults to 0."""
         read = self.source.number
         return self._noted(0.0, lambda: read(element, name, 0.0, what, infinite=True))
 
     def _refuse_macros(self) -> None:
-        """Raise FileError where macros of xacro are left, which mean nothing in a URDF file."""
+        """Raise FileError if unexpanded xacro macros remain, which have no meaning in a URDF
+        file.
+        """
         for element in self.robot.inside():
             if element.tag.startswith("xacro:"):
                 raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")
@@ -243,7 +245,9 @@ class _Reader:
     # -- the tree --------------------------------------------------------------------------------
 
     def _named(self, tag: str) -> list[tuple[str, Element]]:
-        """The elements of a tag with their names, also where a name is there twice: a fault."""
+        """Return all elements with a tag, along with their names. Duplicate names are noted as
+        faults.
+        """
         first: dict[str, Element] = {}
         found: list[tuple[str, Element]] = []
         for element in self.robot.all(tag):
@@ -290,7 +294,9 @@ class _Reader:
         return joints
 
     def _order(self) -> list[str]:
-        """Links from the root on, depth-first. Raises FileError for two roots and for cycles."""
+        """Return the links from the root, depth-first. Raises FileError for two roots and for
+        cycles.
+        """
         roots = [name for name in self.links if name not in self.joint_of]
         if len(roots) > 1:
             named = choices(f"{name!r} (line {self.links[name].line})" for name in roots)
@@ -316,13 +322,13 @@ class _Reader:
         return link == WORLD and link not in self.joint_of and not element.children
 
     def _body_name(self, link: str) -> str:
-        """The name of a link's body: 'ground' and '*' mean other things here."""
+        """Return the body name for a link, since 'ground' and '*' are reserved."""
         if self._is_ground(link):
             return GROUND
         return link if link not in (GROUND, "*") else f"{link} link"
 
     def _places(self, model: Model) -> dict[str, tuple[float, float, float]]:
-        """Return the origins of the bodies' frames at q = 0 in the root's axes [m]."""
+        """Return the origins of the body frames at q = 0 in the axes of the root [m]."""
         frames: dict[str, tuple[np.ndarray, np.ndarray]] = {GROUND: (np.zeros(3), np.eye(3))}
         for body in model.bodies:
             place, turn = frames[body.parent]
@@ -332,7 +338,7 @@ class _Reader:
     # -- one link with its joint -----------------------------------------------------------------
 
     def _body(self, link: str) -> Body | None:
-        """Return the body of a link, or None after noting its faults."""
+        """Return the body for a link, or None after recording its faults."""
         faults = len(self.faults)
         element, joint = self.links[link], self.joint_of.get(link)
         what = f"link {shown(link)}"
@@ -361,7 +367,7 @@ class _Reader:
             raise ModelError([Problem(where, p.field, p.text) for p in error.problems]) from None
 
     def _pose(self, element: Element, what: str) -> tuple[tuple[float, ...], Quaternion]:
-        """(xyz, quaternion) of <origin>."""
+        """Return the position and quaternion from <origin>."""
         origin = element.first("origin")
         xyz = self._numbers(origin, "xyz", ZERO, what)
         if origin is not None and "quat_xyzw" in origin.attributes:  # URDF 1.2
@@ -470,7 +476,7 @@ class _Reader:
     # -- shapes ----------------------------------------------------------------------------------
 
     def _shapes(self, link: Element, what: str, name: str) -> list[dict[str, Any]]:
-        """Return the shapes of a link. Equal visual and collision shapes become one."""
+        """Return the shapes of a link. Identical visual and collision shapes are merged."""
         shapes: list[dict[str, Any]] = []
         for role in ("visual", "collision"):
             for element in link.all(role):
@@ -531,7 +537,7 @@ class _Reader:
         return shape
 
     def _zero(self, solid: Element, what: str) -> str:
-        """Return the name of a dimension that is zero, as of a placeholder, or "" if none is."""
+        """Return the name of a dimension that is zero, such as in a placeholder, or ""."""
         for field in DIMENSIONS.get(solid.tag, ()):
             given = self.source.numbers(solid, field, (1.0,) * (3 if field == "size" else 1), what)
             if min(given) == 0:
@@ -541,7 +547,7 @@ class _Reader:
     def _plane(
         self, solid: Element, position: Any, rotation: Any, where: str, name: str, what: str
     ) -> dict[str, Any]:
-        """A box whose face is a plane, as Bullet has them."""
+        """Return a box with a face that represents a plane, as in Bullet."""
         normal = np.array(self.source.numbers(solid, "normal", Z, what))
         if not 1e-9 < np.linalg.norm(normal) < 1e9:
             raise self.source.wrong(solid, "normal", "must not be zero", what)
@@ -609,7 +615,7 @@ class _Reader:
         return mesh
 
     def _seen(self, path: Path, given: str, where: str, name: str, acts: bool) -> Seen | None:
-        """Return the size and colour of a mesh, or None after reporting an unreadable one."""
+        """Return the size and colour of a mesh, or None after reporting that it cannot be read."""
         try:
             if path not in self.looked_at:
                 self.looked_at[path] = seen_in(path)
@@ -621,7 +627,9 @@ class _Reader:
             return None
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
-        """Return the colour of a material. A wrong one is ignored, having no effect on motion."""
+        """Return the colour of a material. An invalid one is ignored, since it does not affect the
+        motion.
+        """
         colour = material.first("color")
         if colour is None or colour in self.wrong_colours:
             return None
@@ -678,7 +686,7 @@ class _Reader:
         return found
 
     def _following(self, bodies: list[Body], constraints: list[Constraint]) -> list[Body]:
-        """Return the bodies, with each follower where its leader puts it."""
+        """Return the bodies, with each follower at the position determined by its leader."""
         found = {body.name: body for body in bodies}
         gears = {c.body: c for c in constraints if isinstance(c, Gear)}
 
@@ -694,7 +702,7 @@ class _Reader:
         return list(found.values())
 
     def _loops(self) -> list[Constraint]:
-        """<loop_joint>s: a joint of the type holds the poses on <link1> and <link2> together."""
+        """Return the <loop_joint>s as joints between the poses on <link1> and <link2>."""
         found: list[Constraint] = []
         for name, element in self._named("loop_joint"):
             what, kind = f"loop_joint {shown(name)}", LOOPS.get(element.get("type"))
@@ -725,7 +733,7 @@ class _Reader:
         return found
 
     def _motors(self) -> list[Force]:
-        """A motor without torque for each joint that has an effort limit: what may drive it."""
+        """Return a motor with zero torque for each joint that has an effort limit."""
         found: list[Force] = []
         speeds = 0
         for joint in self.joints:
@@ -745,7 +753,7 @@ class _Reader:
         return found
 
     def _left_out(self) -> None:
-        """One line for each kind of element that means nothing here, with its first place."""
+        """Report each unsupported element type once, with the location of its first occurrence."""
         seen: Counter[str] = Counter()
         first: dict[str, int] = {}
         inside = [(self.robot, KNOWN)]
@@ -772,13 +780,13 @@ class _Reader:
 
 
 def _fault(error: FileError) -> str:
-    """Return the field and the text of an error's first problem, without its place."""
+    """Return the field and message of the first problem in an error, without its location."""
     problem = error.problems[0]
     return f"{problem.field} {problem.text}" if problem.field else problem.text
 
 
 def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
-    """Return the quaternion of Rz(yaw) Ry(pitch) Rx(roll) from fixed-axis angles [rad]."""
+    """Return the quaternion for Rz(yaw) Ry(pitch) Rx(roll) from fixed-axis angles [rad]."""
     roll, pitch, yaw = (x / 2 for x in rpy)
     x = (math.cos(roll), math.sin(roll), 0.0, 0.0)
     y = (math.cos(pitch), 0.0, math.sin(pitch), 0.0)
@@ -787,7 +795,9 @@ def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
 
 
 def upright(q: Sequence[float]) -> Quaternion:
-    """Return the quaternion of the same rotation whose largest number is positive."""
+    """Return the quaternion for the same rotation whose largest component in magnitude is
+    positive.
+    """
     most = max(map(abs, q))
     sign = next(math.copysign(1.0, x) for x in q if abs(x) > most - 1e-9)
     w, x, y, z = (sign * x + 0.0 for x in q)

@@ -1,4 +1,6 @@
-"""URDF out: the tree as links and joints, gears as mimics, loops as <loop_joint>s."""
+"""The URDF writer, which writes the tree as links and joints, gears as mimic joints and loops as
+<loop_joint>s.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 
 @explained
 def write_urdf(model: Model, path: str | Path) -> Report:
-    """Write a model as a URDF file.
+    """Write a model to a URDF file.
 
     Meshes from other folders are copied to `meshes` next to the file.
 
@@ -61,7 +63,7 @@ def write_urdf(model: Model, path: str | Path) -> Report:
 
 
 class Tag:
-    """An element under construction."""
+    """An XML element under construction."""
 
     def __init__(self, tag: str, /, **attributes: Any):
         self.tag, self.children = tag, list[Tag]()
@@ -78,7 +80,7 @@ class Tag:
         return self
 
     def lines(self, depth: int = 0) -> list[str]:
-        """The element as lines of text."""
+        """Return the element as lines of text."""
         space = "  " * depth
         head = "".join(f" {key}={quoteattr(value)}" for key, value in self.attributes.items())
         if not self.children:
@@ -106,7 +108,7 @@ class _Writer:
         self.joint_names = self._names()
 
     def refuse_balls(self) -> None:
-        """Raise ModelError for joints that URDF does not have."""
+        """Raise ModelError for joint types that URDF does not support."""
         found = [
             Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not have")
             for b in self.model.bodies
@@ -119,7 +121,9 @@ class _Writer:
         return name in self.model.row and len(self.model.body(name).motions) == 1
 
     def _names(self) -> dict[str, str]:
-        """Names of the joints: of their motor or gear, else of the body."""
+        """Return the joint names, taken from the motor or gear if there is one, otherwise from the
+        body.
+        """
         found: dict[str, str] = {}
         for body in self.model.bodies:
             part = self.motors.get(body.name) or self.gears.get(body.name)
@@ -147,7 +151,7 @@ class _Writer:
     # -- links and joints ------------------------------------------------------------------------
 
     def _chain(self, body: Body, root: bool) -> list[Tag]:
-        """The body's link, its joint, and links without mass between several motions."""
+        """Return the link of a body, its joint, and massless links between multiple motions."""
         link = Tag("link", name=body.name)
         if body.mass or any(map(any, body.inertia)):
             (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
@@ -264,7 +268,7 @@ class _Writer:
         return one.add(Tag("axis", xyz=(1.0, 0.0, 0.0)))
 
     def _left_out(self) -> None:
-        """Report active parts of the model that the file cannot hold."""
+        """Report active parts of the model that cannot be written to the file."""
         model, out = self.model, self.report
         for body in model.bodies:
             for field in ("stiffness", "armature"):
@@ -293,7 +297,7 @@ class _Writer:
 
 
 class Placed:
-    """Points and axes of a constraint, what it leaves out taken from the initial state."""
+    """The points and axes of a constraint, with defaults taken from the initial state."""
 
     def __init__(self, model: Model, c: Any):
         place, turn = Dynamics(model).packed.home_poses
@@ -320,7 +324,7 @@ class Placed:
 
 
 def placed(model: Model, c: Constraint) -> Placed:
-    """Points and axes of a constraint between bodies."""
+    """Return the points and axes of a constraint between bodies."""
     return Placed(model, c)
 
 
@@ -328,7 +332,7 @@ def placed(model: Model, c: Constraint) -> Placed:
 
 
 def _plain(motor: Motor) -> bool:
-    """True if a motor only limits its torque."""
+    """Return True if a motor only limits its torque."""
     odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.has_state
     return motor.torque == 0.0 and motor.coordinate == 0 and not odd
 
@@ -348,7 +352,8 @@ def _type(body: Body, k: int) -> str:
 
 
 def rpy_of(rotation: Sequence[float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw [rad] of a quaternion, good to rounding also at a pitch of a quarter turn.
+    """Convert a quaternion to roll, pitch and yaw [rad], accurate to rounding even at a pitch of 90
+    degrees.
 
     [Bernardes and Viollet 2022]
     """
@@ -360,12 +365,12 @@ def rpy_of(rotation: Sequence[float]) -> tuple[float, float, float]:
 
 
 def _turned(angle: float) -> float:
-    """The angle within half a turn."""
+    """Wrap an angle to the range -π to π."""
     return math.remainder(angle, 2 * math.pi)
 
 
 def _x_to(axis: np.ndarray) -> np.ndarray:
-    """(3, 3) a rotation that takes x to this direction."""
+    """Return a rotation matrix (3, 3) that maps the x axis to this direction."""
     x = axis / np.linalg.norm(axis)
     least = np.eye(3)[int(np.argmin(np.abs(x)))]
     y = np.cross(least, x)

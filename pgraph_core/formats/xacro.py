@@ -1,4 +1,4 @@
-"""xacro in: the package xacro expands the macros of a file, and the result is read as URDF.
+"""The xacro reader. The xacro package expands the macros, and the result is read as URDF.
 
 The macros are a program: they evaluate Python, and the package's sandbox can be left. So a file is
 expanded only where its user names it, in Python or in the terminal, and never for a page.
@@ -25,7 +25,7 @@ ONE = threading.Lock()  # the package keeps its state in its module
 def expanded(
     path: Path, folders: Folders, arguments: Mapping[str, Any]
 ) -> tuple[Element, list[str]]:
-    """The root of the URDF file that a xacro file makes, and the warnings of the expansion.
+    """Return the root of the expanded URDF file and the warnings from the expansion.
 
     `arguments` are the values of its `<xacro:arg>`. `$(find package)` is looked for in `folders`,
     then where ROS has it. Raises FileError, InputError, and MissingPackage without the package.
@@ -44,13 +44,13 @@ def expanded(
 
 
 def no_arguments(path: Path) -> InputError:
-    """The error for arguments of a file that takes none."""
+    """Return the error for arguments passed to a file that takes none."""
     text = f"are of xacro files, whose names end in {SUFFIX}; given with {path.name}"
     return InputError(Problem("arguments", "", text))
 
 
 def _text(name: str, value: Any) -> str:
-    """A value as xacro takes it. Raises InputError."""
+    """Return a value in xacro's syntax. Raises InputError."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (str, int, float)):
@@ -60,7 +60,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def _why(error: Exception) -> str:
-    """A sentence for what the package refuses."""
+    """Return an error message for input that the package rejects."""
     text = " ".join(str(error).split()) or type(error).__name__
     if "ndefined substitution argument" in text:
         return f"{text}; {GIVE}"
@@ -72,7 +72,7 @@ GIVE = "give its value: arguments={NAME: VALUE} in Python, --argument NAME=VALUE
 
 @contextlib.contextmanager
 def _finding(folders: Folders) -> Iterator[None]:
-    """Within it, `$(find package)` of the package xacro looks in `folders` first."""
+    """Make `$(find package)` search `folders` first while the context is active."""
     module = needed("xacro.substitution_args", "xacro")
     of_ros = module._eval_find
 

@@ -1,1 +1,3 @@
-"""Walking: a gait and a quadruped make a controller, which runs take as they take torques."""
+"""Walking controllers. A gait and a quadruped define a controller, which is passed to a run in
+place of torques.
+"""

@@ -1,4 +1,4 @@
-"""Legs, spine, mass and standing pose of a model, for its walking controller.
+"""Legs, spine, mass and standing pose of a model, for the walking controller.
 
 Vectors in a leg's plane are complex numbers x + i y. A rotation by an angle is exp(i angle).
 """
@@ -26,7 +26,7 @@ Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
 class Anatomy(NamedTuple):
-    """Data of four legs, front before hind and left before right, at q = 0 in world axes."""
+    """Data for four legs at q = 0 in world axes, front before hind and left before right."""
 
     feet: tuple[Footfall, ...]
     legs: Any  # records of type LEG, whose `share` the controller fills in
@@ -39,7 +39,7 @@ class Anatomy(NamedTuple):
 
     @property
     def longest(self) -> Array:
-        """(4,) reach of the legs [m]."""
+        """The maximum reach of the legs [m], of shape (4,)."""
         a = self.legs["long"]
         b = self.legs["shank"]
         bend = 0.99 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
@@ -47,7 +47,9 @@ class Anatomy(NamedTuple):
 
 
 def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
-    """The legs of a gait's feet. Raises InputError where the model cannot walk on them."""
+    """Find the legs above the feet of a gait. Raises InputError if the model cannot walk on
+    them.
+    """
     model = mech.model
     if model.up != "y":
         raise _refused(gait, f"walks where up is 'y' and legs swing about z; up is '{model.up}'")
@@ -90,7 +92,7 @@ def _refused(gait: Gait, text: str) -> InputError:
 
 
 def _foot(model: Model, gait: Gait, name: str) -> Contact:
-    """The contact that is a foot: one point over the ground."""
+    """Return the contact for a foot, a single point over the ground."""
     known = {contact.name: contact for contact in model.contacts}
     if name not in known:
         feet = soles_among(model.contacts) or known
@@ -135,7 +137,7 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
 
 
 def _number(found: Any, mech: Mechanism, paw: str, thigh: str, girdle: str) -> None:
-    """Rows of a leg, and its joints' places in q and v."""
+    """Set the rows of a leg and the indices of its joints in q and v."""
     rows = mech.packed.system.bodies_i[:, at.ROW]
     row = {name: int(rows[mech.topology.number(name)]) for name in (paw, thigh, girdle)}
     joint = mech.joints[thigh]
@@ -146,7 +148,7 @@ def _number(found: Any, mech: Mechanism, paw: str, thigh: str, girdle: str) -> N
 
 
 def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
-    """Places of the hinges between the girdles."""
+    """Return the indices of the hinges between the girdles."""
     found, name = [], front
     while name != hind:
         body = mech.model.body(name)
@@ -159,7 +161,9 @@ def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
 
 
 def whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
-    """(mass, centre of mass, inertia about it) of all bodies at q, from M's first block."""
+    """Return the total mass, the centre of mass and the inertia about it at q, from the first block
+    of M.
+    """
     block = mech.mass_matrix(q)[:6, :6]
     mass = float(block[3, 3])
     arm = np.array([block[5, 1], block[3, 2], block[4, 0]]) / -mass
@@ -173,7 +177,7 @@ BENDING_ROUNDS = 6  # bent legs move the centre of mass: a sixth of the way a ro
 
 
 def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
-    """(q, v) at rest, every foot under its hip on the ground of the model."""
+    """Return (q, v) at rest, with each foot on the model's ground below its hip."""
     q, v = np.zeros(mech.nq), np.zeros(mech.nv)
     q[3] = 1.0
     wanted = height_under(mech.model, a.centre[0], a.centre[2]) + gait.height
@@ -186,7 +190,7 @@ def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
 
 
 def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
-    """The legs' joints into q, so that the feet are on the ground."""
+    """Set the leg joints in q so that the feet are on the ground."""
     for hip, f in zip(a.hips, a.legs):
         spreads = f["v_spread"] >= 0
         x, z = f["ahead"], f["side"] * gait.width * spreads
@@ -198,7 +202,9 @@ def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
 
 
 def leg(f: Any, foot: complex) -> tuple[float, float]:
-    """(hip's angle, knee's) that bring a foot to its place from the hip, as `engine.gait.legs`."""
+    """Return the hip and knee angles that place a foot relative to the hip, as in
+    `engine.gait.legs`.
+    """
     a, b = complex(*f["long"]), complex(*f["shank"])
     cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
     side = cmath.phase(b / a)

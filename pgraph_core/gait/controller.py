@@ -1,4 +1,6 @@
-"""Controller: a gait on a mechanism, as torques that a compiled run calls at every stage."""
+"""The walking controller, which applies a gait to a mechanism. A compiled run evaluates its torques
+at every stage.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ REACH = 0.98  # largest reach of a step, relative to the stretched leg
 
 @explained
 class Controller(Portable):
-    """The joint torques of a gait, a function of (t, q, v) without memory or look-ahead.
+    """Joint torques for a gait, as a function of (t, q, v) without memory or look-ahead.
 
     Give it to `simulate` as `tau`, or let a scenario with a gait make one. It computes with the
     numbers of the model that it is made for. To study a wrong mass, give the controller of one
@@ -53,7 +55,7 @@ class Controller(Portable):
     """
 
     def __init__(self, mech: Mechanism | Model, gait: Gait):
-        """Nothing is compiled yet."""
+        """Create the controller. Compilation is deferred until the first use."""
         mech = mechanism_of(mech, "Controller")
         self.mech, self.gait = mech, gait
         self.anatomy = anatomy(mech, gait)
@@ -67,15 +69,17 @@ class Controller(Portable):
         self.limit[self.anatomy.spine[:, 1]] = gait.spine_torque
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        """τ (nv,) [N m] at a state, as a run gets it."""
+        """Return the joint torques τ (nv,) [N m] at a state, as used in a run."""
         return self.acting().torque(t, q, v)
 
     def acting(self) -> GaitTorque:
-        """The compiled function of one run, with its own workspace and settings."""
+        """Return the compiled function for one run, with its own workspace and settings."""
         return GaitTorque(self)
 
     def changed(self, t: float, /, **fields: object) -> Controller:
-        """The controller of a gait with other fields, which goes on from this one's clock at t."""
+        """Return a controller for the gait with changed fields, which continues from this
+        controller's clock at t.
+        """
         new = Controller(self.mech, self.gait.edit(**fields))
         old, s = self.settings[0], new.settings[0]
         rise = old["speed_to"] - old["speed_from"]
@@ -87,7 +91,8 @@ class Controller(Portable):
         return new
 
     def ticks(self, t_start: float, t_end: float) -> Array:
-        """Times in between at which feet begin to carry or to swing: torques jump there [s].
+        """Return the times [s] within an interval at which feet touch down or lift off and the
+        torques jump.
 
         Two each, so near that rounding of the clock is between them.
         """
@@ -103,11 +108,15 @@ class Controller(Portable):
         return t[(t > t_start) & (t < t_end)]
 
     def start(self) -> tuple[Array, Array]:
-        """(q, v) at rest: on the ground at the gait's height, the paws parallel to the thighs."""
+        """Return (q, v) at rest on the ground, at the gait's height and with the paws parallel to
+        the thighs.
+        """
         return standing(self.mech, self.gait, self.anatomy)
 
     def _share(self) -> None:
-        """Loads at full: those whose means over a stride carry the weight without a pitch."""
+        """Compute the full loads, whose means over a stride support the weight without a pitching
+        moment.
+        """
         f, a = self.legs, self.anatomy
         x = a.hips[:, 0] + f["ahead"] - a.centre[0]
         hind = x[:2].mean() / (x[:2].mean() - x[2:].mean())
@@ -126,7 +135,9 @@ class Controller(Portable):
         return waves
 
     def _planned(self) -> tuple[Array, Array]:
-        """Accelerations up and of pitch that the loads beforehand give over a stride."""
+        """Return the vertical and pitch accelerations over a stride that result from the planned
+        loads.
+        """
         gait, a = self.gait, self.anatomy
         x = np.arange(SAMPLES) / SAMPLES
         g = self.settings[0]["gravity"]
@@ -142,12 +153,12 @@ class Controller(Portable):
 
 
 class GaitTorque(UserTorque):
-    """A controller in one run, whose `settings` may change between chunks of steps."""
+    """A controller within one run, whose `settings` may change between chunks of steps."""
 
     interpreted = False
 
     def __init__(self, controller: Controller):
-        """Compiles the controller at the first call of the process."""
+        """Compile the controller on the first call in the process."""
         mech = controller.mech
         nq, nv = mech.nq, mech.nv
         self.error = None
@@ -171,30 +182,30 @@ class GaitTorque(UserTorque):
 
     @property
     def memory(self) -> list[Array]:
-        """Its settings, and whether it fell."""
+        """The settings, and whether the quadruped has fallen."""
         return [self.settings, self.fallen]
 
     @property
     def numbers(self) -> list[Array]:
-        """Return the arrays that depend on the model and the gait."""
+        """The arrays that depend on the model and the gait."""
         kept = self.kept
         return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
 
     def join(self, packed: Packed, work: Array) -> None:
-        """Take frames, velocities and inertias from a run of the same bodies."""
+        """Use frames, velocities and inertias from a run of the same bodies."""
         mine = self.kept.rows, self.kept.const
         if all(np.array_equal(a, b) for a, b in zip(mine, packed.tree)):
             self.kept = self.kept._replace(theirs=work)
             _store(self.exchange, self.kept)
 
     def torque(self, t: float, q: Array, v: Array) -> Array:
-        """τ (nv,) at a state."""
+        """Return the joint torques τ (nv,) at a state."""
         self._q[:], self._v[:] = q, v
         walking.walking(t, *(self.exchange[i].ctypes.data for i in range(3)))
         return self._tau.copy()
 
     def notices(self) -> list[str]:
-        """The fall, if there was one."""
+        """Return a notice if the quadruped has fallen."""
         if self.fallen[0] < 0:
             return []
         return [f"it fell at t = {self.fallen[0]:.4g} s: its joints are only damped while it lies"]
@@ -205,7 +216,7 @@ TUPLE = 192  # words that the controller's tuple takes
 
 
 def _store(exchange: Array, kept: Walk) -> None:
-    """The tuple behind the three rows of the exchange, where the kernel looks for it."""
+    """Store the tuple behind the three rows of the exchange, where the kernel reads it."""
     place = exchange[3:].reshape(-1).view(np.int64)
     if not JIT:
         _KEPT[place.ctypes.data] = kept
@@ -243,7 +254,7 @@ def _settings(a: Anatomy, gait: Gait, model: Model) -> Any:
 
 
 def _check_reach(a: Anatomy, gait: Gait, model: Model) -> None:
-    """Raises InputError where a leg is too short for the height, or for the speed, or stiff."""
+    """Raise InputError if a leg is too short for the height or the speed, or is stiff."""
     where = f"gait '{gait.name}'"
     stiff = [f.foot for f, leg in zip(a.feet, a.legs) if leg["v_spread"] < 0]
     if gait.drift and stiff:
@@ -264,7 +275,9 @@ def _check_reach(a: Anatomy, gait: Gait, model: Model) -> None:
 
 
 def _twice_integrated(acceleration: Array, period: float) -> Array:
-    """(8,) the wave whose second derivative is the periodic part of samples over a period."""
+    """Integrate the periodic part of an acceleration twice and return the (8,) wave
+    coefficients.
+    """
     c = np.fft.rfft(acceleration) / len(acceleration)
     k = np.arange(1, HARMONICS + 1)
     over = 2.0 / (2 * math.pi * k / period) ** 2

@@ -1,4 +1,4 @@
-"""The ground of a walk, and the footprints that a run left on it."""
+"""The ground for a walk, and the footprints from a run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..result.records import SWING
 
 @explained
 class Footprint(NamedTuple):
-    """One stance of a foot: where it stood, and when."""
+    """One stance phase of a foot, with its position and time."""
 
     foot: str  # the contact
     start: float  # [s] time of its first recorded frame on the ground
@@ -38,7 +38,7 @@ class Footprint(NamedTuple):
 
 @explained
 def footprints(run: Result) -> tuple[Footprint, ...]:
-    """The footprints of all contacts that are single points, in order of time.
+    """Return the footprints for all single-point contacts, sorted by time.
 
     Raises InputError if it is given no run.
     """
@@ -56,7 +56,7 @@ def footprints(run: Result) -> tuple[Footprint, ...]:
 
 @explained
 def footprints_csv(run: Result) -> str:
-    """The footprints as CSV, units in the first line."""
+    """Return the footprints as CSV with units in the first line."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     units = ("", "s", "s", "m", "m", "m", "m", "N")
@@ -67,7 +67,7 @@ def footprints_csv(run: Result) -> str:
 
 
 def sole(run: Result, body: str, point: Array) -> Array:
-    """(n, 3) places of a point of a body, world axes [m]."""
+    """Return the positions of a body point in world axes [m] as an (n, 3) array."""
     pose = run.body_pose[:, run.mechanism.topology.number(body) - 1]
     return pose[:, :3] + turned(pose[:, 3:], point)
 
@@ -86,7 +86,7 @@ def _prints(run: Result, name: str, at: Array) -> Iterable[Footprint]:
 
 
 def height_under(model: Model, x: float, z: float) -> float:
-    """Height [m] of the ground at (x, z): of its plane, and of the last step that is there."""
+    """Return the ground height [m] at (x, z), from the plane and the last step at this position."""
     n = model.ground_normal
     height = -(n[0] * x + n[2] * z) / n[1]
     raised = 0.0
@@ -98,7 +98,7 @@ def height_under(model: Model, x: float, z: float) -> float:
 
 
 def terrain_of(model: Model) -> Terrain:
-    """Return the heights of the steps of the ground in cells that all their edges cut.
+    """Return the heights of the steps on a grid formed by all step edges.
 
     The arrays are empty without steps. Of overlapping steps the last one counts.
     """

@@ -1,4 +1,5 @@
-"""Gaits for a quadruped of some 33 kg with legs of half a metre: stand, crawl, trot, bound, gallop.
+"""Gait presets (stand, crawl, trot, bound, gallop) for a quadruped of about 33 kg with half-metre
+legs.
 
 Their gains were found by a search over short walks (cross entropy).
 """
@@ -15,7 +16,7 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 
 @explained
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
-    """Return the presets by name, for `feet` named left front, right front, left hind, right hind.
+    """Return the presets by name. `feet` lists left front, right front, left hind and right hind.
 
     Raises InputError.
     """

@@ -1,4 +1,5 @@
-"""`python -m pgraph_core.live`: compile the kernels to WebAssembly, into this package.
+"""Command line for `python -m pgraph_core.live`, which compiles the kernels to WebAssembly into
+this package.
 
 For releases, not for users; takes some minutes and `pip install -e .[release]`, which brings the
 linker.
@@ -20,7 +21,7 @@ STACK = 1 << 20  # [bytes]
 
 
 def main() -> None:
-    """Compile, link, and write the module with what it was made of."""
+    """Compile, link and write the module together with its build record."""
     linker = version("ziglang")  # before minutes of compiling
     WASM.write_bytes(linked(*object_of(dispatchers())))
     about = {
@@ -33,7 +34,7 @@ def main() -> None:
 
 
 def linked(code: bytes, exports: list[str]) -> bytes:
-    """The module, linked: it needs nothing but itself."""
+    """Link the module into a self-contained binary."""
     with tempfile.TemporaryDirectory() as folder:
         object_file, wasm = Path(folder, "kernels.o"), Path(folder, "kernels.wasm")
         object_file.write_bytes(code)

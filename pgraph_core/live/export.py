@@ -1,4 +1,5 @@
-"""A living figure: one HTML file in which the reader runs the mechanism, changes it and pulls.
+"""Interactive figures: a single HTML file in which the reader runs, changes and pulls the
+mechanism.
 
 It holds the kernels as WebAssembly, the memory of a run at its start, a recorded run for readers
 without WebAssembly, and a small 3D view; nothing is loaded from anywhere.
@@ -46,7 +47,9 @@ DIGITS = 6  # digits of the numbers of the drawing
 
 
 def recorded(model: Model, scenario: str | None = None, t_end: float | None = None) -> Result:
-    """The run of a figure: of a scenario, or of the model's free motion. Raises InputError."""
+    """Return the run for a figure, from a scenario or the free motion of the model. Raises
+    InputError.
+    """
     mech = Mechanism(model)
     given = model.scenario(scenario) if scenario is not None else None
     end = t_end or (given.t_end if given else USUAL_DURATION)
@@ -63,7 +66,7 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
 def exported(
     model: Model, scenario: str | None, fields: Sequence[str], t_end: float | None, path: Path
 ) -> tuple[Result, str]:
-    """(the run, why it is only recorded or "") of a figure that is written to `path`.
+    """Write a figure to `path`. Return the run, and the reason why it is only a recording, or "".
 
     `fields` are PATH or PATH=low:high of what the reader may change. Raises InputError.
     """
@@ -73,7 +76,7 @@ def exported(
 
 
 def page(run: Result, fields: Sequence[str] = ()) -> str:
-    """The page of a run. Raises InputError for fields that cannot be left open."""
+    """Return the HTML page for a run. Raises InputError for fields that cannot stay open."""
     model = run.mechanism.model
     wanted = [opened(model, one) for one in fields]
     engine = _engine(run, wanted)
@@ -102,7 +105,7 @@ SCRIPTS = ("engine.js", "view.js", "figure.js")
 
 
 def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
-    """Return the data that the scripts compute with, or no runs and the reason."""
+    """Return the data for the scripts to compute with, or no runs and the reason."""
     header, mech = run.header, run.mechanism
     found: dict[str, Any] = {
         "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": header["step"] or STEP,
@@ -143,7 +146,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
 
 
 def usual(run: Result, method: str) -> dict[str, float]:
-    """Return the default {"step" or "rtol": value} of a method: that of the run if possible."""
+    """Return the default {"step" or "rtol": value} for a method, taken from the run if possible."""
     step, rtol = run.header["step"], run.header["rtol"]
     if method == run.header["method"]:
         return {"step": step} if rtol is None else {"rtol": rtol}
@@ -151,7 +154,7 @@ def usual(run: Result, method: str) -> dict[str, float]:
 
 
 def _how(run: Result, method: str) -> str:
-    """Describe the method with which motion is computed here, and the reason for it."""
+    """Describe the method that computes the motion in the figure, and the reason for its choice."""
     header = run.header
     ((name, value),) = usual(run, method).items()
     text = f"{method}, {name} {value:g}{' s' if name == 'step' else ''}"
@@ -175,7 +178,7 @@ def _setup(run: Result, step: float) -> Setup:
 
 
 def _stays(run: Result) -> str:
-    """Why a run cannot travel, "" where it can."""
+    """Return the reason why a run cannot be exported, or "" if it can."""
     if run.header.get("given_torques"):
         return "its torques come from Python, which a browser does not run"
     if run.header.get("inputs"):
@@ -198,7 +201,7 @@ def packed(content: bytes) -> str:
 
 
 class _Drawing:
-    """Pieces of bodies to draw, and their recorded poses."""
+    """The body pieces to draw, and their recorded poses."""
 
     def __init__(self, run: Result, wanted: Sequence[Opened]):
         self.run, self.wanted, self.mech = run, wanted, run.mechanism
@@ -211,13 +214,13 @@ class _Drawing:
         self.parent = self.mech.topology.parent.tolist()
 
     def looks(self, model: Model) -> list[Any]:
-        """Return the looks of the bodies of a model with the same names."""
+        """Return the appearance of the bodies in a model with the same names."""
         bodies = [model.body(name) for name in self.mech.names]
         children, colors = shapes.children_of(self.parent), shapes.branch_colors(self.parent)
         return looks(bodies, children, colors)
 
     def scene(self) -> dict[str, Any]:
-        """The pieces, and where to look."""
+        """Return the pieces and the camera target."""
         model, system = self.mech.model, self.mech.packed.system
         found = self.looks(model)
         up = np.array(GRID[model.up][1])
@@ -273,7 +276,7 @@ class _Drawing:
         return drawn, meshes
 
     def _follow(self, field: Opened, drawn: Sequence[dict[str, Any]]) -> None:
-        """Record the change of the pieces between the two ends of a field's range."""
+        """Record how the pieces change between the two ends of a field's range."""
         ends = (with_numbers(self.mech.model, [field.path], [x]) for x in (field.low, field.high))
         low, high = ([p for look in self.looks(model) for p in look.pieces] for model in ends)
         if not len(low) == len(high) == len(drawn):
@@ -288,7 +291,7 @@ class _Drawing:
                 one["follows"].append((field.path.text, field.path.present, slope))
 
     def recording(self) -> dict[str, Any]:
-        """Times, states and poses of the recorded run."""
+        """Return the times, states and poses from the recorded run."""
         run, rows = self.run, self.rows
         parts = [run.t[rows], run.q[rows], run.v[rows]]
         drawn = [self.pose[..., :3], self.turns]
@@ -299,7 +302,7 @@ class _Drawing:
 
 
 def _facts(run: Result, engine: dict[str, Any]) -> str:
-    """Describe how the run was recorded, and what a change of an open field computes."""
+    """Describe how the run was recorded, and the effect of changing an open field."""
     header = run.header
     step = f"step {header['step']:g} s" if header["step"] else f"rtol {header['rtol']:g}"
     text = f"{run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"

@@ -1,4 +1,4 @@
-"""The kernels as WebAssembly: the module in this package, and whether it is of these sources."""
+"""The kernels as WebAssembly: the packaged module, and a check that it matches the sources."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NAMES = tuple(name for names in KERNELS.values() for name in names)
 
 
 def dispatchers() -> list[Any]:
-    """The kernels, not compiled yet."""
+    """Return the kernels before compilation."""
     package = __name__.rsplit(".", 2)[0]
     return [
         getattr(import_module(f"{package}.engine.{module}"), name)
@@ -43,7 +43,7 @@ def dispatchers() -> list[Any]:
 
 @cache
 def source_hash() -> str:
-    """Hash of all sources that the kernels are compiled from, without comments and docstrings."""
+    """Return a hash of all kernel sources, without comments and docstrings."""
     files = {path for module in KERNELS for path in sources(ENGINE / _file(module))}
     found = hashlib.sha256()
     for path in sorted(files):
@@ -58,7 +58,7 @@ def _file(module: str) -> str:
 
 @cache
 def about() -> dict[str, Any]:
-    """Return the record of the module: the hash of its sources, the versions of the compilers."""
+    """Return the build record of the module, with the source hash and the compiler versions."""
     return json.loads(ABOUT.read_text(encoding="utf-8")) if ABOUT.is_file() else {}
 
 
@@ -68,7 +68,7 @@ def wasm() -> bytes:
 
 
 def stale() -> str:
-    """Return the reason why the module does not belong to these sources, or ""."""
+    """Return the reason why the module does not match the sources, or ""."""
     made = about().get("sources")
     if made == source_hash() and WASM.is_file():
         return ""

@@ -1,4 +1,4 @@
-"""Fields that the reader of a figure may change, and which numbers of the image follow them.
+"""Fields that the reader of a figure may change, and the numbers in the image that depend on them.
 
 The browser must do with a field what Python does. By a rule: every number that changes with it is
 a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
@@ -31,7 +31,7 @@ PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
 
 
 class Opened(NamedTuple):
-    """A field with its range."""
+    """A field and its range."""
 
     path: Path
     low: float
@@ -40,14 +40,14 @@ class Opened(NamedTuple):
 
     @property
     def values(self) -> list[float]:
-        """Return the permitted values with the model's own, or [] if any value is permitted."""
+        """The permitted values, including the model's own, or [] if any value is permitted."""
         if not self.number:
             return []
         return sorted({*np.linspace(self.low, self.high, self.number).tolist(), self.path.present})
 
     @property
     def label(self) -> str:
-        """In words: `mass of lower`."""
+        """The name in words, such as `mass of lower`."""
         inside = " ".join(map(str, self.path.inside))
         axis = {"0": "x", "1": "y", "2": "z"}
         words = [axis.get(w, w.replace("_", " ")) for w in inside.split()]
@@ -87,7 +87,7 @@ def opened(model: Model, given: str) -> Opened:
 
 
 class Follows(NamedTuple):
-    """Places in the image of one method that change with a field, as addresses."""
+    """The addresses in the image for one method that change with a field."""
 
     copies: tuple[tuple[int, float], ...]  # with the factor
     table: tuple[int, ...]  # numbers of the table of bodies, from which the rest is packed
@@ -98,7 +98,7 @@ class Follows(NamedTuple):
 def follows(
     model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any
 ) -> list[tuple[Opened, dict[str, Follows]]]:
-    """Return every field with {method: places that follow it}.
+    """Return each field with the dependent addresses as {method: addresses}.
 
     A field that no rule covers takes some values only. `make(mechanism, method)` returns the run
     of a changed model. Raises InputError if the browser cannot follow a field.
@@ -127,7 +127,7 @@ def follows(
 
 
 class _NoRuleError(InputError):
-    """Numbers of the run follow a field by a rule that the browser does not know."""
+    """Numbers in the run depend on a field in a way that the browser cannot compute."""
 
     def __init__(self, one: Opened, what: str):
         text = f"cannot be left open: {what} follow it by a rule that the browser does not know"
@@ -138,7 +138,7 @@ def _of(
     one: Opened, model: Model, runs: Mapping[str, LiveRun], own: Mapping[str, bytearray],
     make: Any, rng: np.random.Generator,
 ) -> dict[str, Follows]:  # fmt: skip
-    """{method: what follows} of a field. Raises InputError."""
+    """Return the numbers that depend on a field, by method. Raises InputError."""
     values = one.values or [one.low, *rng.uniform(one.low, one.high, VALUES_TRIED), one.high]
     changed = [_made(model, [(one, x)], make, runs) for x in values]
     of = {}
@@ -156,7 +156,7 @@ def _of(
 def _listed(
     run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
 ) -> Follows:
-    """The numbers of each value."""
+    """List the numbers for each value."""
     found, before = [], np.frombuffer(own, np.int64)
     for x, memory in zip(values, theirs):
         words = np.frombuffer(memory, np.int64)
@@ -169,7 +169,7 @@ def _listed(
 def _made(
     model: Model, values: Sequence[tuple[Opened, float]], make: Any, runs: Mapping[str, LiveRun]
 ) -> dict[str, bytearray]:
-    """{method: the image} of the model with these values."""
+    """Return the image for each method, for the model with these values."""
     one, x = values[-1]
     try:
         paths, numbers = [field.path for field, _ in values], [float(x) for _, x in values]
@@ -183,7 +183,7 @@ def _made(
 def _follows(
     run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
 ) -> Follows:
-    """Which numbers are copies or multiples of the value."""
+    """Find the numbers that are copies or multiples of the value."""
     x = np.array(values)
     words = np.stack([np.frombuffer(memory, np.int64) for memory in theirs])
     places = np.flatnonzero((words != np.frombuffer(own, np.int64)).any(axis=0))
@@ -204,7 +204,7 @@ def _follows(
 
 
 def _factor(x: Any, y: Any) -> float | None:
-    """Return c if y equals c x, rounded once, else None."""
+    """Return c if y equals c x with a single rounding, else None."""
     k = int(np.argmax(np.abs(x)))
     for c in (1.0, -1.0, float(y[k] / x[k]) if x[k] else 1.0):
         if np.array_equal(c * x, y):
@@ -220,7 +220,7 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
 def _differs(
     run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
 ) -> str:
-    """Change the image as the browser does and return what differs from `want`, or ""."""
+    """Apply the browser's changes to the image. Return the first difference from `want`, or ""."""
     memory = bytearray(own)
 
     def view(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""A run by one method as a memory image that the WebAssembly kernels step.
+"""A memory image of a run with one method, which the WebAssembly kernels step.
 
 Pointers take 4 bytes there. Numbers and records have the same form there as here; only the structs
 that describe arrays differ, and all that is an address. Arrays that share memory here share it
@@ -36,7 +36,7 @@ ENTRIES, ENTRY, DATA, SHAPE = 8, 16, 24, 32
 
 
 class Root(NamedTuple):
-    """A struct that kernels open by address."""
+    """A struct that the kernels access by address."""
 
     kind: Any  # type of its members
     value: Any  # named tuple
@@ -45,10 +45,12 @@ class Root(NamedTuple):
 
 
 class Image:
-    """Layout of structs and arrays from address `base` on, and their bytes."""
+    """The layout of structs and arrays from address `base`, and their bytes."""
 
     def __init__(self, base: int, roots: Mapping[str, Root], others: Iterable[Any] = ()):
-        """`others` are arrays that no struct names. Nothing is written yet."""
+        """Set up the layout. `others` are arrays that are not part of a struct. Nothing is written
+        yet.
+        """
         self.base, self._roots = base, roots
         arrays = [a for root in roots.values() for a in _arrays(root.kind, root.value)]
         arrays += [*others, *(r.within for r in roots.values() if r.within is not None)]
@@ -67,7 +69,7 @@ class Image:
                 self.at[name] = self.place(root.within) + root.skip
 
     def place(self, array: Any) -> int:
-        """Return the address of an array's first entry."""
+        """Return the address of the first entry in an array."""
         if array.nbytes == 0:
             return self.base
         k, address = self._span_of(array), _address(array)
@@ -78,7 +80,7 @@ class Image:
         return int(np.searchsorted(self._begins, _address(array), side="right")) - 1
 
     def name_of(self, address: int) -> str:
-        """Which struct's array holds an address, in words for a person."""
+        """Return a readable name for the struct whose array contains an address."""
         for name, root in self._roots.items():
             for path, array in _named(root.kind, root.value):
                 place = self.place(array)
@@ -87,7 +89,9 @@ class Image:
         return "numbers of the run"
 
     def bytes(self, changed: Mapping[str, Any]) -> bytearray:
-        """The memory, with these values in the places of the structs' own (links, addresses)."""
+        """Return the memory, with `changed` values in place of those in the structs (links,
+        addresses).
+        """
         found = bytearray(self.size)
         for begin, end, place in zip(self._begins, self._ends, self._places):
             found[place - self.base : place - self.base + end - begin] = _memory(begin, end)
@@ -99,7 +103,7 @@ class Image:
         return found
 
     def _write(self, out: bytearray, kind: Any, value: Any, at: int) -> int:
-        """Write a value at an offset and return the offset of the next one."""
+        """Write a value at an offset and return the offset of the next value."""
         if isinstance(kind, Group):
             for member, part in zip(kind.members, value):
                 at = self._write(out, member, part, at)
@@ -117,7 +121,7 @@ class Image:
 
 
 def size_of(kind: Any) -> int:
-    """Bytes of a struct of this kind."""
+    """Return the size of a struct of this type [bytes]."""
     if isinstance(kind, Group):
         return sum(map(size_of, kind.members))
     return ARRAY + AXIS * kind.ndim if isinstance(kind, Array) else 8
@@ -152,7 +156,7 @@ def _address(array: Any) -> int:
 
 
 def _spans(arrays: Iterable[Any]) -> tuple[list[int], list[int]]:
-    """Return begins and ends of the memory of arrays, with overlapping arrays merged."""
+    """Return the start and end addresses of arrays, merging overlapping arrays."""
     begins: list[int] = []
     ends: list[int] = []
     for begin, end in sorted((_address(a), _address(a) + a.nbytes) for a in arrays if a.nbytes):
@@ -169,7 +173,7 @@ def _memory(begin: int, end: int) -> bytes:
 
 
 def _strides(array: Any) -> tuple[int, ...]:
-    """Return the strides of a contiguous array, also for axes of length 0 or 1."""
+    """Return the strides of a contiguous array, even for axes of length 0 or 1."""
     strides, step = [], array.itemsize
     for n in reversed(array.shape):
         strides.insert(0, step)
@@ -191,7 +195,7 @@ MOST_LIVE_STEPS = 100_000_000  # limit on the steps of a reader's run
 
 
 def offsets(kind: Any) -> dict[str, int]:
-    """{field of a record: where it stands} [bytes]."""
+    """Return the byte offset of each field in a record."""
     return {name: offset for name, (_, offset, *_) in kind.fields.items()}
 
 
@@ -200,7 +204,7 @@ NO_LINKS, NO_RUN_LINKS = Links(), RunLinks(0, 0, 0, 0)
 
 
 class Setup(NamedTuple):
-    """Arguments of a run in addition to the mechanism."""
+    """Arguments for a run in addition to the mechanism."""
 
     scenario: str | None = None
     step: float = 1e-3  # [s]
@@ -209,7 +213,7 @@ class Setup(NamedTuple):
     forces: tuple[Force, ...] = ()  # besides the model's and the scenario's
 
     def options(self, method: str | None) -> Options:
-        """For the plan of a run, of two frames besides the start: the next, and the end."""
+        """Return options for a run with two frames after the start, the next one and the end."""
         adaptive = method in METHODS and METHODS[method].adaptive
         return Options(
             scenario=self.scenario, method=method, step=None if adaptive else self.step,
@@ -219,17 +223,17 @@ class Setup(NamedTuple):
 
 
 def methods_of(mech: Mechanism, setup: Setup) -> tuple[str, ...]:
-    """The methods that a figure of this scene offers."""
+    """Return the methods available to a figure of this scene."""
     plan = plan_of(mech, setup.options("auto"), None, *(setup.state or (None, None)))
     plan = plan.touching
     return TOUCHING if plan.contacts is not None or plan.contact_points else SMOOTH
 
 
 class LiveRun:
-    """Memory of a run at its start, before the state is projected onto its constraints."""
+    """The memory for a run at its start, before the state is projected onto the constraints."""
 
     def __init__(self, mech: Mechanism, setup: Setup, method: str):
-        """Raises InputError where the scene cannot travel."""
+        """Build the image. Raises InputError if the scene cannot be exported."""
         q, v = setup.state or (None, None)
         plan = with_contacts(plan_of(mech, setup.options(method), None, q, v))
         _check(plan)
@@ -269,7 +273,7 @@ class LiveRun:
         self._scene = kept
 
     def memory(self) -> bytearray:
-        """Return the image. Addresses of kernels are zero and are filled in by `links`."""
+        """Return the image. Kernel addresses are zero and are filled in through `links`."""
         at_, steps = self.image.at, self.record.steps
         kept = self._scene._replace(links=NO_LINKS._replace(contacts=at_.get("contacts", 0)))
         kept = kept._replace(user=kept.user._replace(address=0))
@@ -285,7 +289,9 @@ class LiveRun:
         return self.image.place(self.record.steps.control_table)
 
     def links(self) -> list[tuple[int, str]]:
-        """(address, name of the kernel whose number in the table of functions belongs there)."""
+        """Return (address, kernel name) pairs. The kernel's index in the function table is stored
+        at the address.
+        """
         scene, run, found = self.image.at["scene"], self.image.at["run"], list[tuple[int, str]]()
         names = _kernels(self.plan.method.name)
         for kind, start, value in (
@@ -304,7 +310,7 @@ class LiveRun:
         return found
 
     def lengths(self) -> list[int]:
-        """Addresses of what is the mechanism's length."""
+        """Return the addresses that contain the length of the mechanism."""
         found = [self._control + CONTROL["length"]]
         if (touching := self.record.scene.touching) is not None:
             tally = touching._kept.tally
@@ -358,7 +364,7 @@ class LiveRun:
 
 
 def _logged(image: Image, touching: Any) -> int:
-    """Return the address of the number of logged phase changes, 0 without contacts."""
+    """Return the address of the number of logged phase changes, or 0 without contacts."""
     if touching is None:
         return 0
     tally = touching._kept.tally
@@ -366,7 +372,7 @@ def _logged(image: Image, touching: Any) -> int:
 
 
 def _check(plan: Any) -> None:
-    """Raises InputError where a run changes its equations on the way."""
+    """Raise InputError if the equations change during the run."""
     if plan.changes or plan.conditions:
         text = "switches constraints on the way, which a live figure cannot do; choose another "
         text += "scenario, or export the recording without --live"
@@ -377,7 +383,9 @@ def _check(plan: Any) -> None:
 
 
 def _kernels(method: str) -> Mapping[int, str]:
-    """{address here: name} of the kernels that runs call by address: compiled ones, as they do."""
+    """Return {address: name} for the kernels that runs call by address, limited to compiled
+    kernels.
+    """
     names = [motion.acceleration, motion.projection, motion.record, motion.constrain]
     names.append(METHODS[method].kernel)
     if method == "moreau_jean":

@@ -1,4 +1,6 @@
-"""The description of a multibody system: frozen, validated, with every problem said at once."""
+"""The description of a multibody system, which is immutable and validated. All problems are
+reported at once.
+"""
 
 from ..curves import Polynomial as Polynomial
 from ..curves import Sine as Sine

@@ -1,4 +1,4 @@
-"""One row of the table: a body, and the joint that ties it to its parent."""
+"""A row of the table, consisting of a body and the joint that connects it to its parent."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ def _motions_in(value: Sequence[tuple[str, npt.ArrayLike]]) -> tuple[tuple[Motio
 def _limits_in(
     value: Limit | Sequence[Limit],
 ) -> tuple[tuple[Number | None, Number | None] | None, ...]:
-    """One [least, greatest] for all motions, or one a motion."""
+    """Convert limits given as one [minimum, maximum] pair for all motions or as one per motion."""
     return listed(value)
 
 
 def _shape_in(value: Shape | Mapping[str, Any] | None) -> Shape | None:
-    """A shape, or its fields."""
+    """Convert a shape, given as an object or as its fields."""
     return value  # type: ignore[return-value]
 
 
@@ -80,7 +80,7 @@ Derived = Literal["mass", "com", "inertia", "tip"]
 
 
 def _shapes_in(value: Sequence[Shape | Mapping[str, Any]]) -> tuple[Shape, ...]:
-    """Shapes, or their fields."""
+    """Convert shapes, given as objects or as their fields."""
     return value  # type: ignore[return-value]
 
 
@@ -90,7 +90,7 @@ def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
 
 
 class Body(Described):
-    """A rigid body and its joint, in SI units and the frames of docs/conventions.md."""
+    """A rigid body with its joint, in SI units and the frames defined in docs/conventions.md."""
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
         ("joint", "dof", "axes", "motions"), JOINT_FIELDS
@@ -219,7 +219,7 @@ class Body(Described):
 
         @property
         def dof(self) -> int:
-            """Degrees of freedom of the joint, 0 to 6."""
+            """The number of degrees of freedom of the joint, 0 to 6."""
             return joints.nv(self.sequence)
 
     @model_validator(mode="before")
@@ -308,7 +308,7 @@ class Body(Described):
 
     @property
     def touching(self) -> tuple[Shape, ...]:
-        """The shapes that touch others."""
+        """The shapes that take part in contact."""
         return tuple(s for s in self.shapes if s.role != "visual")
 
     @cached_property
@@ -318,11 +318,11 @@ class Body(Described):
 
     @cached_property
     def tip_point(self) -> tuple[float, float, float]:
-        """`tip`, or the centre of mass where none is given, in body axes [m]."""
+        """The point `tip` in body axes [m], by default the centre of mass."""
         return self.com if self.tip is None else self.tip
 
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
-        """Return a copy with changed fields."""
+        """Return a copy with changed fields, without validation."""
         if ("shape" in update) != ("shapes" in update):
             update = {**update, **self._shapes_after(update)}
         return super().unchecked_copy(update)
@@ -341,7 +341,7 @@ class Body(Described):
         return {name: value for name, value in kept.items() if name not in gone}
 
     def _shapes_after(self, update: Mapping[str, Any]) -> dict[str, Any]:
-        """`shape` and `shapes` where one of them is given."""
+        """Return the updated `shape` and `shapes` if either of them is given."""
         if "shapes" in update:
             shapes = tuple(update["shapes"])
             return {"shape": shapes[0] if shapes else None}
@@ -350,7 +350,7 @@ class Body(Described):
 
 
 def _alike(a: Any, b: Any) -> bool:
-    """True if two derived values agree up to rounding."""
+    """Return True if two derived values agree to within rounding."""
     size = np.abs(b).max(initial=0.0)
     return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= NOTABLE * size)
 
@@ -376,7 +376,9 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
 
 
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
-    """Fill in `motions`. `axes` alone gives the directions of the kind's own motions."""
+    """Fill in `motions`. With `axes` alone, they are the directions for the motions of this
+    kind.
+    """
     given = listed(data.get("motions"))
     try:
         motions = tuple(_motion(*m) for m in given) if given else joints.DEFAULT[kind]
@@ -412,7 +414,7 @@ LETTERS = {
 
 
 def _directions(axes: Any) -> tuple[Any, ...] | None:
-    """Return one (x, y, z) per motion, None for anything else.
+    """Return one (x, y, z) per motion, or None for anything else.
 
     Outer brackets may be missing, and "y" or "-y" stand for a direction.
     """
@@ -452,7 +454,7 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
 
 
 def _limits(value: Any, count: int) -> Any:
-    """One pair or None a motion, from that, from one pair for all, or () where nothing is bounded.
+    """Return one pair or None per motion, expanding a single pair, or () if there are no bounds.
 
     Anything else is left for the field to refuse.
     """
@@ -467,7 +469,7 @@ def _limits(value: Any, count: int) -> Any:
 
 
 def _bound(pair: Any) -> Any:
-    """Return a pair with None for infinite bounds, or None for a pair without bounds."""
+    """Return a pair with None for infinite bounds, or None if there are no finite bounds."""
     if isinstance(pair, tuple) and len(pair) == 2:
         pair = tuple(None if x == end else x for x, end in zip(pair, (-math.inf, math.inf)))
     return None if pair in ((), (None, None)) else pair
@@ -478,7 +480,9 @@ def _count(n: int) -> str:
 
 
 def name_problems(name: str) -> list[Finding]:
-    """Names that would not show as they are, or that mean something else."""
+    """Return problems with names that would not display correctly or that have a special
+    meaning.
+    """
     if text := name_problem(name):
         return [("name", text)]
     if name == GROUND:
@@ -489,7 +493,7 @@ def name_problems(name: str) -> list[Finding]:
 
 
 def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
-    """Symmetry, positive semidefiniteness and the triangle inequality of the inertia."""
+    """Check the inertia for symmetry, positive semidefiniteness and the triangle inequality."""
     size = max(abs(x) for row in inertia for x in row)
     if any(abs(inertia[i][j] - inertia[j][i]) > SOLVED * size for i, j in ((0, 1), (0, 2), (1, 2))):
         return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
@@ -516,7 +520,7 @@ def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
 
 
 def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
-    """True if tr(I)/2 - I + slack is positive definite, by the pivots of Cholesky's method.
+    """Return True if tr(I)/2 - I + slack is positive definite, using the Cholesky pivots.
 
     This is the triangle inequality, from which the rest follows, without eigenvalues.
     """
@@ -530,7 +534,7 @@ def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> b
 
 
 def _principal_moments(inertia: tuple[tuple[float, ...], ...]) -> tuple[float, float, float]:
-    """Eigenvalues of a symmetric 3x3 matrix, ascending."""
+    """Return the eigenvalues of a symmetric 3x3 matrix in ascending order."""
     (a, d, e), (_, b, f), (_, _, c) = inertia
     if d == e == f == 0.0:
         low, middle, high = sorted((a, b, c))

@@ -1,4 +1,4 @@
-"""Checks that parts form a multibody system: the tree, and references by name."""
+"""Checks that parts form a valid multibody system, covering the tree and references by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Bodies = Mapping[str, Body | None]  # bodies by name, None for invalid ones
 
 
 def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]:
-    """Duplicate names, unknown parents and cycles of the table."""
+    """Return duplicate names, unknown parents and cycles in the table."""
     found: list[Problem] = []
     row: dict[str, int] = {}
     for i, name in enumerate(names):
@@ -50,7 +50,7 @@ def _cycle_problem(cycle: list[str]) -> Problem:
 
 
 def _cycles(names: Sequence[str], parents: Sequence[str], row: dict[str, int]) -> list[list[str]]:
-    """Return each cycle once, as the names along it, in O(n)."""
+    """Return each cycle once, as the list of its names, in O(n)."""
     state = dict.fromkeys(
         (name for name in names if name != GROUND), 0
     )  # 0 new, 1 on the present path, 2 done
@@ -69,7 +69,7 @@ def _cycles(names: Sequence[str], parents: Sequence[str], row: dict[str, int]) -
 
 
 def unique(kind: str, names: Iterable[str]) -> list[Problem]:
-    """Empty and duplicate names of constraints, forces, scenarios."""
+    """Return empty and duplicate names among constraints, forces or scenarios."""
     found: list[Problem] = []
     seen: set[str] = set()
     for i, name in enumerate(names):
@@ -83,7 +83,7 @@ def unique(kind: str, names: Iterable[str]) -> list[Problem]:
 
 
 def unknown(name: str, bodies: Bodies, *others: str) -> str:
-    """Return the error of a name that is neither a body's nor one of `others`, else ""."""
+    """Return an error for a name that is neither a body nor in `others`, else ""."""
     if name in bodies or name in others:
         return ""
     return f"no body is named '{name}'; choose one of {choices((*others, *bodies))}"
@@ -92,7 +92,7 @@ def unknown(name: str, bodies: Bodies, *others: str) -> str:
 def pair_problems(
     part: Constraint | Force | Contact, where: str, bodies: Bodies, *anyone: str
 ) -> list[Problem]:
-    """Unknown bodies in `body` and `other`, and a body together with itself.
+    """Check for unknown bodies in `body` and `other`, and for a body paired with itself.
 
     `anyone` are names that stand for bodies.
     """
@@ -111,7 +111,9 @@ _TIED = {"constraint": "constrained to", "force": "tied to", "contact": "in cont
 
 
 def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Problem]:
-    """Unknown bodies, a body constrained to itself, coordinates that a joint lacks, no radius."""
+    """Check constraints for unknown bodies, self-constraints, invalid joint coordinates and missing
+    radii.
+    """
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
@@ -145,14 +147,14 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
 
 
 def fits_joint(c: Constraint, bodies: Bodies) -> bool:
-    """True if these bodies' joints have the coordinates of a constraint."""
+    """Return True if the joints of these bodies have the coordinates in a constraint."""
     if isinstance(c, Sum):
         return not sum_problems(c, "", bodies, isinstance(c, Coupling), ours=True)
     return not _joint_problems(c, "", bodies)
 
 
 def _coordinate_problem(body: Body, coordinate: int) -> str:
-    """Return the problem of a coordinate that must have its own position, or ""."""
+    """Return the problem with a coordinate that must have its own position, or ""."""
     if coordinate >= body.dof:
         return f"the joint of '{body.name}' has {body.dof} degrees of freedom; given {coordinate}"
     if not _has_position(body, coordinate):
@@ -165,7 +167,8 @@ def _coordinate_problem(body: Body, coordinate: int) -> str:
 def sum_problems(
     part: OfSums, where: str, bodies: Bodies, of_positions: bool, *, ours: bool = False
 ) -> list[Problem]:
-    """Return the problems of the coefficients of a sum, with `ours` only those of these bodies.
+    """Return problems with the coefficients in a sum. With `ours`, check only those for these
+    bodies.
 
     A sum of positions (`of_positions`) has no terms of balls and free joints.
     """
@@ -185,7 +188,7 @@ def sum_problems(
 
 
 def contact_problems(items: Sequence[Contact], bodies: Bodies) -> list[Problem]:
-    """Unknown bodies, a body against itself, and bodies without a shape to touch with."""
+    """Check contacts for unknown bodies, self-contact and bodies without a contact shape."""
     found = unique("contact", [c.name for c in items])
     for c in items:
         where = f"contact '{c.name}'"
@@ -204,7 +207,7 @@ def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
 
 
 def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list[Problem]:
-    """Unknown bodies, coordinates that a joint lacks, a servo on a ball's angle."""
+    """Check forces for unknown bodies, invalid joint coordinates and servos on a ball's angle."""
     found = unique("force", [f.name for f in items])
     for f in items:
         where = f"{of}force '{f.name}'"
@@ -233,7 +236,9 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
 
 
 def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
-    """Forces with limits that are not the model's: limits act in the model as a whole."""
+    """Return problems for forces outside the model that have limits, which act in the model as a
+    whole.
+    """
     text = "limits of a {0} act in the model's own forces alone; add the {0} to the model"
     return [
         Problem(f"{of}force '{f.name}'", "low", text.format(f.kind))
@@ -248,7 +253,7 @@ def _has_position(body: Body, coordinate: int) -> bool:
 
 
 def soles_among(contacts: Sequence[Contact]) -> list[str]:
-    """Names of the contacts that may be feet: one point over the ground."""
+    """Return the names of contacts that can serve as feet, single points over the ground."""
     return [c.name for c in contacts if len(c.points) == 1 and c.other == GROUND]
 
 
@@ -259,7 +264,9 @@ def scenario_problems(
     contacts: Sequence[str],
     soles: Sequence[str] = (),
 ) -> list[Problem]:
-    """Unknown names, states of the wrong length, and the problems of its own forces."""
+    """Check scenarios for unknown names, states of the wrong length and problems with their own
+    forces.
+    """
     found = unique("scenario", [s.name for s in items])
     for s in items:
         where = f"scenario '{s.name}'"
@@ -287,7 +294,7 @@ def scenario_problems(
 def _active_problems(
     where: str, kind: str, names: Sequence[str], known: Sequence[str]
 ) -> list[Problem]:
-    """Names in a scenario's list that no part of that kind has, or that stand there twice."""
+    """Check a scenario's list for duplicates and for names that no part of that kind has."""
     found = []
     for i, name in enumerate(names):
         if name not in known:
@@ -299,7 +306,7 @@ def _active_problems(
 
 
 def switch_problems(switches: Sequence[Switch], constraints: Sequence[str]) -> list[str]:
-    """Names that no constraint has, and constraints that are switched twice at once."""
+    """Return unknown constraint names, and constraints that are switched twice at the same time."""
     found = []
     do = f"choose one of {choices(constraints)}" if constraints else "the model has no constraint"
     for i, s in enumerate(switches):
@@ -311,7 +318,7 @@ def switch_problems(switches: Sequence[Switch], constraints: Sequence[str]) -> l
 
 
 def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bodies) -> list[str]:
-    """Return the problems of the q or v of a body in a scenario."""
+    """Return problems with the q or v of a body in a scenario."""
     if name not in bodies:
         return [f"no body is named '{name}'; choose one of {choices(bodies)}"]
     body = bodies[name]
@@ -336,7 +343,7 @@ def reference_problems(
     names: tuple[Sequence[str], Sequence[str]],
     parameters: Mapping[str, float],
 ) -> list[Problem]:
-    """Return the problems of references by name between parts.
+    """Return problems with references by name between parts.
 
     `names` are those of all constraints and all contacts, refused ones included.
     """
@@ -355,7 +362,7 @@ def reference_problems(
 def varying_problems(
     parts: Sequence[Sequence[Described]], scenarios: Sequence[Scenario], known: Known
 ) -> list[Problem]:
-    """Return the problems of the expressions of parts, and of the forces of scenarios."""
+    """Return problems with expressions in parts, and in the forces of scenarios."""
     found = [problem for some in parts for problem in expression_problems(some, known)]
     for s in scenarios:
         found += expression_problems(s.forces, known, f"scenario '{s.name}', ")
@@ -366,7 +373,7 @@ def varying_problems(
 
 
 def site_problems(sites: Sequence[Site], bodies: Bodies) -> list[Problem]:
-    """Unknown bodies, and names that bodies have: both are frames that calls name."""
+    """Check sites for unknown bodies and for names shared with a body, since both name frames."""
     found = unique("site", [s.name for s in sites])
     for s in sites:
         if text := unknown(s.body, bodies, GROUND):
@@ -382,7 +389,7 @@ def site_problems(sites: Sequence[Site], bodies: Bodies) -> list[Problem]:
 def output_problems(
     outputs: Sequence[Output], bodies: Bodies, sites: Sequence[str]
 ) -> list[Problem]:
-    """Unknown bodies and sites, and coordinates that joints do not have."""
+    """Check outputs for unknown bodies and sites, and for invalid joint coordinates."""
     found = unique("output", [o.name for o in outputs])
     for o in outputs:
         where = f"output {shown(o.name)}"
@@ -407,7 +414,9 @@ def output_problems(
 
 
 def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Problem]:
-    """Contacts whose static friction is below the kinetic friction that the ground gives them."""
+    """Return contacts whose static friction is below the kinetic friction inherited from the
+    ground.
+    """
     found = []
     for c in contacts:
         if c.friction is None and c.static_friction is not None:
@@ -420,7 +429,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
 def model_problems(
     parts: Mapping[str, Sequence[Any]], ground: Ground, parameters: Mapping[str, float]
 ) -> list[Problem]:
-    """Return the problems between the parts of a model, each valid by itself."""
+    """Return problems between the parts of a model, each of which is valid individually."""
     bodies = parts["bodies"]
     others = {key: parts[key] for key in PARTS if key != "bodies"}
     names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
@@ -445,7 +454,7 @@ PARTS: dict[str, type[Described]] = {
 
 
 def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]:
-    """Everything wrong with `data` as a model whose fields are `known`, in the order given."""
+    """Return all problems in `data` as a model with the fields `known`, in the order given."""
     found = [Problem("model", key, no_such_field(key, known)) for key in data if key not in known]
     world = {key: data[key] for key in World.model_fields if key in data}
     found += part_problems(World, world, "model")
@@ -477,7 +486,7 @@ def _names(items: Any) -> list[str]:
 
 
 def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
-    """Return the part without its refused fields, to check the other names, or None.
+    """Return the part without its invalid fields, so that other names can be checked, or None.
 
     A body is not repaired, because its joint decides which forces and states fit.
     """

@@ -1,4 +1,4 @@
-"""Bodies from NumPy columns: one entry a row, or one for all rows."""
+"""Bodies from NumPy columns, with one entry per row or one for all rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ LEVELS = {"link": 1, "axes": 1, "com": 1, "tip": 1, "rotation": 1, "inertia": 2}
 def bodies_of(
     parent: Any, names: Iterable[str] | None, columns: Mapping[str, Any]
 ) -> tuple[Body, ...]:
-    """Return a body for each entry of `parent` (nb,), rows from 1 with 0 for the ground.
+    """Return a body for each entry in `parent` (nb,), with rows numbered from 1 and 0 for the
+    ground.
 
     `columns` holds fields of `Body`: nb entries, or one for all. Raises ModelError.
     """
@@ -56,7 +57,7 @@ def _rows(name: str, value: Any, n: int) -> list[Any]:
 
 
 def _array(name: str, value: Any) -> Any:
-    """Return a column as an array, of objects where its entries differ in length."""
+    """Return a column as an array, with dtype object if its entries differ in length."""
     try:
         return array_of(value)
     except ValueError:

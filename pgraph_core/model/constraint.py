@@ -1,4 +1,4 @@
-"""Constraints between two bodies, or a body and the ground, that are no joints of the tree.
+"""Constraints between two bodies, or a body and the ground, in addition to the joints of the tree.
 
 One class a kind; `Constraint(kind=...)` makes them too.
 """
@@ -37,12 +37,12 @@ KIND = (
 
 
 def _followed(value: Curve | str | Mapping[str, Any]) -> Curve:
-    """A function of time."""
+    """Convert a function of time, given as a curve, an expression or fields."""
     return value  # type: ignore[return-value]
 
 
 class Constraint(OfKinds):
-    """Holds `body` against another body or the ground. What each kind holds: its class.
+    """A constraint on `body` relative to another body or the ground. See the class for each kind.
 
     The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
     Orientation, Gear, Motion, Rolling, Skate, Velocity, Coupling.
@@ -59,7 +59,7 @@ class Constraint(OfKinds):
     active: Flag = field("true or false", default=True)
 
     def __init__(self, /, **data: Any):
-        """A constraint of the given kind. Raises ModelError."""
+        """Create a constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
 
 
@@ -67,11 +67,11 @@ class Constraint(OfKinds):
 
 
 class ToOther(WithOther, Constraint):
-    """Between `body` and `other`."""
+    """A constraint between `body` and `other`."""
 
 
 class AtPoints(AtPoint, ToOther):
-    """Between a point of `body` and one of `other`."""
+    """A constraint between a point on `body` and a point on `other`."""
 
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; left out: where `point` is in the "
@@ -82,7 +82,7 @@ class AtPoints(AtPoint, ToOther):
 
 
 class AlongAxes(AtPoints):
-    """Between points, and between a direction of `body` and one of `other`."""
+    """A constraint between points, and between a direction in `body` and one in `other`."""
 
     axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`",
@@ -102,7 +102,7 @@ class AlongAxes(AtPoints):
 
 
 class Point(AtPoints):
-    """`point` of `body` stays at `other_point` of `other`."""
+    """A constraint that keeps `point` on `body` at `other_point` on `other`."""
 
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "holds a point of one body at a point of the other: 3 rows"
@@ -110,7 +110,7 @@ class Point(AtPoints):
 
 
 class Weld(AtPoints):
-    """`body` stays at its place and orientation against `other`."""
+    """A constraint that fixes the position and orientation of `body` relative to `other`."""
 
     ROWS: ClassVar[int] = 6
     ABOUT: ClassVar[str] = "holds point and orientation, as if glued: 6 rows"
@@ -118,7 +118,7 @@ class Weld(AtPoints):
 
 
 class Revolute(AlongAxes):
-    """A hinge: the points coincide, and `axis` stays along `other_axis`."""
+    """A hinge. The points coincide, and `axis` stays parallel to `other_axis`."""
 
     ROWS: ClassVar[int] = 5
     ABOUT: ClassVar[str] = "a hinge: point, and one axis along the other: 5 rows"
@@ -126,7 +126,7 @@ class Revolute(AlongAxes):
 
 
 class Prismatic(AlongAxes):
-    """A slider: the orientation stays, and `point` stays on the line along `other_axis`."""
+    """A slider. The orientation is fixed, and `point` stays on the line along `other_axis`."""
 
     ROWS: ClassVar[int] = 5
     ABOUT: ClassVar[str] = "a slider: orientation, and the point on a line: 5 rows"
@@ -134,7 +134,7 @@ class Prismatic(AlongAxes):
 
 
 class Cylindrical(AlongAxes):
-    """`axis` stays along `other_axis`, and `point` on that line."""
+    """A constraint that keeps `axis` parallel to `other_axis` and `point` on that line."""
 
     ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "slides and turns: one axis along the other: 4 rows"
@@ -142,7 +142,7 @@ class Cylindrical(AlongAxes):
 
 
 class Universal(AlongAxes):
-    """The points coincide, and `axis` stays normal to `other_axis`."""
+    """A universal joint. The points coincide, and `axis` stays normal to `other_axis`."""
 
     ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "point, and two axes at a right angle: 4 rows"
@@ -157,7 +157,7 @@ class Universal(AlongAxes):
 
 
 class Distance(AtPoints):
-    """A rod without mass: the points stay `length` apart."""
+    """A massless rod that keeps the points `length` apart."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a massless rod: two points a length apart: 1 row"
@@ -173,7 +173,7 @@ class Distance(AtPoints):
 
 
 class OneDirection(AlongAxes):
-    """A constraint with one given direction of two."""
+    """A constraint for which only one of two directions is given."""
 
     OF: ClassVar[str] = ""
 
@@ -186,7 +186,7 @@ class OneDirection(AlongAxes):
 
 
 class Line(OneDirection):
-    """`point` stays on the line through `other_point` along the direction."""
+    """A constraint that keeps `point` on the line through `other_point` along the direction."""
 
     ROWS: ClassVar[int] = 2
     ABOUT: ClassVar[str] = "the point stays on a line: 2 rows"
@@ -195,7 +195,9 @@ class Line(OneDirection):
 
 
 class Plane(OneDirection):
-    """`point` stays on the plane through `other_point` normal to the direction."""
+    """A constraint that keeps `point` on the plane through `other_point` normal to the
+    direction.
+    """
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "the point stays on a plane: 1 row"
@@ -204,7 +206,7 @@ class Plane(OneDirection):
 
 
 class Orientation(ToOther):
-    """The orientation of `body` against `other` stays as it is at first."""
+    """A constraint that keeps the initial orientation of `body` relative to `other`."""
 
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "the orientation stays, the place is free: 3 rows"
@@ -215,11 +217,11 @@ class Orientation(ToOther):
 
 
 class InJoints(Constraint):
-    """Acts on coordinates of joints, not between places of bodies."""
+    """A constraint on joint coordinates, not on positions between bodies."""
 
 
 class OfOne(InJoints):
-    """Acts on one coordinate of the joint of `body`."""
+    """A constraint on one coordinate of the joint of `body`."""
 
     coordinate: Whole = field(
         "the number of a degree of freedom of the joint of `body`, from 0",
@@ -228,7 +230,7 @@ class OfOne(InJoints):
 
 
 class Gear(OfOne):
-    """q of the joint of `body` = ratio x q of the joint of `other` + offset."""
+    """A gear with q of the joint of `body` = ratio x q of the joint of `other` + offset."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "one joint follows another: q = ratio × q + offset"
@@ -258,7 +260,9 @@ class Gear(OfOne):
 
 
 class Motion(OfOne):
-    """The joint of `body` follows a function of time, with whatever force that takes."""
+    """A prescribed motion. The joint of `body` follows a function of time, with whatever force is
+    required.
+    """
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
@@ -274,7 +278,7 @@ class Motion(OfOne):
 
 
 class Rolling(AlongAxes):
-    """A sphere, or where `axis` is given a disc, rolls on a plane without slip."""
+    """A sphere, or a disc if `axis` is given, that rolls on a plane without slip."""
 
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
@@ -286,7 +290,9 @@ class Rolling(AlongAxes):
 
 
 class Skate(AtPoint, ToOther):
-    """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
+    """A blade on `body`. The velocity of `point` along `axis`, which is across the blade, is
+    zero.
+    """
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
@@ -305,11 +311,11 @@ class Skate(AtPoint, ToOther):
 
 
 class Sum(OnSum, InJoints):
-    """Acts on the sum of `coefficients` x coordinates of joints."""
+    """A constraint on the sum of `coefficients` x joint coordinates."""
 
 
 class Velocity(Sum):
-    """A weighted sum of joint velocities is constant: the sum of coefficients x v is `value`."""
+    """A constant weighted sum of joint velocities: the sum of coefficients x v is `value`."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a sum of joint velocities has a value (nonholonomic)"
@@ -322,7 +328,7 @@ class Velocity(Sum):
 
 
 class Coupling(Sum):
-    """A weighted sum of joint positions is constant: the sum of coefficients x q is `value`."""
+    """A constant weighted sum of joint positions: the sum of coefficients x q is `value`."""
 
     SINCE: ClassVar[int] = 3
     ROWS: ClassVar[int] = 1

@@ -1,4 +1,4 @@
-"""Contacts: which bodies touch, and the laws of contact."""
+"""Contacts: pairs of bodies that may touch, and the contact laws."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAIRED = 20  # number of bodies up to which every two are a separate contact pai
 
 
 class Frictions(NamedTuple):
-    """Friction coefficients of one contact."""
+    """The friction coefficients for a single contact."""
 
     kinetic: float
     static: float
@@ -24,7 +24,7 @@ class Frictions(NamedTuple):
 
 
 class Contact(Described):
-    """`body` may touch `other`: contact forces only push.
+    """A contact between `body` and `other`. Contact forces only push.
 
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty:
     k d + c d' with Coulomb friction that sticks by a spring; both, without damping, lose what gives
@@ -88,12 +88,12 @@ class Contact(Described):
     active: Flag = field("true or false", default=True)
 
     def _dim_of(self, name: str) -> Dim:
-        """The dimension of a field: those of a soft contact have their own."""
+        """Return the dimension of a field. Soft contacts use different dimensions."""
         soft = {"stiffness": N / M**1.5, "damping": S / M} if self.law == "soft" else {}
         return soft.get(name) or super()._dim_of(name)
 
     def frictions(self, ground: Ground) -> Frictions:
-        """Return the four coefficients, the ground's where the contact has none."""
+        """Return the four coefficients, using the ground's values where the contact has none."""
         kinetic = ground.friction if self.friction is None else self.friction
         static = self.static_friction
         if static is None:
@@ -108,11 +108,11 @@ class Contact(Described):
 
     @property
     def pair(self) -> tuple[str, str]:
-        """The names of `body` and `other`, as they are given."""
+        """The names in `body` and `other`, as given."""
         return self.body, self.other
 
     def touch_name(self, body: str, other: str) -> str:
-        """Return the name in results of its pair of these two bodies, or ""."""
+        """Return the name used in results for this pair of bodies, or ""."""
         many, most = self.body == EVERY, self.other == EVERY
         if (not many and self.body != body) or (not most and self.other != other):
             return ""
@@ -122,7 +122,7 @@ class Contact(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """The names in `body` and `other` but the ground, each once."""
+        """The names in `body` and `other` except the ground, without duplicates."""
         return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @model_validator(mode="after")

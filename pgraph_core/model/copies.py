@@ -1,4 +1,4 @@
-"""A branch of the tree once more: as it is, or reflected from left to right."""
+"""Copies of a branch of the tree, either unchanged or mirrored from left to right."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Names = Mapping[str, str]  # names of the copies by old names
 
 
 def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
-    """Names of the `roots` and of all bodies that they carry, in the order of the rows."""
+    """Return the names of `roots` and all their descendants, in row order."""
     children: dict[str, list[str]] = {}
     for body in rows:
         children.setdefault(body.parent, []).append(body.name)
@@ -38,7 +38,7 @@ def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """Return `name`, or the next free number: femur, femur_2, or 7, 8."""
+    """Return `name`, or the next free numbered name, such as femur, femur_2 or 7, 8."""
     taken = set(taken)
     if name not in taken:
         return name
@@ -55,7 +55,7 @@ def free_name(name: str, taken: Iterable[str]) -> str:
 def names_of_copies(
     names: Iterable[str], taken: Iterable[str], name: Callable[[str], str]
 ) -> dict[str, str]:
-    """A free name for each copy."""
+    """Return an unused name for each copy."""
     used, found = set(taken), {}
     for old in names:
         found[old] = free_name(name(old), used)
@@ -70,7 +70,8 @@ def copied(
     names: Names,
     mirror: Mirror | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """All parts with those of the copied bodies once more, and what could not be copied.
+    """Return all parts including copies for the copied bodies, and a list of parts that cannot be
+    copied.
 
     What touches a copied body and another one ties the copy to that same other body.
     """
@@ -92,7 +93,7 @@ def copied(
 
 
 def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[Body, ...]:
-    """The table with the copies in the rows below the last of their originals."""
+    """Return the table with the copies in the rows below the last original."""
     last = max(i for i, body in enumerate(rows) if body.name in names)
     new = []
     for body in rows:
@@ -104,12 +105,12 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
 
 
 def _takes_point(part: Constraint | Contact | Force) -> bool:
-    """True if `point` of a part has a default place."""
+    """Return True if `point` of a part has a default position."""
     return "point" in type(part).model_fields
 
 
 class _Copy:
-    """Copies what acts on bodies, and notes what has no reflection."""
+    """A copier for parts that act on bodies, which also records parts without a mirror image."""
 
     def __init__(
         self, names: Names, mirror: Mirror | None, root: Body, known: Mapping[str, Body],
@@ -124,13 +125,13 @@ class _Copy:
         return name if self.mirror is None else other_side(name)
 
     def parts(self, parts: Sequence[Any]) -> tuple[list[Any], Names]:
-        """The copies of those that touch a copied body, under free names."""
+        """Return copies of the parts that touch a copied body, with unused names."""
         new = [copy for copy in map(self.part, parts) if copy is not None]
         own = names_of_copies([p.name for p in new], [p.name for p in parts], self.name)
         return [p.unchecked_copy({"name": own[p.name]}) for p in new], own
 
     def part(self, part: Any) -> Any:
-        """Return the copy of a constraint, contact or force with its old name, or None."""
+        """Return the copy of a constraint, contact or force under its old name, or None."""
         if self.names.keys().isdisjoint(part.touches):
             return None
         copy = renamed(part, self.names)
@@ -147,7 +148,7 @@ class _Copy:
         return copy
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
-        """Return the formula of the copy's cell with its reflected sign, None for a number."""
+        """Return the formula for the copied cell with its reflected sign, or None for a number."""
         if f.name not in called:
             return None
         part = probed(next(x for x in parts if x.name == f.name), f.path, 1.0)
@@ -164,7 +165,7 @@ class _Copy:
         return f.unchecked_copy({"name": called[f.name], "path": path, "text": text})
 
     def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
-        """Initial values, forces and the list of active parts for the copies too."""
+        """Extend a scenario's initial values, forces and list of active parts to the copies."""
         states = {}
         for field in ("q", "v"):
             given = getattr(s, field)
@@ -182,7 +183,7 @@ class _Copy:
         return s.unchecked_copy({**states, **active, "forces": forces})
 
     def reflected(self, part: Constraint | Contact | Force | Output) -> dict[str, Any] | None:
-        """Return the changed fields of a part, None if they cannot express its mirror image."""
+        """Return the changed fields of a part, or None if they cannot express its mirror image."""
         assert self.mirror is not None
         if isinstance(part, Output):
             return {}
@@ -200,7 +201,9 @@ class _Copy:
         return change
 
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
-        """True if places on bodies that are not copied are in the frame of the reflection."""
+        """Return True if positions on bodies that are not copied are in the frame of the
+        reflection.
+        """
         own = (*self.names, self.root.parent)
         if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
             return False
@@ -211,7 +214,7 @@ class _Copy:
         )
 
     def _same_coordinates(self, part: Constraint | Contact | Force | Site) -> bool:
-        """Return whether the degrees of freedom of a part keep their values when reflected."""
+        """Return True if the degrees of freedom of a part keep their values under reflection."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
         if isinstance(part, OfSums):
@@ -225,7 +228,7 @@ class _Copy:
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
     def _upright(self) -> bool:
-        """Return whether the parent's axes are world axes at q = 0."""
+        """Return True if the parent's axes are the world axes at q = 0."""
         name = self.root.parent
         while name != GROUND and self.known[name].rotation == (1.0, 0.0, 0.0, 0.0):
             name = self.known[name].parent
@@ -237,7 +240,7 @@ SIDE = re.compile(r"left|right|(?<![a-z])[lr](?![a-z])", re.IGNORECASE)
 
 
 def other_side(name: str) -> str:
-    """The name with left and right, or an l and r that stand alone, swapped."""
+    """Return the name with left and right, or a standalone l and r, swapped."""
 
     def swapped(found: re.Match[str]) -> str:
         word = found[0]
@@ -248,7 +251,7 @@ def other_side(name: str) -> str:
 
 
 class Mirror:
-    """A reflection about the plane normal to axis `k` of the parent's frame, through its origin.
+    """A reflection through the plane normal to axis `k` of the parent's frame, through its origin.
 
     Points, forces and slides are reflected; turns, which are axial vectors, the other way round.
     A body's frame is reflected with its own axis k turned round once more, so that it stays
@@ -271,7 +274,7 @@ class Mirror:
         return (float(w), *self.axial(v))
 
     def coordinates(self, field: str, x: Sequence[float], motions: Sequence[Motion]) -> Any:
-        """q or v of a joint."""
+        """Reflect q or v of a joint."""
         found: list[float] = []
         for m in motions:
             part = x[len(found) : len(found) + SIZE[m.kind][field == "v"]]
@@ -289,12 +292,12 @@ class Mirror:
         return tuple(found)
 
     def keeps(self, body: Body, coordinate: int) -> bool:
-        """True if a degree of freedom of a joint has the same value in the reflection."""
+        """Return True if a degree of freedom of a joint keeps its value under reflection."""
         ones = (1.0,) * body.dof
         return self.coordinates("v", ones, body.sequence)[coordinate] == 1.0
 
     def fields(self, part: Frozen) -> dict[str, Any]:
-        """The fields that the reflection changes, by their roles."""
+        """Return the fields changed by the reflection, according to their roles."""
         of_role = {
             "point": self.point, "direction": self.point, "vector": self.point,
             "axial": self.axial, "frame": self.quaternion, "tensor": self.tensor,
@@ -315,14 +318,14 @@ class Mirror:
         )
 
     def screw(self, rows: Sequence[Any]) -> Any:
-        """(6, 6) numbers between displacements and turns."""
+        """Reflect a (6, 6) matrix between displacements and rotations."""
         signs = (*self.sign, *(-x for x in self.sign))
         return tuple(
             tuple(a * b * x + 0.0 for b, x in zip(signs, row)) for a, row in zip(signs, rows)
         )
 
     def body(self, body: Body) -> Body:
-        """The reflected row, its parent and name as they were."""
+        """Return the reflected row with its original parent and name."""
         motions = tuple(
             (m.kind, self.point(m.axis) if m.kind == "translate" else self.axial(m.axis))
             if m.kind in AXIAL else (m.kind, m.axis)
@@ -339,7 +342,7 @@ class Mirror:
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:
-        """Return a shape at the reflected place.
+        """Return a shape at the reflected position.
 
         Its solid is symmetric about its own planes, except for a mesh and one that tapers along z.
         """
@@ -350,7 +353,7 @@ class Mirror:
         return shape.unchecked_copy(moved)
 
     def value(self, x: Any, reflect: Callable[[Any], Any]) -> Any:
-        """Reflect one value, a table of values over time, or several values."""
+        """Reflect a single value, a table of values over time, or several values."""
         if isinstance(x, VectorTable):
             return x.unchecked_copy({"value": tuple(map(reflect, x.value))})
         if reflect in (self.point, self.axial) and (not x or isinstance(x[0], tuple)):

@@ -1,4 +1,4 @@
-"""Doubts: what is valid and hardly meant, a sentence each. Runs and `pgraph check` repeat them."""
+"""Warnings about valid but implausible input. Runs and `pgraph check` repeat them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ from .world import DOWN
 
 
 def doubts(model: Any) -> list[str]:
-    """Values that hardly fit the rest of a valid model, its units, or that change nothing."""
+    """Return warnings about values that are implausible for the model or its units, or have no
+    effect.
+    """
     bodies = model.bodies
     by_name = {body.name: body for body in bodies}
     return [
@@ -34,7 +36,7 @@ def doubts(model: Any) -> list[str]:
 
 
 def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[str]:
-    """Inertias and links that were left at their defaults."""
+    """Yield warnings about inertias and links that still have their default values."""
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
         arm = body.mass * sum(x * x for x in body.com)
@@ -51,7 +53,7 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
 
 
 def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tuple[str, str]]:
-    """(body, sentence) of joints that were left at the parent's origin though it has a tip."""
+    """Yield (body, warning) for joints at the origin of a parent that has a tip."""
     hung = Counter(body.parent for body in bodies)
     for body in bodies:
         parent = by_name.get(body.parent)
@@ -67,7 +69,7 @@ def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tu
 
 
 def _meshes(bodies: Sequence[Body]) -> Iterator[str]:
-    """Files that are not there."""
+    """Yield warnings about missing mesh files."""
     for body in bodies:
         for shape in body.shapes:
             if shape.file is not None and not Path(shape.file).is_file():
@@ -75,7 +77,7 @@ def _meshes(bodies: Sequence[Body]) -> Iterator[str]:
 
 
 def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Iterator[str]:
-    """Axes of constraints that were left at their default."""
+    """Yield warnings about constraint axes that still have their default values."""
     for c in constraints:
         body = by_name.get(c.body)
         if not isinstance(c, AlongAxes) or body is None or c.axis or c.other_axis:
@@ -89,7 +91,7 @@ def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Ite
 
 
 def _units(model: Any) -> Iterator[str]:
-    """Angles in degrees, gravity in mm/s²: one sentence each."""
+    """Yield warnings about angles in degrees and gravity in mm/s²."""
     pull = math.hypot(*model.gravity)
     if pull > MOST_GRAVITY:
         text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
@@ -109,7 +111,7 @@ def _units(model: Any) -> Iterator[str]:
 
 
 def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
-    """(body, sentence) of inertias that fit the model better in kg mm² or g mm².
+    """Yield (body, warning) for inertias that fit the model better in kg mm² or g mm².
 
     A radius of gyration is a length like all others of the model. Where it is nearer to them when
     it is divided by 1000, it is likely one in millimetres.
@@ -129,12 +131,12 @@ def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
 
 
 def _extent(shape: Any) -> float:
-    """Return a length of a shape [m], 0 for a mesh file."""
+    """Return a characteristic length of a shape [m], or 0 for a mesh file."""
     return max(shape.radius or 0.0, shape.length or 0.0, *(shape.size or shape.radii or (0.0,)))
 
 
 def _starts(bodies: Sequence[Body]) -> Iterator[str]:
-    """Joints that start beyond their limits."""
+    """Yield warnings about joints that start beyond their limits."""
     for body in bodies:
         for k, by in beyond(body.q, body.sequence, body.limits):
             yield (
@@ -144,18 +146,18 @@ def _starts(bodies: Sequence[Body]) -> Iterator[str]:
 
 
 def in_degrees(angle: float) -> bool:
-    """True if an angle that should be in rad looks like degrees."""
+    """Return True if an angle that should be in rad looks like degrees."""
     return abs(angle) >= MOST_ANGLE and angle == round(angle)
 
 
 def several_turns(angle: float, word: str = "q") -> str:
-    """Return the warning about such an angle."""
+    """Return the warning about an angle that looks like degrees."""
     turns = abs(angle) / (2 * math.pi)
     return f"{word} = {angle:g} is {turns:.3g} turns; angles are in rad: np.radians({angle:g})"
 
 
 def _gravity(model: Any) -> Iterator[str]:
-    """Gravity that does not pull down."""
+    """Yield a warning about gravity that does not point down."""
     down, gravity = DOWN[model.up], model.gravity
     if any(gravity) and sum(a * b for a, b in zip(down, gravity)) <= 0.0:
         text = f"gravity {shown(gravity)} does not pull along -{model.up}"
@@ -163,7 +165,7 @@ def _gravity(model: Any) -> Iterator[str]:
 
 
 def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
-    """Numbers of joints that need another one."""
+    """Yield warnings about joint parameters that have no effect without another parameter."""
     for body in bodies:
         if any(x and not k for x, k in zip(body.rest, body.stiffness)):
             yield f"body '{body.name}': rest changes nothing without stiffness of its joint"
@@ -172,7 +174,7 @@ def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
 
 
 def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
-    """Forces that are zero in every motion."""
+    """Yield warnings about forces that are zero in every motion."""
     for f in model.forces:
         where = f"force '{f.name}'"
         if isinstance(f, Servo) and isinstance(f.target, float) and in_degrees(f.target):
@@ -191,7 +193,9 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
 
 
 def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
-    """Why the one joint between the ends of a spring changes neither its length nor its angle."""
+    """Return the reason why the joint between the ends of a spring cannot change its length or
+    angle, or "".
+    """
     body, flipped = by_name[f.body], False
     if body.parent != f.other:
         if f.other == GROUND or by_name[f.other].parent != f.body:
@@ -223,7 +227,7 @@ def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
 
 
 def _along(x: Sequence[float], axis: Vec3) -> bool:
-    """True if a point lies on the axis."""
+    """Return True if a point lies on the axis."""
     square, length = _dot(axis, axis), math.hypot(*x)
     off = [a - _dot(x, axis) / square * b for a, b in zip(x, axis)]
     return math.hypot(*off) <= SOLVED * length
@@ -234,7 +238,7 @@ def _dot(x: Sequence[float], y: Sequence[float]) -> float:
 
 
 def _twice(model: Any) -> Iterator[str]:
-    """Contacts that push the same two bodies apart with the same points."""
+    """Yield warnings about contacts that push the same two bodies apart at the same points."""
     acting = [c for c in model.contacts if c.active]
     for one, other in combinations(acting[:MANY], 2):
         same = one.points == other.points or set(one.points) & set(other.points)
@@ -250,7 +254,7 @@ def _overlap(a: str, b: str) -> bool:
 
 
 def _idle_parameters(model: Any) -> Iterator[str]:
-    """Parameters that no formula and no expression names."""
+    """Yield warnings about parameters that no formula or expression uses."""
     forces = [*model.forces, *(f for s in model.scenarios for f in s.forces)]
     texts = [f.text for f in model.formulas]
     texts += [x for part in (*forces, *model.constraints) for _, _, x in expressions_of(part)]

@@ -1,4 +1,4 @@
-"""Edits of the parts of a model, which make new parts from old ones."""
+"""Edits to the parts of a model. Each edit creates new parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ T = TypeVar("T", bound=Described)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
-    """The body with changed fields, and what changed besides. Raises ModelError."""
+    """Return the body with changed fields, and notices of additional changes. Raises ModelError."""
     known = (*Body.model_fields, "dof")
     changes = words.renamed(changes, known) or changes
     for key in changes:
@@ -68,7 +68,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
 
 
 def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the axes of a joint for another one with as many, {} if they are defaults."""
+    """Return the axes for a new joint with the same number of axes, or {} if they are defaults."""
     if not {"axes", "motions"}.isdisjoint(changes) or not _set(old, "axes"):
         return {}
     kind = {key: changes[key] for key in ("joint", "dof") if key in changes}
@@ -83,7 +83,7 @@ def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[str]]:
-    """A part that is no body with changed fields, and what changed besides. Raises ModelError.
+    """Return a part other than a body with changed fields, and further changes. Raises ModelError.
 
     Where `kind` changes, fields that the new kind does not have go.
     """
@@ -105,7 +105,7 @@ def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[s
 def renamed_in_scenarios(
     scenarios: Sequence[Scenario], key: str, names: Mapping[str, str | None]
 ) -> tuple[tuple[Scenario, ...], list[str]]:
-    """Scenarios with new names of constraints or contacts, and notices of what they lose.
+    """Return scenarios with renamed constraints or contacts, and notices of what they lose.
 
     `key` is "constraints" or "contacts"; a name that is None goes.
     """
@@ -145,7 +145,7 @@ def renamed_in_scenarios(
 def edited_all(
     bodies: Sequence[Body], others: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, Any], list[str]]:
-    """All parts after several bodies were edited, and what changed besides. Raises ModelError.
+    """Return all parts after editing several bodies, and further changes. Raises ModelError.
 
     `others` are the other parts; `parent` in `changes` means new names.
     """
@@ -168,7 +168,7 @@ def edited_all(
 
 
 def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
-    """Return the validated part. A refusal uses its present name, not a refused one."""
+    """Return the validated part. Errors refer to its current name, not to a rejected one."""
     try:
         return kind(**data)
     except ModelError as error:
@@ -176,7 +176,7 @@ def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
 
 
 def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
-    """True if a compound joint gets other kinds of motions, which its q do not fit."""
+    """Return True if a compound joint gets different motion kinds, which its q does not fit."""
     motions = listed(changes.get("motions"))
     if old.joint != "compound" or not isinstance(motions, tuple):
         return False
@@ -187,7 +187,7 @@ def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
 
 
 def _set(body: Body, field: str) -> bool:
-    """True if a joint's field differs from the default of its kind."""
+    """Return True if a joint's field differs from the default for its kind."""
     motions = () if field in ("axes", "motions") else body.motions
     return getattr(body, field) != getattr(
         Body(name="fresh", joint=body.joint, motions=motions), field
@@ -195,7 +195,7 @@ def _set(body: Body, field: str) -> bool:
 
 
 def renamed(part: T, names: Mapping[str, str]) -> T:
-    """The part with new names of bodies in the fields that hold names of bodies."""
+    """Return the part with bodies renamed in the fields that hold body names."""
     known = type(part).model_fields
     old = {field: getattr(part, field) for field in NAMING if field in known}
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
@@ -207,7 +207,7 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
 
 
 def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) -> dict[str, Any]:
-    """All parts of a model with new names of bodies, by old name, in what refers to them."""
+    """Return all parts of a model with bodies renamed, by old name, in every reference to them."""
 
     def swapped(named: Mapping[str, Any]) -> dict[str, Any]:
         return {names.get(key, key): value for key, value in named.items()}
@@ -227,7 +227,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 def in_expressions(
     parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], group: str
 ) -> dict[str, tuple[Any, ...]]:
-    """Forces, constraints and scenarios whose expressions follow new names.
+    """Return forces, constraints and scenarios with renamed names in their expressions.
 
     `group` is "out" for names of outputs and "" for those of parameters.
     """
@@ -249,7 +249,7 @@ def in_expressions(
 def fitted(
     body: Body, name: str, parts: Mapping[str, Sequence[Any]]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the parts that fit a body's new joint, and notices of the removed ones.
+    """Return the parts that fit a body's new joint, and notices of the removed parts.
 
     `name` is the body's former name.
     """
@@ -303,26 +303,26 @@ def fitted(
 
 
 def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
-    """Return the entries of a scenario on constraints, without removed ones."""
+    """Return the scenario entries for constraints, without the removed constraints."""
     switches = tuple(x for x in s.switches if x.constraint not in gone)
     left = followed(switches, ("force", "constraint"), lambda x: None if x in gone else x)
     return {"constraints": _left(s.constraints, gone), "switches": left}
 
 
 def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
-    """A scenario's list of active parts without those that are gone."""
+    """Return a scenario's list of active parts without the removed parts."""
     return active and tuple(name for name in active if name not in gone)
 
 
 def left_behind(old: Body, new: Body, bodies: Sequence[Body]) -> list[str]:
-    """A notice for each child whose joint was at a tip that moved without it."""
+    """Return a notice for each child whose joint was at a tip that moved without it."""
     if old.tip is None or new.tip == old.tip or not any(old.tip):
         return []
     return [stays(new.name, b.name) for b in bodies if b.parent == old.name and b.link == old.tip]
 
 
 def stays(name: str, child: str) -> str:
-    """The notice that a tip moved without the child that hung there."""
+    """Return the notice that a tip moved without the child attached to it."""
     return (
         f"body '{name}': its tip moved alone: the joint of '{child}' stays where the tip was, "
         f"and com and inertia are as before; for another length edit '{child}', link=... too"
@@ -330,7 +330,7 @@ def stays(name: str, child: str) -> str:
 
 
 def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
-    """The notices of moved tips that no longer hold: the child hangs at the tip."""
+    """Return the moved-tip notices that no longer apply because the child is at the tip."""
     return {
         stays(b.parent, b.name)
         for b in bodies if b.parent in row and b.link == bodies[row[b.parent]].tip
@@ -338,7 +338,9 @@ def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
 
 
 def attached(body: Body, gone: Mapping[str, Body]) -> Body:
-    """A child of a body that goes as a child of the next one that stays, at its place at q = 0."""
+    """Return a child of a removed body, attached to the next remaining ancestor at its position at
+    q = 0.
+    """
     while body.parent in gone:
         parent = gone[body.parent]
         ahead = rotate(parent.rotation, body.link)
@@ -355,7 +357,7 @@ def attached(body: Body, gone: Mapping[str, Body]) -> Body:
 def without(
     parts: Mapping[str, Sequence[Any]], names: set[str]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the parts without the bodies `names`, and notices of the removed ones."""
+    """Return the parts without the bodies `names`, and notices of the removed parts."""
 
     def touched(part: Constraint | Contact | Force | Site | Output) -> bool:
         read = {x for x, _ in read_by(part, parts["outputs"])} if isinstance(part, Force) else set()
@@ -419,7 +421,8 @@ CUT = {  # joint kind -> kind of the constraint that is left of it where a loop 
 def cut_joint(
     body: Body, parent: str, taken: Sequence[str], given: Mapping[str, Any]
 ) -> Constraint:
-    """The constraint in place of a joint of `body` to a second parent. Raises ModelError.
+    """Return the constraint that replaces a joint from `body` to a second parent. Raises
+    ModelError.
 
     `given` has joint, name, and fields of the constraint; what is None is as in the body's joint.
     """
@@ -440,6 +443,6 @@ def cut_joint(
 
 
 def free_name(name: str, taken: Sequence[str]) -> str:
-    """The name, with a number behind it where it is taken."""
+    """Return the name, with a numeric suffix if it is taken."""
     numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
     return next(free for free in (name, *numbered) if free not in taken)

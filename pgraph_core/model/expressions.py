@@ -1,4 +1,4 @@
-"""Expressions in the fields of parts: whether their names, units and motions are possible."""
+"""Expressions in the fields of parts, with checks of their names, units and motions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PATHS = {  # output -> what it follows from, which an expression in a force woul
 
 
 def expressions_of(part: Described) -> Iterator[tuple[str, int | None, str]]:
-    """(field, number of the entry or None, text) of each expression of a part."""
+    """Yield (field, entry index or None, text) for each expression in a part."""
     for name, value in fields_of(part).items():
         if name == "name":
             continue
@@ -36,7 +36,7 @@ def expressions_of(part: Described) -> Iterator[tuple[str, int | None, str]]:
 
 
 def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[str, Any]:
-    """The fields of a part whose expressions name a body, or an output, that has another name."""
+    """Return the fields of a part in which an expression names a renamed body or output."""
     found: dict[str, Any] = {}
     for name, k, text in expressions_of(part):
         new = with_names(text, names, groups)
@@ -47,14 +47,14 @@ def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[
 
 
 class Known:
-    """What expressions of a model may name."""
+    """The names that expressions in a model may use."""
 
     def __init__(self, bodies: Bodies, outputs: Sequence[Output], parameters: Mapping[str, float]):
         self.bodies, self.parameters = bodies, parameters
         self.outputs = {o.name: o for o in outputs}
 
     def dim(self, node: Node) -> Dim:
-        """The dimension of a signal. Raises Unreadable for one that there is not."""
+        """Return the dimension of a signal. Raises Unreadable for an unknown signal."""
         group, name, k = node.signal
         if group == "out":
             return self._of_output(node, name, k)
@@ -91,7 +91,9 @@ class Known:
         return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
 
     def problem(self, text: str, wanted: Dim | None, *, of_time: bool = False) -> str:
-        """Why an expression is impossible in a field of dimension `wanted`, "" where it is not."""
+        """Return the reason why an expression is invalid in a field with dimension `wanted`, or
+        "".
+        """
         try:
             tree = parsed(text)
             for node in walk(tree):
@@ -126,13 +128,13 @@ class Known:
 
 
 def kinds_of(body: Body) -> list[Dim]:
-    """The dimension of each degree of freedom of a joint."""
+    """Return the dimension of each degree of freedom in a joint."""
     of = {"rotate": [RAD], "translate": [M], "ball": [RAD] * 3, "free": [RAD] * 3 + [M] * 3}
     return [dim for m in body.sequence for dim in of[m.kind]]
 
 
 def expression_problems(parts: Iterable[Described], known: Known, of: str = "") -> list[Problem]:
-    """Names, units and motions of all expressions of parts that do not fit."""
+    """Return invalid names, units and motions in all expressions of the parts."""
     found = []
     for part in parts:
         for name, _, text in expressions_of(part):
@@ -144,7 +146,7 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
 
 
 def _wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
-    """The dimension of a field, with that of the coordinates on which the part acts."""
+    """Return the dimension of a field, given the coordinates on which the part acts."""
     dim = part._dim_of(name)
     if isinstance(part, OnJoint) and name == part.INPUT and part.own_kind() == "actuator":
         return None  # its gain has any unit
@@ -162,7 +164,7 @@ def _wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
 
 
 def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
-    """(body, degree of freedom) of each joint that the expressions of a part read."""
+    """Return (body, degree of freedom) for each joint that the expressions in a part read."""
     of = {o.name: (o.at, o.coordinate) for o in outputs}
     named = {signal for _, _, text in expressions_of(part) for signal in signals_in(text)}
     return {of.get(name, (name, k)) if group == "out" else (name, k) for group, name, k in named}

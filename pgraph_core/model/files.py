@@ -1,4 +1,4 @@
-"""Model files: JSON with a schema version, one part a line, written whole or not at all."""
+"""Model files in JSON with a schema version and one part per line, written atomically."""
 
 from __future__ import annotations
 
@@ -70,7 +70,9 @@ OTHERS = bytes(set(range(256)) - set(b'[]{}"'))  # all but brackets and quotes
 
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
-    """JSON text of a model's fields, without what a body has anyway (its kind's motions, zeros)."""
+    """Return a model's fields as JSON text, omitting values that are implied (default motions,
+    zeros).
+    """
     data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": 1, **fields}
     _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
@@ -105,20 +107,20 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
 
 
 def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[OfKinds]]]:
-    """(object, key in it, class) of each list of parts that have kinds."""
+    """Yield (object, key, class) for each list of parts that have kinds."""
     yield data, "constraints", Constraint
     for holder in (data, *data["scenarios"]):
         yield holder, "forces", Force
 
 
 def _without_new(kind: type[Frozen], data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a part, without those that schema 1 lacks where they hold their defaults."""
+    """Return the fields of a part, without default values in fields that schema 1 lacks."""
     new = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
     return {k: x for k, x in data.items() if k not in new or x != new[k]}
 
 
 def _versions(data: dict[str, Any]) -> Iterator[int]:
-    """The oldest schema that has what is there, one of each part."""
+    """Yield the oldest schema version that supports each part."""
     yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
     parts = [(Ground, data["ground"])]
@@ -141,7 +143,7 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
 
 
 def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
-    """Each formula into its own cell."""
+    """Put each formula into its own cell."""
     del data["formulas"]
     mine: dict[tuple[str, str], list[Formula]] = {}
     for formula in formulas:
@@ -156,14 +158,16 @@ def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
 
 
 def _of_first_shape(formula: Formula) -> Formula:
-    """Return the formula by a path into `shapes`, whose first one is also `shape`."""
+    """Return the formula with a path into `shapes`, whose first entry is also `shape`."""
     if formula.path[0] != "shape":
         return formula
     return formula.unchecked_copy({"path": ("shapes", 0, *formula.path[1:])})
 
 
 def _concise(body: dict[str, Any]) -> dict[str, Any]:
-    """Without what follows from the rest: a named kind's motions, a compound's axes, zeros."""
+    """Return a body without redundant fields: a named kind's motions, a compound's axes, and
+    zeros.
+    """
     implied = {"axes"} if body["joint"] == "compound" else {"motions"}
     for field in (*PER_MOTION, "v", "limits"):
         if not any(body[field]):
@@ -182,7 +186,7 @@ USUAL = {"role": "both", "opacity": 1.0}  # default fields of shapes, which file
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
-    """True if there is at most one shape, as in schema 1."""
+    """Return True if there is at most one shape, as in schema 1."""
     if len(shapes) > 1:
         return False
     return all(
@@ -194,7 +198,7 @@ def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
-    """The fields in JSON text, its version checked. Raises FileError."""
+    """Parse JSON text into fields and check the version. Raises FileError."""
     try:
         text = text.removeprefix("\ufeff")  # the mark that some editors set
         _refuse_too_large(text, source)
@@ -226,7 +230,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
 
 
 def read(path: str | Path) -> str:
-    """The text of a file. Raises FileError."""
+    """Return the text of a file. Raises FileError."""
     refuse_format(path)
     try:
         return content_of(path, LARGEST).decode()
@@ -241,13 +245,13 @@ def read(path: str | Path) -> str:
 
 
 def refuse_format(path: str | Path) -> None:
-    """Raise FileError with what to do for a file of a format that is not read."""
+    """Raise FileError with advice for a file in an unsupported format."""
     if why := CONVERT.get(Path(path).suffix.lower()):
         raise FileError(Problem(shown_path(path), "", why))
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> None:
-    """Write a file so that its path holds the old content or the new, never a part.
+    """Write a file atomically, so that its path holds either the old or the new content.
 
     Raises FileError.
     """
@@ -276,7 +280,8 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
 
 
 def user_folder(variable: str, below_home: str) -> Path:
-    """Return the folder of this user's files: $variable/pgraph, or below the home.
+    """Return the folder for this user's files, $variable/pgraph or a folder below the home
+    directory.
 
     Without a home, as in some containers, it is a temporary folder.
     """
@@ -288,7 +293,7 @@ def user_folder(variable: str, below_home: str) -> Path:
 
 
 def shown_path(path: str | Path) -> str:
-    """A path as it may stand in a sentence."""
+    """Return a path for display in a message."""
     return str(path) if str(path).isprintable() and str(path) else repr(str(path))
 
 
@@ -299,12 +304,16 @@ def _umask() -> int:
 
 
 def _number(digits: str) -> int | float:
-    """Parse a whole number, infinite beyond all floats, for its field to refuse."""
+    """Parse an integer, or return infinity if it exceeds the float range, for field validation to
+    reject.
+    """
     return int(digits) if len(digits) < 310 else float(digits)
 
 
 def _refuse_too_large(text: str, source: str) -> None:
-    """Limits of size, values and depth, in one pass before anything is built. Raises FileError."""
+    """Check the limits on size, values and depth in a single pass before parsing. Raises
+    FileError.
+    """
     if len(text) > LARGEST:
         size = f"has {len(text) / 1e6:.0f} MB; {LARGEST / 1e6:.0f} MB at most"
         raise FileError(Problem(source, "", size))
@@ -323,7 +332,7 @@ def _refuse_too_large(text: str, source: str) -> None:
 
 
 def _plainly_small(text: str) -> bool:
-    """True if text is within the limits, by counts ten times faster than exact ones."""
+    """Return True if text is within the limits, by counts ten times faster than exact ones."""
     if "\\" in text or text.count(",") + text.count(":") > MOST_VALUES:
         return False
     left = text.encode(errors="replace").translate(SQUARE, OTHERS)
@@ -334,7 +343,7 @@ def _plainly_small(text: str) -> bool:
 
 
 class _Twin(Exception):
-    """A field that is given twice, of which JSON would keep the last."""
+    """A duplicate field, for which JSON would keep the last value."""
 
 
 def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -360,7 +369,7 @@ ALLOW = "allow its folder: roots=[FOLDER] in Python, --root FOLDER in the termin
 def located(
     data: dict[str, Any], folder: str | Path | None, roots: Iterable[str | Path] = ()
 ) -> dict[str, Any]:
-    """The fields of a model with absolute paths of its meshes, which a file names from `folder` on.
+    """Return the fields of a model with absolute mesh paths, resolved relative to `folder`.
 
     Without a folder, names count from the current one on and stay as they are. Raises ModelError
     for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also where `..` or
@@ -419,7 +428,7 @@ def _outside(file: str, folder: Path) -> str:
 
 
 def gathered(bodies: Iterable[Body], folder: Path) -> tuple[Body, ...]:
-    """The bodies as a model file in `folder` holds them: meshes relative to it.
+    """Return the bodies as stored in a model file in `folder`, with relative mesh paths.
 
     The geometry of a mesh from elsewhere is written to `meshes` in it. One that is missing keeps
     its name there. Raises FileError for a file that is no mesh, by the body's name.
@@ -443,7 +452,7 @@ def gathered(bodies: Iterable[Body], folder: Path) -> tuple[Body, ...]:
 
 
 def _carried(body: str, file: Path, folder: Path) -> str:
-    """The path of a mesh relative to `folder`, in which its geometry is from now on."""
+    """Return the path of a mesh relative to `folder`, copying its geometry there if necessary."""
     try:
         inside = file.resolve().is_relative_to(folder.resolve())
         if inside and file.absolute().is_relative_to(folder):
@@ -470,7 +479,7 @@ def _carried(body: str, file: Path, folder: Path) -> str:
 
 
 def _geometry(file: Path, to: Path) -> tuple[Path, bytes]:
-    """Return the path of a mesh's copy and its content: vertices and faces alone.
+    """Return the path and content of a mesh copy, which holds only vertices and faces.
 
     STL stays STL. Other formats become OBJ, which loses no digit.
     """
@@ -481,19 +490,19 @@ def _geometry(file: Path, to: Path) -> tuple[Path, bytes]:
 
 
 def obj_text(vertices: Any, faces: Any) -> bytes:
-    """An OBJ file of vertices (n, 3) and faces (m, 3), which loses no digit."""
+    """Return an OBJ file with vertices (n, 3) and faces (m, 3) at full precision."""
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
     rows += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist()]
     return ("\n".join(rows) + "\n").encode()
 
 
 def mesh_folder() -> Path:
-    """The folder of this user for meshes that came through a page or stood in a model file."""
+    """Return this user's folder for meshes that were uploaded or embedded in a model file."""
     return user_folder("XDG_DATA_HOME", ".local/share") / FOLDER
 
 
 def kept_mesh(name: str, vertices: Any, faces: Any) -> Path:
-    """The path of a mesh that stood in a model file. Raises FileError."""
+    """Store a mesh embedded in a model file and return its path. Raises FileError."""
     content = obj_text(vertices, faces)
     stem = re.sub(r"[^\w-]+", "_", name)[:60] or "mesh"
     path = mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}.obj"

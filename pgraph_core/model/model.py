@@ -1,4 +1,4 @@
-"""The whole description, and the edits that make a new one from it."""
+"""The complete description of a model, and the edits that derive a new model from it."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _formulas_in(value: Iterable[Formula | Mapping[str, Any]]) -> tuple[Formula,
 
 @explained
 class Model(World):
-    """A multibody system: the rows of the table, in order, and what acts on them.
+    """A multibody system, consisting of the table rows in order and the parts that act on them.
 
     Bodies stand in the order of the table, which is also the order of left children. Every
     change makes a new, validated model; the old one stays as it was.
@@ -151,7 +151,7 @@ class Model(World):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        """The digraph and the table of bodies, for notebooks."""
+        """Return the digraph and the table of bodies as HTML, for notebooks."""
         from ..show import model_html
 
         return model_html(self)
@@ -160,7 +160,7 @@ class Model(World):
         self, path: str | Path, /, *, what: Literal["view", "digraph"] = "view",
         size: tuple[int, int] | None = None, view: str = "start", dark: bool = False,
     ) -> None:  # fmt: skip
-        """Draw the mechanism before it moves, or its digraph. No screen is needed.
+        """Draw the mechanism in its initial state, or its digraph. No screen is required.
 
         Parameters
         ----------
@@ -197,19 +197,19 @@ class Model(World):
 
     @cached_property
     def row(self) -> Mapping[str, int]:
-        """Row of the table, from 0, by body name."""
+        """The table row, from 0, for each body name."""
         return {body.name: i for i, body in enumerate(self.bodies)}
 
     @cached_property
     def limited(self) -> bool:
-        """True if a joint, a tendon or a spring has limits."""
+        """Return True if a joint, tendon or spring has limits."""
         return any(any(body.limits) for body in self.bodies) or any(
             end is not None for f in self.forces for end in ends_of(f)
         )
 
     @cached_property
     def notices(self) -> tuple[str, ...]:
-        """Warnings of the last edit, or of reading a file, about additional changes.
+        """Notices of additional changes from the last edit or from reading a file.
 
         A run repeats those of all edits since the model was made or read.
         """
@@ -217,12 +217,12 @@ class Model(World):
 
     @property
     def told(self) -> tuple[str, ...]:
-        """The notices of all edits since the model was made or read."""
+        """The notices from all edits since the model was created or read."""
         return vars(self).get(TOLD, ())
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Sentences on the parts of the file that affect the motion and are missing in the model.
+        """Messages about parts of the file that affect the motion and are missing from the model.
 
         It is empty for files of Pgraph. Edits keep it, and every run repeats it as notices.
         """
@@ -230,22 +230,24 @@ class Model(World):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about implausible values and parts without effect. A run repeats them."""
+        """Warnings about implausible values and parts without effect. They are repeated by each
+        run.
+        """
         return tuple(doubts(self))
 
     def body(self, name: str) -> Body:
-        """The body called `name`. Raises ModelError naming the ones there are."""
+        """Return the body called `name`. Raises ModelError listing the existing names."""
         if name not in self.row:
             text = f"no body has this name; choose one of {choices(self.row)}"
             raise ModelError(Problem(f"body {shown(name)}", "", text))
         return self.bodies[self.row[name]]
 
     def __contains__(self, name: Any) -> bool:
-        """True if the model has a part `name`."""
+        """Return True if the model has a part `name`."""
         return any(part.name == name for key in PARTS for part in getattr(self, key))
 
     def __getitem__(self, name: str, /) -> Part:
-        """The part called `name`, as `part(name)` gives it."""
+        """Return the part called `name`, like `part(name)`."""
         return self.part(name)
 
     @overload
@@ -265,7 +267,7 @@ class Model(World):
     @overload
     def part(self, name: str, /, kind: str | None = None) -> Part: ...
     def part(self, name: str, /, kind: str | None = None) -> Part:
-        """The part called `name`: the body, or the one other part that has this name.
+        """Return the part called `name`, which is the body or the only other part with this name.
 
         Where several have it, `kind` says which: "body", "constraint", "contact", "force",
         "scenario", "site" or "output". Raises ModelError naming the ones there are.
@@ -293,7 +295,7 @@ class Model(World):
         raise ModelError(Problem(f"{word} {shown(name)}", "", f"no {word} has this name; {do}"))
 
     def scenario(self, name: str) -> Scenario:
-        """The scenario called `name`. Raises ModelError naming the ones there are."""
+        """Return the scenario called `name`. Raises ModelError listing the existing names."""
         found = next((s for s in self.scenarios if s.name == name), None)
         if found is None:
             known = choices(s.name for s in self.scenarios)
@@ -302,7 +304,7 @@ class Model(World):
         return found
 
     def point_of(self, constraint: Constraint) -> Vec3:
-        """Return `point` of a constraint in the axes of its body [m].
+        """Return the `point` of a constraint in the axes of its body [m].
 
         The default is the body's tip, and the middle of its shape for rolling.
         """
@@ -315,14 +317,15 @@ class Model(World):
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 of the description: equal hashes, equal physics."""
+        """The SHA-256 hash of the description. Equal hashes mean equal physics."""
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
     # -- making and editing ------------------------------------------------------------------
 
     @classmethod
     def serial(cls, n: int) -> Self:
-        """Return n rods in a row, one hinge each, named "1" to "n": section 4.1's first table.
+        """Return n rods in series, connected by hinges and named "1" to "n", as in the first table
+        of section 4.1.
 
         They are 0.2 m long and slender, lie along x, and turn about y, so that they swing.
         """
@@ -347,7 +350,7 @@ class Model(World):
         gravity: Any = None,
         **columns: Any,
     ) -> Self:
-        """Return a model from a table of nb bodies in NumPy columns.
+        """Return a model from a table of nb bodies given as NumPy columns.
 
         Parameters
         ----------
@@ -370,7 +373,7 @@ class Model(World):
         return cls(name="columns", bodies=bodies_of(parent, names, columns), **given)
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """Return a new model in which the part `name` has the changed fields.
+        """Return a new model in which the fields of the part `name` are changed.
 
         References follow a new name. A body has priority over a part of another kind with the same
         name. `kind="contact"` or the like selects one of several other parts.
@@ -403,7 +406,9 @@ class Model(World):
         return model._made((*model.notices, f'{text}that too: give kind="{twins[0]}" to mean it'))
 
     def _twins(self, name: str, fields: Iterable[str]) -> list[str]:
-        """Kinds of the other parts with a body's name that have all of these fields."""
+        """Return the kinds of the other parts that share a body's name and have all of these
+        fields.
+        """
         wanted = set(fields)
         found = [part for key in self._others() for part in getattr(self, key) if part.name == name]
         return [
@@ -411,7 +416,7 @@ class Model(World):
         ]
 
     def _edit_part(self, old: Part, changes: Mapping[str, Any]) -> Self:
-        """The edit of a constraint, contact, force or scenario."""
+        """Return the model with an edited constraint, contact, force or scenario."""
         key, name = PARTS_OF[old.word()], old.name
         formulas: tuple[Formula, ...] = self.formulas
         if key not in ("scenarios", "sites", "outputs"):
@@ -478,7 +483,8 @@ class Model(World):
         axis: Sequence[float] | None = None,
         other_axis: Sequence[float] | None = None,
     ) -> Self:
-        """Return a new model in which a second body carries `body`: a loop, cut at that joint.
+        """Return a new model in which a second body carries `body`, closing a loop that is cut at
+        that joint.
 
         The cut becomes a constraint of the joint's kind.
 
@@ -532,7 +538,7 @@ class Model(World):
         return model._made((*self.notices, text))
 
     def _where_cut(self, cut: AtPoints) -> str:
-        """Return a sentence on the place at which the loop closes in the initial state."""
+        """Return a message about where the loop closes in the initial state."""
         at = poses(self.bodies)
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
@@ -549,7 +555,7 @@ class Model(World):
         return f"{text}other_point={shown(tip)}"
 
     def _with_formulas(self, name: str, changes: Mapping[str, Any]) -> Self:
-        """The edit of a body that is given formulas in place of some of its numbers."""
+        """Return the model with a body in which formulas replace some numbers."""
         self.body(name)
         numbers, new = cells_of({name: changes}, self.parameters)
         model = self._edit_body(name, numbers[name])
@@ -562,7 +568,7 @@ class Model(World):
     def _with_parents(
         self, name: str, parents: tuple[Any, ...], changes: Mapping[str, Any]
     ) -> Self:
-        """The edit of a body that is given several parents."""
+        """Return the model with a body that has several parents."""
         if not parents:
             raise ModelError(Problem(f"body '{name}'", "parent", "give at least one; given []"))
         model = self._edit_body(name, {**changes, "parent": parents[0]})
@@ -572,7 +578,7 @@ class Model(World):
         return model
 
     def add(self, part: Part, /, *, after: str | None = None) -> Self:
-        """Return a new model with one more part.
+        """Return a new model with one additional part.
 
         Parameters
         ----------
@@ -640,7 +646,7 @@ class Model(World):
         kind: str | None = None,
         children: Literal["attach", "delete"] = "attach",
     ) -> Self:
-        """Return a new model without the part `name`, or several parts.
+        """Return a new model without the part `name`, or without several parts.
 
         Parts that refer to them are removed too and listed in `notices`. A body has priority over a
         part of another kind with the same name. `kind="contact"` or the like selects one of several
@@ -664,7 +670,7 @@ class Model(World):
         return model._made(notices)
 
     def _without_part(self, part: Part) -> Self:
-        """Without a constraint, contact, force or scenario."""
+        """Return the model without a constraint, contact, force or scenario."""
         key, scenarios, notices = PARTS_OF[part.word()], self.scenarios, list[str]()
         if key in ("constraints", "contacts"):
             scenarios, notices = renamed_in_scenarios(scenarios, key, {part.name: None})
@@ -691,7 +697,7 @@ class Model(World):
         return self._with([*told, *notices], bodies=bodies, **kept)
 
     def duplicate(self, name: str | Iterable[str], /, *, subtree: bool = True) -> Self:
-        """Return a new model with a second copy of a body and of what acts on it, such as a second
+        """Return a new model with a copy of a body and the parts that act on it, such as a second
         leg.
 
         The copies have the same parents as the originals, stand in the rows below them, and get
@@ -722,7 +728,7 @@ class Model(World):
         return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))
 
     def mirror(self, name: str, /, plane: Literal["x", "y", "z"] = "z") -> Self:
-        """Return a new model with a mirror image of a branch, such as a right leg of a left one.
+        """Return a new model with a mirror image of a branch, such as a right leg from a left leg.
 
         Names change sides: left_femur, right_femur. Equal coordinates are mirrored poses, except
         for balls and free joints, whose rotations are axial vectors. Parts without a mirror image
@@ -759,7 +765,8 @@ class Model(World):
         return self._with(notices, **parts)
 
     def move(self, name: str | Iterable[str], /, to: int) -> Self:
-        """Return a new model with a body in another row, which changes the order of left children.
+        """Return a new model with a body moved to another row, which changes the order of left
+        children.
 
         Parameters
         ----------
@@ -784,8 +791,8 @@ class Model(World):
         return self._with((), bodies=(*rest[:row], *block, *rest[row:]))
 
     def replace(self, **fields: Any) -> Self:
-        """Return a new model with other `gravity`, `up`, `ground`, `constraints`, `contacts` or the
-        like.
+        """Return a new model with `gravity`, `up`, `ground`, `constraints`, `contacts` or the like
+        replaced.
 
         If `up` changes, gravity that pointed down points down along the new axis too.
         """
@@ -800,13 +807,13 @@ class Model(World):
         return new
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return `replace(...)`, under pydantic's name for it."""
+        """Return `replace(...)`, under the name that pydantic uses."""
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def cells(
         self, part: Body | Constraint | Contact | Force, kind: str = "bodies", /
     ) -> dict[str, Any]:
-        """Return the fields of a part as a file holds them, with formulas in their cells."""
+        """Return the fields of a part as in a file, with formulas in their cells."""
         mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))
         return inlined(part, mine)
 
@@ -832,18 +839,18 @@ class Model(World):
         return model
 
     def _carries(self, new: Body) -> bool:
-        """True if the path from a row to the ground does not pass it again."""
+        """Return True if the path from a row to the ground does not revisit the row."""
         name = new.parent
         while name in self.row and name != new.name:
             name = self.bodies[self.row[name]].parent
         return name == GROUND
 
     def _parts(self) -> dict[str, Any]:
-        """Return all parts, by field."""
+        """Return all parts, grouped by field."""
         return {key: getattr(self, key) for key in PARTS}
 
     def _others(self) -> dict[str, Any]:
-        """Return the parts other than bodies, by field."""
+        """Return the parts other than bodies, grouped by field."""
         return {key: getattr(self, key) for key in PARTS if key != "bodies"}
 
     # -- files -------------------------------------------------------------------------------
@@ -862,7 +869,7 @@ class Model(World):
         folder: str | Path | None = None,
         roots: Iterable[str | Path] = (),
     ) -> Self:
-        """Return the model in JSON text. Raises FileError (not JSON, too new) or ModelError.
+        """Create a model from JSON text. Raises FileError (not JSON, too new) or ModelError.
 
         Meshes are refused outside of `folder` (None: the current folder) and of `roots`. With
         `folder`, they are found from there on.
@@ -877,7 +884,7 @@ class Model(World):
         *,
         roots: Iterable[str | Path] = (),
     ) -> Self:
-        """Load a model from a JSON file of Pgraph, with mesh files relative to its folder.
+        """Load a model from a Pgraph JSON file, with mesh paths relative to its folder.
 
         Meshes outside of that folder are refused unless they are in one of `roots`. `pg.load` reads
         files of other formats too. Raises FileError or ModelError.
@@ -889,7 +896,7 @@ class Model(World):
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
     def save(self, path: str | Path, /) -> None:
-        """Write the description. An existing file is replaced as a whole or not at all.
+        """Save the description to a file. An existing file is replaced atomically.
 
         The geometry of meshes from other folders is written to `meshes` next to the file, so that
         the folder opens on another machine. Raises FileError, also for suffixes of other formats,

@@ -11,7 +11,7 @@ from ..units import M
 
 
 class Site(Described):
-    """A named frame that is fixed in a body, or in the world where `body` is "ground".
+    """A named frame fixed to a body, or to the world if `body` is "ground".
 
     It has no mass. `mech.pose`, `mech.jacobian` and `mech.inverse_kinematics` take its name as
     they take a body's.
@@ -36,7 +36,7 @@ class Site(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """Return the name of its body, () for the ground."""
+        """The name of its body, or () for the ground."""
         return () if self.body == GROUND else (self.body,)
 
 
@@ -49,7 +49,7 @@ OF_LOAD = ("force", "torque")
 
 
 class Reading(NamedTuple):
-    """Numbers of an output, with their unit."""
+    """The numbers in an output, with their unit."""
 
     parts: tuple[str, ...]  # names of its numbers, ("",) for one number
     unit: str
@@ -73,7 +73,7 @@ READINGS: dict[str, Reading] = {
 
 
 class Output(Described):
-    """Named quantity of a run or stepper: `run.outputs[name]`, `stepper.outputs[name]`.
+    """A named quantity in a run or stepper: `run.outputs[name]`, `stepper.outputs[name]`.
 
     `joint_position` and `joint_velocity` are those of a coordinate of the joint of body `at`. The
     others are those of a body's or site's frame `at`. In world axes they are `position` of its
@@ -99,10 +99,10 @@ class Output(Described):
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """Return the name of its body or site, () for the ground."""
+        """The name of its body or site, or () for the ground."""
         return () if self.at == GROUND else (self.at,)
 
     @property
     def reading(self) -> Reading:
-        """Return its numbers and their unit."""
+        """The numbers in the output, with their unit."""
         return READINGS[self.kind]

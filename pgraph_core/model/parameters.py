@@ -1,4 +1,4 @@
-"""Named numbers that cells share, and the formulas that use them: '=thigh/2' in place of a number.
+"""Named numbers shared between cells, and the formulas that use them, such as '=thigh/2'.
 
 A model holds numbers everywhere; its formulas are kept separately, each with the place of its cell.
 In a file a formula stands in the cell itself. A cell that gets another number loses its formula.
@@ -40,7 +40,7 @@ Path = tuple[str | int, ...]
 
 
 class Formula(Frozen):
-    """A formula in place of a number, with the place of its cell."""
+    """A formula that replaces a number, with the location of its cell."""
 
     part: PartKind = Field(description="one of " + ", ".join(KINDS))
     name: Text = Field(description="the name of the part")
@@ -49,7 +49,7 @@ class Formula(Frozen):
 
     @property
     def where(self) -> str:
-        """Return the name of the part for a Problem."""
+        """The name of the part, for use in a Problem."""
         return f"{_WORD[self.part]} {shown(self.name)}"
 
 
@@ -62,12 +62,14 @@ _WORD = {
 
 
 def is_formula(value: Any, parameters: Container[str] = ()) -> bool:
-    """True if a cell contains a formula of constants, False for what varies in a motion."""
+    """Return True if a cell contains a constant formula, or False if its value varies during a
+    motion.
+    """
     return is_expression(value) and not varies(value, parameters)
 
 
 def evaluated(text: str, parameters: Mapping[str, float]) -> float:
-    """Return the finite value of a formula '=...'. Raises ValueError with a sentence."""
+    """Return the finite value of a formula '=...'. Raises ValueError with a message."""
     given = shown(text.strip())
     if len(text) > LONGEST:
         raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
@@ -92,7 +94,7 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
 
 
 def negated(text: str) -> str:
-    """Return the formula of the negated number, undoing a former negation."""
+    """Return the negated formula, removing an earlier negation if there is one."""
     inner = text.strip().removeprefix("=").strip()
     rest = inner.removeprefix("-")
     if rest != inner and (rest.isidentifier() or _enclosed(rest)):
@@ -101,13 +103,13 @@ def negated(text: str) -> str:
 
 
 def _enclosed(text: str) -> bool:
-    """True if the first parenthesis closes with the last character."""
+    """Return True if the first parenthesis closes at the last character."""
     depth = [text[:k].count("(") - text[:k].count(")") for k in range(1, len(text))]
     return text[:1] == "(" and text[-1:] == ")" and min(depth, default=0) > 0
 
 
 def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return the problems of names that a formula could not use."""
+    """Return problems with names that cannot be used in a formula."""
     found = []
     for name in parameters:
         if name in RESERVED:
@@ -124,7 +126,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a model with a number for each formula, and all formulas.
+    """Return the fields of a model with formulas replaced by numbers, and all formulas.
 
     Formulas stand in the cells of parts given as dictionaries, or under "formulas".
     Raises ModelError with every formula that has no value.
@@ -173,7 +175,7 @@ def _formula(item: Any) -> Formula:
 
 
 def _numbers(parameters: Any) -> dict[str, float]:
-    """Return the numeric parameters. The others are refused by their own field."""
+    """Return the numeric parameters. Others are rejected by field validation."""
     if not isinstance(parameters, Mapping):
         return {}
     return {
@@ -200,7 +202,7 @@ def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
-    """True if a cell of a dictionary holds a formula or an expression."""
+    """Return True if any cell in a dictionary holds a formula or an expression."""
     if isinstance(value, str):
         return is_expression(value)
     if depth > MOST_LISTS:
@@ -219,7 +221,7 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
 
 
 def texts_in(value: Any) -> Iterator[str]:
-    """The texts that begin with '=' in the cells of a dictionary."""
+    """Yield the texts that start with '=' in the cells of a dictionary."""
     inside = value.values() if isinstance(value, Mapping) else value
     for x in inside if isinstance(value, (Mapping, list, tuple)) else ():
         yield from texts_in(x)
@@ -230,7 +232,7 @@ def texts_in(value: Any) -> Iterator[str]:
 def formulas_in(
     value: Any, path: Path = (), parameters: Container[str] = ()
 ) -> Iterator[tuple[Path, str]]:
-    """Return the formulas in the cells of a dictionary, with the paths of their cells."""
+    """Yield the formulas in the cells of a dictionary, with the paths to their cells."""
     if is_formula(value, parameters):
         yield path, value.strip()
     elif len(path) > MOST_LISTS:
@@ -245,7 +247,7 @@ def formulas_in(
 
 
 def _filled(item: Any, values: Mapping[Path, float]) -> Any:
-    """Return a part with these numbers in its cells, validated again if it was."""
+    """Return a part with these numbers in its cells, revalidated if it was validated before."""
     new = {path: x for path, x in values.items() if not _holds(at(item, path), x)}
     if not new:
         return item
@@ -258,7 +260,7 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
 
 
 def at(value: Any, path: Sequence[str | int]) -> Any:
-    """Return the value at a path, or None."""
+    """Return the value at a path, or None if there is none."""
     for step in path:
         if isinstance(value, Mapping):
             value = value.get(step)
@@ -270,7 +272,9 @@ def at(value: Any, path: Sequence[str | int]) -> Any:
 
 
 def put(value: Any, new: Mapping[Path, Any]) -> Any:
-    """Return `value` with new values at their paths, turning parts on the way into dictionaries."""
+    """Return `value` with new values at their paths, converting parts along the way to
+    dictionaries.
+    """
     if () in new:
         return new[()]
     below: dict[str | int, dict[Path, Any]] = {}
@@ -287,7 +291,9 @@ def _is_place(value: Sequence[Any], first: str | int) -> bool:
 
 
 def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
-    """Return `value` with a number at a path, in all entries for a shared one, not validated."""
+    """Return `value` with a number at a path, in all entries if it is shared, without
+    validation.
+    """
     if not path:
         return (x,) * len(value) if isinstance(value, tuple) else x
     first, rest = path[0], path[1:]
@@ -298,7 +304,7 @@ def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
 
 
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
-    """Return the fields of a part as a file has them, with formulas in their cells."""
+    """Return the fields of a part as in a file, with formulas in their cells."""
     data = dict(part) if isinstance(part, Mapping) else fields_of(part)
     new = {formula.path: formula.text for formula in formulas}
     return put(data, new) if new else data
@@ -309,7 +315,9 @@ def cells_of(
     parameters: Mapping[str, float],
     part: PartKind = "bodies",
 ) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
-    """Return changes of parts with numbers for formulas, and the formulas. Raises ModelError."""
+    """Return part changes with formulas replaced by numbers, and the formulas. Raises
+    ModelError.
+    """
     rows = tuple({**fields, "name": name} for name, fields in changes.items())
     if not any(any(formulas_in(row, (), parameters)) for row in rows):
         return {name: dict(fields) for name, fields in changes.items()}, ()
@@ -327,7 +335,7 @@ def followed(
     names: Mapping[str, str],
     part: PartKind = "bodies",
 ) -> tuple[Formula, ...]:
-    """Return the formulas after an edit, under the new names of parts."""
+    """Return the formulas after an edit, with parts renamed."""
     cells = {(f.part, f.name, f.path): f for f in (*formulas, *new)}
     return ordered(
         f.unchecked_copy({"name": names.get(f.name, f.name)}) if f.part == part else f
@@ -338,7 +346,7 @@ def followed(
 def still_true(
     formulas: Iterable[Formula], parts: Mapping[str, Sequence[Any]], parameters: Mapping[str, float]
 ) -> tuple[Formula, ...]:
-    """Return the formulas whose cell exists and holds their number."""
+    """Return the formulas whose cell exists and still holds their number."""
     named: dict[str, dict[str, Any]] = {}
     kept = []
     for f in formulas:
@@ -351,12 +359,12 @@ def still_true(
 
 
 def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
-    """Return formulas in an order that does not depend on the history of the model."""
+    """Return formulas in an order that is independent of the model's history."""
     return tuple(sorted(formulas, key=lambda f: (KINDS.index(f.part), f.name, *map(str, f.path))))
 
 
 def _holds(value: Any, number: float) -> bool:
-    """Return whether a cell has this number, in all entries of a tuple."""
+    """Return True if a cell holds this number, in every entry if it is a tuple."""
     if isinstance(value, tuple) and value:
         return all(x == number for x in value)
     return value == number

@@ -1,4 +1,4 @@
-"""Poses of the bodies of a description in its initial state, in plain NumPy."""
+"""Body poses in the initial state of a description, computed with plain NumPy."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .body import Body
 
 @dataclass(frozen=True)
 class Pose:
-    """A body frame in the world."""
+    """The pose of a body frame in the world."""
 
     position: Array  # (3,) [m]
     rotation: Array  # (3, 3)
 
     def place(self, point: Any) -> Array:
-        """Return a point of the body in the world [m]."""
+        """Return the world position of a body point [m]."""
         return self.position + self.rotation @ np.asarray(point, dtype=float)
 
 
 def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
-    """Return the poses of all bodies and of the ground, by name."""
+    """Return the poses of all bodies and the ground, by name."""
     found = {GROUND: Pose(np.zeros(3), np.eye(3))}
     by_name = {body.name: body for body in bodies}
 
@@ -42,14 +42,14 @@ def poses(bodies: Sequence[Body]) -> dict[str, Pose]:
 
 
 def home_poses(bodies: Sequence[Body]) -> Array:
-    """Return the (nb, 7) position and quaternion of each body in the initial state."""
+    """Return the position and quaternion of each body in the initial state as an (nb, 7) array."""
     found = poses(bodies)
     rows = [(*found[b.name].position, *quaternion_of(found[b.name].rotation)) for b in bodies]
     return np.array(rows).reshape(-1, 7)
 
 
 def _carried(parent: Pose, body: Body) -> Pose:
-    """Return the pose of a body on its joint."""
+    """Return the pose of a body moved by its joint."""
     R, home, i = parent.rotation, matrix(body.rotation), 0
     x = parent.position + R @ np.array(body.link)
     for motion in body.sequence:

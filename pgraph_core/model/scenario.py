@@ -1,4 +1,4 @@
-"""A named run of a model: initial state, drives, active parts, duration and method."""
+"""A named run of a model, with initial state, actuation, active parts, duration and method."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ HARMONICS = 4  # number of harmonics of a wave
 
 
 class Footfall(Frozen):
-    """The part of a stride during which one foot is on the ground."""
+    """The fraction of a stride during which a foot is on the ground."""
 
     foot: Text = Field(description="the name of a contact that is one point of a paw")
     offset: Annotated[Number, Field(ge=0, lt=1)] = Field(
@@ -53,7 +53,7 @@ class Footfall(Frozen):
 
 
 class Gains(Frozen):
-    """Virtual springs and dampers of trunk and legs, as accelerations per error."""
+    """Gains for virtual springs and dampers on trunk and legs, as accelerations per unit error."""
 
     speed: AtLeast0 = Field(default=8.0, description="a number >= 0 [1/s]")
     drift: AtLeast0 = Field(default=5.0, description="a number >= 0 [1/s]")
@@ -79,7 +79,7 @@ class Gains(Frozen):
 
 
 class Gait(Described):
-    """Gait of a quadruped.
+    """A quadruped gait.
 
     Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the fraction p of a stride.
     """
@@ -160,7 +160,7 @@ SUBJECTS = ("coordinate", "gap", "force", "constraint", "holds")
 
 
 class When(Frozen):
-    """A condition of the state: one of coordinate, gap, force, constraint, and its bound.
+    """A condition on the state, given by a coordinate, gap, force or constraint and its bound.
 
     In their place `holds` compares expressions: "=q.arm > 0.5 and v.arm < 0".
     """
@@ -183,7 +183,7 @@ class When(Frozen):
 
     @property
     def subject(self) -> tuple[str, str]:
-        """Return (the kind of quantity that it watches, its name)."""
+        """The kind of quantity being monitored, and its name."""
         return next((what, getattr(self, what)) for what in SUBJECTS if getattr(self, what))
 
     def __str__(self) -> str:
@@ -218,12 +218,12 @@ class When(Frozen):
 
 
 def _when_in(value: When | Mapping[str, Any] | None) -> When | None:
-    """A condition or its fields."""
+    """Convert a condition, given as an object or as its fields."""
     return value  # type: ignore[return-value]
 
 
 class Switch(Frozen):
-    """A constraint that is switched on or off during a run, at a time or by a condition."""
+    """A constraint switched on or off during a run, at a given time or on a condition."""
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"when": ("t",)}
 
@@ -244,22 +244,22 @@ class Switch(Frozen):
 
 
 def _forces_in(value: Sequence[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
-    """Forces or their fields."""
+    """Convert forces, given as objects or as their fields."""
     return value  # type: ignore[return-value]
 
 
 def _switches_in(value: Sequence[Switch | Mapping[str, Any]]) -> tuple[Switch, ...]:
-    """Switches or their fields."""
+    """Convert switches, given as objects or as their fields."""
     return value  # type: ignore[return-value]
 
 
 def _gait_in(value: Gait | Mapping[str, Any] | None) -> Gait | None:
-    """A gait or its fields."""
+    """Convert a gait, given as an object or as its fields."""
     return value  # type: ignore[return-value]
 
 
 class Scenario(Described):
-    """Named settings of a run, for `simulate(mech, scenario=name)`."""
+    """Named run settings for `simulate(mech, scenario=name)`."""
 
     name: Text = Field(description="text that is not empty")
     description: Text = Field(default="", description="a sentence")
@@ -318,7 +318,8 @@ Known = Mapping[str, Sequence[str]]  # monitored quantity of a condition -> avai
 
 
 def coordinates(bodies: Bodies) -> dict[str, tuple[str, int]]:
-    """Return {name in conditions: (body, number)} of coordinates, "a", or "a 1" if a has several.
+    """Return {name in conditions: (body, number)} for coordinates, as "a", or "a 1" if a has
+    several.
 
     Balls and free joints have none, since their positions are quaternions.
     """
@@ -347,7 +348,9 @@ def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[s
 def condition_problems(
     scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
 ) -> list[Problem]:
-    """Return problems of conditions: unknown names, never true, endless switching."""
+    """Return problems with conditions: unknown names, conditions never met, or endless
+    switching.
+    """
     found = []
     refused = any(body is None for body in bodies.values())
     for s in scenarios:
@@ -380,7 +383,7 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
 def _never(
     switch: Switch, others: Sequence[Switch], on: set[str], bodies: Bodies, known: Known
 ) -> str:
-    """Return the reason why the condition of a switch cannot become true, or ""."""
+    """Return the reason why a switch condition can never become true, or ""."""
     when = switch.when
     if when is None:
         return ""
@@ -406,7 +409,7 @@ def _never(
 
 
 def _beyond(switch: Switch, bodies: Bodies) -> str:
-    """Return the joint limit that keeps a coordinate from crossing its value, or ""."""
+    """Return the joint limit that prevents a coordinate from crossing its value, or ""."""
     when = switch.when
     assert when is not None
     name, k = coordinates(bodies).get(when.coordinate or "", ("", 0))
@@ -421,7 +424,7 @@ def _beyond(switch: Switch, bodies: Bodies) -> str:
 
 
 def _endless(switches: Sequence[Switch]) -> str:
-    """Return constraints that switch each other on and off at one instant without end."""
+    """Yield constraints that switch each other on and off endlessly at the same instant."""
     after = {
         (s.constraint, s.active): [
             (o.constraint, o.active) for o in switches
@@ -454,7 +457,7 @@ def _endless(switches: Sequence[Switch]) -> str:
 def followed(
     switches: Sequence[Switch], whats: Sequence[str], called: Callable[[str], str | None]
 ) -> tuple[Switch, ...]:
-    """Rename the objects of the switches' conditions, dropping those whose name becomes None."""
+    """Rename the objects in switch conditions, dropping those whose name becomes None."""
     found = []
     for s in switches:
         if s.when is not None and s.when.subject[0] in whats:
@@ -469,7 +472,7 @@ def followed(
 
 
 def of_bodies(names: Mapping[str, str | None]) -> Callable[[str], str | None]:
-    """Return new names of coordinates where bodies are renamed or removed."""
+    """Return a function that maps coordinate names after bodies are renamed or removed."""
 
     def called(name: str) -> str | None:
         body, _, k = name.rpartition(" ")

@@ -1,4 +1,4 @@
-"""Shapes of bodies, and the mass properties of bodies that fill them."""
+"""Body shapes, and the mass properties of homogeneous bodies with these shapes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ HEX = re.compile("#[0-9a-fA-F]{6}")
 
 
 def _colour(value: Any) -> Any:
-    """'#rrggbb' as three numbers from 0 to 1."""
+    """Convert '#rrggbb' to three numbers from 0 to 1."""
     if isinstance(value, str) and HEX.fullmatch(value):
         return tuple(int(value[k : k + 2], 16) / 255 for k in (1, 3, 5))
     return listed(value)
@@ -48,12 +48,12 @@ Colour = Annotated[Row3, BeforeValidator(_colour)]
 
 
 def _colour_in(value: npt.ArrayLike | None) -> Colour | None:
-    """[red, green, blue] from 0 to 1, or '#rrggbb'."""
+    """Convert a colour, given as [red, green, blue] from 0 to 1 or as '#rrggbb'."""
     return _colour(value)
 
 
 def _scale_in(value: npt.ArrayLike) -> Number | Vec3:
-    """A number, or three."""
+    """Convert a scale, given as one number or three."""
     return listed(value)
 
 
@@ -61,12 +61,12 @@ Heights = Annotated[tuple[tuple[Finite, ...], ...], BeforeValidator(listed)]
 
 
 def _heights_in(value: npt.ArrayLike | None) -> Heights | None:
-    """(n, m) numbers or None."""
+    """Convert heights, given as an (n, m) array or None."""
     return listed(value)
 
 
 class Shape(Frozen):
-    """A solid in the body's frame [m]: drawn, touching others, or both."""
+    """A solid in the body's frame [m], which may be drawn, collide with others, or both."""
 
     kind: Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield"] = (
         field("one of box, sphere, ellipsoid, cylinder, capsule, mesh, heightfield")
@@ -133,7 +133,7 @@ class Shape(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _of_its_kind(cls, data: Any) -> Any:
-        """Refuse sizes of other kinds before checking their values."""
+        """Reject dimensions that belong to other kinds before checking their values."""
         kind = data.get("kind") if isinstance(data, Mapping) else None
         if (
             isinstance(kind, str)
@@ -183,11 +183,11 @@ class Shape(Frozen):
         return self
 
     def _scales(self) -> bool:
-        """True if `scale` leaves a mesh with a volume."""
+        """Return True if a mesh still has a volume after applying `scale`."""
         return all(self.scale) if isinstance(self.scale, tuple) else self.scale > 0
 
     def _tapered(self) -> list[tuple[str, str]]:
-        """Return the problems of a tapered shape."""
+        """Return problems with a tapered shape."""
         if self.kind == "capsule" and self.role != "visual":
             text = "a capsule that tapers is only drawn; give role 'visual'"
             return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
@@ -199,7 +199,7 @@ class Shape(Frozen):
         return []
 
     def surface(self) -> tuple[Array, Array]:
-        """Return (vertices (n, 3), triangles (m, 3)) of the closed surface of a heightfield [m].
+        """Return (vertices (n, 3), triangles (m, 3)) for the closed surface of a heightfield [m].
 
         The first vertices are those of the top, row by row; triangles of a cell share the diagonal
         from its least x and y to its greatest.
@@ -246,7 +246,7 @@ def _one(kind: str) -> str:
 
 
 class MassProperties(NamedTuple):
-    """Mass properties of a rigid body in its own frame."""
+    """The mass properties of a rigid body in its own frame."""
 
     mass: float  # [kg]
     com: Array  # (3,) [m]
@@ -269,7 +269,9 @@ def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProper
 
 
 def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
-    """Return volume, centre, and inertia about the centre at density 1, in the shape's frame."""
+    """Return the volume, centre and inertia about the centre at unit density, in the shape's
+    frame.
+    """
     if shape.kind == "mesh":
         return _mesh_volume(shape, unit)
     if shape.kind == "heightfield":
@@ -301,7 +303,7 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 
 def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
-    """Return a capsule or cylinder along z as pieces (from, to, a, b, c) with r^2 = a + b z + c
+    """Return a capsule or cylinder along z as segments (from, to, a, b, c) with r^2 = a + b z + c
     z^2.
     """
     r, h = shape.radius or 0.0, shape.length or 0.0
@@ -322,7 +324,7 @@ def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
 
 
 def _turned(shape: Shape) -> tuple[float, Array, Array]:
-    """Return `_volume` of a tapered shape from discs along z, exact by Gauss's rule."""
+    """Return `_volume` for a tapered shape from discs along z, exact with Gauss quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
     z, dz, square = [], [], []
     for low, high, a, b, c in profile(shape):
@@ -339,7 +341,7 @@ def _turned(shape: Shape) -> tuple[float, Array, Array]:
 
 
 def _enclosed(vertices: Array, faces: Array) -> tuple[float, Array, Array]:
-    """Return `_volume` of a closed surface, by tetrahedra from the origin [Tonon 2004]."""
+    """Return `_volume` for a closed surface, using tetrahedra from the origin [Tonon 2004]."""
     p = vertices[faces]
     volumes = np.linalg.det(p) / 6
     volume = volumes.sum()
@@ -374,12 +376,14 @@ def leak(mesh: Any) -> str:
 
 
 def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:
-    """Return the shapes that have mass: those that touch, else all."""
+    """Return the shapes that have mass, which are the contact shapes if any, otherwise all
+    shapes.
+    """
     return [s for s in shapes if s.role != "visual"] or shapes
 
 
 def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassProperties:
-    """Return the mass properties of several homogeneous shapes, counting overlaps twice.
+    """Return the mass properties of several homogeneous shapes. Overlaps count twice.
 
     Raises ModelError, FileError.
     """
@@ -394,7 +398,7 @@ def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassPropertie
 
 
 def tip_of(shapes: Sequence[Shape]) -> Vec3:
-    """Return the far end of the box around the shapes along its longest edge [m]."""
+    """Return the far end of the shapes' bounding box along its longest edge [m]."""
     corners = np.concatenate([_corners(shape) for shape in solids_of(shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     k = int(np.argmax(high - low))
@@ -405,7 +409,7 @@ def tip_of(shapes: Sequence[Shape]) -> Vec3:
 
 
 def _corners(shape: Shape) -> Array:
-    """Return (n, 3) points in body axes whose box holds the shape closely."""
+    """Return (n, 3) points in body axes whose bounding box tightly encloses the shape."""
     if shape.kind == "mesh":
         points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)
     elif shape.kind == "heightfield":

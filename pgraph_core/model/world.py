@@ -1,4 +1,4 @@
-"""A model without its parts: name, vertical axis, gravity and ground."""
+"""Model settings other than the parts: name, vertical axis, gravity and ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Pair = tuple[Number, Number]
 
 
 class Step(Frozen):
-    """A rectangle that stands above the plane of the ground, or below it."""
+    """A rectangular area raised above or sunk below the ground plane."""
 
     low: Pair = field(
         "the least coordinates of the rectangle along the two axes that are not up [m]", dim=M
@@ -57,12 +57,12 @@ class Step(Frozen):
 
 
 def _steps_in(value: Sequence[Step | Mapping[str, Any]]) -> tuple[Step, ...]:
-    """Steps or their fields."""
+    """Convert steps, given as objects or as their fields."""
     return value  # type: ignore[return-value]
 
 
 class Ground(Frozen):
-    """The plane through the origin, normal to `up` or tilted, and the steps on it."""
+    """The ground plane through the origin, normal to `up` or tilted, with its steps."""
 
     slope: Number = field(
         "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
@@ -103,7 +103,7 @@ class Ground(Frozen):
 
     @property
     def least_to_slide(self) -> float:
-        """Return the static coefficient, by default the kinetic one."""
+        """The static friction coefficient, by default the kinetic one."""
         return self.friction if self.static_friction is None else self.static_friction
 
     @model_validator(mode="after")
@@ -115,7 +115,7 @@ class Ground(Frozen):
 def below_kinetic(
     name: str, static: float, kinetic: float, what: str = ""
 ) -> list[tuple[str, str]]:
-    """Return the problem of a static friction below the kinetic one."""
+    """Return a problem if the static friction is below the kinetic friction."""
     if static >= kinetic:
         return []
     text = f"{what}must be at least the kinetic friction {shown(kinetic)}; given {shown(static)}"
@@ -123,12 +123,12 @@ def below_kinetic(
 
 
 def _gravity_in(value: npt.ArrayLike | None) -> Vec3:
-    """Return three numbers, None for downwards along `up`."""
+    """Return gravity as three numbers, or None for downwards along `up`."""
     return listed(value)
 
 
 def _ground_in(value: Ground | Mapping[str, Any]) -> Ground:
-    """A ground or its fields."""
+    """Convert a ground, given as an object or as its fields."""
     return value  # type: ignore[return-value]
 
 
@@ -138,7 +138,7 @@ def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
 
 
 class World(Described):
-    """Settings of the surroundings. Gravity points down along `up` unless it is given."""
+    """Settings for the surroundings. Gravity points down along `up` by default."""
 
     name: Text = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
@@ -179,7 +179,7 @@ class World(Described):
 
     @property
     def ground_normal(self) -> tuple[float, float, float]:
-        """Return the unit normal of the ground's plane, in world axes."""
+        """The unit normal of the ground plane in world axes."""
         first = (1.0, 0.0, 0.0) if self.up != "x" else (0.0, 1.0, 0.0)
         level = _level(self.up, self.ground.uphill or first)
         length = math.hypot(*level)
@@ -189,5 +189,5 @@ class World(Described):
 
 
 def _level(up: str, x: Vec3) -> tuple[float, ...]:
-    """Return the part of a direction that is normal to `up`."""
+    """Return the component of a direction normal to `up`."""
     return tuple(0.0 if axis == up else c for axis, c in zip(AXES, x))

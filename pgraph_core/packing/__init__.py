@@ -1,4 +1,4 @@
-"""Packing: a model as arrays that kernels take. `System` names its constants, in Pgraph order."""
+"""Packing of a model into arrays for the kernels. `System` names its constants, in Pgraph order."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Ints: TypeAlias = NDArray[np.int64]
 
 
 class System(NamedTuple):
-    """Constants of a mechanism, with the columns of `engine/layout.py`."""
+    """The constants of a mechanism, with the columns defined in `engine/layout.py`."""
 
     rows: Ints  # (n + 1, 4)
     const: Array  # (n + 1, 28)
@@ -27,7 +27,7 @@ class System(NamedTuple):
     body_of_row: Ints  # (n + 1,) number of the body whose joint a row belongs to
 
     def row_of(self, number: int) -> int:
-        """The row that carries a body."""
+        """Return the row that moves a body."""
         return int(self.bodies_i[number, at.ROW])
 
 
@@ -36,14 +36,14 @@ Arrays: TypeAlias = tuple[Ints, Array, Ints, Array, Array]
 
 
 def system(arrays: Arrays, nq: int) -> System:
-    """The packed arrays by name, and which body each row belongs to."""
+    """Return the packed arrays by name, and the body that each row belongs to."""
     rows, const, bodies_i, bodies_f, home = arrays
     body_of_row = np.repeat(np.arange(len(bodies_i)), bodies_i[:, at.OWN_ROWS])
     return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
 
 
 def length_in(const: Array) -> float:
-    """Largest of a mechanism's own lengths [m], from the constants of its rows.
+    """Return the largest characteristic length of a mechanism [m], from the constants in its rows.
 
     Of links, centres of mass and radii of gyration.
     """
@@ -57,7 +57,7 @@ def length_in(const: Array) -> float:
 
 
 def quaternions(rows: Ints) -> list[tuple[int, int, int]]:
-    """(row, first index into q, first index into v) of each quaternion."""
+    """Return (row, first index into q, first index into v) for each quaternion."""
     found: list[tuple[int, int, int]] = []
     for k in np.flatnonzero(rows[:, at.KIND] >= at.BALL).tolist():
         _, kind, i, j = rows[k].tolist()
@@ -66,7 +66,7 @@ def quaternions(rows: Ints) -> list[tuple[int, int, int]]:
 
 
 def plain(rows: Ints) -> tuple[Ints, Ints]:
-    """Indices into q, and into v, of the coordinates whose rates are velocities."""
+    """Return the indices into q and v for coordinates whose rates are velocities."""
     kinds, pairs = rows[1:, at.KIND], rows[1:, at.QI :]
     moved = [pairs[kinds == at.FREE] + np.array((n, 3 + n)) for n in range(3)]
     of_q, of_v = np.concatenate((pairs[kinds <= at.TRANSLATE], *moved)).T
@@ -74,17 +74,17 @@ def plain(rows: Ints) -> tuple[Ints, Ints]:
 
 
 def row_of_velocity(rows: Ints, index: int) -> int:
-    """Row whose motion has v[index]."""
+    """Return the row whose motion has v[index]."""
     return int(np.searchsorted(rows[1:, at.VI], index, side="right"))
 
 
 def home_of(packed: System, number: int) -> Array:
-    """(3, 3) home orientation of a body."""
+    """Return the home orientation of a body as a (3, 3) matrix."""
     return packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
 
 
 def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
-    """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
+    """Return (index into v, index into q or -1) for each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []
     for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
         _, kind, qi, vi = packed.rows[k].tolist()
@@ -96,6 +96,6 @@ def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
 
 
 def point_in_row(packed: System, number: int, point: Any) -> Array:
-    """A point in a body's axes as one in the home axes of its row, from the row's origin."""
+    """Convert a point from body axes to the home axes of its row, relative to the row's origin."""
     offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
     return offset + home_of(packed, number) @ np.asarray(point, float)

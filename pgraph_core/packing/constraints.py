@@ -1,4 +1,4 @@
-"""Constraints as blocks of rows for kernels, with the columns of `engine/layout.py`.
+"""Constraints as blocks of kernel rows, with the columns defined in `engine/layout.py`.
 
 `Endpoints` holds the points and directions of one constraint in the axes of its two bodies. Each
 kind is a short function that makes blocks of them. `blocks` packs all constraints of a model.
@@ -56,7 +56,7 @@ from .signals import of_time
 
 
 class Block(NamedTuple):
-    """Up to three rows of one type."""
+    """A block of up to three rows of the same type."""
 
     type: int
     rows: int
@@ -67,7 +67,7 @@ class Block(NamedTuple):
 
 
 class Endpoints:
-    """The two ends of a constraint: points and directions in the axes of its bodies."""
+    """The endpoints of a constraint, as points and directions in body axes."""
 
     def __init__(
         self,
@@ -96,7 +96,9 @@ class Endpoints:
         return self.rotation_b.T @ (world - self.position_b)
 
     def directions(self, c: AlongAxes) -> tuple[Array, Array]:
-        """Return (axis, other_axis), unit vectors in their bodies, equal at home by default."""
+        """Return (axis, other_axis) as unit vectors in body axes, which coincide at home by
+        default.
+        """
         axis, other = c.axis, c.other_axis
         if axis is not None and other is not None:
             return unit_vector(axis), unit_vector(other)
@@ -108,7 +110,9 @@ class Endpoints:
     def values(
         self, value: float = 0.0, dirs: Sequence[Array] = (), aims: Sequence[Array] = ()
     ) -> Array:
-        """(28,) with points, and directions of b and of a given in their bodies' axes."""
+        """Return the (28,) values for a block from points and from directions on b and a in body
+        axes.
+        """
         out = np.zeros(at.BLOCK_F)
         out[at.PA : at.PA + 3] = point_in_row(self.packed, self.a, self.point)
         out[at.PB : at.PB + 3] = point_in_row(self.packed, self.b, self.other_point)
@@ -120,8 +124,8 @@ class Endpoints:
         return out
 
     def scaled(self, offset: float = 0.0) -> Array:
-        """(28,) of a row between coordinates, which has no points: what their rounding is small
-        against stands there, for mechanisms that have no lengths.
+        """Return the (28,) values for a coordinate row. In place of points it stores a scale for
+        rounding errors, for mechanisms without lengths.
         """
         out = np.zeros(at.BLOCK_F)
         out[at.PA], out[at.VALUE] = self.size, offset
@@ -130,11 +134,13 @@ class Endpoints:
     # -- blocks --------------------------------------------------------------------------------
 
     def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
-        """The point stays where it is along directions of b."""
+        """Return a block that keeps the point fixed along directions on b."""
         return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
 
     def turned_as_at_home(self) -> Block:
-        """No turn: row r, a_s · b_t = 0 with (r, s, t) cyclic, is about axis r of b."""
+        """Return a block that prevents rotation. Row r, a_s · b_t = 0 with (r, s, t) cyclic, is
+        about axis r of b.
+        """
         b = np.eye(3)
         a = self.turn.T @ b
         aims = [a[:, (r + 1) % 3] for r in range(3)]
@@ -142,17 +148,17 @@ class Endpoints:
         return Block(at.T_ALIGN, 3, self.values(dirs=dirs, aims=aims))
 
     def aligned(self, axis: Array, normals: Sequence[Array]) -> Block:
-        """An axis of a stays normal to directions of b."""
+        """Return a block that keeps an axis of a normal to directions on b."""
         dirs = [self.size * normal for normal in normals]
         return Block(at.T_ALIGN, len(dirs), self.values(dirs=dirs, aims=[axis for _ in normals]))
 
     def coordinate(self, name: str, k: int, factor: float) -> tuple[int, int, float]:
-        """A term of a block: (index in v, index in q, factor) of a joint's coordinate."""
+        """Return the block term (index in v, index in q, factor) for a joint coordinate."""
         at_v, at_q = joint_coordinates(self.packed, self.topology.number(name))[k]
         return at_v, at_q, factor
 
     def refuse(self, field: str, text: str) -> ModelError:
-        """An error of this constraint."""
+        """Return an error about this constraint."""
         return ModelError(Problem(f"constraint '{self.c.name}'", field, text))
 
 
@@ -246,7 +252,7 @@ def _motion(e: Endpoints, c: Motion) -> list[Block]:
 
 
 def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
-    """Return the rows of `curves`. A table becomes a cubic spline at rest at both ends."""
+    """Return the rows for `curves`. A table becomes a cubic spline with zero end velocities."""
     match q_of_t:
         case Sine(mean=mean, amplitude=amplitude, frequency=frequency, phase=phase):
             return ((mean, amplitude, frequency, phase, 0.0),)
@@ -295,7 +301,7 @@ BLOCKS: dict[type[OfKinds], Callable[[Endpoints, Any], list[Block]]] = {
 
 
 class Blocks(NamedTuple):
-    """Every constraint of a model, active or not, in its order."""
+    """All constraints in a model in order, including inactive ones."""
 
     names: tuple[str, ...]
     first: Ints  # (nc + 1,) constraint i has the blocks first[i] to first[i + 1] - 1
@@ -318,12 +324,12 @@ NO_BLOCKS = Blocks(
 
 
 def blocks_of(ends: Endpoints) -> list[Block]:
-    """The blocks of the constraint's kind. Raises ModelError."""
+    """Return the blocks for a constraint, depending on its kind. Raises ModelError."""
     return BLOCKS[type(ends.c)](ends, ends.c)
 
 
 def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, Array]) -> Blocks:
-    """Return the blocks of a valid model, with its bodies' poses `home` in the initial state.
+    """Return the blocks for a valid model, given the body poses `home` in the initial state.
 
     Raises ModelError if a constraint contradicts that state.
     """
@@ -359,7 +365,7 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
 def block_arrays(
     ints: Sequence[Any], floats: Sequence[Array], terms: Sequence[Any], factors: Sequence[float]
 ) -> tuple[Ints, Array, Ints, Array]:
-    """blocks_i, blocks_f, terms_i and terms_f of these blocks, or of none."""
+    """Return blocks_i, blocks_f, terms_i and terms_f for these blocks, which may be empty."""
     return (
         np.array(ints, dtype=np.int64).reshape(-1, at.BLOCK_I),
         np.array(floats, dtype=float).reshape(-1, at.BLOCK_F),
@@ -371,7 +377,9 @@ def block_arrays(
 def values_of(
     c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
 ) -> list[Array]:
-    """(28,) of each block of a constraint, what it leaves out being as in these poses."""
+    """Return the (28,) values for each block of a constraint, with defaults taken from these
+    poses.
+    """
     ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
     return [block.values for block in blocks_of(ends)]
 
@@ -381,7 +389,7 @@ def _starts(counts: Sequence[int]) -> list[int]:
 
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
-    """Return the rows of the two bodies, or of the first coordinate of a coordinate block."""
+    """Return the rows for the two bodies, or for the first coordinate in a coordinate block."""
     a, b = (packed.row_of(topology.number(name)) for name in c.pair)
     if block.terms:
         a = row_of_velocity(packed.rows, block.terms[0][0])
@@ -389,7 +397,7 @@ def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tu
 
 
 def radius_of_gyration(packed: System, otherwise: float = 1.0) -> float:
-    """Return the radius of gyration about origins over all moving bodies [m], or `otherwise`.
+    """Return the radius of gyration about body origins over all moving bodies [m], or `otherwise`.
 
     A rotation times this length compares with a displacement, so the entries of Ω's diagonal have
     the same magnitude.

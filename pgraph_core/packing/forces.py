@@ -1,4 +1,4 @@
-"""Forces as tables for kernels, with the columns of `engine/layout.py`.
+"""Forces as kernel tables, with the columns defined in `engine/layout.py`.
 
 *Drives* act in joints: springs, dampers, friction, tendons, motors, servos. *Loads* act on bodies
 and between two bodies: wrenches, springs, torsion springs, drags.
@@ -23,7 +23,7 @@ from .signals import NO_SIGNALS
 
 
 def empty(kind: Load) -> tuple[Any, Array]:
-    """(table, knots) of a kind without any load."""
+    """Return an empty (table, knots) pair for a kind without loads."""
     return table(kind.row, 0), np.zeros((0, kind.columns))
 
 
@@ -31,38 +31,40 @@ NO_LOADS = Loads(*map(empty, LOADS), NO_SIGNALS)
 
 
 def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
-    """Return the forces that act on bodies. The others act in joints."""
+    """Return the forces that act on bodies, not in joints."""
     return [f for f in forces if isinstance(f, OnBody)]
 
 
 def exerts(f: Force) -> bool:
-    """Return whether a force may act in a run. One on bodies that is always zero does not."""
+    """Return True if a force may act in a run. A force on bodies that is always zero does not
+    act.
+    """
     return not isinstance(f, OnBody) or f._exerts
 
 
 class Placed:
-    """Poses and rows of the bodies of a packed model, as `Places` of `forces`."""
+    """Body poses and rows in a packed model, as required by `Places` of `forces`."""
 
     def __init__(self, model: Model, topology: Topology, packed: System, home: Sequence[Array]):
-        """`home`: the bodies' poses in the initial state."""
+        """Store the model. `home` contains the body poses in the initial state."""
         self.body, self.number, self.packed, self._home = model.body, topology.number, packed, home
 
     def home(self, name: str) -> Array:
-        """Return the home orientation (3, 3) of a body."""
+        """Return the home orientation of a body as a (3, 3) matrix."""
         return home_of(self.packed, self.number(name))
 
     def in_row(self, name: str, point: Any) -> Array:
-        """Return a point in a body's axes as one in the home axes of its row (3,) [m]."""
+        """Convert a point (3,) [m] from body axes to the home axes of its row."""
         return point_in_row(self.packed, self.number(name), point)
 
     def at_start(self, name: str, point: Any) -> Array:
-        """Return where a point of a body is in the initial state (3,) [m]."""
+        """Return the position of a body point in the initial state (3,) [m]."""
         if name == GROUND:
             return np.array(point)
         return self._home[0][self.number(name) - 1] + self.turn_at_start(name) @ np.array(point)
 
     def turn_at_start(self, name: str) -> Array:
-        """Return the orientation (3, 3) of a body in the initial state."""
+        """Return the orientation of a body in the initial state as a (3, 3) matrix."""
         return np.eye(3) if name == GROUND else self._home[1][self.number(name) - 1]
 
 
@@ -80,7 +82,7 @@ def loads(
 
 
 def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array]:
-    """(table, knots) of the loads of one kind."""
+    """Return (table, knots) for all loads of one kind."""
     found, (_, none) = table(kind.row, len(ours)), empty(kind)
     knots = [none]
     for one, f in zip(found, ours):
@@ -101,7 +103,8 @@ KEPT_ANSWERS = 4
 
 
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
-    """The rows of joint springs and dampers, and of the tendons, motors and servos in `forces`.
+    """Return rows for joint springs and dampers, and for the tendons, motors and servos in
+    `forces`.
 
     Taken from an earlier answer to the same: models of a sweep share their forces.
     """
@@ -159,12 +162,12 @@ def _drives(model: Model, topology: Topology, packed: System, forces: tuple[Forc
 
 
 def terms_of(part: OfSums, topology: Topology, packed: System) -> list[tuple[int, int, float]]:
-    """(index into v, index into q or -1, factor) of each coordinate that a part acts on."""
+    """Return (index into v, index into q or -1, factor) for each coordinate that a part acts on."""
     return [(*joint_coordinates(packed, topology.number(name))[k], x) for name, k, x in part.terms]
 
 
 def acting_on(drives: Drives, row: Any) -> tuple[Ints, Array]:
-    """(indices into v, factors) of the coordinates that a row of drives acts on."""
+    """Return (indices into v, factors) for the coordinates that a row of drives acts on."""
     if not row["terms"]:
         return np.array([row["velocity"]]), np.ones(1)
     own = drives.terms[row["first_term"] : row["first_term"] + row["terms"]]
@@ -172,14 +175,14 @@ def acting_on(drives: Drives, row: Any) -> tuple[Ints, Array]:
 
 
 def length_at(terms: Sequence[tuple[int, int, float]], q: Array) -> float:
-    """The sum of factor x q."""
+    """Return the sum of factor x q."""
     return float(sum(x * q[at_q] for _, at_q, x in terms))
 
 
 def _placed(
     own: Sequence[tuple[int, int, float]], springs: bool, terms: list[tuple[float, float, float]]
 ) -> tuple[int, int, int, int]:
-    """Return (velocity, coordinate, first term, terms) of a row, and append to `terms`."""
+    """Return (velocity, coordinate, first term, terms) for a row, and append to `terms`."""
     at_v, at_q, factor = own[0]
     at_q = at_q if springs else -1
     if len(own) == 1 and factor == 1.0:
@@ -189,7 +192,7 @@ def _placed(
 
 
 def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
-    """(target, torque) as the kernels take them: torque + kp (target - q) - kd v.
+    """Return (target, torque) in kernel form, with the law torque + kp (target - q) - kd v.
 
     The input u adds gain u to the torque; it stands in the target where there is a kp. Of an
     input whose integral acts, `torque` is part of what acts at first.
@@ -228,7 +231,7 @@ def _scaled(value: float | Table, by: float) -> Any:
 
 
 def bends(drives: Drives) -> Array:
-    """Return the ascending times at which a table of these drives bends [s]."""
+    """Return the times in ascending order at which the slope in a drive table changes [s]."""
     table, t = drives.table, drives.knots[:, 0]
     spans = [(table["first_target"], table["targets"]), (table["first_torque"], table["torques"])]
     found = [_times_of_tables(t, *span) for span in spans]
@@ -237,13 +240,15 @@ def bends(drives: Drives) -> Array:
 
 
 def _bounded(row: Any) -> bool:
-    """Return whether what an input makes act is bounded by numbers alone, not by the motion."""
+    """Return True if the effect of an input is limited by constants alone, independently of the
+    motion.
+    """
     alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0
     return bool(row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any()))
 
 
 def _at_bounds(row: Any, knots: Array) -> Array:
-    """Return the times at which an input, or its integral, reaches a bound between two knots [s].
+    """Return the times between two knots at which an input, or its integral, reaches a bound [s].
 
     With c from there to the bound, these are the zeros of u s + slope s^2 / 2 = c for an integral,
     and of slope s = c for an input.
@@ -264,24 +269,24 @@ def _at_bounds(row: Any, knots: Array) -> Array:
 
 
 def bends_of_loads(loads: Loads) -> Array:
-    """Return the times at which a table of these wrenches bends [s]."""
+    """Return the times in ascending order at which the slope in a wrench table changes [s]."""
     table, knots = loads.wrench
     return _times_of_tables(knots[:, 0], table["first_knot"], table["knots"])
 
 
 def _times_of_tables(t: Array, first: Any, count: Any) -> Array:
-    """Return the times of the tables that have more than one."""
+    """Return the times in all tables with more than one entry."""
     parts = zip(first[count > 1].tolist(), count[count > 1].tolist())
     return np.concatenate([t[:0], *(t[i : i + n] for i, n in parts)])
 
 
 def has_springs(body: Body) -> bool:
-    """True if a joint has a spring, a damper or friction."""
+    """Return True if a joint has a spring, a damper or friction."""
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
 def _springs(body: Any, at_vq: list[tuple[int, int]], knots: Knots) -> list[tuple[float, ...]]:
-    """One row a degree of freedom of a joint with a spring, a damper or friction."""
+    """Return one row per degree of freedom for a joint with a spring, a damper or friction."""
     found: list[tuple[float, ...]] = []
     start = 0
     columns = (body.stiffness, body.damping, body.rest, body.friction)
@@ -297,14 +302,16 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: Knots) -> list[tupl
 
 
 class Knots:
-    """Tables of drives one after the other: time, value, slope after it, what acts of an input."""
+    """Concatenated drive tables, with columns for time, value, subsequent slope and active
+    value.
+    """
 
     def __init__(self) -> None:
         self._parts: dict[int, Array] = {}  # by their first row
         self._count = 0
 
     def put(self, value: float | Table) -> tuple[int, int]:
-        """(first knot, number of knots) of a constant or a table, which now stands at the end."""
+        """Append a constant or a table. Return (first knot, number of knots)."""
         first = self._count
         constant = isinstance(value, float | int)
         part = np.array([[0.0, value, 0.0, value]]) if constant else value.lines
@@ -313,7 +320,7 @@ class Knots:
         return first, len(part)
 
     def own(self, first: int) -> Array:
-        """(n, 4) the table that begins at this row, to be written."""
+        """Return a writable (n, 4) copy of the table that starts at this row."""
         self._parts[first] = self._parts[first].copy()
         return self._parts[first]
 
@@ -327,7 +334,7 @@ AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 
 def _following(knots: Array, f: OnJoint) -> Follows:
-    """Write the active value of each knot into the last column. Returns the response."""
+    """Write the active value at each knot into the last column. Return the response."""
     gain, torque, kp, _ = f.law
     scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
     least, most = sorted(shift + scale * x if scale else shift for x in f.states)
@@ -343,7 +350,7 @@ def _following(knots: Array, f: OnJoint) -> Follows:
 
 
 def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -> float:
-    """Return the active value a time `ahead` after y, for an input u + slope t."""
+    """Return the active value at a time `ahead` after y, for an input u + slope t."""
     lag, integrates, least, most = follows
     if integrates:
         return min(max(y + (u + 0.5 * slope * ahead) * ahead, least), most)
@@ -353,7 +360,7 @@ def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -
 
 
 def _parted(u: Table) -> Table:
-    """The same input with a knot wherever it is zero: between two knots it keeps its sign."""
+    """Insert a knot wherever the input crosses zero, so that its sign is constant between knots."""
     t, x = np.array(u.t), np.array(u.value)
     k = np.flatnonzero(x[:-1] * x[1:] < 0)
     zero = t[k] + (t[k + 1] - t[k]) * x[k] / (x[k] - x[k + 1])

@@ -1,4 +1,4 @@
-"""Packed: one model, numbered depth-first, as all arrays that kernels take of it."""
+"""The packed form of a model, numbered depth-first, with all arrays that the kernels require."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
 
 class Joint(NamedTuple):
-    """Motions of a joint, and the places of its coordinates in q and v."""
+    """The motions of a joint, and the indices of its coordinates in q and v."""
 
     kinds: tuple[int, ...]  # kinds of its motions, see `engine/layout.py`
     q: slice
@@ -33,7 +33,7 @@ class Joint(NamedTuple):
 
 
 class Packed:
-    """Arrays of a model: tree, forces, constraints. Each is made when first used.
+    """Packed arrays for a model: tree, forces and constraints. Each array is created on first use.
 
     Nothing here belongs to a state or a run, and nothing changes except caches.
     """
@@ -59,19 +59,19 @@ class Packed:
 
     @property
     def tree(self) -> tuple[Ints, Array]:
-        """Rows and constants of the tree, as most kernels take them."""
+        """The rows and constants of the tree, in the form that most kernels take."""
         return self.rows, self.const
 
     @cached_property
     def system(self) -> System:
-        """All constants of the bodies by name."""
+        """All body constants by name."""
         return system(self._arrays, self.nq)
 
     # -- names and numbers -----------------------------------------------------------------------
 
     @cached_property
     def topology(self) -> Topology:
-        """Names and numbers of the bodies."""
+        """The names and numbers of the bodies."""
         numbers, names = self.system.bodies_i[1:], [body.name for body in self.model.bodies]
         row, parent, dof = (numbers[:, k].copy() for k in (at.TABLE, at.BODY_PARENT, at.DOF))
         row -= 1
@@ -79,12 +79,14 @@ class Packed:
 
     @cached_property
     def length(self) -> float:
-        """Largest of the mechanism's own lengths: links, centres of mass, radii of gyration [m]."""
+        """The largest characteristic length among links, centres of mass and radii of gyration
+        [m].
+        """
         return length_in(self.const)
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:
-        """The joints that move, by name of their bodies."""
+        """The movable joints, by body name."""
         _, kinds, at_q, at_v = self.rows[1:].T.tolist()
         at_q.append(self.nq)
         at_v.append(self.nv)
@@ -101,15 +103,15 @@ class Packed:
 
     @cached_property
     def quaternions(self) -> list[tuple[int, int, int]]:
-        """(row, first index into q, first index into v) of each quaternion."""
+        """The tuple (row, first index into q, first index into v) for each quaternion."""
         return quaternions(self.rows)
 
     def body_of(self, row: int) -> str:
-        """Name of the body whose joint a row belongs to."""
+        """Return the name of the body whose joint a row belongs to."""
         return self.topology.names[self.system.body_of_row[row] - 1]
 
     def singular(self, row: int) -> Problem:
-        """The error for a row whose motion moves no inertia."""
+        """Return the error for a row whose motion does not move any inertia."""
         name = self.body_of(row)
         text = f"singular mass matrix: no inertia about the joint of '{name}'"
         return Problem(f"body '{name}'", "inertia", f"{text}; give it mass, inertia or armature")
@@ -117,7 +119,7 @@ class Packed:
     # -- forces and constraints ------------------------------------------------------------------
 
     def poses(self, q: Array) -> tuple[Array, Array]:
-        """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
+        """Return origins (nb, 3) [m] and rotations (nb, 3, 3) of all body frames in the world."""
         position, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
         work = np.zeros((len(self.rows), at.WORK))
         bodies.poses(*self.system[:4], q, np.zeros(self.nv), work, position, rotation)
@@ -130,23 +132,23 @@ class Packed:
 
     @cached_property
     def blocks(self) -> Blocks:
-        """The model's constraints, active or not."""
+        """The model's constraints, including inactive ones."""
         poses = self.home_poses if self.model.constraints else NOWHERE
         return blocks(self.model, self.topology, self.system, poses)
 
     @cached_property
     def active(self) -> Ints:
-        """Indices of the model's active constraints."""
+        """The indices of the model's active constraints."""
         return np.array([i for i, c in enumerate(self.model.constraints) if c.active], np.int64)
 
     @cached_property
     def passive(self) -> Drives:
-        """Springs, dampers and friction of the joints and tendons."""
+        """The springs, dampers and friction in the joints and tendons."""
         tendons = tuple(f for f in self.model.forces if f.PASSIVE)
         return drives(self.model, self.topology, self.system, tendons)
 
     def drives(self, forces: tuple[Force, ...]) -> Drives:
-        """Springs and dampers of the joints, and the given tendons, motors and servos.
+        """Return the springs and dampers in the joints, and the given tendons, motors and servos.
 
         The last answer is kept: runs of one scenario ask again and again.
         """
@@ -158,12 +160,14 @@ class Packed:
         return kept[1]
 
     def bends(self, drives: Drives) -> Array:
-        """Ascending times at which tables of these drives bend [s]."""
+        """Return the times in ascending order at which the slope in a drive table changes [s]."""
         kept = self._driven
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def loads(self, forces: tuple[Force, ...]) -> Loads:
-        """The given wrenches and springs between bodies, and the expressions in all forces."""
+        """Return the given wrenches and springs between bodies, and the expressions in all
+        forces.
+        """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
@@ -175,12 +179,12 @@ class Packed:
 
     @cached_property
     def passive_loads(self) -> Loads:
-        """Springs and torsion springs between bodies, and drags."""
+        """The springs and torsion springs between bodies, and the drags."""
         return self.loads(tuple(f for f in self.model.forces if f.PASSIVE))
 
 
 def packed(numbers: Numbers) -> tuple[Arrays, int]:
-    """Return the arrays of a table, and how many of its motions have a spring."""
+    """Return the arrays for a table, and the number of its motions with a spring."""
     _, body, motion, start = numbers
     nb, n = len(body), len(motion) + 1
     rows, const, home = EMPTY((n, 4), INT), EMPTY((n, at.CONST)), EMPTY(len(start))

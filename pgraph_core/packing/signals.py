@@ -1,4 +1,4 @@
-"""Expressions as programs for the kernels, with the rows of `engine/signals.py`."""
+"""Expressions as kernel programs, with the rows defined in `engine/signals.py`."""
 
 from __future__ import annotations
 
@@ -35,17 +35,19 @@ Operand = int  # the number of an instruction
 
 
 class Program:
-    """Instructions, each made once: the same operation on the same operands is the same one."""
+    """A list of unique instructions. Equal operations on equal operands share one instruction."""
 
     def __init__(self, parameters: Mapping[str, float], places: Any = None):
-        """`places(group, name, k)` is the operation and index that read a signal."""
+        """Create an empty program. `places(group, name, k)` returns the operation and index that
+        read a signal.
+        """
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
         self._named: dict[str, int] = {}
         self._parameters, self._places = {**CONSTANTS, **parameters}, places
 
     def put(self, op: int, *operands: float, number: float = 0.0) -> Operand:
-        """Return the number of an instruction, which is new or was there."""
+        """Return the number of an instruction, adding it if it is new."""
         row = (float(op), *map(float, operands), *(0.0,) * (3 - len(operands)), number)
         key = (*row, np.copysign(1.0, number))  # -0.0 is another number
         if key not in self._numbers:
@@ -54,7 +56,9 @@ class Program:
         return self._numbers[key]
 
     def parameter(self, name: str) -> Operand:
-        """A named number, apart from others of the same value: sweeps change it alone."""
+        """Add a named number, kept separate from equal values so that a sweep can change it
+        alone.
+        """
         if name not in self._named:
             self._named[name] = len(self.rows)
             self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, self._parameters[name]))
@@ -65,7 +69,7 @@ class Program:
         return self.put(kernels.NUMBER, number=float(x))
 
     def value(self, x: float | str | Table) -> Operand:
-        """A number, a table over time, or an expression."""
+        """Add a number, a table over time, or an expression."""
         if isinstance(x, str):
             return self.of(parsed(x))
         if isinstance(x, Table):
@@ -74,7 +78,7 @@ class Program:
         return self.number(x)
 
     def of(self, node: Node) -> Operand:
-        """The instructions of a tree."""
+        """Add the instructions for an expression tree."""
         match node.op:
             case "number":
                 return self.number(node.value)
@@ -109,7 +113,7 @@ class Program:
         return self.put(OPERATIONS[node.op], a, *rest)
 
     def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
-        """A power, as products where the exponent is a small whole number."""
+        """Add a power, as repeated products if the exponent is a small integer."""
         if node.op != "number" or node.value not in WHOLE:
             return self.put(kernels.POW, base, exponent)
         found = base
@@ -118,7 +122,7 @@ class Program:
         return found
 
     def held(self, x: Operand, low: float, high: float) -> Operand:
-        """A value within finite bounds."""
+        """Clamp a value to its finite bounds."""
         x = self.put(kernels.MAX, x, self.number(low)) if np.isfinite(low) else x
         return self.put(kernels.MIN, x, self.number(high)) if np.isfinite(high) else x
 
@@ -126,7 +130,7 @@ class Program:
         return self.put(kernels.MIN, self.put(kernels.MAX, x, low), high)
 
     def smoothstep(self, x: Operand, begin: Operand, end: Operand) -> Operand:
-        """3 s^2 - 2 s^3 with s from 0 to 1 between two places."""
+        """Add 3 s^2 - 2 s^3, with s rising from 0 to 1 between two positions."""
         span = self.put(kernels.SUB, end, begin)
         s = self.put(kernels.DIV, self.put(kernels.SUB, x, begin), span)
         s = self.between(s, self.number(0.0), self.number(1.0))
@@ -135,7 +139,9 @@ class Program:
         return self.put(kernels.MUL, self.put(kernels.MUL, s, s), rest)
 
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
-        """Straight lines between knots (place, value, ...), constant outside them."""
+        """Interpolate linearly between knots (position, value, ...), with constant
+        extrapolation.
+        """
         found = knots[1]
         for a, y, b, z in zip(knots[0::2], knots[1::2], knots[2::2], knots[3::2]):
             rise, run = self.put(kernels.SUB, z, y), self.put(kernels.SUB, b, a)
@@ -145,7 +151,9 @@ class Program:
         return found
 
     def code(self) -> Array:
-        """(2 n, COLUMNS) the instructions and their values, which are not known yet."""
+        """Return the instructions and their values, which are not yet known, as a (2 n, COLUMNS)
+        array.
+        """
         found = np.zeros((2 * len(self.rows), kernels.COLUMNS))
         if self.rows:
             found[::2] = self.rows
@@ -153,7 +161,7 @@ class Program:
 
 
 def of_time(text: str, parameters: Mapping[str, float]) -> Array:
-    """The program of a prescribed motion, whose last instruction is its value."""
+    """Return the program for a prescribed motion. Its last instruction is the value."""
     program = Program(parameters)
     last = program.of(parsed(text))
     if last != len(program.rows) - 1:  # a constant that stands before others
@@ -162,14 +170,14 @@ def of_time(text: str, parameters: Mapping[str, float]) -> Array:
 
 
 class Places:
-    """Where the signals of a model are in the states of its kernels."""
+    """The locations of a model's signals in the kernel states."""
 
     def __init__(self, model: Model, topology: Topology, packed: System):
         self._topology, self._packed = topology, packed
         self._model, self._outputs = model, {o.name: o for o in model.outputs}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, int]:
-        """The operation that reads a signal, and the index in q or v."""
+        """Return the operation that reads a signal, and the index in q or v."""
         if group == "out":
             o = self._outputs[name]
             group = "v" if o.kind == "joint_velocity" else "q"
@@ -183,7 +191,7 @@ class Places:
         return kernels.Q, self._first(number) + place
 
     def wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
-        """(value, column of the knots) of each entry of what varies, in the axes of the row."""
+        """Yield (value, column of the knots) for each entry that varies, in the axes of the row."""
         number = self._topology.number(f.body)
         turn = home_of(self._packed, number) if f.frame == "body" else np.eye(3)
         for first, value in ((1, f.torque), (4, f.force)):
@@ -192,13 +200,13 @@ class Places:
                 yield from zip(own, range(first, first + 3))
 
     def _first(self, number: int) -> int:
-        """The index in q at which the joint of a body begins."""
+        """Return the index in q of a body's first joint coordinate."""
         rows = np.searchsorted(self._packed.body_of_row, number)
         return int(self._packed.rows[rows, 2])
 
 
 def varying(f: Force) -> bool:
-    """True if a force has an expression."""
+    """Return True if a force contains an expression."""
     if isinstance(f, OnJoint):
         return is_expression(f.torque) or is_expression(getattr(f, f.INPUT))
     return isinstance(f, Wrench) and any(str in map(type, x) for x in _entries(f))
@@ -215,7 +223,7 @@ def signals(
     drives: Drives,
     loads: Loads,
 ) -> tuple[Array, Ints]:
-    """(code, targets) of all expressions in these forces, for their drives and loads."""
+    """Return (code, targets) for all expressions in these forces, for their drives and loads."""
     program = Program(parameters, places)
     targets = list[tuple[int, ...]]()
     rows, wrenches = iter(drives.table[drives.passive :]), iter(loads.wrench[0])
@@ -237,7 +245,7 @@ def signals(
 
 
 def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:
-    """(target, torque) of a drive as the kernels take them, None for what does not vary.
+    """Return (target, torque) for a drive in kernel form, with None for constant values.
 
     torque + gain u - kp length - kd rate is torque + kp (target - length) - kd rate with the target
     gain u / kp, or without a kp torque + gain u.
@@ -260,7 +268,7 @@ def _times(program: Program, by: float, x: Operand) -> Operand:
 
 
 def _turned(program: Program, turn: Array, x: Sequence[Operand]) -> list[Operand]:
-    """The matrix times a vector."""
+    """Multiply a vector by a matrix."""
     found = list[Operand]()
     for row in turn.tolist():
         parts = [_times(program, by, one) for by, one in zip(row, x) if by]

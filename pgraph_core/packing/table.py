@@ -1,4 +1,4 @@
-"""The bodies of a model as a table of numbers, with the columns of `engine/packing`."""
+"""The bodies of a model as a numeric table, with the columns defined in `engine/packing`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # of the body, of its mot
 
 
 def numbers_of(model: Model) -> Numbers:
-    """Return the table of a valid model. Row 0 of its bodies holds gravity."""
+    """Return the table for a valid model. Row 0 contains gravity."""
     rows = model.row
     parent = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in model.bodies]
     ground = struct.pack("18d", *model.gravity, *(0.0,) * (packing.TABLE_BODY - 3))
@@ -36,12 +36,12 @@ def numbers_of(model: Model) -> Numbers:
 
 
 def _floats(records: Iterable[bytes]) -> Array:
-    """Return records joined into an array of our own, which kernels may take."""
+    """Join records into a newly allocated array that can be passed to kernels."""
     return np.frombuffer(bytearray().join(records))
 
 
 def record_of(body: Body) -> Record:
-    """Return the float64 numbers of a row, which the body keeps.
+    """Return the float64 numbers for a row, cached on the body.
 
     Body: link 3, rotation 4, mass, com 3, inertia 6 (xx, yy, zz, xy, xz, yz), number of motions. A
     motion: kind, axis 3, armature, stiffness, damping, rest, friction, pitch a radian.

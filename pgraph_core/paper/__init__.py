@@ -1,4 +1,5 @@
-"""The paper's operators in plain NumPy and SciPy: to look at, and the oracle of the kernels.
+"""The paper's operators in plain NumPy and SciPy, for inspection and as a reference for the
+kernels.
 
 Nothing here is fast, everything stands as the paper writes it, with the errata of
 docs/conventions.md. `Operators(model, topology, q, v)` holds them all for one state.
@@ -34,7 +35,7 @@ from .motion import propagation_operator as propagation_operator
 
 @dataclass(frozen=True)
 class Operators:
-    """All operators at (q, v), made when first read. World axes, at the bodies' origins.
+    """All operators at (q, v), computed on first access, in world axes and at the body origins.
 
     Spatial vectors are [angular; linear]. Bodies stand in number order. Sparse matrices are
     SciPy's. `v` may be left out where only positions matter.
@@ -54,17 +55,19 @@ class Operators:
 
     @cached_property
     def nv(self) -> int:
-        """Degrees of freedom of the model."""
+        """The number of degrees of freedom of the model."""
         return sum(body.dof for body in self.bodies)
 
     @cached_property
     def speeds(self) -> Array:
-        """v, or zeros where none was given."""
+        """The velocities v, or zeros if none were given."""
         return np.asarray(self.v, dtype=float) if len(self.v) else np.zeros(self.nv)
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """Each body's rotation, link vector, angular velocity, H and a: the outboard sweep."""
+        """The rotation, link vector, angular velocity, H and a for each body, from the outboard
+        sweep.
+        """
         q = np.asarray(self.q, dtype=float)
         found: list[Joint] = []
         places = zip(q_slices(self.bodies), v_slices(self.bodies))
@@ -76,31 +79,35 @@ class Operators:
         return found
 
     def joint(self, k: int) -> Joint:
-        """The joint of body number k."""
+        """Return the joint of body number k."""
         return self.joints[k - 1]
 
     def omega(self, k: int) -> Array:
-        """(3,) angular velocity of body number k [rad/s]."""
+        """Return the angular velocity (3,) of body number k [rad/s]."""
         return self.joints[k - 1].omega
 
     @cached_property
     def home(self) -> tuple[Array, Array]:
-        """Origins (nb, 3) and rotations (nb, 3, 3) of the body frames at the model's initial q."""
+        """The origins (nb, 3) and rotations (nb, 3, 3) of the body frames at the model's
+        initial q.
+        """
         return home_poses(self.model)
 
     @cached_property
     def link(self) -> Array:
-        """(nb, 3) from the parent's origin to the body's, joint displacement included [m]."""
+        """The vectors (nb, 3) from the parent's origin to the body's, including joint displacement
+        [m].
+        """
         return np.array([joint.link for joint in self.joints]).reshape(-1, 3)
 
     @cached_property
     def rotation(self) -> Array:
-        """(nb, 3, 3) rotations of the body frames."""
+        """The rotations (nb, 3, 3) of the body frames."""
         return np.array([joint.rotation for joint in self.joints]).reshape(-1, 3, 3)
 
     @cached_property
     def position(self) -> Array:
-        """(nb, 3) origins of the body frames [m]."""
+        """The origins (nb, 3) of the body frames [m]."""
         position = np.zeros((self.topology.nb + 1, 3))
         for k, p in enumerate(self.topology.parent, start=1):
             position[k] = position[p] + self.link[k - 1]
@@ -110,36 +117,38 @@ class Operators:
 
     @cached_property
     def H(self) -> Any:
-        """(6 nb, nv) axes of motion, eqs. (6), (7): a 6 x dof block a body on the diagonal."""
+        """The motion axes (6 nb, nv), eqs. (6), (7), with one 6 x dof diagonal block per body."""
         from scipy import sparse
 
         return sparse.block_diag([joint.H for joint in self.joints], format="csr")
 
     @cached_property
     def eps_phi(self) -> Any:
-        """ε_φ (6 nb, 6 nb), the spatial kernel operator, eq. (13)."""
+        """The spatial kernel operator ε_φ (6 nb, 6 nb), eq. (13)."""
         return kernel_operator(self.topology.parent, self.link)
 
     @cached_property
     def Phi(self) -> Any:
-        """Φ (6 nb, 6 nb), the spatial propagation operator, eq. (16)."""
+        """The spatial propagation operator Φ (6 nb, 6 nb), eq. (16)."""
         return propagation_operator(self.topology.parent, self.link)
 
     @cached_property
     def Phi_T(self) -> Any:
-        """(6 n_t, 6 nb), eq. (18) with one block row a tip body (R5), at its `tip` point."""
+        """The operator Φ_T (6 n_t, 6 nb), eq. (18), with one block row per tip body (R5), at its
+        `tip` point.
+        """
         tips = self.topology.tips - 1
         data = np.array([phi(self.rotation[k] @ self.bodies[k].tip_point) for k in tips])
         return blocks(range(len(tips)), tips, data, (len(tips), self.topology.nb))
 
     @cached_property
     def a(self) -> Array:
-        """(6 nb,) velocity-dependent accelerations across the joints, eq. (9) with R4."""
+        """The velocity-dependent accelerations (6 nb,) across the joints, eq. (9) with R4."""
         return np.array([joint.a for joint in self.joints]).reshape(-1)
 
     @cached_property
     def M(self) -> Any:
-        """(6 nb, 6 nb) spatial masses, below eq. (12)."""
+        """The spatial mass matrix (6 nb, 6 nb), below eq. (12)."""
         data = [self._spatial_mass(k) for k in range(self.topology.nb)]
         from scipy import sparse
 
@@ -147,11 +156,13 @@ class Operators:
 
     @cached_property
     def b(self) -> Array:
-        """(6 nb,) gyroscopic and centrifugal forces, below eq. (12)."""
+        """The gyroscopic and centrifugal forces (6 nb,), below eq. (12)."""
         return np.concatenate([self._bias(k) for k in range(self.topology.nb)])
 
     def _spatial_mass(self, k: int) -> Array:
-        """Return M_k = [[I, m l_c ×], [-m l_c ×, m 1]], I about the origin in world axes (R8)."""
+        """Return M_k = [[I, m l_c ×], [-m l_c ×, m 1]], with I about the origin in world axes
+        (R8).
+        """
         body, R = self.bodies[k], self.rotation[k]
         c = skew(R @ body.com)
         inertia = R @ np.array(body.inertia) @ R.T - body.mass * c @ c
@@ -167,7 +178,7 @@ class Operators:
 
     @cached_property
     def armature(self) -> Array:
-        """(nv,) inertia added to the degrees of freedom of rotate and translate motions."""
+        """The inertia (nv,) added to the degrees of freedom of rotate and translate motions."""
         added = np.zeros(self.nv)
         for body, place in zip(self.bodies, v_slices(self.bodies)):
             i = place.start
@@ -181,12 +192,14 @@ class Operators:
 
     @cached_property
     def V(self) -> Array:
-        """(6 nb,) spatial velocities of the bodies, eq. (17)."""
+        """The spatial velocities (6 nb,) of the bodies, eq. (17)."""
         return self.Phi @ (self.H @ self.speeds)
 
     @cached_property
     def base(self) -> Array:
-        """V'_0 = [0, -g] (6 nb,) of the roots' parent, which is gravity as acceleration (R7)."""
+        """The acceleration V'_0 = [0, -g] (6 nb,) of the roots' parent, which represents gravity
+        (R7).
+        """
         held = np.concatenate((np.zeros(3), -np.array(self.model.gravity)))
         return np.outer(self.topology.parent == 0, held).reshape(-1)
 
@@ -196,7 +209,7 @@ class Operators:
 
     @cached_property
     def jacobian(self) -> Array:
-        """(6 n_t, nv) J = Φ_T Φ H of the tips, eq. (20)."""
+        """The tip Jacobian J = Φ_T Φ H (6 n_t, nv), eq. (20)."""
         return (self.Phi_T @ self.Phi @ self.H).toarray()
 
     @cached_property
@@ -208,35 +221,36 @@ class Operators:
         return self.Phi @ self.a
 
     def point_jacobian(self, k: int, point: Array) -> Array:
-        """(6, nv) of a point in the frame of body number k."""
+        """Return the Jacobian (6, nv) at a point in the frame of body number k."""
         shift = phi(self.rotation[k - 1] @ point)
         return shift @ self._motions[6 * k - 6 : 6 * k].toarray()
 
     def point_bias(self, k: int, point: Array) -> Array:
-        """Return J' θ' (6,) of a point, φ (Φ a) + [0, ω × (ω × l_T)] (R6)."""
+        """Return J' θ' (6,) for a point, φ (Φ a) + [0, ω × (ω × l_T)] (R6)."""
         arm, w = self.rotation[k - 1] @ point, self.joints[k - 1].omega
         a = self._biases[6 * k - 6 : 6 * k]
         return phi(arm) @ a + np.concatenate((np.zeros(3), np.cross(w, np.cross(w, arm))))
 
     def point_position(self, k: int, point: Array) -> Array:
-        """(3,) place in the world of a point in the frame of body number k [m]."""
+        """Return the world position (3,) of a point in the frame of body number k [m]."""
         return self.position[k - 1] + self.rotation[k - 1] @ point
 
     # -- equations of motion -----------------------------------------------------------------
 
     @cached_property
     def mass_matrix(self) -> Array:
-        """(nv, nv) HᵀΦᵀMΦH, eq. (25), and the armature on its diagonal."""
+        """The mass matrix HᵀΦᵀMΦH (nv, nv), eq. (25), with the armature added on its diagonal."""
         motion = self.Phi @ self.H
         return (motion.T @ self.M @ motion).toarray() + np.diag(self.armature)
 
     @cached_property
     def bias_force(self) -> Array:
-        """(nv,) C = HᵀΦᵀ(MΦa + b), eq. (25), gravity included (R7)."""
+        """The bias force C = HᵀΦᵀ(MΦa + b) (nv,), eq. (25), including gravity (R7)."""
         return self.inverse_dynamics(np.zeros(self.nv))
 
     def joint_force(self, vdot: Array, external: Array | None = None) -> Array:
-        """(6 nb,) F = Φᵀ(M V' + b - F_ext), eq. (22): force across each joint, at its body's O.
+        """Return F = Φᵀ(M V' + b - F_ext) (6 nb,), eq. (22), the force across each joint at its
+        body's O.
 
         `external` (nb, 6) acts on the bodies; the paper's F_T acts from them, hence the sign.
         """
@@ -244,11 +258,11 @@ class Operators:
         return self.Phi.T @ (F if external is None else F - np.reshape(external, -1))
 
     def inverse_dynamics(self, vdot: Array, external: Array | None = None) -> Array:
-        """(nv,) τ = HᵀF, eqs. (23), (24)."""
+        """Return τ = HᵀF (nv,), eqs. (23), (24)."""
         return self.H.T @ self.joint_force(vdot, external) + self.armature * vdot
 
     def forward_dynamics(self, tau: Array | None = None, external: Array | None = None) -> Array:
-        """(nv,) θ'' = M⁻¹(τ - C - JᵀF), eq. (26), by a dense solve."""
+        """Return θ'' = M⁻¹(τ - C - JᵀF) (nv,), eq. (26), computed by a dense solve."""
         tau = np.zeros(self.nv) if tau is None else tau
         rest = self.inverse_dynamics(np.zeros(self.nv), external)
         from scipy.linalg import solve
@@ -259,11 +273,11 @@ class Operators:
 
     @cached_property
     def kinetic_energy(self) -> float:
-        """½ VᵀMV and the armature's share [J]."""
+        """The kinetic energy ½ VᵀMV, including the armature's contribution [J]."""
         return float(self.V @ (self.M @ self.V) + self.armature @ self.speeds**2) / 2
 
     @cached_property
     def potential_energy(self) -> float:
-        """-Σ m g · x_c [J]."""
+        """The potential energy -Σ m g · x_c [J]."""
         at = [self.point_position(k, np.array(b.com)) for k, b in enumerate(self.bodies, start=1)]
         return -sum(b.mass * float(np.dot(self.model.gravity, x)) for b, x in zip(self.bodies, at))

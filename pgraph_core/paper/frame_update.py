@@ -1,4 +1,5 @@
-"""Fig. 7: the frames of all bodies brought from one q to the next by walking along Pgraph.
+"""The frame update in Fig. 7, which moves all body frames from one q to the next by walking along
+Pgraph.
 
 The figure's drawing is lost: this is our reconstruction from the text of sec. 4, which names
 Rot, find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from q (R14).
@@ -32,7 +33,7 @@ CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quater
 
 
 class Visit(NamedTuple):
-    """One place of Pgraph, all counted from 1 as in the paper."""
+    """One position in Pgraph. All counts start at 1, as in the paper."""
 
     kappa: int
     number: int  # Pgraph(κ), 0 for the ground
@@ -41,7 +42,7 @@ class Visit(NamedTuple):
 
 
 class Movement(NamedTuple):
-    """Places of one motion of a joint in the array of frame vectors and in v."""
+    """The indices of one joint motion in the array of frame vectors and in v."""
 
     turns: slice  # its angles in v [rad]
     slides: slice  # its displacements in v [m]
@@ -52,7 +53,8 @@ class Movement(NamedTuple):
 
 @dataclass(frozen=True)
 class FrameVectors:
-    """Vectors that Fig. 7 updates: links, axes of motion and axes of the body frames, world axes.
+    """The vectors updated in Fig. 7, which are links, motion axes and body frame axes in world
+    axes.
 
     A body's rows of `vectors` begin with the link to the start of its joint. For each motion follow
     its displacement [m] and its axes (one, or the three of a ball or free motion). The three axes
@@ -66,12 +68,14 @@ class FrameVectors:
 
     @property
     def rotation(self) -> Array:
-        """(nb, 3, 3) rotations of the body frames."""
+        """The rotations (nb, 3, 3) of the body frames."""
         return np.array([self.vectors[r][-3:].T for r in self.rows]).reshape(-1, 3, 3)
 
     @property
     def link(self) -> Array:
-        """(nb, 3) from the parent's origin to the body's, displacement included [m]."""
+        """The vectors (nb, 3) from the parent's origin to the body's, including displacement
+        [m].
+        """
         slides = [[m.slide for m in parts] for visit, parts in self.walk if visit.P]
         first = [visit.number for visit, _ in self.walk if visit.P]
         link = np.zeros((len(self.rows), 3))
@@ -81,14 +85,14 @@ class FrameVectors:
 
     @property
     def position(self) -> Array:
-        """(nb, 3) origins of the body frames [m]."""
+        """The origins (nb, 3) of the body frames [m]."""
         position = np.zeros((len(self.rows) + 1, 3))
         for k, (p, link) in enumerate(zip(self.topology.parent, self.link), start=1):
             position[k] = position[p] + link
         return position[1:]
 
     def updated(self, increment: Sequence[float] | Array) -> FrameVectors:
-        """The frames after `increment` (nv,) [rad, m], as v is laid out: Fig. 7.
+        """Return the frames after `increment` (nv,) [rad, m], ordered like v, as in Fig. 7.
 
         `increments(model, q, q_next)` are exact for any step; the paper's θ' Δt drifts with Δt.
         """
@@ -100,7 +104,7 @@ class FrameVectors:
 
 
 def _carry(F: Array, move: Movement, step: Array) -> None:
-    """Apply one motion: a slide adds l += h d, a rotation gives F(P) = Rot(h, Δθ) F(P)."""
+    """Apply one motion. A slide adds l += h d, and a rotation gives F(P) = Rot(h, Δθ) F(P)."""
     axes = F[move.axes]
     if len(slid := step[move.slides]):
         F[move.slide] += slid @ axes
@@ -109,7 +113,7 @@ def _carry(F: Array, move: Movement, step: Array) -> None:
 
 
 def rotation_by(vector: Array) -> Array:
-    """Return Rot(h, Δθ) (3, 3) of the rotation vector h Δθ by Rodrigues' formula."""
+    """Return Rot(h, Δθ) (3, 3) for the rotation vector h Δθ, using Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     return rodrigues(vector / angle, angle) if angle else np.eye(3)
 
@@ -118,7 +122,7 @@ def rotation_by(vector: Array) -> Array:
 
 
 def visits(pgraph: Sequence[int] | Ints) -> tuple[Visit, ...]:
-    """find and P at every place of Pgraph.
+    """Return find and P at every position in Pgraph.
 
     A body's joint carries all that is entered after it, up to the first place whose number
     was there before the body: that is the way back to a separation body further in.
@@ -150,7 +154,7 @@ def _carried(places: list[int], find: dict[int, int], kappa: int) -> tuple[int, 
 
 
 def frame_vectors(model: Model, q: Sequence[float] | Array) -> FrameVectors:
-    """The frame vectors at q, made without increments: the start of Fig. 7."""
+    """Compute the frame vectors at q directly, without increments, as the start for Fig. 7."""
     topology = Topology.of(model)
     bodies = bodies_of(model, topology)
     rotation, blocks = [np.eye(3)], []
@@ -167,7 +171,7 @@ def frame_vectors(model: Model, q: Sequence[float] | Array) -> FrameVectors:
 
 
 def _vectors_of(body: Body, turned: Array, q: Array) -> Array:
-    """The rows of one body whose parent has the rotation `turned`."""
+    """Return the rows for a body whose parent has the rotation `turned`."""
     home = matrix(body.rotation)
     rows = [turned @ body.link]
     for motion, x in elementary(body, q):
@@ -179,7 +183,7 @@ def _vectors_of(body: Body, turned: Array, q: Array) -> Array:
 
 
 def _movements(visit: Visit, bodies: list[Body], rows: tuple[slice, ...]) -> tuple[Movement, ...]:
-    """Every motion of the visited body's joint, with the rows F(P) that it turns."""
+    """Return every motion of the visited body's joint, with the rows F(P) that it rotates."""
     own = rows[visit.number - 1]
     outer = [np.arange(rows[j - 1].start, rows[j - 1].stop) for j in visit.P[1:]]
     v = v_slices(bodies)[visit.number - 1].start
@@ -202,7 +206,9 @@ def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
 
 
 def increments(model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array) -> Array:
-    """Return Δθ (nv,) from q to q_next [rad, m], for a ball its relative rotation vector."""
+    """Return Δθ (nv,) from q to q_next [rad, m]. For a ball joint it is the relative rotation
+    vector.
+    """
     bodies = bodies_of(model, Topology.of(model))
     found: list[float] = []
     for body, place in zip(bodies, q_slices(bodies)):
@@ -227,7 +233,7 @@ def _increment(motion: Motion, x: Array, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class FrameUpdateTrace:
-    """One update, place by place, as in Fig. 8. `print` shows the table."""
+    """A step-by-step record of one update, as in Fig. 8. `print` shows the table."""
 
     names: tuple[str, ...]  # names of the bodies by number
     steps: tuple[tuple[Visit, str], ...]  # and what the joint does, in words
@@ -251,7 +257,9 @@ def _line(row: list[str], wide: list[int]) -> str:
 def frame_update_trace(
     model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array
 ) -> FrameUpdateTrace:
-    """The update of all frames from q to q_next by exact increments, place by place: Fig. 8."""
+    """Update all frames from q to q_next by exact increments and record every step, as in Fig.
+    8.
+    """
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     for body in model.bodies:
         if any(m.kind == "screw" for m in body.sequence):
@@ -271,7 +279,7 @@ def frame_update_trace(
 
 
 def _position(model: Model, name: str, given: Sequence[float] | Array) -> Array:
-    """Coordinates in number order. Raises InputError."""
+    """Return the coordinates in number order. Raises InputError."""
     count = sum(SIZE[m.kind][0] for body in model.bodies for m in body.sequence)
     try:
         q = np.asarray(given, dtype=float)

@@ -1,4 +1,4 @@
-"""Motion of the joints: frames, link vectors, H and a of every body, eqs. (5)-(9)."""
+"""Joint motion: frames, link vectors, H and a for every body, eqs. (5)-(9)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..topology import Ints, Topology, find
 
 
 class Joint(NamedTuple):
-    """A joint in a state, in world axes, with H and a at the body's origin."""
+    """A joint at a given state in world axes, with H and a at the body's origin."""
 
     rotation: Array  # (3, 3) attitude of the body
     link: Array  # (3,) from the parent's origin to the body's, displacement included [m]
@@ -27,17 +27,17 @@ class Joint(NamedTuple):
 
 
 def bodies_of(model: Model, topology: Topology) -> list[Body]:
-    """The rows of the table in number order."""
+    """Return the rows of the table in number order."""
     return [model.bodies[row] for row in topology.row]
 
 
 def q_slices(bodies: Sequence[Body]) -> list[slice]:
-    """Return the slice of q of each body."""
+    """Return each body's slice of q."""
     return _slices([joints.nq(body.sequence) for body in bodies])
 
 
 def v_slices(bodies: Sequence[Body]) -> list[slice]:
-    """Return the slice of v of each body."""
+    """Return each body's slice of v."""
     return _slices([joints.nv(body.sequence) for body in bodies])
 
 
@@ -47,14 +47,18 @@ def _slices(sizes: list[int]) -> list[slice]:
 
 
 def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tuple[Array, Array]:
-    """Origins (nb, 3) and rotations (nb, 3, 3) of the body frames in the world, by number."""
+    """Return origins (nb, 3) and rotations (nb, 3, 3) of the body frames in the world, by
+    number.
+    """
     bodies = bodies_of(model, topology)
     return _frames(bodies, topology.parent.tolist(), q, q_slices(bodies))
 
 
 @explained
 def home_poses(model: Model) -> tuple[Array, Array]:
-    """`frames` at the model's initial q, in number order. Raises InputError for other types."""
+    """Return `frames` at the model's initial q, in number order. Raises InputError for other
+    types.
+    """
     if not isinstance(model, Model):
         text = f"must be a pg.Model; given {shown(model)}"
         raise InputError(Problem("home_poses", "model", text))
@@ -70,7 +74,8 @@ def home_poses(model: Model) -> tuple[Array, Array]:
 
 
 def _at_home(body: Body) -> tuple[Array, Array]:
-    """Return origin and rotation in the parent's frame at the initial q, computed once per body.
+    """Return the origin and rotation in the parent's frame at the initial q, computed once per
+    body.
 
     After an edit all other bodies are the same objects, so the rest of the table is not computed
     again.
@@ -102,7 +107,7 @@ def _frames(
 def elementary(
     body: Body, q: Sequence[float] | Array
 ) -> Iterator[tuple[Motion, Sequence[float] | Array]]:
-    """The motions of a joint in order, each with its own coordinates."""
+    """Yield the motions of a joint in order, each with its own coordinates."""
     start = 0
     for motion in body.sequence:
         end = start + joints.SIZE[motion.kind][0]
@@ -111,20 +116,22 @@ def elementary(
 
 
 def _direction(motion: Motion, home: Array) -> Array:
-    """The unit axis in the parent's axes at q = 0."""
+    """Return the unit axis in the parent's axes at q = 0."""
     axis = home @ motion.axis
     return axis / np.linalg.norm(axis)
 
 
 def turn(motion: Motion, home: Array, q: Sequence[float] | Array) -> Array:
-    """(3, 3) rotation of a motion, in the axes before it."""
+    """Return the rotation matrix (3, 3) of a motion, in the preceding axes."""
     if motion.kind in ("rotate", "screw"):
         return rodrigues(_direction(motion, home), q[0])
     return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
 
 
 def displacement(motion: Motion, turned: Array, home: Array, q: Sequence[float] | Array) -> Array:
-    """Return the shift of the origin by a motion (3,), in world axes, after the axes `turned`."""
+    """Return the displacement of the origin (3,) due to a motion, in world axes, after the axes
+    `turned`.
+    """
     if motion.kind in ("translate", "screw"):
         return turned @ _direction(motion, home) * _slide(motion) * q[0]
     return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
@@ -136,7 +143,7 @@ def _slide(motion: Motion) -> float:
 
 
 def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
-    """(6, dof) H of one motion, eq. (6) where it turns, eq. (7) where it slides."""
+    """Return H (6, dof) for one motion, from eq. (6) for a rotation and eq. (7) for a slide."""
     none = np.zeros((3, 3))
     if motion.kind in joints.AXIAL:
         h = (turned @ _direction(motion, home))[:, None]
@@ -147,7 +154,7 @@ def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
 
 
 def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) -> Joint:
-    """The joint of a body whose parent has this rotation and angular velocity.
+    """Return the joint of a body whose parent has this rotation and angular velocity.
 
     Every motion is a step of eqs. (5) and (8) by itself; their φ, H and a are chained, so that
     one block H (6 x dof) and one a stand for the whole joint.
@@ -169,7 +176,7 @@ def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) 
 
 
 def bias(omega: Array, link: Array, relative: Array) -> Array:
-    """a of eq. (9) for any motion (R4): `relative` = H θ' is the velocity across it.
+    """Return a from eq. (9) for any motion (R4). `relative` = H θ' is the velocity across it.
 
     [ω × ω_rel; ω × (ω × l) + 2 ω × l'_rel], ω of the body before the motion. The printed
     ω_j × ω_κ is the first term of a hinge; the Coriolis term 2 ω × l' is missing there.
@@ -182,7 +189,9 @@ def bias(omega: Array, link: Array, relative: Array) -> Array:
 
 
 def phi(link: Sequence[float] | Array) -> Array:
-    """(6, 6) link propagation matrix of eq. (6): V at the far end of `link` = φ V at its root."""
+    """Return the link propagation matrix φ (6, 6) from eq. (6), where V at the far end of `link` =
+    φ V at its root.
+    """
     shift = np.eye(6)
     shift[3:, :3] = -skew(link)
     return shift
@@ -191,7 +200,7 @@ def phi(link: Sequence[float] | Array) -> Array:
 def blocks(
     rows: Sequence[int] | Ints, columns: Sequence[int] | Ints, data: Array, shape: tuple[int, int]
 ) -> Any:
-    """Return a sparse matrix of `shape` blocks with a 6x6 block at each (row, column)."""
+    """Return a sparse block matrix with `shape` blocks, and a 6x6 block at each (row, column)."""
     at, column = np.asarray(rows, dtype=np.int64), np.asarray(columns, dtype=np.int64)
     order = np.lexsort((column, at))
     start = np.searchsorted(at[order], np.arange(shape[0] + 1))
@@ -212,7 +221,7 @@ def kernel_operator(parent: Ints, link: Array) -> Any:
 
 
 def kernel_operator_of_pgraph(pgraph: Sequence[int] | Ints, link: Array) -> Any:
-    """ε_φ from Pgraph alone, Fig. 6: no adjacency matrix is given or made.
+    """Build ε_φ from Pgraph alone, Fig. 6. No adjacency matrix is required or formed.
 
     Walk Pgraph; where a body stands for the first time, its parent stands before it.
     """
@@ -225,7 +234,8 @@ def kernel_operator_of_pgraph(pgraph: Sequence[int] | Ints, link: Array) -> Any:
 
 
 def propagation_operator(parent: Ints, link: Array) -> Any:
-    """Φ = (1 - ε_φ)⁻¹, eq. (16), as the products of φ along paths: (6 nb, 6 nb) sparse.
+    """Return Φ = (1 - ε_φ)⁻¹, eq. (16), from products of φ along paths, as a sparse (6 nb, 6 nb)
+    matrix.
 
     Block row κ is φ_κ,ρ(κ) times block row ρ(κ), and 1 at κ: no inverse is formed, and block
     (κ, j) is there only where j is an ancestor of κ or κ itself. O(n · depth).

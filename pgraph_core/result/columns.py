@@ -1,4 +1,4 @@
-"""The columns of a run as a table: their names, and the look-up of a name.
+"""The columns of a run as a table, and the lookup of columns by name.
 
 A coordinate has the name of its body, as in `run["knee"]`. All other columns are named
 `attribute.object`: `v.knee`, `energy`, `contact_force.paw.z`.
@@ -27,14 +27,14 @@ OTHER_WORDS = {"time": "t", "total_energy": "energy"}
 
 
 class Column(NamedTuple):
-    """Values over the frames (n,), and their unit, which is "" for words."""
+    """Values over all frames (n,) and their unit, which is "" for text."""
 
     unit: str
     values: Any
 
 
 def columns_of(run: Any) -> dict[str, Column]:
-    """Every column of a run by its name.
+    """Return all columns of a run by name.
 
     A coordinate or an output whose name another column has is called `q.NAME`, `outputs.NAME`.
     """
@@ -60,7 +60,7 @@ def columns_of(run: Any) -> dict[str, Column]:
 
 
 def _forces(run: Any) -> dict[str, Column]:
-    """Return the columns of constraints, contacts, limits and phases."""
+    """Return the columns for constraints, contacts, limits and phases."""
     found: dict[str, Column] = {}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
@@ -76,12 +76,14 @@ def _forces(run: Any) -> dict[str, Column]:
 
 
 def _along_axes(name: str, wrench: Array) -> dict[str, Column]:
-    """Forces of wrenches (n, 6)."""
+    """Return the forces in wrenches (n, 6), one column per axis."""
     return {f"{name}.{axis}": Column("N", wrench[:, 3 + i]) for i, axis in enumerate("xyz")}
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """(name, unit) of every entry of q and of v: ("knee", "rad"), or ("trunk.0", "m"), ..."""
+    """Return (name, unit) for every entry of q and of v: ("knee", "rad"), or ("trunk.0", "m"),
+    ...
+    """
     found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
     for name in mech.names:
         kinds = [KINDS[m.kind] for m in mech.model.body(name).sequence]
@@ -95,7 +97,7 @@ def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str,
 
 
 def meant(columns: Iterable[str], name: str) -> list[str]:
-    """The columns that a name stands for: itself, or all that begin with it or are of it.
+    """Return the columns that match a name: an exact match, a common prefix or a common object.
 
     "trunk" is trunk.0 to trunk.6, "v" all velocities, "paw" everything of a contact or constraint
     of that name; "q.knee" is knee; the words of a name may stand apart, "kinetic energy", and its
@@ -120,7 +122,7 @@ def meant(columns: Iterable[str], name: str) -> list[str]:
 
 
 def _is_coordinate(column: str, known: set[str]) -> bool:
-    """True for a column of q, whose joint has a velocity."""
+    """Return True for a column of q, whose joint has a velocity."""
     joint = column.removeprefix("q.")
     own = bool({f"v.{joint}", f"v.{joint.rpartition('.')[0]}.0"} & known)
     return own and f"q.{column}" not in known
@@ -137,7 +139,7 @@ def no_column(columns: Iterable[str], name: str) -> str:
 
 
 def frame(columns: Mapping[str, Column]) -> Any:
-    """Return a pandas.DataFrame with one row per frame, index t [s] and `attrs["units"]`.
+    """Return a pandas.DataFrame with one row per frame, indexed by t [s], with `attrs["units"]`.
 
     It also accepts the names that `meant` accepts and the name of the index. A KeyError lists the
     columns. Needs pandas.
@@ -149,7 +151,7 @@ def frame(columns: Mapping[str, Column]) -> Any:
 
 
 def dataset(columns: Mapping[str, Column]) -> Any:
-    """Return an xarray.Dataset of the numbers over t [s], each with its `attrs["units"]`."""
+    """Return an xarray.Dataset of the numeric columns over t [s], each with `attrs["units"]`."""
     xarray = needed("xarray", "xarray")
     numbers = {name: column for name, column in columns.items() if column.unit}
     t = numbers.pop("t")
@@ -161,7 +163,7 @@ LONGEST_WORD = 63  # characters of a variable of MATLAB
 
 
 def matlab(columns: Mapping[str, Column]) -> bytes:
-    """Return a MATLAB file of the numbers: a variable for each column, `names` and `units`."""
+    """Return a MATLAB file with one variable per numeric column, plus `names` and `units`."""
     from scipy.io import savemat
 
     numbers = {name: column for name, column in columns.items() if column.unit}
@@ -207,7 +209,7 @@ def _frame_class() -> Any:
             return super().__getitem__(found[0] if len(found) == 1 and key is not names else found)
 
         def _meant(self, name: str) -> list[str]:
-            """The columns that a name stands for. Raises NameLookupError."""
+            """Return the columns that match a name. Raises NameLookupError."""
             found = [name] * (name in self.columns)
             found = found or meant([c for c in self.columns if isinstance(c, str)], name)
             if not found:
@@ -234,5 +236,5 @@ def _frame_class() -> Any:
 
 
 def _itself(value: Any) -> Any:
-    """Return the value: pickles call this, so a table is read back as a plain one."""
+    """Return the value unchanged. Pickles call this to restore a table as a plain DataFrame."""
     return value

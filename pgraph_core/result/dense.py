@@ -1,4 +1,4 @@
-"""Dense output: the state of a run between its recorded frames, and the error of it.
+"""Dense output: the state of a run between its recorded frames, with an error estimate.
 
 Quintic Hermite polynomials, from q, q' and q'' of both frames; v is the rate of q along them.
 """
@@ -27,7 +27,7 @@ def states_at(
     known: Array,
     asked: Any,
 ) -> tuple[Array, Array, Any]:
-    """(q, v, error) at the times `asked`, a number or an array, from frames (t, q, v, v').
+    """Return (q, v, error) at the times `asked`, a scalar or an array, from frames (t, q, v, v').
 
     `rows` are the joint rows of the mechanism, `known` (n,) is the estimated error at the frames,
     the largest so far. Raises InputError outside of the run.
@@ -57,7 +57,7 @@ def states_at(
 
 
 def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float) -> list[int]:
-    """Rows that oscillate faster than frames (t, q, v, v') show, so that these miss their range.
+    """Return the rows that oscillate too fast for the frames (t, q, v, v') to show their range.
 
     If a coordinate kept its rate, or its acceleration, for a third of the way to the next frame, it
     would move by more than half of what all frames together show; or v would, and not by what is
@@ -84,7 +84,7 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
 
 
 def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
-    """(kind, entries in q, entries in v) of each row."""
+    """Return (kind, slice in q, slice in v) for each row."""
     size = {at.BALL: (4, 3), at.FREE: (7, 6)}
     found = []
     for _, kind, i, j in rows[1:].tolist():
@@ -94,7 +94,7 @@ def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
 
 
 def _inside(asked: Any, t: Array) -> Array:
-    """The times as floats. Raises InputError."""
+    """Return the times as floats. Raises InputError."""
     try:
         given = array_of(asked)
         times = np.asarray(np.nan if given.dtype.kind in "USb" else given, dtype=float)
@@ -116,7 +116,9 @@ def _inside(asked: Any, t: Array) -> Array:
 
 
 def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
-    """Return (q', q'') from q, v, v', with q' = ½ ω q and q'' = ½ (ω' q + ω q') of quaternions."""
+    """Return (q', q'') from q, v, v', using q' = ½ ω q and q'' = ½ (ω' q + ω q') for
+    quaternions.
+    """
     rate, bend = np.empty_like(q), np.empty_like(q)
     of_q, of_v = plain(rows)
     rate[:, of_q], bend[:, of_q] = v[:, of_v], vdot[:, of_v]
@@ -129,7 +131,7 @@ def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Ar
 
 
 def _velocities(rows: Ints, q: Array, rate: Array, nv: int) -> Array:
-    """v from q and q': ω = 2 q' q⁻¹."""
+    """Compute v from q and q', using ω = 2 q' q⁻¹ for quaternions."""
     v = np.empty((len(q), nv))
     of_q, of_v = plain(rows)
     v[:, of_v] = rate[:, of_q]
@@ -142,14 +144,14 @@ def _velocities(rows: Ints, q: Array, rate: Array, nv: int) -> Array:
 
 
 def _half_product(omega: Array, q: Array) -> Array:
-    """½ ω q, the product of quaternions, (n, 4)."""
+    """Return the quaternion products ½ ω q as an (n, 4) array."""
     w, u = q[:, :1], q[:, 1:]
     real = -np.sum(omega * u, axis=1, keepdims=True)
     return 0.5 * np.concatenate((real, w * omega + np.cross(omega, u)), axis=1)
 
 
 def _cubic(t: Array, y: Array, rate: Array, i: Ints, k: Ints, x: Array) -> Array:
-    """Cubic Hermite polynomials between frames i and k at times x."""
+    """Evaluate the cubic Hermite polynomials between frames i and k at times x."""
     h = (t[k] - t[i])[:, None]
     s = (x - t[i])[:, None] / h
     rise = s * s * (3 - 2 * s)
@@ -158,7 +160,7 @@ def _cubic(t: Array, y: Array, rate: Array, i: Ints, k: Ints, x: Array) -> Array
 
 
 def _quintic(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
-    """Quintic Hermite polynomials between frames i and k at times x."""
+    """Evaluate the quintic Hermite polynomials between frames i and k at times x."""
     t, y, rate, bend = frames
     h = (t[k] - t[i])[:, None]
     s = (x - t[i])[:, None] / h
@@ -171,7 +173,7 @@ def _quintic(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
 
 
 def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
-    """The rates of these polynomials."""
+    """Evaluate the time derivatives of the quintic Hermite polynomials."""
     t, y, rate, bend = frames
     h = (t[k] - t[i])[:, None]
     s = (x - t[i])[:, None] / h
@@ -185,7 +187,7 @@ def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
 
 
 def _missed(frames: Any, i: Ints, x: Array) -> Array:
-    """Estimated interpolation error of q in the intervals from frames i, at times x.
+    """Estimate the interpolation error in q at times x, in the intervals starting at frames i.
 
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
     seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Else,
@@ -221,12 +223,14 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
 
 
 def _at_both(x: Array, i: Ints) -> Array:
-    """The larger one of the values at both frames of the intervals from frames i."""
+    """Return the larger value at the two ends of each interval starting at frames i."""
     return np.maximum(x[i], x[i + 1])
 
 
 def _corrections(frames: Any, i: Ints) -> tuple[Array, Array]:
-    """The largest differences of (quintic and cubic, cubic and line) in the intervals from i."""
+    """Return the maximum differences (quintic - cubic, cubic - linear) in the intervals from frames
+    i.
+    """
     t, q, rate, _ = frames
     rough, bent = np.zeros(len(i)), np.zeros(len(i))
     for share in (0.25, 0.5, 0.75):

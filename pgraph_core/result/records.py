@@ -1,4 +1,4 @@
-"""Records of a run: contacts, joint limits and events of the user.
+"""Records of a run: contacts, joint limits and user events.
 
 `ContactRecord` has forces, gaps, phases and events of contacts. A `UserEvent` is a zero crossing of
 a function passed to `simulate`.
@@ -30,7 +30,7 @@ FREE, STOP = "free", "stop"  # a joint between its limits, and at one
 
 
 class Event(NamedTuple):
-    """A change of one contact point at one instant. A bounce goes from swing to swing."""
+    """A phase change at one contact point at one instant. A bounce goes from swing to swing."""
 
     t: float  # [s]
     contact: str  # its name, with the number of the point where it has several
@@ -40,7 +40,7 @@ class Event(NamedTuple):
     cause: str
 
     def __str__(self) -> str:
-        """The event as a sentence."""
+        """Return the event as a sentence."""
         change = f"{self.before} to {self.after}" if self.before != self.after else self.after
         where = self.contact if self.body in self.contact else f"{self.contact} of {self.body}"
         return f"t = {self.t:.9g} s: {where}: {change}: {self.cause}"
@@ -66,7 +66,7 @@ NO_DERIVATIVES = Derivatives({})
 
 @dataclass(frozen=True, eq=False)
 class ContactRecord(EqualByFields):
-    """Arrays over n frames by the contact's name, or `name[body]` if it has several bodies."""
+    """Arrays over n frames, keyed by contact name, or by `name[body]` if it has several bodies."""
 
     force: Mapping[str, Array] = field(default_factory=dict)
     """(n, 6) [torque, force] on the touch's body about its origin, world axes [N m, N]."""
@@ -91,7 +91,9 @@ class ContactRecord(EqualByFields):
 
     @classmethod
     def later(cls, make: Callable[[], ContactRecord]) -> ContactRecord:
-        """The record that `make` gives, made when it is first read: that takes many steps' time."""
+        """Return a record that calls `make` on first access, because this takes as long as many
+        steps.
+        """
         found = object.__new__(cls)
         found.__dict__[MAKE] = make
         return found
@@ -108,12 +110,12 @@ class ContactRecord(EqualByFields):
         return own[name]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Its arrays, not how they are made."""
+        """Return the arrays, without the function that makes them."""
         _ = self.wrench  # makes it
         return self.__dict__
 
     def keep_unchanged(self) -> None:
-        """Make its arrays read-only. Other kinds of mappings do so themselves."""
+        """Make the arrays read-only. Other mapping types already are."""
         if MAKE in self.__dict__ or not self.wrench.flags.writeable:
             return  # done when it is made, or before
         keep_unchanged((self.wrench, self.residual))
@@ -122,7 +124,7 @@ class ContactRecord(EqualByFields):
                 keep_unchanged(found.values())
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays by names for a file."""
+        """Return all arrays by name, for writing to a file."""
         found = {
             f"contact {what}:{name}": array
             for what in KINDS
@@ -136,7 +138,7 @@ class ContactRecord(EqualByFields):
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, Array]) -> ContactRecord:
-        """Rebuild a record from its arrays, ignoring other names."""
+        """Rebuild a record from its arrays and ignore other names."""
         parts: list[dict[str, Any]] = [
             {
                 key.removeprefix(f"contact {what}:"): array
@@ -155,14 +157,16 @@ class ContactRecord(EqualByFields):
 
 
 class Named(Mapping[str, Any]):
-    """Arrays by name. An unknown name raises a KeyError whose text lists the names."""
+    """Arrays by name. An unknown name raises a KeyError that lists the valid names."""
 
     def __init__(self, arrays: Mapping[str, Any], word: str, what: str):
-        """`word` is what it holds, `what` a thing that has a name: "contact_force", "contact"."""
+        """Set the attribute name `word` and the kind of object `what`: "contact_force",
+        "contact".
+        """
         self._arrays, self._word, self._what = arrays, word, what
 
     def __getitem__(self, name: Any) -> Any:
-        """Raises NameLookupError naming the ones there are."""
+        """Return the array with this name. Raises NameLookupError, which lists the valid names."""
         try:
             return self._arrays[name]
         except (KeyError, TypeError):
@@ -177,7 +181,7 @@ class Named(Mapping[str, Any]):
         return len(self._arrays)
 
     def __repr__(self) -> str:
-        """Return the repr of a dictionary."""
+        """Return the repr of the contents as a dictionary."""
         return repr(dict(self))
 
     def _missing(self, name: Any) -> str:
@@ -188,7 +192,7 @@ class Named(Mapping[str, Any]):
 
 
 class ByTouch(Named):
-    """Arrays by contact pair, or by the names of two bodies: `run.contact_force["a", "ground"]`.
+    """Arrays by contact pair or by two body names: `run.contact_force["a", "ground"]`.
 
     Of several pairs between the two, forces are added, gaps are the smallest, slips the largest.
     """
@@ -201,12 +205,16 @@ class ByTouch(Named):
         joined: Callable[[list[Any]], Any],
         swapped: Callable[[Any, str, str], Any] = lambda value, *_: value,
     ):
-        """`swapped(value, a, b)` makes of a value on a, touched by b, the one on b."""
+        """Set `swapped(value, a, b)`, which converts a value on a, touched by b, into the one
+        on b.
+        """
         super().__init__(arrays, word, "contact")
         self._model, self._joined, self._swapped = model, joined, swapped
 
     def __getitem__(self, name: Any) -> Any:
-        """Return the array of a pair, or of all contacts of two bodies. Raises NameLookupError."""
+        """Return the array for a pair, or for all contacts between two bodies. Raises
+        NameLookupError.
+        """
         if not (isinstance(name, tuple) and len(name) == 2):
             return super().__getitem__(name)
         a, b = name
@@ -221,7 +229,7 @@ class ByTouch(Named):
         return found[0] if len(found) == 1 else self._joined(found)
 
     def __reduce__(self) -> Any:
-        """A plain dictionary: it takes no run along."""
+        """Pickle as a plain dictionary, without the run."""
         return dict, (dict(self._arrays),)
 
     def _no_pair(self, a: Any, b: Any) -> str:
@@ -247,7 +255,7 @@ NOTHING, NO_FORCES = ContactRecord(), Named({}, *OF_CONSTRAINTS)
 
 
 class UserEvent(NamedTuple):
-    """One event of `simulate(events=[...])`, located within a step."""
+    """An event from `simulate(events=[...])`, located within a step."""
 
     t: float  # [s]
     name: str  # name of the function
@@ -256,12 +264,12 @@ class UserEvent(NamedTuple):
     v: Array  # (nv,)
 
     def __str__(self) -> str:
-        """The event as a sentence."""
+        """Return the event as a sentence."""
         return f"t = {self.t:.9g} s: {self.name}"
 
 
 def event_arrays(events: Sequence[UserEvent]) -> dict[str, Any]:
-    """Return arrays by name for a file, {} without events."""
+    """Return arrays by name for a file, or {} if there are no events."""
     if not events:
         return {}
     t, name, number, q, v = zip(*events)

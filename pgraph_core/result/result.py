@@ -1,4 +1,4 @@
-"""Result of a run: states over time, energies, forces, cost, status. `joined` joins several."""
+"""The result of a run: states over time, energies, forces, cost and status. `joined` joins runs."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 
 class Status(Enum):
-    """End of a run: reached, stopped or failed."""
+    """The final status of a run: reached its end, stopped or failed."""
 
     DONE = "the run reached its end"
     STOPPED = "an event stopped the run"
@@ -73,7 +73,7 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the run reached its end or a terminal event of the user."""
+        """Return True if the run reached its end or a terminal user event."""
         return self in (Status.DONE, Status.STOPPED)
 
 
@@ -85,7 +85,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculate
 @explained
 @dataclass(frozen=True, eq=False)
 class Result(EqualByFields, Portable):
-    """Result of a run, with arrays of one row per recorded frame.
+    """The result of a run, with arrays that have one row per recorded frame.
 
     A run that failed keeps the frames up to the failure. Two runs are equal if their models and all
     their numbers are equal. Their costs are not compared.
@@ -120,7 +120,7 @@ class Result(EqualByFields, Portable):
     """{path: (n, nq + nv + 2)} of q, v, work and dissipation by what `wrt` names."""
 
     def __post_init__(self) -> None:
-        """The arrays may not be written: a run does not change."""
+        """Make the arrays read-only, because a run does not change."""
         own = vars(self)
         for name in ARRAYS:
             own[name] = view = np.asarray(own[name]).view()
@@ -138,7 +138,7 @@ class Result(EqualByFields, Portable):
         self.__post_init__()
 
     def __eq__(self, other: object) -> bool:
-        """Compare the models and the numbers, with nan equal to nan."""
+        """Compare the models and the numerical data, treating nan as equal to nan."""
         equal = super().__eq__(other)
         if equal is not True or not isinstance(other, Result):
             return equal
@@ -158,18 +158,20 @@ class Result(EqualByFields, Portable):
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
 
     def __str__(self) -> str:
-        """Return the repr and one line per warning."""
+        """Return the repr, followed by one line per notice."""
         left = [text for text in self.notices if self.status.ok or text not in self.message]
         return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
 
     @property
     def error_estimate(self) -> float:
-        """Estimated largest error of q at the recorded times [rad, m]: the last of `error_at`."""
+        """Estimated maximum error in q [rad, m] at the recorded times, the last entry of
+        `error_at`.
+        """
         return float(self.error_at[-1]) if len(self.error_at) else np.nan
 
     @property
     def relative_error(self) -> Array:
-        """(n,) `error_at` relative to the largest displacement of a joint from its start.
+        """Return `error_at` relative to the largest joint displacement from the start, (n,).
 
         Where nothing moves, it is relative to 1.5e-8 of the mechanism's length.
         """
@@ -178,7 +180,9 @@ class Result(EqualByFields, Portable):
 
     @property
     def accuracy(self) -> str:
-        """The error estimate in words: "3e-06 rad or m, 0.01 % of the motion", "not estimated"."""
+        """The error estimate as text: "3e-06 rad or m, 0.01 % of the motion", or "not
+        estimated".
+        """
         error = self.error_estimate
         if np.isnan(error):
             return "not estimated"
@@ -190,7 +194,7 @@ class Result(EqualByFields, Portable):
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
     def __getitem__(self, name: str) -> Array:
-        """Return the coordinates of a joint over time, (n,) or (n, k) for k > 1, or another column.
+        """Return a joint's coordinates over time, (n,) or (n, k) for k > 1, or another column.
 
         Raises InputError if unknown.
         """
@@ -214,7 +218,7 @@ class Result(EqualByFields, Portable):
         return True
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return the completions of `run["` in a notebook: the joints."""
+        """Return the joint names as completions for `run["` in a notebook."""
         return list(self.mechanism.joints)
 
     def _no_joint(self, name: Any) -> str:
@@ -306,7 +310,7 @@ class Result(EqualByFields, Portable):
         return slope if slope.ndim else float(slope)
 
     def to_pandas(self) -> Any:
-        """Return a pandas DataFrame of `columns`, one row per frame, with the time t [s] as index.
+        """Return a pandas DataFrame of `columns` with one row per frame, indexed by time t [s].
 
         Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
         columns of the joint. An unknown name raises a KeyError that lists the columns.
@@ -315,7 +319,7 @@ class Result(EqualByFields, Portable):
         return frame(columns_of(self))
 
     def to_xarray(self) -> Any:
-        """Return an xarray Dataset of `columns` over the time t [s], with their units.
+        """Return an xarray Dataset of `columns` over time t [s], with units.
 
         Columns of words are omitted. Needs xarray.
         """
@@ -352,7 +356,7 @@ class Result(EqualByFields, Portable):
         return _show().figure(self.t, picked, self.mechanism.model.name)
 
     def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
-        """Write the run as a 3D animation in one HTML file that needs nothing else.
+        """Write the run as a 3D animation in one self-contained HTML file.
 
         Parameters
         ----------
@@ -383,7 +387,7 @@ class Result(EqualByFields, Portable):
         self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
         view: str = "start", dark: bool = False,
     ) -> None:  # fmt: skip
-        """Draw the mechanism in 3D at one time of the run. No screen is needed.
+        """Draw the mechanism in 3D at one instant of the run. No display is needed.
 
         Parameters
         ----------
@@ -408,7 +412,7 @@ class Result(EqualByFields, Portable):
         write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
 
     def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
-        """Write `plot(*names)` as a picture of this size in pixels: .png or .svg.
+        """Write `plot(*names)` as a .png or .svg image with the given size in pixels.
 
         Raises InputError, FileError; MissingPackage without Matplotlib.
         """
@@ -421,7 +425,7 @@ class Result(EqualByFields, Portable):
         speed: float = 1.0, view: str = "start", dark: bool = False,
         progress: Callable[[float], Any] | None = None,
     ) -> None:  # fmt: skip
-        """Write a film of the run.
+        """Write a video of the run.
 
         Parameters
         ----------
@@ -456,11 +460,15 @@ class Result(EqualByFields, Portable):
             write_atomic(path, made)
 
     def show(self) -> Any:
-        """Show the animation: in a notebook an object to display, else in the browser."""
+        """Show the animation. Returns an object to display in a notebook, else opens the
+        browser.
+        """
         return _show().opened(_show().animation_html(self))
 
     def _repr_html_(self) -> str:
-        """Return the summary and a figure that computes in the browser, or else plays the run."""
+        """Return the summary with a live figure if the browser can compute it, else an
+        animation.
+        """
         facts = _show().run_html(self)
         if not len(self.t) or not self.mechanism.names:
             return facts
@@ -468,7 +476,8 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{contact pair: (n, 6)} [torque, force] on its body about its origin, world axes.
+        """Contact wrenches {contact pair: (n, 6)}, [torque, force] on the body at its origin, world
+        axes.
 
         `run.contact_force["a", "b"]` is what all contacts between the bodies a and b, or "ground",
         do to a. Raises NameLookupError, a KeyError, for names that are not there.
@@ -483,7 +492,7 @@ class Result(EqualByFields, Portable):
         return self._by_touch("force", sum, on_other)
 
     def _origins(self, body: str) -> Array:
-        """(n, 3) or (3,) places of a body's origin."""
+        """Return the positions of a body's origin as an (n, 3) or (3,) array."""
         number = self.mechanism.topology.number(body)
         return self.body_pose[:, number - 1, :3] if number else np.zeros(3)
 
@@ -493,17 +502,19 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} smallest gap [m], also by two names like `contact_force`."""
+        """Minimum gap [m] as {contact pair: (n,)}. Also accepts two names like `contact_force`."""
         return self._by_touch("gap", np.minimum.reduce)
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} fastest slip [m/s], also by two names like `contact_force`."""
+        """Maximum slip speed [m/s] as {contact pair: (n,)}. Also accepts two names like
+        `contact_force`.
+        """
         return self._by_touch("slip", np.maximum.reduce)
 
     @property
     def contact_residual(self) -> Array:
-        """(n, 3) largest violation of contact laws since the frame before.
+        """Maximum violation of the contact laws since the previous frame, (n, 3).
 
         Of complementarity [N]: by how much normal forces differ from those that end the approach;
         of the cone [N]: by how much friction differs from what Coulomb's disc allows against the
@@ -514,27 +525,29 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_normal(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} normal force [N] of pairs with the ground."""
+        """Normal force [N] for pairs with the ground, as {contact pair: (n,)}."""
         return self._by_touch("normal", sum)
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Changes of contact points and limits in event-driven runs. Each prints as a sentence."""
+        """Contact point and limit changes in event-driven runs. Each prints as a sentence."""
         return self.contacts.events
 
     @property
     def phases(self) -> Mapping[str, Any]:
-        """{point: (n,)} swing, weight acceptance, slip or stance, and free or stop of a limit."""
+        """Phases {point: (n,)}: swing, weight acceptance, slip or stance, and free or stop for a
+        limit.
+        """
         return Named(self.contacts.phases, "phases", "contact point or limit")
 
     @property
     def energy(self) -> Array:
-        """(n,) total mechanical energy [J]."""
+        """Total mechanical energy [J], (n,)."""
         return self.kinetic_energy + self.potential_energy
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |E - E0 - work + dissipation|, relative to the range of the energies."""
+        """Maximum |E - E0 - work + dissipation|, relative to the range of the energies."""
         if len(self.t) < 2:
             return 0.0
         ledger = self.energy - self.work + self.dissipation
@@ -547,35 +560,37 @@ class Result(EqualByFields, Portable):
 
     @cached_property
     def body_pose(self) -> Array:
-        """(n, nb, 7) x y z [m], w x y z of every body frame, by number."""
+        """Poses of all body frames by number, (n, nb, 7): x y z [m], w x y z."""
         if (known := vars(self).get("body_motion")) is not None:
             return known.pose
         return body_poses(self)
 
     @property
     def body_velocity(self) -> Array:
-        """(n, nb, 6) [angular, linear] of every body frame, world axes."""
+        """Velocities [angular, linear] of all body frames in world axes, (n, nb, 6)."""
         return self.body_motion.velocity
 
     @property
     def body_acceleration(self) -> Array:
-        """(n, nb, 6) [angular, linear] of every body frame, world axes."""
+        """Accelerations [angular, linear] of all body frames in world axes, (n, nb, 6)."""
         return self.body_motion.acceleration
 
     @property
     def joint_force(self) -> Array:
-        """(n, nb, 6) [torque, force] that each joint passes on to its body, at its origin."""
+        """Wrenches [torque, force] transmitted by each joint to its body at its origin, (n, nb,
+        6).
+        """
         return self.body_motion.force
 
     @cached_property
     def body_motion(self) -> BodyMotion:
-        """Poses, velocities, accelerations and joint forces, computed when first asked for."""
+        """Poses, velocities, accelerations and joint forces, computed on first access."""
         found = body_motion(self)
         return found._replace(pose=vars(self).get("body_pose", found.pose))
 
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
-        """{name: (n,), (n, 3) or (n, 4)}: what the model's outputs read, as `Output` says."""
+        """Readings of the model's outputs, {name: (n,), (n, 3) or (n, 4)}. See `Output`."""
         sensors = Sensors(self.mechanism.packed, self.mechanism.model)
         motion = self.body_motion if sensors.moves else no_motion(len(self.t))
         read = sensors.read(self.q.copy(), self.v.copy(), motion)
@@ -584,7 +599,7 @@ class Result(EqualByFields, Portable):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write the run as `.npz` with its model, or a table as `.csv` or `.mat`.
+        """Write the run with its model as `.npz`, or a table as `.csv` or `.mat`.
 
         A `.mat` file (MATLAB, Octave) has one variable per column, with `_` in place of characters
         other than letters and digits, and the lists `names` and `units`. Meshes from elsewhere are
@@ -617,7 +632,7 @@ class Result(EqualByFields, Portable):
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Result:
-        """The run in an `.npz` written by `save`.
+        """Load a run from an `.npz` file written by `save`.
 
         Meshes outside of its folder are refused unless they lie in one of `roots`.
         Raises FileError or ModelError.
@@ -648,7 +663,7 @@ class Result(EqualByFields, Portable):
 
     @classmethod
     def _stored(cls, file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> Result:
-        """Raises KeyError, TypeError, ValueError, AttributeError or FileError."""
+        """Rebuild a run. Raises KeyError, TypeError, ValueError, AttributeError or FileError."""
         from ..mechanism import Mechanism
 
         header = header_of(file)
@@ -674,7 +689,7 @@ class Result(EqualByFields, Portable):
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
-        """Return `columns` as CSV text with units in the first line, "knee [rad]".
+        """Return `columns` as CSV text with units in the header line, "knee [rad]".
 
         A name that a spreadsheet would interpret as a formula begins with a quote.
         """
@@ -687,7 +702,8 @@ class Result(EqualByFields, Portable):
         return text.getvalue()
 
     def columns(self) -> dict[str, Any]:
-        """{name: (n,)} of a table of the run: "t", "knee", "v.knee", "energy", ...
+        """Return the columns of the run as a table {name: (n,)}: "t", "knee", "v.knee", "energy",
+        ...
 
         A coordinate is called as its body; everything else as the attribute of the run that holds
         it, with what it is of after a dot. Of several numbers each has its place or axis:
@@ -723,14 +739,16 @@ SCALARS = ("message", "counters", "timing", "header", "notices")
 
 
 def body_poses(run: Result) -> Array:
-    """(n, nb, 7) poses of the bodies of all frames, which no force has a part in."""
+    """Return body poses for all frames, (n, nb, 7). These do not depend on any forces."""
     system = run.mechanism.packed.system
     none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
     return bodies_over(system, *_states(run), none).pose
 
 
 def body_motion(run: Result) -> BodyMotion:
-    """Body motion and joint forces of all frames from (q, v, v') and the forces on bodies."""
+    """Compute body motion and joint forces for all frames from (q, v, v') and the forces on
+    bodies.
+    """
     mech = run.mechanism
     states = _states(run)
     external = _loads(run)
@@ -744,12 +762,12 @@ def body_motion(run: Result) -> BodyMotion:
 
 
 def _states(run: Result) -> tuple[Array, Array, Array]:
-    """q, v and v' of all frames, as kernels take them: such as may be written."""
+    """Return writable copies of q, v and v' for all frames, as required by the kernels."""
     return run.q.copy(), run.v.copy(), run.vdot.copy()
 
 
 def _loads(run: Result) -> Array:
-    """(n, nb, 6) wrenches on the bodies from forces of the model, its scenario and the call."""
+    """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
     t, q, v = run.t.copy(), run.q.copy(), run.v.copy()  # kernels need writable arrays
@@ -764,7 +782,9 @@ def _loads(run: Result) -> Array:
 def add_constraint_wrenches(
     mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
 ) -> None:
-    """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
+    """Add constraint forces as wrenches on the bodies, in world axes at their origins (eq.
+    (22)).
+    """
     position = motion.pose[..., :3]
     for c in mech.model.constraints:
         if c.name not in forces or isinstance(c, InJoints):
@@ -788,7 +808,7 @@ ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
 
 @explained
 def joined(runs: Sequence[Result], /) -> Result:
-    """Join runs that each begin where the one before ended.
+    """Join consecutive runs, each of which begins where the previous one ended.
 
     The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
     once, as the later run has it, so that a changed body or an impact shows there. Work,
@@ -853,13 +873,13 @@ def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
 
 
 def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
-    """Each part on top of where the one before ended."""
+    """Concatenate cumulative values, adding to each part the last value of the previous one."""
     so_far = np.cumsum([0.0, *(part[-1] for part in parts[:-1])])
     return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
 
 
 def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
-    """Join arrays by name, with zeros for a run that lacks one."""
+    """Join arrays by name, filling in zeros for runs that lack one."""
     found = {}
     for name in dict.fromkeys(key for part in parts for key in part):
         like = next(part[name] for part in parts if name in part)

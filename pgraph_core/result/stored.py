@@ -1,4 +1,4 @@
-"""The file of a run (`.npz`), whose arrays are read only if they can be those of its model.
+"""The file of a run (`.npz`). Arrays are read only if their sizes can match its model.
 
 A file of some megabytes can unpack to gigabytes. The times are read while they ascend, and every
 other array has at most as many numbers a frame as the model can have.
@@ -22,7 +22,7 @@ PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the pl
 
 
 def header_of(file: ZipFile) -> dict[str, Any]:
-    """Return the header with the model. Raises KeyError or ValueError."""
+    """Return the header, which includes the model. Raises KeyError or ValueError."""
     return dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
 
 
@@ -48,7 +48,7 @@ def _array(file: ZipFile, name: str, most: int) -> Array:
 
 
 def _times(file: ZipFile) -> Array:
-    """Return the times, reading no further than they ascend."""
+    """Return the times, reading only as far as they ascend."""
     parts = [np.full(1, -np.inf)]
     with file.open("t.npy") as entry:
         (count,), kind = _head(entry)

@@ -1,4 +1,4 @@
-"""Pictures and tables of models and runs, for notebooks, files and the page.
+"""Pictures and tables of models and runs for notebooks, files and web pages.
 
 It lies below models and runs and draws whatever has their fields. viser, trimesh, matplotlib and
 the kernels of pictures are imported when first needed; `MissingPackage` names what to install.

@@ -1,4 +1,4 @@
-"""A run as an animation: one HTML page with viewer and motion that needs nothing else."""
+"""An animation of a run as one self-contained HTML page with viewer and motion."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
 
 
 def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None = None) -> str:
-    """The page of a `pg.Result`. Needs viser. `extra` draws more into every picture."""
+    """Return the HTML page for a `pg.Result`. Needs viser. `extra` adds drawing to every frame."""
     viser = needed("viser")
     with contextlib.redirect_stdout(io.StringIO()):  # viser's banner
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -52,7 +52,7 @@ def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None 
 def draw(
     server: viser.ViserServer, run: Any, wait: Callable[[float], None], extra: Extra | None = None
 ) -> None:
-    """Every picture of the run in turn, calling `wait` [s] in between.
+    """Draw every frame of the run in turn, calling `wait` [s] in between.
 
     A model that travels further than its size stays in the middle, and the ground moves.
     """
@@ -93,7 +93,7 @@ def draw(
 
 
 def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool) -> np.ndarray:
-    """Return corners of the bodies at moments of the run (n, 3), in place if the run `leaves`."""
+    """Return body corners at sampled instants of the run (n, 3), in place if the run `leaves`."""
     corners = []
     for frame in pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]:
         gone = level(frame[0, :3] - pose[0, 0, :3], up) if leaves else np.zeros(3)
@@ -103,7 +103,9 @@ def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool)
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """(nb, 3) positions and (nb, 4) quaternions at `time` from `pose` (len(t), nb, 7), linearly."""
+    """Interpolate `pose` (len(t), nb, 7) linearly at `time`. Returns (nb, 3) positions and (nb, 4)
+    quaternions.
+    """
     k = int(np.clip(np.searchsorted(t, time, side="right") - 1, 0, max(len(t) - 2, 0)))
     last = min(k + 1, len(t) - 1)
     span = t[last] - t[k]
@@ -115,12 +117,12 @@ def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, n
 
 
 def level(way: np.ndarray, up: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) without their part along the axis `up`."""
+    """Remove the component along the axis `up` from vectors (..., 3)."""
     return way * (1.0 - np.asarray(up))
 
 
 def opened(page: str, height: int = 480) -> Any:
-    """Show a page: in a notebook an object to display, else in the browser (returns None)."""
+    """Show a page. Returns an object to display in a notebook, else opens the browser."""
     if _in_notebook():
         return Embedded(page, height)
     with tempfile.NamedTemporaryFile("w", suffix=".html", delete=False, encoding="utf-8") as file:
@@ -130,7 +132,7 @@ def opened(page: str, height: int = 480) -> Any:
 
 
 class Embedded:
-    """A page in a notebook's cell."""
+    """A page embedded in a notebook cell."""
 
     def __init__(self, page: str, height: int):
         self.page, self.height = page, height

@@ -1,4 +1,4 @@
-"""Progress bars of tqdm, for `progress=True`."""
+"""Progress bars from tqdm, for `progress=True`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Progress = Callable[[float], Any] | None
 
 @contextlib.contextmanager
 def shown_progress(given: Any, where: str) -> Iterator[Progress]:
-    """Yield a progress function: the given one, a bar for True, or None for False.
+    """Yield a progress function: the given one, a progress bar for True, or None for False.
 
     `where` names the calling function. Raises InputError for other arguments.
     """

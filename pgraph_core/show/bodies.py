@@ -1,4 +1,6 @@
-"""Bodies in 3D, drawn by viser: a node each in small models, batched unit solids in large ones."""
+"""Bodies in 3D, drawn by viser. Small models use one node per body, large ones batched unit
+solids.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ Node = TypeVar("Node", bound="viser.SceneNodeHandle")
 
 
 class Look(NamedTuple):
-    """Drawn form of one body, and its description."""
+    """The drawn shape of one body, and its description."""
 
     body: Any  # with the fields of `pg.Body`
     links: tuple[tuple[float, float, float], ...]  # positions of its children's joints at q = 0 [m]
@@ -33,7 +35,7 @@ class Look(NamedTuple):
     plain: bool = False  # drawn in the colour of its branch
 
     def alike(self, other: Look) -> bool:
-        """True if both are drawn the same."""
+        """Return True if both have the same appearance."""
         same = self.pieces is other.pieces or _drawn(self.pieces) == _drawn(other.pieces)
         return same and self.color == other.color
 
@@ -49,7 +51,7 @@ def looks(
     bodies: Sequence[Any], children: Sequence[Sequence[int]], colors: Sequence[shapes.Color],
     before: Sequence[Look] = (), plain: bool = False,
 ) -> list[Look]:  # fmt: skip
-    """Return the looks of bodies by number, reusing those of `before` if nothing changed.
+    """Return the looks of the bodies by number, reusing `before` if nothing changed.
 
     `plain`: in the bodies' colours; of those of their shapes what is dark or light stays.
     """
@@ -69,7 +71,7 @@ def looks(
 
 
 def corners(pieces: Sequence[shapes.Piece]) -> np.ndarray:
-    """(n, 3) corners of boxes around pieces, in body axes [m]."""
+    """Return the corners of bounding boxes around pieces, (n, 3), in body axes [m]."""
     which = np.array([*itertools.product((0, 1), repeat=3)])
     found = [p.position + shapes.bounds(p)[which, range(3)] @ p.rotation.T for p in pieces]
     return np.concatenate(found) if found else np.zeros((1, 3))
@@ -79,13 +81,15 @@ ROOM = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # 1 m, the size
 
 
 def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return corners of the drawn bodies at these poses (n, 3) [m], or of ROOM without bodies."""
+    """Return the corners of the drawn bodies at these poses (n, 3) [m], or of ROOM if there are
+    none.
+    """
     found = [p + corners(look.pieces) @ r.T for look, p, r in zip(looks, positions, R)]
     return np.concatenate(found) if found else ROOM
 
 
 class Bodies(Protocol):
-    """The drawn bodies of one model."""
+    """The drawn bodies for one model."""
 
     def show(self, looks: Sequence[Look]) -> None: ...
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
@@ -94,7 +98,7 @@ class Bodies(Protocol):
 
 
 def at_rest(node: Node) -> Node:
-    """`node` at its default pose, which is also sent to pages.
+    """Return `node` at its default pose, which is also sent to clients.
 
     viser 1.1.1 sends no pose that is the default, so a node removed and added under the same name
     would keep the pose of the old one.
@@ -107,7 +111,7 @@ def at_rest(node: Node) -> Node:
 
 
 class SeparateBodies:
-    """One node per body, with a child for each further colour. Only changes are sent."""
+    """One node per body, with a child for each additional colour. Only changes are sent."""
 
     def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
         self._server = server
@@ -125,7 +129,7 @@ class SeparateBodies:
                 self._drawn[k - 1 : k] = [(look, self._nodes(look, k))]
 
     def _nodes(self, look: Look, number: int) -> list[viser.MeshHandle]:
-        """The body's node, and its children."""
+        """Return the body's node and its children."""
         parts = _parts(look)
         names = [f"/bodies/{number}", *(f"/bodies/{number}/{i}" for i in range(1, len(parts)))]
         return [self._node(name, *part, number) for name, part in zip(names, parts.items())]
@@ -176,7 +180,7 @@ class SeparateBodies:
 
 
 def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
-    """The pieces of a body by their colour and opacity."""
+    """Group the pieces of a body by colour and opacity."""
     found: dict[tuple[shapes.Color, float], list[shapes.Piece]] = defaultdict(list)
     for piece in look.pieces:
         found[piece.color or look.color, piece.opacity].append(piece)
@@ -184,18 +188,18 @@ def _parts(look: Look) -> dict[tuple[shapes.Color, float], list[shapes.Piece]]:
 
 
 def _faded(own: float, opacity: float | None) -> float | None:
-    """Return the product of a piece's `own` opacity and that of faded bodies, None for 1."""
+    """Return a piece's `own` opacity times that of faded bodies, or None for 1."""
     return None if opacity is None and own == 1.0 else own * (1.0 if opacity is None else opacity)
 
 
 def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
-    """Removes nodes, children first."""
+    """Remove nodes, starting with the children."""
     for node in reversed(nodes):
         node.remove()
 
 
 class BatchedBodies:
-    """One node per kind of solid, whose instances are scaled and placed unit solids."""
+    """One node per kind of solid, with scaled and positioned unit solids as instances."""
 
     def __init__(self, server: viser.ViserServer, clicked: Clicked, dragged: Dragged):
         self._server = server

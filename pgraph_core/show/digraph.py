@@ -1,4 +1,4 @@
-"""Layout and SVG of the digraph: a tidy tree for small models, lanes for large ones."""
+"""Layout and SVG of the digraph, as a tidy tree for small models and lanes for large ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Layout:
-    """Node centres by number, the ground first [px], with y downwards."""
+    """Node centres by number in pixels, starting with the ground, with y pointing down."""
 
     kind: Literal["tree", "lanes"]
     x: tuple[float, ...]
@@ -40,7 +40,7 @@ class Layout:
 def layout(
     parent: tuple[int, ...], letters: tuple[int, ...], loops: Sequence[tuple[int, int]] = ()
 ) -> Layout:
-    """Return places of the ground and of bodies 1..nb, with names of `letters` letters.
+    """Return positions for the ground and bodies 1..nb, with names of `letters` letters.
 
     `loops` are pairs of bodies, whose lines avoid nodes and names. Loops to the ground (0) have no
     line.
@@ -54,7 +54,9 @@ def layout(
 
 
 def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layout:
-    """Each subtree as compact as its outline allows, each parent in the middle of its children."""
+    """Pack each subtree as tightly as its outline allows and centre each parent over its
+    children.
+    """
     children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k, p in enumerate(parent, 1):
         children[p].append(k)
@@ -67,13 +69,13 @@ def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layo
 
 
 def _reach(letters: int) -> float:
-    """Return the extent of a node and its name to the right of its centre [px]."""
+    """Return the extent of a node and its label to the right of its centre [px]."""
     return LABEL + CHARACTER * min(letters, LONGEST)
 
 
 @dataclass
 class _Subtree:
-    """Places relative to the subtree's root, and its outline level by level."""
+    """Positions relative to the subtree's root, and its outline at each level."""
 
     x: dict[int, float]
     depth: dict[int, int]
@@ -103,7 +105,7 @@ def _subtree(root: int, children: list[list[int]], right: list[float]) -> _Subtr
 
 
 def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
-    """Return one row per body in Pgraph order, with last children in their parents' lanes."""
+    """Arrange one row per body in Pgraph order, with each last child in its parent's lane."""
     n = len(parent)
     last = {p: k for k, p in enumerate(parent, 1)}
     lane, taken = [0] * (n + 1), {0}
@@ -125,7 +127,7 @@ def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
 
 
 class Mark(NamedTuple):
-    """Part of a line in one row of a list.
+    """A segment of a line in one row of a list.
 
     "|" passes the row, "v" and "^" join the middle to the row below and above, "d" and "u" go
     across from one lane to another and then down or up. Lines of loops have the same in capitals
@@ -139,7 +141,7 @@ class Mark(NamedTuple):
 
 
 class Gutter(NamedTuple):
-    """Lanes of bodies beside a list with one row a body."""
+    """Lanes for bodies beside a list with one row per body."""
 
     lane: tuple[int, ...]  # by number
     loops: int  # number of lanes of loops
@@ -149,7 +151,7 @@ class Gutter(NamedTuple):
 def gutter(
     parent: tuple[int, ...], row: tuple[int, ...], loops: tuple[tuple[int, int], ...] = ()
 ) -> Gutter:
-    """Return lanes for bodies 1..nb with parents `parent` in rows `row` (0 to nb - 1).
+    """Return the lanes for bodies 1..nb with parents `parent` in rows `row` (0 to nb - 1).
 
     The first child keeps the lane of its parent. Each other child has the first lane that is free
     from its parent's row to the last row of its own lane. Each loop has a lane of its own between
@@ -185,13 +187,15 @@ def gutter(
 
 
 class _Lanes:
-    """Lanes and the rows in which each is taken, a bit a row."""
+    """Lanes and their occupied rows, stored with one bit per row."""
 
     def __init__(self) -> None:
         self.taken: list[int] = []
 
     def free(self, low: int, high: int) -> int:
-        """Take the first lane that is free from row `low` to row `high`, or else the last one."""
+        """Take the first lane that is free from row `low` to row `high`, or the last one
+        otherwise.
+        """
         rows = ((1 << (high - low + 1)) - 1) << low
         found = next((k for k, taken in enumerate(self.taken) if not taken & rows), None)
         if found is None:
@@ -206,7 +210,7 @@ def _join(
     marks: list[dict[tuple[str, int, int], Mark]], parent: tuple[int, int], child: tuple[int, int],
     of: int,
 ) -> None:  # fmt: skip
-    """Add the line from a parent's row and lane to its child's."""
+    """Add a line from a parent's row and lane to its child's."""
     (start, a), (end, b) = parent, child
     leaves, arrives = (
         ("v" if a == b else "d", "^") if end > start else ("^" if a == b else "u", "v")
@@ -223,7 +227,7 @@ def _join(
 def _between(
     place: Layout, letters: tuple[int, ...], loops: Sequence[tuple[int, int]]
 ) -> tuple[tuple[Point, ...], ...]:
-    """Lines that run between the levels of the tree, and past the levels where there is a gap."""
+    """Route lines between the levels of the tree, crossing levels where there is a gap."""
     levels: dict[float, list[Interval]] = {}
     for x, y, reach in zip(place.x, place.y, (LABEL, *map(_reach, letters))):
         levels.setdefault(y, []).append((x - NODE / 2, x + reach))
@@ -255,14 +259,14 @@ def _line(
 
 
 def _gap(taken: list[Interval], x0: float, x1: float) -> float:
-    """The x in no interval that lies best between x0 and x1."""
+    """Return the best x between x0 and x1 that lies in none of the intervals."""
     free = [x for low, high in taken for x in (low - APART, high + APART)]
     clear = [x for x in (*free, (x0 + x1) / 2) if all(not a < x < b for a, b in taken)]
     return min(clear, key=lambda x: abs(x - x0) + abs(x - x1))
 
 
 def _left_of(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Point, ...], ...]:
-    """Return lines left of all lanes, with a column for each of those that pass the same rows."""
+    """Return lines to the left of all lanes, using separate columns for lines that share rows."""
     columns: list[float] = []  # the row down to which each is taken
     routes: dict[int, tuple[Point, ...]] = {}
     for i in sorted(range(len(loops)), key=lambda i: min(place.y[k] for k in loops[i])):
@@ -282,7 +286,7 @@ def _left_of(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Poi
 
 
 def _shifted(place: Layout, routes: tuple[tuple[Point, ...], ...]) -> Layout:
-    """All of it moved right until the lines of loops are within the picture."""
+    """Shift the layout to the right until the loop lines lie within the picture."""
     outside = 4 - min((x for route in routes for x, _ in route), default=4.0)
     right = max((x for route in routes for x, _ in route), default=0.0) + 4
     bottom = max((y for route in routes for _, y in route), default=0.0) + 4
@@ -306,7 +310,7 @@ def digraph_svg(
     names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]] = (),
     size: tuple[int, int] | None = None,
 ) -> str:  # fmt: skip
-    """The digraph as SVG: bodies by number with their names, loops as dashed lines.
+    """Return the digraph as SVG, with bodies by number and name, and loops as dashed lines.
 
     `parent` holds the number of each body's parent, 0 for the ground; `loops` pairs of bodies;
     `size` is (width, height) in pixels. It takes the colour of the text around it, so it suits
@@ -351,7 +355,7 @@ def _ground(x: float, y: float) -> str:
 
 
 def shown_name(name: str) -> str:
-    """A name as it fits."""
+    """Shorten a name to fit."""
     return name if len(name) <= LONGEST else name[: LONGEST - 1] + "…"
 
 

@@ -1,4 +1,4 @@
-"""A mechanism as pixels: what is drawn of it, where the camera stands, light and ground."""
+"""A mechanism rendered to pixels: its drawn parts, camera, light and ground."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ LEAST_PIXELS = 16
 
 
 class Drawing:
-    """A mechanism that can be drawn at any pose."""
+    """A mechanism that can be drawn in any pose."""
 
     def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int], *,
                  view: stage.Which = "start", dark: bool = False):  # fmt: skip
-        """Keep all `poses` (n, nb, 7) in view of a picture of `size` (width, height) pixels.
+        """Keep all `poses` (n, nb, 7) in view in a picture of `size` (width, height) pixels.
 
         Raises InputError for invalid sizes and views.
         """
@@ -66,7 +66,7 @@ class Drawing:
         self._shade = np.empty((SHADOWS, SHADOWS)), np.empty((SHADOWS, SHADOWS), np.int32)
 
     def draw(self, pose: np.ndarray) -> np.ndarray:
-        """(height, width, 3) bytes of red, green and blue of the bodies at `pose` (nb, 7)."""
+        """Render bodies at `pose` (nb, 7) as (height, width, 3) bytes of red, green and blue."""
         places, normals = self._placed(pose)
         faces = np.arange(len(places), dtype=np.int32).reshape(-1, 3)
         camera = self.camera(pose)
@@ -90,7 +90,9 @@ class Drawing:
     # -- what is drawn -----------------------------------------------------------------------------
 
     def _solids(self, found: Sequence[Any]) -> None:
-        """Corners of all faces in body axes, their normals, colours, and numbers of bodies."""
+        """Build the corners of all faces in body axes, with their normals, colours and body
+        numbers.
+        """
         places, normals, colors, owners, opacity = [], [], [], [], []
         for k, look in enumerate(found):
             for piece in look.pieces:
@@ -109,7 +111,7 @@ class Drawing:
         self._owners = np.concatenate([np.zeros(0, int), *owners])
 
     def _steps(self, model: Any) -> None:
-        """The steps of the ground, which belong to no body."""
+        """Add the steps on the ground, which belong to no body."""
         for step in model.ground.steps:
             corners = stage.solid(model, step)[np.array(stage.BOX)]
             self._places = np.concatenate((self._places, corners.reshape(-1, 3)))
@@ -118,7 +120,7 @@ class Drawing:
             self._opacity = np.concatenate((self._opacity, np.ones(len(corners))))
 
     def _placed(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Corners and normals in world axes."""
+        """Transform corners and normals to world axes."""
         places, normals, count = self._places.copy(), self._normals.copy(), len(self._owners)
         turns = shapes.to_matrix(pose[:, 3:])[self._owners]
         places[:count] = np.einsum("nij,nj->ni", turns, places[:count])
@@ -130,20 +132,20 @@ class Drawing:
         return extent(self.looks, pose[:, :3], shapes.to_matrix(pose[:, 3:]))
 
     def _gone(self, pose: np.ndarray) -> np.ndarray:
-        """Return the displacement of the camera that follows a travelling mechanism [m]."""
+        """Return the camera displacement that follows a travelling mechanism [m]."""
         return level(pose[0, :3] - self._start, self.up) if self._travels else np.zeros(3)
 
     # -- where it is seen from -----------------------------------------------------------------
 
     def on_screen(self, places: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """(n, 3) x and y [pixels] and 1/depth [1/m] of places (n, 3), as bodies are at `pose`.
+        """Project points (n, 3) at `pose` to x and y [pixels] and 1/depth [1/m], (n, 3).
 
         Not finite behind the camera.
         """
         return self._projected(places, self.camera(pose)) / (OVERSAMPLING, OVERSAMPLING, 1.0)
 
     def camera(self, pose: np.ndarray) -> Camera:
-        """The camera that looks at bodies at `pose` (nb, 7)."""
+        """Return the camera for bodies at `pose` (nb, 7)."""
         width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
         step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
@@ -160,7 +162,7 @@ class Drawing:
         return np.column_stack((x, y, 1.0 / deep))
 
     def _sun(self, places: np.ndarray) -> Sun:
-        """The sun, whose screen holds all bodies."""
+        """Return the sun, with a shadow map that covers all bodies."""
         towards = self.towards_sun
         right, above = stage.frame(self.up, towards)
         near = places[: len(self._owners)] if len(self._owners) else np.zeros((1, 3))
@@ -181,7 +183,7 @@ class Drawing:
 
 
 def checked_size(size: Any) -> tuple[int, int]:
-    """(width, height) in pixels. Raises InputError."""
+    """Return (width, height) in pixels. Raises InputError."""
     try:
         width, height = (int(n) for n in size)
         whole = (width, height) == tuple(size)
@@ -199,7 +201,7 @@ def checked_size(size: Any) -> tuple[int, int]:
 
 
 def tones(of: stage.Tones, up: str) -> Tones:
-    """A theme of the page, as linear light."""
+    """Return a page theme as linear light."""
     rim = np.array(stage.turned(stage.RIM, up)) / np.linalg.norm(stage.RIM)
     strengths = of.around, of.around, of.key, of.rim
     colors = of.above, of.below, stage.WARM, stage.COOL
@@ -209,7 +211,7 @@ def tones(of: stage.Tones, up: str) -> Tones:
 
 
 def _coded(light: np.ndarray) -> np.ndarray:
-    """Bytes of sRGB (IEC 61966-2-1) of light from 0 to 1."""
+    """Convert linear light from 0 to 1 to sRGB bytes (IEC 61966-2-1)."""
     curved = 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055
     return np.round(255 * np.where(light <= 0.0031308, 12.92 * light, curved)).astype(np.uint8)
 
@@ -218,7 +220,7 @@ CODES = _coded(np.linspace(0.0, 1.0, 16385))
 
 
 def linear(color: Sequence[int]) -> tuple[float, float, float]:
-    """The light of a colour of sRGB (IEC 61966-2-1)."""
+    """Convert an sRGB colour to linear light (IEC 61966-2-1)."""
     c = np.asarray(color) / 255.0
     return _three(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4))
 
@@ -229,7 +231,8 @@ def _three(x: Any) -> tuple[float, float, float]:
 
 
 def _normals(corners: np.ndarray, crease: float = 0.6) -> np.ndarray:
-    """(3 m, 3) normals at the corners of faces (m, 3, 3): means over faces without a crease.
+    """Return (3 m, 3) vertex normals for faces (m, 3, 3), averaged over adjoining faces without a
+    crease.
 
     Weighted by area; corners at one place belong together. The edge of faces that meet at more than
     `crease` [rad] is seen.

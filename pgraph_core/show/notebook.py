@@ -1,4 +1,4 @@
-"""Models and runs in notebooks: as HTML, as a small picture and as plots."""
+"""Models and runs in notebooks, as HTML, thumbnails and plots."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DRAWN = 120  # bodies up to which the digraph is drawn
 
 
 def model_html(model: Any) -> str:
-    """The title, the digraph and the table of bodies of a `pg.Model`."""
+    """Return the title, digraph and body table of a `pg.Model` as HTML."""
     counts = [
         counted(len(getattr(model, field)), one)
         for field, one in (("constraints", "constraint"), ("contacts", "contact"),
@@ -36,7 +36,7 @@ def model_html(model: Any) -> str:
 
 
 def mechanism_html(mech: Any) -> str:
-    """The title, Pgraph and jdof, the digraph and the table of bodies of a `pg.Mechanism`."""
+    """Return the title, Pgraph and jdof, digraph and body table of a `pg.Mechanism` as HTML."""
     model = mech.model
     counts = f"{counted(len(mech.names), 'body', 'bodies')}, nq = {mech.nq}, nv = {mech.nv}"
     vectors = _table(
@@ -47,7 +47,7 @@ def mechanism_html(mech: Any) -> str:
 
 
 def run_html(run: Any) -> str:
-    """Return the status, accuracy, cost and warnings of a `pg.Result` as HTML."""
+    """Return the status, accuracy, cost and notices of a `pg.Result` as HTML."""
     header, model = run.header, run.mechanism.model
     facts: list[tuple[object, ...]] = [
         ("method", header["method"]),
@@ -61,7 +61,9 @@ def run_html(run: Any) -> str:
 
 
 def numbered(model: Any) -> tuple[list[Any], list[int]]:
-    """Bodies in depth-first order, left child first, and the number of each one's parent."""
+    """Return the bodies in depth-first order, left child first, with the number of each body's
+    parent.
+    """
     children: dict[str, list[Any]] = {}
     for body in model.bodies:
         children.setdefault(body.parent, []).append(body)
@@ -78,7 +80,7 @@ def numbered(model: Any) -> tuple[list[Any], list[int]]:
 
 
 def digraph_of(model: Any) -> tuple[list[str], list[int], list[tuple[int, int]]]:
-    """(names, numbers of the parents, pairs of bodies that close loops) of a model's digraph."""
+    """Return (names, parent numbers, pairs of bodies that close loops) for a model's digraph."""
     bodies, parent = numbered(model)
     number = {body.name: k for k, body in enumerate(bodies, 1)}
     ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
@@ -123,13 +125,13 @@ MOST_PIECES = 400  # pieces that are drawn: the nearest bodies of a large model
 
 def picture(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
             positions: np.ndarray, R: np.ndarray) -> str:  # fmt: skip
-    """`model` at the given poses (nb, 3), (nb, 3, 3), bodies in the order of `names`."""
+    """Draw `model` at the given poses (nb, 3), (nb, 3, 3), with bodies in the order of `names`."""
     return pictures(model, parent, names, [(positions, R)])[0]
 
 
 def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
              poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:  # fmt: skip
-    """`model` at each of these poses, all at one scale and about one point."""
+    """Draw `model` at each of these poses with a common scale and centre."""
     children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
     looks = bodies.looks([model.body(name) for name in names], children, colors)
     up = np.array(GRID[model.up][1])
@@ -153,7 +155,7 @@ def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
 def _parts(
     looks: Sequence[bodies.Look], view: np.ndarray, positions: np.ndarray, R: np.ndarray
 ) -> list[tuple[float, np.ndarray, shapes.Color, float]]:
-    """(how near, corners in the picture, colour, opacity) of each piece."""
+    """Return (nearness, corners in the picture, colour, opacity) for each piece."""
     drawn: list[tuple[float, np.ndarray, shapes.Color, float]] = []
     for look, at, turn in zip(looks, positions, R):
         for piece in look.pieces[:MOST_PIECES]:
@@ -172,7 +174,7 @@ def _svg(inside: str) -> str:
 def _shape(
     flat: np.ndarray, color: shapes.Color, opacity: float, middle: np.ndarray, scale: float
 ) -> str:
-    """The convex outline of points, lit from above."""
+    """Return the convex outline of the points as SVG, lit from above."""
     at = (flat - middle) * scale
     at = np.column_stack((WIDTH / 2 + at[:, 0], HEIGHT / 2 - at[:, 1]))
     corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in hull(at))
@@ -185,7 +187,7 @@ def _shape(
 
 
 def outline(piece: shapes.Piece) -> np.ndarray:
-    """(n, 3) points in body axes whose convex hull is the piece, or its box."""
+    """Return points (n, 3) in body axes whose convex hull is the piece or its bounding box."""
     x, y, z = piece.size
     angles = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
     ring = np.column_stack((np.cos(angles), np.sin(angles), 0 * angles)) / 2
@@ -203,7 +205,7 @@ def outline(piece: shapes.Piece) -> np.ndarray:
 
 
 def hull(points: np.ndarray) -> list[tuple[float, float]]:
-    """The convex hull of points (n, 2), by Andrew's monotone chain."""
+    """Compute the convex hull of points (n, 2) with Andrew's monotone chain algorithm."""
     ordered = sorted({(round(x, 2), round(y, 2)) for x, y in points.tolist()})
     halves = []
     for sweep in (ordered, ordered[::-1]):
@@ -224,7 +226,8 @@ def _turns(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float
 
 
 def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: str = "") -> Any:
-    """Return a matplotlib figure of columns {name: (unit, values)} over time, a panel per unit.
+    """Return a Matplotlib figure of columns {name: (unit, values)} over time, with one panel per
+    unit.
 
     Needs matplotlib.
     """
@@ -251,5 +254,5 @@ def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: 
 
 
 def _plain(text: str) -> str:
-    """Text as matplotlib shows it, none of it taken for mathematics."""
+    """Escape text so that Matplotlib does not interpret any of it as mathematics."""
     return text.replace("$", r"\$")

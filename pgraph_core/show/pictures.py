@@ -1,4 +1,4 @@
-"""Pictures as PNG and SVG, films as MP4 and GIF: the bytes of a file whose name is `path`.
+"""Pictures as PNG and SVG, and videos as MP4 and GIF, as the bytes of a file named `path`.
 
 PNG needs no package. GIF needs Pillow, MP4 needs PyAV, plots Matplotlib.
 """
@@ -36,7 +36,7 @@ def view(
     model: Any, pose: np.ndarray, path: str | Path, *,
     size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
 ) -> bytes:  # fmt: skip
-    """A picture of a model whose bodies, by number, are at `pose` (nb, 7).
+    """Return a picture of a model with bodies at `pose` (nb, 7), ordered by number.
 
     Raises InputError, FileError.
     """
@@ -45,7 +45,7 @@ def view(
 
 
 def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str:
-    """Return a picture of the digraph of a model, `size` in pixels, by default its natural size.
+    """Return a picture of a model's digraph with `size` in pixels, by default its natural size.
 
     Raises InputError, FileError.
     """
@@ -56,7 +56,7 @@ def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None
 def plot(
     run: Any, path: str | Path, names: Sequence[str] = (), *, size: tuple[int, int] = (900, 600)
 ) -> bytes:
-    """Columns of a run over time. Raises InputError, FileError, MissingPackage."""
+    """Plot columns of a run over time. Raises InputError, FileError, MissingPackage."""
     suffix = _suffix(path, (".png", ".svg"), "picture")
     width, height = checked_size(size)
     drawn = run.plot(*names)
@@ -67,7 +67,7 @@ def plot(
 
 
 def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> bytes:
-    """A picture of a run at the time t [s], by default at its start. Raises InputError."""
+    """Return a picture of a run at time t [s], by default at its start. Raises InputError."""
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
     if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
@@ -77,7 +77,7 @@ def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> b
 
 
 def png(pixels: np.ndarray) -> bytes:
-    """(height, width, 3) bytes as a PNG file (ISO/IEC 15948)."""
+    """Encode (height, width, 3) bytes as a PNG file (ISO/IEC 15948)."""
     height, width, _ = pixels.shape
     rows = np.concatenate((np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)), axis=1)
     parts = (
@@ -98,7 +98,7 @@ def film(
     run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
     speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
 ) -> bytes | None:  # fmt: skip
-    """Return a film of a run, or None if `progress(fraction)` returns False after a frame.
+    """Return a video of a run, or None if `progress(fraction)` returns False after a frame.
 
     `speed=0.5` plays at half speed. Raises InputError, FileError, MissingPackage.
     """
@@ -129,7 +129,7 @@ def film(
 
 
 class _Mp4:
-    """H.264 in an MP4 file, which every browser and player shows."""
+    """A writer for H.264 in an MP4 file, which all browsers and players support."""
 
     def __init__(self, size: tuple[int, int], fps: float):
         self._av = needed("av", "film")
@@ -155,7 +155,7 @@ class _Mp4:
 
 
 class _Gif:
-    """Frames of 256 colours, those of the first, without dots that would flicker."""
+    """A writer for GIF frames with the first frame's 256 colours and no flickering dither."""
 
     def __init__(self, size: tuple[int, int], fps: float):
         self._images, self._fps, self._frames = needed("PIL.Image", "film"), fps, []

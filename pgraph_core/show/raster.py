@@ -1,4 +1,4 @@
-"""Triangles as pixels, without a graphics card: a depth buffer, shadows, light on each pixel.
+"""Triangle rasterisation without a graphics card: a depth buffer, shadows and per-pixel lighting.
 
 Corners on a screen are (x, y, w): x to the right and y down in pixels, and w, the greater the
 nearer, which is linear in x and y on a plane: the inverse of the depth for a camera, the distance
@@ -29,7 +29,7 @@ TRIPLE, I4 = group(*[f8] * 3), i4[:, ::1]
 
 
 class Camera(NamedTuple):
-    """A camera. The ray through a pixel is corner + x right + y down, with depth 1."""
+    """A camera. The ray through pixel (x, y) is corner + x right + y down, with depth 1."""
 
     eye: Vector
     corner: Vector
@@ -38,7 +38,9 @@ class Camera(NamedTuple):
 
 
 class Sun(NamedTuple):
-    """Its direction, and the corner of its screen and the axes that give x, y and w of a place."""
+    """The sun's direction, and the corner and axes of its shadow map, which give x, y and w for a
+    point.
+    """
 
     towards: Vector
     origin: Vector
@@ -49,7 +51,9 @@ class Sun(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """A plane with lines. u and v give the cell of a place. It fades out at distance `fade`."""
+    """A plane with grid lines. u and v give the cell of a point. It fades out at distance
+    `fade`.
+    """
 
     point: Vector
     normal: Vector
@@ -59,7 +63,7 @@ class Ground(NamedTuple):
 
 
 class Tones(NamedTuple):
-    """Linear light: colours of sky and ground, and of the lights."""
+    """Colours of sky, ground and lights in linear light."""
 
     zenith: Vector
     horizon: Vector
@@ -74,7 +78,7 @@ class Tones(NamedTuple):
 
 @kernel(void(F2, I4, F1, F2, I4), nogil=True, later=True)
 def cover(points, faces, opacity, depth, seen):
-    """Draw faces (m, 3) of points (n, 3) on the screen into depth and seen (height, width).
+    """Rasterise faces (m, 3) of screen points (n, 3) into depth and seen (height, width).
 
     Each pixel gets the greatest w of the triangles over its centre, and the triangle's number.
     Of a triangle with an opacity below 1 only this share of the pixels counts, in an ordered
@@ -109,7 +113,7 @@ def cover(points, faces, opacity, depth, seen):
 
 @part
 def _level(row, column):
-    """The opacity from which on a pixel is drawn: 1/32, 3/32, ..., 31/32 in squares of 4 x 4."""
+    """Return the minimum opacity that draws a pixel: 1/32, 3/32, ..., 31/32 in squares of 4 x 4."""
     mixed = row ^ column
     rank = (mixed & 1) * 8 + (row & 1) * 4 + (mixed >> 1 & 1) * 2 + (row >> 1 & 1)
     return (rank + 0.5) / 16.0
@@ -125,7 +129,7 @@ def _level(row, column):
 )  # fmt: skip
 def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
           camera, sun, ground, tones):  # fmt: skip
-    """The picture (height, width, 3) in linear light: of bodies, ground and sky.
+    """Shade bodies, ground and sky into the picture (height, width, 3), in linear light.
 
     points, faces, depth, seen as `cover` has them, from the camera; shadows: the depths of the
     sun. places and normals (3 m, 3) of the corners of the faces, world axes; colors (m, 3).
@@ -160,7 +164,9 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
 
 @part
 def _on(points, faces, places, normals, face, x, y):
-    """Return place and unit normal of the face in a pixel, with perspective-correct shares."""
+    """Return the position and unit normal of a face at a pixel, with perspective-correct
+    interpolation.
+    """
     ax, ay, aw = load(points, faces[face, 0], 0)
     bx, by, bw = load(points, faces[face, 1], 0)
     cx, cy, cw = load(points, faces[face, 2], 0)
@@ -185,7 +191,7 @@ def _on(points, faces, places, normals, face, x, y):
 
 @part
 def _body(color, place, normal, ray, shadows, sun, up, tones):
-    """The light that a face sends back: from all around, from the sun and from the fill light."""
+    """Return the light reflected by a face from the surroundings, the sun and the fill light."""
     to_sun = dot(normal, sun.towards)
     bright = 0.0
     if to_sun > 0.0:  # moved off the face, so that it does not shade itself
@@ -202,7 +208,7 @@ def _body(color, place, normal, ray, shadows, sun, up, tones):
 
 @part
 def _floor(place, far, ray, camera, shadows, sun, ground, tones):
-    """The ground: lines as wide as a pixel at least, shadows, and the haze of the distance."""
+    """Return the ground colour, with lines at least a pixel wide, shadows and distance haze."""
     across = sub(place, ground.point)
     u, v = dot(across, ground.u), dot(across, ground.v)
     length = math.sqrt(dot(ray, ray))
@@ -218,7 +224,9 @@ def _floor(place, far, ray, camera, shadows, sun, ground, tones):
 
 @part
 def _sunny(shadows, sun, place, spread):
-    """Return the share of sunlight at a place, 0 to 1, averaged over pixels of the shadow map."""
+    """Return the fraction of sunlight at a point, 0 to 1, averaged over pixels of the shadow
+    map.
+    """
     off = sub(place, sun.origin)
     x, y, w = dot(off, sun.x), dot(off, sun.y), dot(off, sun.w) + sun.texel
     if not (0.0 <= x < shadows.shape[1] and 0.0 <= y < shadows.shape[0]):
@@ -240,7 +248,9 @@ def _mixed(x, y, share):
 
 @kernel(void(f4[:, :, ::1], u1[::1], u1[:, :, ::1]), nogil=True, later=True)
 def developed(picture, codes, shown):
-    """Write means of blocks of pixels as bytes, where `codes` are the bytes of light 0 to 1."""
+    """Average blocks of pixels and write them as bytes, where `codes` maps linear light 0 to 1 to
+    bytes.
+    """
     height, width, _ = shown.shape
     n = picture.shape[0] // height
     finest = len(codes) - 1

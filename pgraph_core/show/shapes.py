@@ -1,4 +1,4 @@
-"""Drawn form of a body: simple pieces in its frame, and the pieces as a trimesh mesh.
+"""The drawn shape of a body: simple pieces in its frame, also as a trimesh mesh.
 
 Bodies and shapes are any objects with the fields of `pg.Body` and `pg.Shape`.
 """
@@ -41,7 +41,7 @@ SLENDER, THINNEST = 0.13, 0.004  # radius of a link relative to its length, leas
 
 @dataclass(frozen=True)
 class Piece:
-    """A solid in body axes, with its bounding box of edges `size` along its own axes."""
+    """A solid in body axes, whose bounding box has edge lengths `size` along its own axes."""
 
     kind: Literal["box", "sphere", "cylinder", "capsule", "mesh", "heightfield"]
     size: tuple[float, float, float]  # [m]
@@ -54,7 +54,7 @@ class Piece:
 
 
 def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-    """Numbers of the children of the ground (0) and of bodies 1..nb, left to right."""
+    """Return the child numbers of the ground (0) and of bodies 1..nb, from left to right."""
     found: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k, p in enumerate(parent, 1):
         found[p].append(k)
@@ -62,7 +62,7 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
 
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
-    """The body's own shapes, or slender links from its origin to its children, tip or com.
+    """Return the body's own shapes, or slender links from its origin to its children, tip or com.
 
     Links in `STAND_IN`, half transparent, stand for meshes that cannot be read.
     """
@@ -75,12 +75,12 @@ def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _missing(shape: Any) -> bool:
-    """True if a shape is a mesh whose file cannot be read."""
+    """Return True if a shape is a mesh whose file cannot be read."""
     return bool(shape.file) and isinstance(_read(shape.file, _changed(shape.file)), str)
 
 
 def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
-    """Slender links from a body's origin to its children, tip or com."""
+    """Return slender links from a body's origin to its children, tip or com."""
     ends = [np.asarray(link) for link in links] or [np.asarray(body.tip_point)]
     longest = max(float(np.linalg.norm(end)) for end in ends)
     if longest < 10 * THINNEST:
@@ -94,7 +94,7 @@ def _links(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
 
 
 def _rod(end: np.ndarray, radius: float) -> Piece:
-    """A capsule from the origin to `end`, its caps inside the length."""
+    """Return a capsule from the origin to `end`, with the caps included in its length."""
     length = float(np.linalg.norm(end))
     width = min(2 * radius, length)
     x, y, z = (float(c) / 2 for c in end)
@@ -128,13 +128,13 @@ def _own(shape: Any) -> Piece:
 
 
 def mesh(parts: Sequence[Piece]) -> Any:
-    """The pieces as one trimesh.Trimesh in body axes."""
+    """Return the pieces as one trimesh.Trimesh in body axes."""
     solids = [_solid(part) for part in parts]
     return needed("trimesh").util.concatenate(solids)
 
 
 def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
-    """A trimesh whose bounding box is the unit cube, from which batched bodies are scaled.
+    """Return a trimesh that is bounded by the unit cube and scaled to draw batched bodies.
 
     A mesh keeps its own size: one scale makes it a body's. Round solids have a quarter of the faces
     of a body that is drawn alone: there are many of them, and each is small in the view.
@@ -184,7 +184,9 @@ def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: 
 
 
 def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
-    """A frustum, or the hull of two balls, along z, `tall` in all, its middle in the origin."""
+    """Return a frustum, or the hull of two balls, along z, with total length `tall`, centred at the
+    origin.
+    """
     if caps:
         length = max(tall - near - far, abs(near - far) + 1e-9)
         touch = math.asin((near - far) / length)  # angle at which the cone touches the balls
@@ -199,7 +201,9 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
-    """Return a trimesh of a helical spring along z in the unit cube, for stretching along z."""
+    """Return a trimesh of a helical spring along z in the unit cube, which may be stretched along
+    z.
+    """
     around, along = 8, 14 * turns
     t = np.linspace(0.0, 1.0, along)
     ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # both ends lie on the axis
@@ -219,7 +223,9 @@ def coil(turns: int = 9, wire: float = 0.07) -> Any:
 
 
 def bracket() -> Any:
-    """A trimesh of the hatched foot of a pivot within the unit cube: its tip is at z = 1/2."""
+    """Return a trimesh of a pivot's hatched support within the unit cube, with its tip at z =
+    1/2.
+    """
     trimesh = needed("trimesh")
     profile = [(-0.1, 0.5), (0.1, 0.5), (0.36, -0.22), (-0.36, -0.22)]  # x, z
     wedge = np.array([(x, y, z) for y in (-0.2, 0.2) for x, z in profile])
@@ -236,7 +242,7 @@ def bracket() -> Any:
 
 
 def cone() -> Any:
-    """A trimesh that opens from the origin upwards to the unit square at height 1."""
+    """Return a trimesh that widens from the origin to the unit square at height 1."""
     solid = needed("trimesh").creation.cone(radius=0.5, height=1.0, sections=32)
     solid.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))  # the apex is above: turned about x
     solid.apply_translation((0.0, 0.0, 1.0))
@@ -244,7 +250,7 @@ def cone() -> Any:
 
 
 def _file(name: str) -> Any:
-    """Return the mesh in a file, or a box of 0.1 m as a visible stand-in."""
+    """Return the mesh in a file, or a 0.1 m box as a visible placeholder."""
     found = _read(name, _changed(name))
     if isinstance(found, str):
         return needed("trimesh").creation.box(extents=(0.1, 0.1, 0.1))
@@ -252,7 +258,7 @@ def _file(name: str) -> Any:
 
 
 def bounds(part: Piece) -> np.ndarray:
-    """(2, 3) least and greatest corner of a piece along its own axes [m]."""
+    """Return the minimum and maximum corners of a piece along its own axes [m], (2, 3)."""
     size = np.asarray(part.size)
     if part.kind == "mesh":
         return np.sort(np.asarray(_file(part.file).bounds) * size, axis=0)
@@ -260,7 +266,7 @@ def bounds(part: Piece) -> np.ndarray:
 
 
 def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
-    """A sentence for each mesh that cannot be read, for which links stand."""
+    """Return a sentence for each mesh that cannot be read and is drawn as links instead."""
     files = {shape.file for b in bodies for shape in b.shapes if shape.file}
     found = (_read(name, _changed(name)) for name in sorted(files))
     return tuple(text for text in found if isinstance(text, str))
@@ -268,7 +274,7 @@ def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _read(name: str, changed: int) -> Any:
-    """The mesh in a file as it was at time `changed`, or the error's sentence."""
+    """Return the mesh in a file as last modified at time `changed`, or the error message."""
     try:
         return load_mesh(name)
     except PgraphError as error:
@@ -276,7 +282,7 @@ def _read(name: str, changed: int) -> Any:
 
 
 def _changed(name: str) -> int:
-    """Return the time of the last change of a file [ns], 0 without a file."""
+    """Return the modification time of a file [ns], or 0 if there is no file."""
     try:
         return Path(name).stat().st_mtime_ns
     except (OSError, ValueError):
@@ -287,7 +293,7 @@ def reach(
     bodies: Sequence[Any], children: Sequence[Sequence[int]],
     positions: np.ndarray, rotations: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Middle of the model at home, and how far it reaches from there [m]."""
+    """Return the centre of the model in its home configuration, and its extent from there [m]."""
     points = [np.asarray(p) for p in positions]
     for body, p, R in zip(bodies, positions, rotations):
         points += [p + R @ np.asarray(body.tip_point), p + R @ np.asarray(body.com)]
@@ -299,7 +305,9 @@ def reach(
 
 
 def branches(parent: Sequence[int]) -> tuple[int, ...]:
-    """Return the branch of each body: 0 if it carries several tips, else 1, 2, ... by tips."""
+    """Return the branch of each body: 0 if it carries several tips, or 1, 2, ... by tip
+    otherwise.
+    """
     n = len(parent)
     tips = [0] * (n + 1)
     for k in range(n, 0, -1):
@@ -313,17 +321,21 @@ def branches(parent: Sequence[int]) -> tuple[int, ...]:
 
 
 def hue_of(branch: int) -> int:
-    """The number of a branch's hue: 0 of the trunk, the others in turn."""
+    """Return the hue index of a branch: 0 for the trunk, cycling through the others for
+    branches.
+    """
     return 1 + (branch - 1) % (len(HUES) - 1) if branch else 0
 
 
 def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
-    """The colour of each body: a light coat with a share of its branch's hue."""
+    """Return the colour of each body, a light base colour tinted with its branch's hue."""
     return tuple(COATS[hue_of(k)] for k in branches(parent))
 
 
 def shade(color: Color | None) -> Color | None:
-    """Return the dark or light coat for a shape's own colour, or None for its branch's."""
+    """Return the dark or light base colour for a shape's own colour, or None to use its
+    branch's.
+    """
     if color is None:
         return None
     light = sum(w * c for w, c in zip(LUMA, color)) / 255
@@ -331,7 +343,7 @@ def shade(color: Color | None) -> Color | None:
 
 
 def _tinted(paint: Color) -> Color:
-    """The coat with TINT of a paint, mixed as light is."""
+    """Blend the base colour with a fraction TINT of a paint colour, in linear light."""
     r, g, b = (((1 - TINT) * c**2.2 + TINT * h**2.2) ** (1 / 2.2) for c, h in zip(COAT, paint))
     return round(r), round(g), round(b)
 
@@ -340,7 +352,7 @@ COATS = tuple(map(_tinted, PAINTS))
 
 
 def z_to(direction: np.ndarray) -> np.ndarray:
-    """A rotation that takes z to the unit vector `direction`."""
+    """Return a rotation that maps z to the unit vector `direction`."""
     a = np.eye(3)[int(np.argmin(np.abs(direction)))]
     x = np.cross(a, direction)
     x /= np.linalg.norm(x)
@@ -348,7 +360,7 @@ def z_to(direction: np.ndarray) -> np.ndarray:
 
 
 def to_matrix(wxyz: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4)."""
+    """Convert quaternions (..., 4) to rotation matrices (..., 3, 3)."""
     w, x, y, z = np.moveaxis(wxyz / np.linalg.norm(wxyz, axis=-1, keepdims=True), -1, 0)
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -359,7 +371,7 @@ def to_matrix(wxyz: np.ndarray) -> np.ndarray:
 
 
 def to_wxyz(R: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) of rotation matrices (n, 3, 3), w >= 0."""
+    """Convert rotation matrices (n, 3, 3) to quaternions (n, 4), with w >= 0."""
     from scipy.spatial.transform import Rotation
 
     if len(R) == 0:
@@ -370,13 +382,13 @@ def to_wxyz(R: np.ndarray) -> np.ndarray:
 
 
 def spaced(size: float) -> float:
-    """A round grid spacing (1, 2 or 5 times a power of ten) for a model of this size [m]."""
+    """Return a round grid spacing (1, 2 or 5 times a power of ten) for a model of this size [m]."""
     power = 10.0 ** math.floor(math.log10(size))
     return next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= size / 2)
 
 
 def times(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Products a b of quaternions (n, 4): first b, then a."""
+    """Return the products a b of quaternions (n, 4), which apply b first and then a."""
     w1, x1, y1, z1 = np.moveaxis(a, -1, 0)
     w2, x2, y2, z2 = np.moveaxis(b, -1, 0)
     return np.stack(

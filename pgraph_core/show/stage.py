@@ -1,4 +1,4 @@
-"""Surroundings of the bodies, drawn by viser: light, canvas, floor and steps."""
+"""The scene around the bodies, drawn by viser: lights, background, floor and steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BOX = ((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 
 
 
 class Tones(NamedTuple):
-    """Colours of one theme, with intensities in units of three.js."""
+    """Colours for one theme, with intensities in three.js units."""
 
     canvas: Color  # behind everything
     floor: Color  # the disc that the model stands on
@@ -49,19 +49,19 @@ OVERHEAD = 0.4  # strength of the light from above, which shades what is close t
 
 
 def turned(direction: Sequence[float], up: str) -> tuple[float, float, float]:
-    """Return a direction that is given for z up in axes with `up` up."""
+    """Convert a direction given with z up to axes with `up` up."""
     x, y, z = direction
     return {"x": (z, x, y), "y": (x, z, -y), "z": (x, y, z)}[up]
 
 
 def unlit(scene: viser.SceneApi) -> None:
-    """Remove viser's own lights and its picture of a city around the scene."""
+    """Remove viser's default lights and its city environment map."""
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
 
 
 def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> None:
-    """Add a key light, a sky and a cool rim from behind, on a plain background.
+    """Add a key light, sky light and cool rim light from behind, on a plain background.
 
     Without `shadows` the page casts them itself, with one map a light where viser draws three.
     """
@@ -86,7 +86,7 @@ def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> N
 def floor(
     scene: viser.SceneApi, model: Any, size: float, dark: bool, low: float = 0.0
 ) -> viser.GridHandle:
-    """Add the plane of the ground, `low` [m] under it, with lines and shadows that fade."""
+    """Add the ground plane, drawn `low` [m] below it, with lines and shadows that fade out."""
     plane, up = GRID[model.up]
     tones, cell = DARK if dark else LIGHT, shapes.spaced(size)
     return scene.add_grid(
@@ -114,7 +114,7 @@ def floor(
 def depth(
     model: Any, bodies: Sequence[Any], parent: Sequence[int], positions: np.ndarray, size: float
 ) -> float:
-    """Return the depth [m] under the ground's plane at which the ground is drawn.
+    """Return the depth [m] below the ground plane at which the ground is drawn.
 
     It is 0 if something may touch the ground. Otherwise bodies that hang from their roots must not
     reach the drawn ground, up to a few sizes of the model.
@@ -134,7 +134,7 @@ def depth(
 
 
 def steps(scene: viser.SceneApi, model: Any) -> Any:
-    """Add the steps as solids on the plane, or return None without steps."""
+    """Add the steps as solids on the plane, or return None if there are none."""
     if not model.ground.steps:
         return None
     corners = np.concatenate([solid(model, step) for step in model.ground.steps])
@@ -145,7 +145,9 @@ def steps(scene: viser.SceneApi, model: Any) -> Any:
 
 
 def solid(model: Any, step: Any) -> np.ndarray:
-    """(8, 3) corners of a step: on the plane, and as much over it as it stands out."""
+    """Return the corners of a step, (8, 3), from the plane to the height by which it rises above
+    it.
+    """
     up = "xyz".index(model.up)
     along = [k for k in range(3) if k != up]
     normal = np.asarray(model.ground_normal)
@@ -159,7 +161,7 @@ def solid(model: Any, step: Any) -> np.ndarray:
 
 
 def tilt(up: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(4,) the shortest turn that takes `up` to `normal`."""
+    """Return the shortest rotation from `up` to `normal` as a (4,) quaternion."""
     wxyz = np.array([1.0 + up @ normal, *np.cross(up, normal)])
     return wxyz / np.linalg.norm(wxyz)
 
@@ -180,7 +182,7 @@ TOWARDS: dict[str, dict[Which, tuple[float, float, float]]] = {
 
 
 class Framing(NamedTuple):
-    """Margins of the camera's picture."""
+    """Margins around the model in the picture."""
 
     field_of_view: float = (
         0.5  # angle over the height [rad], small enough to keep the shape of bodies
@@ -194,14 +196,14 @@ FRAMING = Framing()
 
 
 class Viewpoint(NamedTuple):
-    """Position and target of a camera."""
+    """The position and target of a camera."""
 
     position: np.ndarray  # (3,) [m]
     target: np.ndarray  # (3,) point at the picture's centre [m]
 
 
 def towards(up: str, which: str) -> np.ndarray:
-    """(3,) unit vector from the model to the camera: of a named view, or an axis such as "-x"."""
+    """Return the (3,) unit vector from model to camera for a named view or an axis such as "-x"."""
     if which[-1] in "xyz":
         way = (-1.0 if which[0] == "-" else 1.0) * np.eye(3)["xyz".index(which[-1])]
     else:
@@ -231,14 +233,14 @@ def fitted(points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float) -
 
 
 def frame(up: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) directions to the right and upwards in the picture."""
+    """Return the right and up directions in the picture, (3,) each."""
     right = np.cross(up, way)
     right /= np.linalg.norm(right)
     return right, np.cross(way, right)
 
 
 def in_picture(points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float) -> np.ndarray:
-    """(n,) True for the points that a camera sees."""
+    """Return a mask (n,) of the points that a camera sees."""
     way = at.position - at.target
     way = way / np.linalg.norm(way)
     right, above = frame(up, way)

@@ -1,4 +1,4 @@
-"""Expressions over what can be measured in a motion: '=-20*q.pole - 3*v.pole + 2*sin(3*t)'.
+"""Expressions over measurable quantities of a motion: '=-20*q.pole - 3*v.pole + 2*sin(3*t)'.
 
 One grammar for constant formulas of parameters and for expressions that vary in a motion.
 `grammar` reads the text, `meaning` says what its names, units and numbers are. Packing turns an

@@ -1,4 +1,4 @@
-"""Text of an expression as a tree, by precedence climbing [Pratt 1973].
+"""A parser for expressions, using precedence climbing [Pratt 1973].
 
     number  name  q.arm  q["upper arm"][1]  v.arm  out.tip[2]  (x)  f(x, ...)
     x ^ y (also **), -x, x * y, x / y, x + y, x - y, x < y (<=, >, >=), not x, x and y, x or y
@@ -44,7 +44,7 @@ RESERVED = (*FUNCTIONS, "and", "or", "not", "pi")
 
 
 class Unreadable(ValueError):
-    """A text that is no expression: a sentence with the column, counted from 1."""
+    """A syntax error in an expression, with a message and the column, counted from 1."""
 
     def __init__(self, column: int, text: str):
         super().__init__(f"column {column}: {text}")
@@ -52,7 +52,7 @@ class Unreadable(ValueError):
 
 
 class Node(NamedTuple):
-    """An operation on others, a `number`, a `name` or a `signal`."""
+    """An operation on other nodes, or a `number`, `name` or `signal`."""
 
     op: str
     args: tuple[Node, ...] = ()
@@ -70,13 +70,13 @@ class _Token(NamedTuple):
 
 
 def is_expression(value: object) -> bool:
-    """True if a cell holds '=...'."""
+    """Return True if a cell holds '=...'."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 
 @lru_cache(KEPT)
 def parsed(text: str) -> Node:
-    """The tree of an expression, with or without '=' in front. Raises Unreadable."""
+    """Parse an expression, with or without a leading '='. Raises Unreadable."""
     if len(text) > LONGEST:
         reason = f"an expression has at most {LONGEST} characters; given {len(text)}"
         raise Unreadable(LONGEST + 1, reason)
@@ -84,7 +84,7 @@ def parsed(text: str) -> Node:
 
 
 class _Reader:
-    """The tokens of a text, and the next one to be read."""
+    """The tokens of an expression, with the position of the next one."""
 
     def __init__(self, text: str):
         self.tokens = list(_tokens(text))
@@ -119,7 +119,7 @@ class _Reader:
         return Node(op, args, column=at.start + 1, depth=depth)
 
     def expression(self, least: int, level: int) -> Node:
-        """An expression whose operators bind at least as tightly as `least`."""
+        """Parse an expression whose operators bind at least as tightly as `least`."""
         left = self.prefix(level)
         while self.next.text in BINARY and self.next.kind in ("sign", "name"):
             at = self.next
@@ -188,7 +188,7 @@ class _Reader:
         return self.made(at.text, tuple(args), at)
 
     def signal(self, at: _Token) -> Node:
-        """q.name, q["name"], and behind either the number of one of several in brackets."""
+        """Parse q.name or q["name"], optionally followed by an index in brackets."""
         quoted = self.take().text == "["
         name = self.take()
         wanted = "text" if quoted else "name"
@@ -220,7 +220,7 @@ TAKES = {
 
 
 def _tokens(text: str) -> Iterator[_Token]:
-    """The tokens of a text, then the end. Raises Unreadable."""
+    """Split a text into tokens, followed by an end token. Raises Unreadable."""
     at = len(text) - len(text.lstrip())
     at += text[at : at + 1] == "="
     while at < len(text):
@@ -241,7 +241,7 @@ def _seen(token: _Token) -> str:
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """A node and all below it."""
+    """Yield a node and all of its descendants."""
     left = [node]
     while left:
         one = left.pop()
@@ -250,7 +250,9 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def signals_in(text: str) -> set[tuple[str, str, int]]:
-    """The coordinates, velocities and outputs that a text names, none where it is unreadable."""
+    """Return the coordinates, velocities and outputs in a text, or nothing if it cannot be
+    parsed.
+    """
     try:
         return {n.signal for n in walk(parsed(text)) if n.op == "signal"}
     except Unreadable:
@@ -258,7 +260,7 @@ def signals_in(text: str) -> set[tuple[str, str, int]]:
 
 
 def names_in(text: str) -> set[str]:
-    """The bare names that a text uses, none where it is unreadable."""
+    """Return the bare names used in a text, or nothing if it cannot be parsed."""
     try:
         return {n.signal[1] for n in walk(parsed(text)) if n.op == "name"}
     except Unreadable:
@@ -266,7 +268,7 @@ def names_in(text: str) -> set[str]:
 
 
 def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> str:
-    """A text with other names of bodies ("q", "v"), outputs ("out") or parameters ("")."""
+    """Rename bodies ("q", "v"), outputs ("out") or parameters ("") in a text."""
     found = [n for n in walk(parsed(text)) if n.op in ("name", "signal")]
     for n in sorted(found, key=lambda n: n.span, reverse=True):
         group, name, _ = n.signal

@@ -1,4 +1,4 @@
-"""What an expression means: constant numbers, what varies, and whether its units fit."""
+"""Semantics of expressions: constant values, what varies, and consistency of units."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VALUES: dict[str, Callable[..., Any]] = {
 
 
 def varies(text: str, parameters: Container[str] = ()) -> bool:
-    """True if a text is an expression of time or of signals, False for a constant formula.
+    """Return True if a text is an expression in time or signals, or False for a constant formula.
 
     A parameter that is called t is the parameter.
     """
@@ -41,7 +41,7 @@ def varies(text: str, parameters: Container[str] = ()) -> bool:
 def constant(
     node: Node, parameters: Mapping[str, float], read: Callable[[Node], float] | None = None
 ) -> Any:
-    """The number that a tree stands for, of one with signals by what `read` returns.
+    """Evaluate a tree to a number, using `read` for the values of any signals.
 
     Raises Unreadable for a name that is no parameter, and what arithmetic raises.
     """
@@ -72,13 +72,13 @@ def _named(node: Node, parameters: Mapping[str, float]) -> float:
 
 
 def smoothstep(x: float, begin: float, end: float) -> float:
-    """0 before `begin`, 1 after `end`, and 3 s^2 - 2 s^3 between them."""
+    """Return 0 before `begin`, 1 after `end`, and 3 s^2 - 2 s^3 in between."""
     s = min(max((x - begin) / (end - begin), 0.0), 1.0)
     return s * s * (3.0 - 2.0 * s)
 
 
 def interpolated(x: float, *knots: float) -> float:
-    """Straight lines between knots (place, value, ...), constant outside them."""
+    """Interpolate linearly between knots (position, value, ...), with constant extrapolation."""
     found = knots[1]
     for a, y, b, z in zip(knots[0::2], knots[1::2], knots[2::2], knots[3::2]):
         found += (z - y) / (b - a) * (min(max(x, a), b) - a)
@@ -86,19 +86,19 @@ def interpolated(x: float, *knots: float) -> float:
 
 
 def places_of(node: Node) -> tuple[Node, ...]:
-    """The places of the knots of a `table`."""
+    """Return the knot positions of a `table`."""
     return node.args[1::2]
 
 
 def compares(node: Node) -> bool:
-    """Whether a tree is a comparison, or comparisons joined by and, or, not."""
+    """Return True if a tree is a comparison, or comparisons combined by and, or, not."""
     if node.op in ("and", "or", "not"):
         return all(map(compares, node.args))
     return node.op in COMPARISONS
 
 
 def margin(node: Node, value: Callable[[Node], float]) -> float:
-    """Return by how much comparisons hold, positive where they do, by the values of trees."""
+    """Return the margin by which comparisons hold, positive if true, given the values of trees."""
     match node.op:
         case "and":
             return min(margin(x, value) for x in node.args)
@@ -117,7 +117,8 @@ Units = Callable[[Node], Dim]  # the dimension of a signal. Raises Unreadable fo
 
 
 def dim_of(node: Node, units: Units) -> Dim | None:
-    """The dimension of an expression, None where a plain number in it may have any.
+    """Return the dimension of an expression, or None if a plain number in it may have any
+    dimension.
 
     Numbers, parameters and time fit everything, since what stands for a gain has no unit. Raises
     Unreadable where two measured quantities do not fit, and where a name is unknown.
@@ -167,12 +168,12 @@ def _same(node: Node, dims: Any) -> Dim | None:
 
 
 def fits(a: Dim, b: Dim) -> bool:
-    """Whether two quantities may be added: an angle is a plain number."""
+    """Return True if two quantities may be added. An angle counts as a plain number."""
     return a._replace(angle=0) == b._replace(angle=0)
 
 
 def unit(dim: Dim) -> str:
-    """A dimension in SI units, for a sentence."""
+    """Return a dimension in SI units, for use in a message."""
     if name := NAMES.get(dim):
         return name
     known = ("kg", dim.mass), ("m", dim.length), ("rad", dim.angle), ("s", dim.time)

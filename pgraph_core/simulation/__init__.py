@@ -1,4 +1,4 @@
-"""Runs: options become a plan, the plan is stepped, and frames are recorded.
+"""Simulation runs: options become a plan, the plan is stepped, and frames are recorded.
 
 The package is not called `simulate`, which would hide the function `pgraph_core.simulate`.
 """
@@ -59,7 +59,7 @@ def simulate(
     estimate: bool | None = None,
     wrt: str | Sequence[Any] = (),
 ) -> Result:
-    """Simulate a mechanism, or a model, from `t_start` to `t_end`.
+    """Simulate a mechanism or a model from `t_start` to `t_end`.
 
     Parameters
     ----------

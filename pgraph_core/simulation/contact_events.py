@@ -1,4 +1,4 @@
-"""Event-driven contacts: phases of contact points and limits, and what ends them.
+"""Event-driven contacts: the phases of contact points and limits, and the events that end them.
 
 Compiled steps end at events. Only there Python decides what comes next.
 """
@@ -37,7 +37,7 @@ ENDLESS = 300  # events at one time: they do not end
 
 
 class ContactEvents:
-    """The contact points and limits of a run, which swing, slide and stand."""
+    """The contact points and limits of a run, with their swing, slip and stance phases."""
 
     def __init__(
         self,
@@ -48,7 +48,9 @@ class ContactEvents:
         ended: Outcome,
         fine: float = 1.0,
     ):
-        """All contact points are in swing. A finer run takes `fine` of what counts as closed."""
+        """Start with all contact points in swing. A finer run scales the closing tolerance by
+        `fine`.
+        """
         self.mech, self.plan, self.scene, self.steps = mech, plan, scene, steps
         self.q, self.v, self.ended = steps.q, steps.v, ended
         self.causes: dict[int, str] = {}
@@ -66,7 +68,7 @@ class ContactEvents:
     # -- the run -------------------------------------------------------------------------------
 
     def begin(self, t: float) -> None:
-        """Phases of the initial state, and the scales of velocities."""
+        """Set the phases for the initial state and the velocity scales."""
         self.scene.space.vectors[FACTORED, 2] = 0.0  # factors of other blocks are not ours
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
@@ -92,7 +94,7 @@ class ContactEvents:
         return np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
 
     def _first_phases(self, t: float, touching: Array) -> None:
-        """Phases of the initial state: points that touch stand, slide or hit."""
+        """Set the initial phases. Points that touch either stick, slide or hit."""
         scene, f = self.scene, self.scene.points
         hits = []
         for s in np.flatnonzero(f["gap"] <= touching).tolist():
@@ -122,7 +124,7 @@ class ContactEvents:
         self._note_changes(t, before)
 
     def look_at(self, q: Array, v: Array, times: Array) -> None:
-        """Record gaps and places of points at states before the events began."""
+        """Record gaps and positions of points at states before event handling began."""
         for i, t in enumerate(times.tolist()):
             state = (q[i].copy(), v[i].copy())
             point_kernels.observe(self.scene.address, t, *state, self._vdot, self._flow)
@@ -151,7 +153,9 @@ class ContactEvents:
         return at.RUNNING
 
     def impulse(self, t: float) -> None:
-        """Impulses at everything that touches where constraints are switched, and new phases."""
+        """Apply impulses at all touching points when constraints are switched, and update the
+        phases.
+        """
         self._resting[:] = self.scene.phase != SWING
         before = self.scene.phase.copy()
         if self.scene.bilateral or self._resting.any():
@@ -162,7 +166,7 @@ class ContactEvents:
     # -- events --------------------------------------------------------------------------------
 
     def _event(self, t: float) -> None:
-        """Phases after the event at t, and its impacts."""
+        """Handle the event at t by applying impacts and updating the phases."""
         scene, f = self.scene, self.scene.points
         self._guard(t)
         before = scene.phase.copy()
@@ -189,7 +193,7 @@ class ContactEvents:
         self._note_changes(t, before)
 
     def _guard(self, t: float) -> None:
-        """Stop where events follow each other without end."""
+        """Stop the run if events accumulate without end."""
         self._times.append(t)
         if len(self._times) == ENDLESS and t - self._times[0] < self._same_time:
             where = ", ".join(self.scene.contact_points[s].name for s in self._over())
@@ -200,7 +204,7 @@ class ContactEvents:
         return np.flatnonzero(self.scene.over().any(axis=1)).tolist()
 
     def _note_changes(self, t: float, before: Ints) -> None:
-        """Log the changes of phases and watch the new ones."""
+        """Log the phase changes and monitor the new phases."""
         scene = self.scene
         for s in np.flatnonzero(before != scene.phase).tolist():
             scene.points["fresh"][s] = 1
@@ -238,7 +242,7 @@ class ContactEvents:
         self.causes[s] = cause
 
     def _close(self, s: int, sliding: int) -> None:
-        """Stance where a point has no tangential velocity, else one of the two sliding phases."""
+        """Set stance if a point has no tangential velocity, or else the given sliding phase."""
         f = self.scene.points[s]
         u = f["slip_velocity"]
         speed = float(np.linalg.norm(u))
@@ -249,7 +253,7 @@ class ContactEvents:
             self._set(s, sliding)
 
     def _slip(self, s: int, before: int) -> None:
-        """From stance to slip, against the friction that no longer suffices."""
+        """Change from stance to slip, against the friction that no longer suffices."""
         f = self.scene.points[s]
         normal = f["normal"]
         force = f["force"]
@@ -263,7 +267,7 @@ class ContactEvents:
         self.causes[s] = f"friction of {share}"
 
     def _slip_ended(self, s: int) -> None:
-        """Slip came to zero, or has only turned."""
+        """Handle a slip velocity that has reached zero or has only changed direction."""
         f = self.scene.points[s]
         u = f["slip_velocity"]
         speed = float(np.linalg.norm(u))
@@ -280,7 +284,7 @@ class ContactEvents:
     # -- phases that fit the forces ------------------------------------------------------------
 
     def _settle(self, t: float) -> None:
-        """Change phases until forces push, stay in their cones, and nothing open closes."""
+        """Change phases until forces push, stay in their cones, and no open point closes."""
         before = self.scene.phase.copy()
         self._turns_taken = 0
         for _ in range(MOST_TURNS + 20 + 4 * len(self.scene.contact_points)):
@@ -293,7 +297,9 @@ class ContactEvents:
         )
 
     def _change(self, t: float, before: Ints) -> bool:
-        """Change the phase that fits the forces least. Returns False if all fit."""
+        """Change the phase least consistent with the forces. Returns False if all are
+        consistent.
+        """
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         sliding = self._sliding()
@@ -313,7 +319,7 @@ class ContactEvents:
         return bool((excess > slack).any()) or self._change_rates(t)
 
     def _change_rates(self, t: float) -> bool:
-        """Turn slip that is about to start, and close open points that would penetrate."""
+        """Update the direction of incipient slip, and close open points that would penetrate."""
         scene, f = self.scene, self.scene.points
         starting = self._still() & self._sliding()
         resting = self._resting & (scene.phase == SWING)
@@ -332,7 +338,7 @@ class ContactEvents:
         return moved > SOLVED and self._turns_taken < MOST_TURNS
 
     def _turn(self, s: int, tiny: float) -> float:
-        """Turn the slip direction of s to that of its motion. Returns the change.
+        """Align the slip direction of s with its motion. Returns the change.
 
         The next direction is that of its acceleration without friction. Near the border of the
         cone the acceleration alone points anywhere.
@@ -361,7 +367,7 @@ class ContactEvents:
     # -- impacts -------------------------------------------------------------------------------
 
     def _impact(self, t: float, hits: list[int], jammed: int = -1) -> None:
-        """Apply impulses at all touching points. Points that hit bounce, or stay."""
+        """Apply impulses at all touching points. Impacting points bounce or stay."""
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         near = ~closed & (f["gap_rate"] < 0)
@@ -401,7 +407,9 @@ class ContactEvents:
     def _impact_rows(
         self, t: float, touching: list[int], u: Array, jammed: int
     ) -> tuple[list[impacts.ContactRow], dict[int, float]]:
-        """The rows of all touching, and when the bounces of those end that come to rest now."""
+        """Return the rows for all touching points, and the end times of bounces for points coming
+        to rest.
+        """
         scene, f = self.scene, self.scene.points
         sizes = [1 if scene.points["limit"][s] else 3 for s in touching]
         first = len(u) - sum(sizes)
@@ -462,26 +470,28 @@ class ContactEvents:
                 self.causes.setdefault(s, "an impact elsewhere")
 
     def _turns(self, s: int) -> bool:
-        """True if a point is the limit of a rotating joint."""
+        """Return True if a point is a limit of a rotating joint."""
         if not self.scene.points["limit"][s]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
         return bool(self.mech.packed.system.rows[row, at.KIND] < at.TRANSLATE)
 
     def _hidden(self, t: float, s: int) -> float:
-        """Return `_hidden` of point s in its present state."""
+        """Return `_hidden` for point s in its present state."""
         self._accelerations(t)
         return _hidden(self.scene.points[s])
 
     def _observe_still(self, t: float) -> None:
-        """Gaps and rates after an impact, before phases are chosen: everything open."""
+        """Compute gaps and rates after an impact with all points open, before phases are chosen."""
         phase = self.scene.phase.copy()
         self.scene.points["phase"] = SWING
         self._observe(t)
         self.scene.points["phase"] = phase
 
     def _painleve(self, t: float, s: int) -> None:
-        """Sliding has no finite force, or two: an impulse ends the slip, or the point lifts off."""
+        """Resolve sliding with no finite force, or with two. An impulse ends the slip, or the point
+        lifts off.
+        """
         point = self.scene.contact_points[s]
         before = int(self.scene.phase[s])
         self._set(s, SWING)
@@ -503,7 +513,7 @@ class ContactEvents:
     def record(
         self, soft: ContactRecord, states: tuple[Array, Array, Array], rows: Any
     ) -> ContactRecord:
-        """Forces, gaps and slips of each point and of each contact pair over states (q, v, v')."""
+        """Return forces, gaps and slips for each point and contact pair over states (q, v, v')."""
         mech, n = self.mech, len(states[0])
         frames, codes = self.scene.frames[rows], self.scene.frames["phase"][rows]
         still = np.zeros((n, mech.nb, 6))
@@ -550,6 +560,6 @@ class ContactEvents:
 
 
 def _hidden(point: Any) -> float:
-    """Speed of a bounce of whose height rounding is a visible part [m/s, rad/s]."""
+    """Return the bounce speed below which rounding visibly affects its height [m/s, rad/s]."""
     fall = max(-float(point["normal_acceleration"]), 0.0)
     return float(np.sqrt(2.0 * fall * float(point["rounding"]) / VISIBLE))

@@ -1,4 +1,4 @@
-"""The report of a run on its contacts and switches: record, phases, events, counters, notices.
+"""Contact and switching reports for a run: the record, phases, events, counters and notices.
 
 With time stepping, phases come from a log of changes, good to one step.
 """
@@ -73,7 +73,7 @@ def contacts_of(
     changes: Any,
     log: Sequence[Event],
 ) -> ContactRecord:
-    """Contacts and limits over the frames, and the events in between.
+    """Return contacts and limits over the frames, and the events in between.
 
     The frames are (times, wrenches on bodies, pairs, by how much laws are missed), at the states q.
     """
@@ -89,7 +89,7 @@ def contacts_of(
 
 
 def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
-    """The events of a change that added the energy `gain` [J] at once."""
+    """Return the events for a change that added the energy `gain` [J] instantaneously."""
     took = f"; its impulse took {-gain:.4g} J" if gain < 0 else ""
     took = f"; its impulse put in {gain:.4g} J" if gain > 0 else took
     found: list[Event] = []
@@ -102,7 +102,7 @@ def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
 
 
 def contact_counters(scene: Scene) -> dict[str, int]:
-    """Return counts of fallbacks of the contact solver."""
+    """Return fallback counts for the contact solver."""
     if scene.touching is None:
         return {}
     tally = scene.touching.tally
@@ -117,7 +117,7 @@ def contact_notices(
     active: Ints,
     frames: tuple[Array, Array, Array],
 ) -> list[str]:
-    """Notices on how contacts were solved.
+    """Return notices about how contacts were solved.
 
     The frames are (times, states q, gaps of pairs); `active` are the constraints.
     """
@@ -188,7 +188,7 @@ def stepped_record(
     changes: Any,
     graze: float,
 ) -> ContactRecord:
-    """Return the record of contacts and limits from frames and the log of changes.
+    """Return the record of contacts and limits from frames and the change log.
 
     `up` is the ground's normal.
     """
@@ -215,7 +215,7 @@ def stepped_record(
 def phases_over(
     changes: Any, touches: Sequence[ContactPair], t: Array, graze: float = 0.0
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
-    """({pair: (len(t),) phase}, events) from PHASE_CHANGE records in the order of time.
+    """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
     The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
     time stepping releases a point for a step when its body is moved out of the ground.
@@ -243,7 +243,7 @@ def phases_over(
 
 
 def _without_grazes(own: Any, graze: float) -> Any:
-    """Rows of one touch without flights shorter than `graze`, and rows that then change nothing."""
+    """Drop flights shorter than `graze` from one touch's rows, and rows that become redundant."""
     if len(own) < 3:
         return own
     short = np.zeros(len(own), dtype=bool)
@@ -262,7 +262,7 @@ def _event(t: float, pair: ContactPair, before: int, after: int) -> Event:
 
 
 def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array) -> list[str]:
-    """A notice for each limit that a coordinate or length has passed at the states q (n, nq)."""
+    """Return a notice for each limit passed by a coordinate or length at the states q (n, nq)."""
     ints, floats, terms, factors = tables.limit_blocks
     found = []
     springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in ends_of(f) if x)
@@ -294,7 +294,9 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
 def sunk(
     mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array, gap: Array
 ) -> list[str]:
-    """A notice for each soft or penalty contact that is deeper than its law means at (t, q)."""
+    """Return a notice for each soft or penalty contact that is deeper at (t, q) than its law allows
+    for.
+    """
     shapes, found = tables.geometry.shapes, []
     for k, pair in enumerate(tables.touches):
         if pair.contact.law == "complementarity" or EVERY in pair[1:3]:
@@ -314,7 +316,8 @@ def sunk(
 
 
 def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
-    """A notice for each soft or penalty contact that starts far deeper than weight presses it.
+    """Return a notice for each soft or penalty contact that starts far deeper than weight presses
+    it.
 
     The weight is that of all that moves, which may rest on one contact.
     """
@@ -338,7 +341,7 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
 
 
 def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
-    """A notice where a compliant contact has about the restitution asked for, not exactly.
+    """Return a notice if a compliant contact only approximates the requested restitution.
 
     Each touch is taken by itself, and trees as if no constraint held them.
     """
@@ -379,7 +382,7 @@ def bounced(mech: Mechanism, tables: Tables, active: Ints) -> list[str]:
 
 
 def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[str]:
-    """A notice of bodies that went below the ground, whose contacts with it are not active.
+    """Return a notice about bodies below the ground whose contacts with it are not active.
 
     `start` and `end` (nq,) are the first position and the last.
     """
@@ -401,7 +404,7 @@ def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[
 
 
 def _named(names: list[str]) -> str:
-    """'a', 'b' and 'c'."""
+    """Join names as 'a', 'b' and 'c'."""
     quoted = [f"'{name}'" for name in names]
     return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
 
@@ -410,7 +413,8 @@ def driven_into(
     mech: Mechanism, tables: Tables, active: Ints, k: int, frames: tuple[Array, Array, Array],
     when: float,
 ) -> str:  # fmt: skip
-    """Return the constraint that drives the bodies of pair k into each other, or "".
+    """Return the constraint that drives the bodies of pair k into each other, or "" if there is
+    none.
 
     It may do so through bodies between them, by other pairs that are closed then.
     """
@@ -436,7 +440,7 @@ def driven_into(
 
 
 def _parting(mech: Mechanism, pair: ContactPair, q: Array) -> Array:
-    """Return how the two bodies of a pair move from each other, (3, nv) in world axes."""
+    """Return the Jacobian of the relative motion of a pair's two bodies, (3, nv) in world axes."""
     way = mech.jacobian(q, pair.body)[3:]
     return way if pair.other == GROUND else way - mech.jacobian(q, pair.other)[3:]
 
@@ -444,7 +448,9 @@ def _parting(mech: Mechanism, pair: ContactPair, q: Array) -> Array:
 def contradicted(
     mech: Mechanism, active: Ints, points: Sequence[ContactPoint], t: float, q: Array
 ) -> str:
-    """A sentence on the closed contact points and limits that constraints drive bodies against."""
+    """Return a message about closed contact points and limits that constraints drive bodies
+    against.
+    """
     found: dict[str, str] = {}
     for p in points:
         if p.limit is not None:
@@ -458,7 +464,7 @@ def contradicted(
 
 
 def _of(mech: Mechanism, v: int) -> str:
-    """The body whose joint has this degree of freedom."""
+    """Return the body whose joint has this degree of freedom."""
     return next(name for name, joint in mech.joints.items() if joint.v.start <= v < joint.v.stop)
 
 
@@ -477,12 +483,12 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
 
 
 class Clearance(Unportable):
-    """Candidates of contacts, and conditions that may become true, behind one address."""
+    """Contact candidates and conditions that may become true, sharing one kernel address."""
 
     def __init__(
         self, mech: Mechanism, tables: Tables | None, conditions: Any = None, margin: float = 0.0
     ):
-        """Nothing is known to be free yet.
+        """Start with no pairs or conditions known to be clear.
 
         `conditions` are records of LIMIT; things are near from a gap of `margin` on [m].
         """
@@ -510,17 +516,17 @@ class Clearance(Unportable):
 
     @property
     def look_back(self) -> int:
-        """Address of the kernel that looks back at each step."""
+        """The address of the kernel that checks each completed step."""
         return address_of(kernels.watch_clearance)
 
     def gaps(self, scene: Scene, q: Array, pairs: int) -> Array:
-        """Return gaps of contact pairs (n, pairs) [m] at states q (n, nq), inf if unknown."""
+        """Return gaps of contact pairs (n, pairs) [m] at states q (n, nq), or inf if unknown."""
         found = np.full((len(q), pairs), np.inf)
         kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
         return found
 
     def untouched(self, q: Array, log: tuple[Event, ...]) -> ContactRecord:
-        """The record of a run over the states q (n, nq) in which nothing touched."""
+        """Return the record of a run over the states q (n, nq) in which nothing touched."""
         given = self._mech, self._tables, q, log
         return ContactRecord.later(lambda: untouched(*given))
 
@@ -537,10 +543,10 @@ def _limits(tables: Tables) -> Any:
 
 
 class Gaps(Mapping[str, Array]):
-    """Gaps of contact pairs by name, found when they are first asked for."""
+    """Gaps of contact pairs by name, computed on first access."""
 
     def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
-        """Prepare gaps at the states q (n, nq), with `known` ones of members of one contact."""
+        """Prepare gaps at the states q (n, nq), with `known` gaps for members of one contact."""
         self._given = mech, tables, q, known
 
     @cached_property
@@ -556,7 +562,7 @@ class Gaps(Mapping[str, Array]):
         return gaps
 
     def __getitem__(self, name: str) -> Array:
-        """(n,) of one pair."""
+        """Return the gap of one pair, (n,)."""
         return self._found[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -568,7 +574,7 @@ class Gaps(Mapping[str, Array]):
         return len(self._given[1].touches)
 
     def __repr__(self) -> str:
-        """Return the repr of a dictionary."""
+        """Return the repr of the contents as a dictionary."""
         return repr(self._found)
 
     def __reduce__(self) -> Any:
@@ -581,7 +587,7 @@ class Gaps(Mapping[str, Array]):
 
 
 def untouched(mech: Mechanism, tables: Tables, q: Array, log: Sequence[Event]) -> ContactRecord:
-    """The record of a run over the states q (n, nq) in which nothing touched."""
+    """Return the record of a run over the states q (n, nq) in which nothing touched."""
     n, names = len(q), [t.name for t in tables.touches]
     swings, is_free = np.full(n, PHASES[SWING]), np.full(n, FREE)
     return ContactRecord(

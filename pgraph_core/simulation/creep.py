@@ -1,4 +1,4 @@
-"""A notice of joints that creep where dry friction should hold them."""
+"""A notice about joints that creep although dry friction should hold them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from ..tolerances import NOTABLE, VISIBLE
 
 
 def crept(mech: Mechanism, drives: Drives, t: Array, v: Array) -> list[str]:
-    """Return a notice of the joint that moves farthest at a steady speed that friction should stop.
+    """Return a notice about the joint that moves farthest at a steady speed that friction should
+    stop.
 
     `t` (n,) and `v` (n, nv) are the frames. Time stepping gives drives without friction.
     """

@@ -1,4 +1,4 @@
-"""The error of a run, from a finer run of the same motion.
+"""The error of a run, estimated from a finer run of the same motion.
 
 Everything that limits the accuracy of a run is finer in the second one: its steps are half as wide,
 or its tolerance is FINER times tighter, and so are the tolerances to which it solves equations and
@@ -36,7 +36,7 @@ UNKNOWN = (
 
 
 class Estimate(NamedTuple):
-    """The error of q at the times of a plan, the largest so far."""
+    """The error in q at the times of a plan, as a running maximum."""
 
     error: Array | None = None  # (n,) [rad, m], inf once it is unknown
     notices: tuple[str, ...] = ()
@@ -44,12 +44,12 @@ class Estimate(NamedTuple):
 
 
 def estimable(tau: object) -> bool:
-    """Return whether torques can be asked for a second time: no Python function gives them."""
+    """Return whether torques can be evaluated again, that is, not by a Python function."""
     return not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
 
 
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
-    """Return the error of a run that has ended.
+    """Return the error estimate for a completed run.
 
     `asked` is None where a function that gives torques is not to be called again. Where there is
     no estimate, the run's message says why.
@@ -93,7 +93,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
 
 
 def _rounding(record: Recording, t: Array) -> Array:
-    """Return what rounding of positions and of times makes of q (n,), which both runs share.
+    """Return the effect of rounding in positions and times on q (n,), which both runs share.
 
     A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
     """
@@ -104,7 +104,7 @@ def _rounding(record: Recording, t: Array) -> Array:
 
 
 def _strayed(record: Recording) -> float:
-    """Return how far velocities by which the contact solver misses its laws lead [rad, m]."""
+    """Return the drift due to the contact solver's velocity residuals [rad, m]."""
     touching = record.scene.touching
     return 0.0 if touching is None else float(touching.tally["strayed"])
 
@@ -128,7 +128,7 @@ def _left_open(record: Recording, n: int) -> Array | float:
 
 
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
-    """Return a sentence on an error that is not known to the end, or that is large."""
+    """Return a message about an error that is large or not known up to the end."""
     known = int(np.isfinite(error).sum())
     digits = 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)  # enough to tell times apart
     if known < len(t):
@@ -148,7 +148,8 @@ def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
 
 
 def _passed_over(record: Recording, error: float) -> tuple[str, ...]:
-    """Return a sentence on vibrations that implicit steps take out at any width, if they may count.
+    """Return a message about vibrations that implicit steps damp out at any size, if they may
+    matter.
 
     They are missing from both runs. The energy that the ledger misses bounds their amplitude.
     """
@@ -173,7 +174,7 @@ def _passed_over(record: Recording, error: float) -> tuple[str, ...]:
 
 
 def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
-    """Return a run that takes at least MORE times the steps, or why there is none.
+    """Return a run with at least MORE times the steps, or the reason why there is none.
 
     Where a tighter tolerance does not, as near rounding, no step is wider than half the mean one.
     """
@@ -193,7 +194,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
 
 
 def _again(record: Recording, plan: RunPlan) -> Recording | str:
-    """Return a run by this plan, or why it did not reach its end."""
+    """Return a run of this plan, or the reason why it did not reach its end."""
     try:
         other = record.finer(plan)
     except InputError as refused:
@@ -202,7 +203,8 @@ def _again(record: Recording, plan: RunPlan) -> Recording | str:
 
 
 def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
-    """Return the plan at half the step, or at a tighter tolerance, of a run that took so many.
+    """Return the plan at half the step size or a tighter tolerance, given the number of steps
+    taken.
 
     Where frames or corners of tables end steps, the finer ones end half way from one to the next.
     Given steps that were `divided` followed a tolerance inside.
@@ -230,14 +232,14 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
 
 
 def _no_wider(plan: RunPlan, widest: float) -> RunPlan:
-    """Return the plan with no step wider than this [s]."""
+    """Return the plan with this maximum step size [s]."""
     given = plan.tolerance
     assert given is not None
     return replace(plan, tolerance=given._replace(widest=min(given.widest, widest)))
 
 
 def _until_its_end(record: Recording) -> RunPlan:
-    """Return the plan of a run with its recorded times, since an event may have ended it."""
+    """Return the plan of a run with its recorded times, since an event may have ended the run."""
     plan, n = record.planned, record.done
     if not record.ended.over:
         return plan

@@ -1,4 +1,6 @@
-"""The scene of an event-driven run: contact points and limits, and what acts in each phase."""
+"""The scene of an event-driven run: contact points and limits, and the active blocks in each
+phase.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,7 @@ class Limit(NamedTuple):
 
 
 class ContactPoint(NamedTuple):
-    """A material point or a sphere of a body over the ground, or one end of a joint's range."""
+    """A material point or sphere on a body above the ground, or one end of a joint's range."""
 
     name: str
     pair: str  # its contact pair, or a limit's own name
@@ -59,7 +61,7 @@ class ContactPoint(NamedTuple):
 def contact_points(
     model: Model, topology: Topology, packed: System, tables: Tables
 ) -> tuple[ContactPoint, ...]:
-    """The points of rigid contacts with the ground, and all joints' limits.
+    """Return the points of rigid contacts with the ground, and all joint limits.
 
     Raises InputError for contacts whose points events are not located for.
     """
@@ -87,7 +89,7 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
 
 
 def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, float], float]]:
-    """(point, radius) in the body's axes of everything on it that can touch a plane."""
+    """Return (point, radius) in body axes for all features that can touch a plane."""
     if contact.points:
         return [(point, 0.0) for point in contact.points]
     found = []
@@ -122,7 +124,7 @@ def with_points(
     topology: Topology,
     packed: System,
 ) -> tuple[Blocks, Any]:
-    """The blocks of the constraints and, after them, of these points, and the table of POINT.
+    """Return the constraint blocks followed by those for these points, and the POINT table.
 
     Each point is an entry of `names` with the block that takes all its rows, and a second one with
     its other blocks.
@@ -169,7 +171,9 @@ def with_points(
 def _values(
     point: Array | None = None, frame: Sequence[Array] = (), radius: float = 0.0, offset: float = 0
 ) -> Array:
-    """(28,) of a block: a point over the plane of the ground, or a coordinate's value."""
+    """Return the (28,) values of a block, for a point above the ground plane or a coordinate
+    value.
+    """
     out = np.zeros(at.BLOCK_F)
     if point is not None:
         out[at.PA : at.PA + 3] = point
@@ -179,7 +183,7 @@ def _values(
 
 
 class EventScene(Scene):
-    """A scene with contact points. `arrange` applies a change of `points["phase"]`."""
+    """A scene with contact points. `arrange` applies a change in `points["phase"]`."""
 
     once = False  # a step that ends at an event is taken again, shorter
 
@@ -196,7 +200,7 @@ class EventScene(Scene):
         user: UserTorque | None = None,
         watched: int = 0,
     ):
-        """All points are in swing. `frames` is how many are to be recorded.
+        """Start with all points in swing. `frames` is the number of frames to be recorded.
 
         `watched` is the number of further events, a user's.
         """
@@ -220,7 +224,7 @@ class EventScene(Scene):
         self.arrange()
 
     def _link(self) -> None:
-        """Save the scenes: the tree alone, held constraints, and all with contact points."""
+        """Save the scenes: the tree alone, with held constraints, and with all contact points."""
         tree, held = buffer(), buffer()
         nothing = np.zeros(1, dtype=np.int64)
         both = [
@@ -254,18 +258,18 @@ class EventScene(Scene):
         self.address, self._held_address = address_of_array(self._buffer), links.held
 
     def over(self) -> NDArray[np.bool_]:
-        """(points, 3) whether a monitor of a contact point has fallen below zero."""
+        """Return whether each monitor of a contact point has fallen below zero, (points, 3)."""
         count = 3 * len(self.contact_points)
         return self.watched[point_kernels.NOW, :count].reshape(-1, 3) < 0
 
     @property
     def held(self) -> int:
-        """Address of the scene whose active blocks are projected."""
+        """The address of the scene whose active blocks are projected."""
         return int(self._held_address)
 
     @property
     def phase(self) -> Ints:
-        """(ns,) phases of the points."""
+        """The phases of the points, (ns,)."""
         return self.points["phase"]
 
     def switch(self, constraints: Ints) -> None:
@@ -275,7 +279,7 @@ class EventScene(Scene):
         self.arrange()
 
     def arrange(self) -> None:
-        """Activate the blocks of constraints, of stances and limits, then of sliding points."""
+        """Activate the blocks for constraints, stances and limits, followed by sliding points."""
         phase = self.phase
         stances = self.points["held_block"][phase == STANCE]
         sliding = self.points[(phase == SLIP) | (phase == ACCEPTANCE)]
@@ -286,7 +290,7 @@ class EventScene(Scene):
             active[0] = self.bilateral + len(chosen)
 
     def hold(self, s: int) -> None:
-        """Let a stance of point s hold the point of the ground that it is over."""
+        """Fix point s in stance to the ground point below it."""
         block = self.points["held_block"][s]
         if self.blocks.blocks_i[block, at.B_TYPE] == at.T_POINT:
             f = self.points[s]
@@ -295,7 +299,7 @@ class EventScene(Scene):
             self.blocks.blocks_f[block, at.PB : at.PB + 3] = foot
 
     def impact(self, t: float, q: Array, v: Array, chosen: Sequence[int]) -> tuple[Array, Array]:
-        """(Ω, velocities) of the rows of constraints and of all rows of these points."""
+        """Return (Ω, velocities) for the constraint rows and all rows of these points."""
         blocks = self.points["slide_block"][list(chosen)]
         self.active[0] = self.bilateral + len(blocks)
         self.active[self.bilateral + 1 : self.active[0] + 1] = blocks
@@ -303,6 +307,8 @@ class EventScene(Scene):
         return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
     def strike(self, impulse: Array, v: Array) -> None:
-        """Add the effect of impulses of the rows of `impact` to v, right after it."""
+        """Add the effect of impulses on the rows of `impact` to v. Call it directly after
+        `impact`.
+        """
         self.space.vectors[LAMBDA, : len(impulse)] = impulse
         point_kernels.add_impulses(self.address, v)

@@ -1,4 +1,4 @@
-"""Events that a run misses by less than its error: whether they happen is not decided.
+"""Events missed by less than the error of a run, which leaves open whether they happen.
 
 The error of what is watched is what it differs by in another run of the same motion.
 """
@@ -54,7 +54,7 @@ def undecided(record: Recording, other: Recording) -> tuple[str, ...]:
 
 
 def _events(record: Recording) -> list[Approach]:
-    """Return how near the conditions of switches and a user's events came to happening."""
+    """Return how close switch conditions and user events came to triggering."""
     if record.watch is None:
         return []
     from ..engine.contact.points import NEAREST, WHEN
@@ -67,7 +67,7 @@ def _events(record: Recording) -> list[Approach]:
 
 
 def _limits(record: Recording) -> list[Approach]:
-    """Return how near the coordinates came to their limits where they turned back before them."""
+    """Return how close coordinates came to limits that they approached without reaching."""
     plan, n = record.planned, record.done
     tables = plan.contacts if plan.declared is None else plan.declared
     if tables is None:
@@ -84,7 +84,7 @@ def _limits(record: Recording) -> list[Approach]:
 
 
 class LimitGap(NamedTuple):
-    """A limit of a weighted sum of coordinates."""
+    """A limit on a weighted sum of coordinates."""
 
     name: str
     at_v: Ints
@@ -93,12 +93,12 @@ class LimitGap(NamedTuple):
     bound: float
 
     def gap(self, q: Array) -> Array:
-        """Return its gap (...) at states q (..., nq) [rad, m]."""
+        """Return the gap (...) at states q (..., nq) [rad, m]."""
         return q[..., self.at_q] @ self.weights - self.bound
 
 
 def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
-    """Yield the limits of joints and tendons, but not of lengths between points."""
+    """Yield the limits of joints and tendons, excluding lengths between points."""
     ints, floats, terms, factors = tables.limit_blocks
     for name, block, values in zip(tables.limits, ints, floats):
         if block[at.B_TYPE] != at.T_SPAN:
@@ -109,7 +109,7 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
 
 @np.errstate(all="ignore")  # huge numbers, of which nothing is known
 def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
-    """Return (the least of a gap where its rate passes zero, when [s]), by cubics between times.
+    """Return (minimum gap where its rate passes zero, time [s]), using cubics between frame times.
 
     Where accelerations do not explain how the rate changes, there is an impact. Where polynomials
     of third and fifth degree differ by more than the gap, it is not known.

@@ -1,4 +1,4 @@
-"""The stepping loop of a run: its state, its steps, given or chosen, and how it ended."""
+"""The stepping loop of a run: its state, its given or chosen steps, and how it ended."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relat
 
 
 class Steps:
-    """State of a run in progress, which `advance` continues."""
+    """The state of a run in progress, which `advance` continues."""
 
     carried: Carried | None = None  # derivatives
 
@@ -124,7 +124,7 @@ class Steps:
         run.save_run(self._buffer, unnamed(self._kept))
 
     def extend(self, plan: RunPlan, frames: tuple[Array, ...]) -> None:
-        """Go on from here by the given steps of another plan, recorded in `frames`."""
+        """Continue with the given steps of another plan, recording in `frames`."""
         self.plan, n = plan, len(plan.times)
         self.control["frame"], self.control["last"] = 0, n
         self.counters_table[:] = 0
@@ -146,31 +146,31 @@ class Steps:
 
     @property
     def taken(self) -> int:
-        """Steps of this width since its origin."""
+        """Return the number of steps of this size since the origin."""
         return self._words[0].item(TAKEN)
 
     def anew(self) -> None:
-        """Re-evaluate the acceleration, because forces changed."""
+        """Re-evaluate the acceleration after forces have changed."""
         self._words[0][FRESH] = 0
 
     @property
     def watched(self) -> Array:
-        """(4, 3 points + user events) the monitors of events."""
+        """The event monitors, (4, 3 points + user events)."""
         return self._kept.watched
 
     def forget_sides(self, numbers: Sequence[int]) -> None:
-        """On which side of zero the values of these events are is to be found out."""
+        """Reset the known signs of these events' values, so that they are determined again."""
         self._signs[numbers] = 0
 
     def begin_again(self, q: Array, v: Array) -> None:
-        """Start the same steps from another state: for runs in which nothing is remembered."""
+        """Restart the same steps from another state, for runs that store no history."""
         control, counters, start = self._words
         control[:], counters[:], self._signs[:] = start, 0, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
 
     def rehearse(self, tally: Any) -> None:
-        """Take the first step of time stepping without going on, for the forces of frame 0.
+        """Take a trial step of time stepping to obtain the forces for frame 0.
 
         A frame has the forces of the step that ends there, the first frame those of the step that
         begins there. Where something hits in that step, the impulse is left to its end.
@@ -192,7 +192,7 @@ class Steps:
             self.control["rtol"] /= FINER
 
     def open_ended(self, width: float) -> None:
-        """Go on from here by steps of this width, without frames."""
+        """Continue with steps of this size, without frames."""
         control = self.control
         if control["widest"] != width:
             control["widest"], control["origin"], control["taken"] = width, control["time"], 0
@@ -203,12 +203,12 @@ class Steps:
 
     @property
     def memory(self) -> list[Array]:
-        """Return the memory of implicit methods: accelerations, Jacobian and its factors."""
+        """Return the memory of implicit methods: accelerations, the Jacobian and its factors."""
         return [self.stages[at.STAGE :], self._kept.real] if self.plan.method.implicit else []
 
     @property
     def given(self) -> tuple[Array, Ints, Array]:
-        """Times of frames and the given steps between them, as the kernel takes them."""
+        """Return the frame times and the given steps between them in the kernel's format."""
         return self._kept.times, self._kept.substeps, self._kept.width
 
     def advance(self, budget: int) -> int:
@@ -225,7 +225,7 @@ class Steps:
         return run.advance_run(self.address, budget)
 
     def _in_parts(self) -> int:
-        """Divide a fixed step that could not be solved into steps of the method's own choice."""
+        """Divide a fixed step that could not be solved into steps chosen by the method."""
         self._take_back()
         self.divided += 1
         control, widest = self.control, self.control["widest"]
@@ -238,7 +238,7 @@ class Steps:
         return code
 
     def _take_back(self) -> None:
-        """Remove the frame of a failure."""
+        """Remove the frame recorded at a failure."""
         moved = np.flatnonzero(self.times != self.plan.times)
         if len(moved):
             self.control["frame"] = moved[0]
@@ -246,17 +246,19 @@ class Steps:
 
     @property
     def blurred(self) -> float:
-        """Part of the velocities that errors of a step may be."""
+        """The fraction of the velocities that may be due to step errors."""
         chosen = self.tolerance is not None and not self.tolerance.fixed
         return self.tolerance.rtol if chosen and self.tolerance else 0.0
 
     def scale(self, time: float) -> None:
-        """Let chosen steps turn negligible slip within a part of the motion's own time [s]."""
+        """Let adaptive steps redirect negligible slip within a fraction of the motion's time scale
+        [s].
+        """
         if self.tolerance is not None:
             self.control["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
 
     def go_on(self) -> None:
-        """Continue from the state after an event, at the width found before it."""
+        """Continue from the state after an event, with the step size found before it."""
         self.control["fresh"] = self.control["filled"] = self.control["rejected"] = 0
         self.control["last_error"] = 1e-4
 
@@ -267,7 +269,7 @@ class Steps:
         self.control["jacobian_rate"] = 2.0
 
     def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
-        """Go on from here by the method and steps of `plan`, in the scene that `join` gives next.
+        """Continue with the method and steps of `plan`, in the scene provided next by `join`.
 
         Frames, counters and the ledger go on.
         """
@@ -293,11 +295,12 @@ class Steps:
         control["left"], control["widest"] = count, left / count
 
     def fraction(self) -> float:
-        """Fraction of the run that is done, 0 to 1."""
+        """The completed fraction of the run, 0 to 1."""
         return float(min(1.0, (self.control["time"] - self.times[0]) / self.control["span"]))
 
     def crawl(self) -> str:
-        """Return a sentence on a run that is to take more than MANY_STEPS at its widths so far.
+        """Return a message about a run that would take more than MANY_STEPS at its step sizes so
+        far.
 
         It is not asked for before √MANY_STEPS steps, which a transient at the start may take.
         """
@@ -314,7 +317,7 @@ class Steps:
         )
 
     def notices(self) -> list[str]:
-        """A notice of the fixed steps that were divided."""
+        """Return a notice about fixed steps that were divided."""
         if self.divided == 0 or self.tolerance is None:
             return []
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
@@ -325,7 +328,7 @@ class Steps:
 
 
 class Workplace(NamedTuple):
-    """A scene, the loop that steps it and its frames, which a short run leaves to the next one.
+    """A scene with its stepping loop and frames, which a short run passes on to the next one.
 
     Building them takes longer than some tens of steps. A workplace belongs to one run at a time.
     """
@@ -343,7 +346,9 @@ def free(mech: Mechanism, what: Any) -> list[Any]:
 
 
 def taken(left: list[Any]) -> Any:
-    """Take the last workspace of a pool, or return None. Threads share the pool."""
+    """Take the last workspace from a pool, or return None if it is empty. Threads share the
+    pool.
+    """
     try:
         return left.pop()
     except IndexError:
@@ -351,17 +356,17 @@ def taken(left: list[Any]) -> Any:
 
 
 class Outcome:
-    """Status of a run, its warnings, and its events so far."""
+    """The status of a run, its notices, and its events so far."""
 
     def __init__(self) -> None:
-        """The run has reached its end, until something stops it."""
+        """Assume that the run reaches its end until something stops it."""
         self.status, self.message, self.ok = Status.DONE, Status.DONE.value, True
         self.notices: list[str] = []
         self.log: list[Event] = []
 
     @property
     def over(self) -> bool:
-        """True if something has ended the run early."""
+        """Return True if something has ended the run early."""
         return self.status is not Status.DONE
 
     def stop(self, status: Status, message: str) -> None:
@@ -371,7 +376,7 @@ class Outcome:
 
 @cache
 def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = True) -> RunLinks:
-    """Addresses of the kernels that a run by this method calls.
+    """Return the addresses of the kernels called by a run with this method.
 
     Where nothing is `held` by constraints, nothing is projected: that kernel takes a quarter of the
     time in which those of a first run compile.
@@ -395,21 +400,21 @@ def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = 
 
 
 def _stages(way: Way) -> int:
-    """Return the number of stages that the method needs."""
+    """Return the number of stages required by the method."""
     tableau = way.method.tableau
     return max(len(tableau.c), len(tableau.dense), 1)
 
 
 @cache
 def _method(name: str) -> Any:
-    """Return the record of a method for the stepping loop."""
+    """Return the method record for the stepping loop."""
     method = METHODS[name]
     ends = method.tableau.dense.size > 0
     return rows_of(METHOD, [(method.order, method.starts, ends, *method.controller)])
 
 
 def _matrices(nv: int) -> tuple[Array, Any]:
-    """Workspace of implicit methods."""
+    """Allocate the workspace for implicit methods."""
     from ..engine.stepping import implicit
 
     real = np.zeros((3 * nv + implicit.ROWS, max(2 * nv, implicit.LEAST_COLUMNS)))

@@ -1,4 +1,4 @@
-"""Further runs whose steps end between those of a run, and how far these runs are apart.
+"""Further runs with step ends offset from those of a run, and the differences between these runs.
 
 A force that jumps within a step makes an error that depends on how long before that the step began.
 A run of half the step makes the same error wherever the jump follows an end that both runs share,
@@ -34,7 +34,8 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
 
 
 def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
-    """Return the finer plan with given steps a `parts`-th as wide as those of `plan`, and half off.
+    """Return the finer plan with steps a `parts`-th the size of those in `plan`, offset by half a
+    step.
 
     It records the times at which steps of both runs end: after STRETCH steps or a frame, or for
     equal steps, whose differences at a jump do not pass, after √n of n steps.
@@ -57,7 +58,8 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
 
 
 def _shared(plan: RunPlan, stretch: int) -> Ints:
-    """Return the indices of times of `plan` that divide it into stretches of so many steps or more.
+    """Return the indices of times in `plan` that divide it into stretches with at least so many
+    steps.
 
     Those at which constraints are switched, the first and the last are among them. An error that
     comes and goes within a stretch, as that of the last bounces before rest, leaves no difference.
@@ -69,7 +71,7 @@ def _shared(plan: RunPlan, stretch: int) -> Ints:
 
 
 def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array]:
-    """Return by what angles (n,) [rad] and ways (n,) [m] two runs differ at n times of the first.
+    """Return the angles (n,) [rad] and distances (n,) [m] between two runs at n times of the first.
 
     Where only the first records a time, it is the difference at the next one that both record.
     """

@@ -1,4 +1,4 @@
-"""Options: how a run is stepped and recorded, as given to `simulate`, and their checks."""
+"""Options for stepping and recording a run, as passed to `simulate`, and their checks."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
 
 class Tolerance(NamedTuple):
-    """Tolerances by which an adaptive method chooses its steps."""
+    """The tolerances by which an adaptive method chooses its steps."""
 
     rtol: float  # relative to the mechanism's own scales
     atol: float  # absolute tolerance of every coordinate, in its unit
@@ -46,7 +46,7 @@ Inputs = tuple[tuple[str, float | Table], ...]
 
 
 class Options(NamedTuple):
-    """The arguments of `simulate` that do not depend on the state, None for defaults."""
+    """The arguments of `simulate` that do not depend on the state, with None for defaults."""
 
     scenario: str | None = None
     t_start: Any = 0.0
@@ -65,7 +65,7 @@ class Options(NamedTuple):
     inputs: Inputs = ()  # inputs of motors and servos, by name
 
     def check(self) -> None:
-        """Raise InputError where options exclude each other or are not among their choices."""
+        """Raise InputError if options are mutually exclusive or not among their choices."""
         if self.frames is not None and self.t_eval is not None:
             raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
         if self.stabilise not in STABILISE:
@@ -80,7 +80,7 @@ class Options(NamedTuple):
             positive("step", self.step)
 
     def span(self, given: Scenario | None) -> tuple[float, float]:
-        """Start and end of the run [s]. Raises InputError."""
+        """Return the start and end times of the run [s]. Raises InputError."""
         start = _time(self.t_start)
         duration = given.t_end if given else 1.0
         if start == 0.0:
@@ -92,7 +92,7 @@ class Options(NamedTuple):
         return start, end
 
     def method_name(self, given: Scenario | None) -> str:
-        """The method asked for, else the scenario's, else "auto"."""
+        """Return the requested method, or the scenario's, or "auto" by default."""
         if self.method is not None:
             return words.chosen(self.method, METHODS) or self.method
         name = given.method if given else "auto"
@@ -100,7 +100,7 @@ class Options(NamedTuple):
         return "auto" if self.rtol is not None and name not in ADAPTIVE else name
 
     def tolerance(self, method: Method, length: float) -> Tolerance | None:
-        """Return the tolerances of `method`, None for fixed steps. Raises InputError."""
+        """Return the tolerances of `method`, or None for fixed steps. Raises InputError."""
         rtol, step = self.rtol, self.step
         if rtol is not None and not method.adaptive:
             text = f"{method.name} takes a step, not a tolerance; for one choose "
@@ -126,7 +126,9 @@ class Options(NamedTuple):
         return Tolerance(rtol, float(atol), widest, int(most), fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
-        """The forces of a call, which fit the model. Raises InputError."""
+        """Return the forces passed to a call after checking that they fit the model. Raises
+        InputError.
+        """
         forces = self.forces
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
             text = f"must be a list of pg.Force; given {shown(forces)}"
@@ -139,7 +141,7 @@ class Options(NamedTuple):
         return tuple(forces)
 
     def _names_taken(self, mech: Mechanism) -> list[Problem]:
-        """Forces of the call that are called as others: one name, two forces."""
+        """Return a problem for each force of the call whose name is already taken."""
         taken = {f.name: "the model" for f in mech.model.forces}
         if self.scenario is not None:
             own = mech.model.scenario(self.scenario).forces
@@ -155,7 +157,7 @@ class Options(NamedTuple):
 
 
 def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
-    """Inputs by name, each a number or a table over time. Raises InputError."""
+    """Return inputs by name, each a number or a table over time. Raises InputError."""
     if given is None:
         return ()
     if not isinstance(given, Mapping):
@@ -173,7 +175,9 @@ def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
 
 
 def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -> tuple[Force, ...]:
-    """The forces with these inputs in place of their own from t_start on. Raises InputError."""
+    """Return the forces with these inputs replacing their own from t_start on. Raises
+    InputError.
+    """
     new = dict(inputs)
     known = {f.name: f for f in forces if isinstance(f, OnJoint)}
     for name, value in inputs:
@@ -190,7 +194,7 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
 
 
 def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
-    """Return a drive with this input. If it has a lag, its own input still acts at first."""
+    """Return a drive with this input. If it has a lag, its own input still acts initially."""
     update: dict[str, Any] = {f.INPUT: value}
     if f.lag and f.start is None:
         update["start"] = _at(getattr(f, f.INPUT), t_start)
@@ -198,7 +202,7 @@ def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
 
 
 def begun(forces: Sequence[Force], t_start: float) -> tuple[Force, ...]:
-    """The forces, those with a lag or integral as they are when a run begins at t_start."""
+    """Return the forces with the lags and integrals they have when a run begins at t_start."""
 
     def from_start(f: Force) -> Force:
         if not (isinstance(f, OnJoint) and f.has_state):
@@ -216,17 +220,17 @@ def begun(forces: Sequence[Force], t_start: float) -> tuple[Force, ...]:
 
 
 def _at(u: float | Table, t: float) -> float:
-    """An input at a time."""
+    """Evaluate an input at a given time."""
     return float(np.interp(t, u.t, u.value)) if isinstance(u, Table) else u
 
 
 def first_of(u: float | Table) -> float:
-    """Return the value of a constant input, which a lag turns into a table of one line."""
+    """Return the value of a constant input, which a lag turns into a one-row table."""
     return u.value[0] if isinstance(u, Table) else u
 
 
 def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:
-    """A finite number > 0. Raises InputError naming the call."""
+    """Return a finite number > 0. Raises InputError, which names the call."""
     number = _number(value)
     if not 0 < number < np.inf:
         text = f"must be a finite number > 0{unit}; given {value!r}"
@@ -252,7 +256,7 @@ def _number(value: Any) -> float:
 
 
 def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_eval: Any) -> Array:
-    """Recorded times of a run at fixed steps, by default after equally many steps each.
+    """Return the recorded times of a fixed-step run, by default with equally many steps in between.
 
     The first is `t_start`. By default there are about FRAMES + 1 at most. Raises InputError.
     """
@@ -272,13 +276,13 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
 
 
 def _steps_apart(steps: int) -> int:
-    """Return the number of steps between recorded states, a divisor of all if possible."""
+    """Return the number of steps between recorded states, a divisor of the total if possible."""
     least = -(-steps // FRAMES)
     return next((n for n in range(least, 4 * least) if steps % n == 0), least)
 
 
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
-    """(substeps, width): the number and width [s] of the fixed steps between recorded times.
+    """Return (substeps, step size [s]) for the fixed steps between recorded times.
 
     Where all recorded times are whole steps from the first, every step has the width asked for.
     """
@@ -291,7 +295,9 @@ def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
 
 
 def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:
-    """Recorded times: `frames` evenly from `t_start` to `t_end`, or `t_start` and `t_eval`."""
+    """Return the recorded times: `frames` evenly from `t_start` to `t_end`, or `t_start` and
+    `t_eval`.
+    """
     if t_eval is not None:
         return _grid(t_eval, t_start, t_end)
     if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:

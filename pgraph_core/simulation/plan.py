@@ -1,4 +1,4 @@
-"""Plans: forces and contacts of a run, its method and steps, and its recorded times.
+"""Plans, which hold the forces and contacts of a run, its method and steps, and its recorded times.
 
 Everything here but the automatic choice of a method depends on the mechanism and the options
 alone, so that a mechanism keeps its last plans: a short run costs little more than its steps.
@@ -87,7 +87,7 @@ NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))
 
 
 class Idle(NamedTuple):
-    """Contacts with the ground that do not act."""
+    """Inactive contacts with the ground."""
 
     contact_of: Mapping[str, str]  # by the bodies that they would keep above it
     numbers: Ints  # numbers of the bodies
@@ -95,13 +95,13 @@ class Idle(NamedTuple):
     bodies: tuple[Ints, Array]  # tables of the bodies for kernels
 
     def below(self, scene: Scene, q: Array) -> bool:
-        """True if one of the bodies is below the ground at q."""
+        """Return True if one of the bodies is below the ground at q."""
         return lowest(scene.address, self.numbers, *self.bodies, self.normal, q) < 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """Method, steps and contacts of a run."""
+    """The method, steps and contacts of a run."""
 
     method: Method = RK4
     times: Array = field(default_factory=lambda: NO_TIMES)  # (n,) recorded times [s]
@@ -122,24 +122,24 @@ class Way:
 
     @cached_property
     def step(self) -> float | None:
-        """Width of the steps [s], None if the method chooses them."""
+        """The step size [s], or None if the method chooses it."""
         if self.tolerance is None:
             return float(self.width.max(initial=0.0))
         return self.tolerance.widest if self.tolerance.fixed else None
 
     @property
     def impulses(self) -> bool:
-        """True if rigid contacts or joint limits act."""
+        """Return True if rigid contacts or joint limits act."""
         return self.contacts is not None and self.contacts.rigid
 
     @property
     def touches(self) -> int:
-        """Number of contact pairs and limits that are recorded."""
+        """The number of contact pairs and limits that are recorded."""
         return len(self.contacts.touches) + len(self.contacts.limits) if self.contacts else 0
 
     @property
     def headed(self) -> dict[str, Any]:
-        """Entries of the result's header."""
+        """Return entries for the result's header."""
         chosen = self.tolerance is not None and not self.tolerance.fixed
         rtol = self.tolerance.rtol if chosen and self.tolerance else None
         return {"method": self.method.name, "why": self.why, "step": self.step, "rtol": rtol}
@@ -170,14 +170,16 @@ class RunPlan(Way):
 
     @cached_property
     def touching(self) -> RunPlan:
-        """The plan with contacts and limits in force from the start of a run."""
+        """Return the plan with contacts and limits active from the start of a run."""
         if self.way is None:
             return self
         given = {one.name: getattr(self.way, one.name) for one in fields(Way)}
         return replace(self, way=None, header={**self.header, **self.way.headed}, **given)
 
     def onward(self) -> RunPlan:
-        """The plan with contacts and limits in force from now on, with the frames of the run."""
+        """Return the plan with contacts and limits active from now on, with the frames of the
+        run.
+        """
         other = self.touching
         told = tuple(dict.fromkeys((*self.told, *other.told)))
         other = replace(other, times=self.times, shown=self.shown, changes=self.changes, told=told)
@@ -188,7 +190,7 @@ class RunPlan(Way):
 
 
 def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunPlan:
-    """The plan of a run, kept by the mechanism for the next run with the same options.
+    """Return the plan of a run, which the mechanism caches for later runs with the same options.
 
     Raises InputError.
     """
@@ -211,14 +213,16 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
 
 
 def _keyed(option: Any) -> Any:
-    """A list of parts by their identities, since to hash a part takes longer than some steps."""
+    """Return a list of parts as their identities, since hashing a part takes longer than some
+    steps.
+    """
     if type(option) not in (list, tuple):
         return option
     return tuple(id(x) if isinstance(x, Frozen) else x for x in option)
 
 
 def keep(kept: dict[Any, T], key: Any, value: T) -> T:
-    """Cache a value for a plan, at most KEPT_PLANS of them. Threads share the cache."""
+    """Cache a value for a plan, keeping at most KEPT_PLANS of them. Threads share the cache."""
     with KEEPING:
         while len(kept) >= KEPT_PLANS:
             kept.pop(next(iter(kept)))
@@ -227,7 +231,9 @@ def keep(kept: dict[Any, T], key: Any, value: T) -> T:
 
 
 def with_contacts(plan: RunPlan) -> RunPlan:
-    """The plan with contacts and limits in force from the start of a run. Raises InputError."""
+    """Return the plan with contacts and limits active from the start of a run. Raises
+    InputError.
+    """
     if plan.way is not None and plan.way.refused is not None:
         raise plan.way.refused
     return plan.touching
@@ -245,7 +251,7 @@ def _bytes_of(x: Any) -> Any:
 
 
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[RunPlan, bool]:
-    """(the plan, whether its method was chosen for the state). Raises InputError."""
+    """Return (plan, whether its method was chosen for the state). Raises InputError."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     extra = o.checked_forces(mech)
     o.check()
@@ -295,7 +301,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
 
 
 def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
-    """True if contacts and limits may be ignored until something comes near.
+    """Return True if contacts and limits may be ignored until something comes near.
 
     They may not if the requested method or anything else needs them.
     """
@@ -307,7 +313,9 @@ def _on_a_way(
     mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None,
     span: tuple[float, float],
 ) -> RunPlan:  # fmt: skip
-    """The plan with its method, its times, and notices of how these fit what acts."""
+    """Return the plan with its method and times, and notices about their fit to the forces and
+    contacts.
+    """
     asked, duration = o.step or (given.step if given else None), span[1] - span[0]
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
@@ -332,7 +340,7 @@ def _what_acts(
     extra: tuple[Force, ...],
     contacts: Tables | None,
 ) -> RunPlan:
-    """Forces and constraints of a plan, without a method and times.
+    """Return a plan with forces and constraints, but without a method and times.
 
     Conditions of switches may ask for `contacts`.
     """
@@ -356,7 +364,7 @@ def _what_acts(
 def _with_method(
     mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None
 ) -> tuple[RunPlan, Options]:
-    """(the plan with its method, the options for it).
+    """Return (plan with its method, options for that method).
 
     Contacts that the method asked for does not take are stepped by "moreau_jean"; the plan holds
     the reason.
@@ -386,7 +394,7 @@ def _with_method(
 def _with_times(
     mech: Mechanism, plan: RunPlan, o: Options, given: Scenario | None, span: tuple[float, float]
 ) -> RunPlan:
-    """The plan with its recorded times, and its steps or tolerance."""
+    """Return the plan with its recorded times, and its steps or tolerance."""
     usual, changes = (given.step if given else None) or USUAL, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span, usual)
@@ -422,7 +430,7 @@ def _check_sizes(mech: Mechanism) -> None:
 
 
 def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
-    """Return the controller of a scenario's gait, or None."""
+    """Return the controller of a scenario's gait, or None if it has no gait."""
     if given is None or given.gait is None:
         return None
     from ..gait.controller import Controller
@@ -431,12 +439,12 @@ def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
 
 
 def _is_controller(tau: Any) -> bool:
-    """True if `tau` is the controller of a gait, which has a start and a clock."""
+    """Return True if `tau` is a gait controller, which has a start and a clock."""
     return hasattr(tau, "ticks") and hasattr(tau, "start")
 
 
 def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
-    """Indices of the constraints that a scenario activates, else the model's active ones."""
+    """Return the indices of the constraints activated by a scenario, or the model's active ones."""
     if given is None or given.constraints is None:
         return mech.packed.active
     wanted = set(given.constraints)
@@ -446,14 +454,14 @@ def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
 
 
 def touching_contacts(mech: Mechanism, given: Scenario | None) -> tuple[Contact, ...]:
-    """The contacts that act."""
+    """Return the active contacts."""
     if given is None or given.contacts is None:
         return tuple(c for c in mech.model.contacts if c.active)
     return tuple(c for c in mech.model.contacts if c.name in given.contacts)
 
 
 def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
-    """Contacts with the ground that do not act, of bodies of which none does."""
+    """Return the inactive ground contacts of bodies that have no active ones."""
     act = touching_contacts(mech, given)
     rest = [c for c in mech.model.contacts if c not in act and c.other == GROUND]
     held = {c.body for c in act if c.other == GROUND}
@@ -475,7 +483,9 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
 def initial_state(
     mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None
 ) -> tuple[Array, Array]:
-    """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
+    """Return the initial state from the arguments, or else from the scenario, a gait or the
+    model.
+    """
     tau = controller_of(mech, given) if tau is None else tau
     known = q is not None and v is not None
     q0, v0 = tau.start() if _is_controller(tau) and not known else mech.home()
@@ -488,7 +498,7 @@ def initial_state(
 def by_names(
     mech: Mechanism, scenario: str | None, q: Any, v: Any, tau: Any = None
 ) -> tuple[Any, Any]:
-    """(q, v), where one is {body: value or values} as an array, the rest at the initial state.
+    """Return (q, v), converting {body: value or values} to an array based on the initial state.
 
     Raises InputError for names without a joint that moves, for other counts of values, and for
     lists where the order of the numbers is not the order of the bodies.
@@ -511,7 +521,7 @@ def by_names(
 
 
 def torques_by_names(mech: Mechanism, tau: Any) -> Any:
-    """Return `tau`, turning {body: value or values} into an array with zeros elsewhere.
+    """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
 
     Raises InputError.
     """
@@ -525,7 +535,9 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
 
 
 def _in_order(mech: Mechanism, **given: Any) -> None:
-    """Refuse lists typed in a model whose numbers count other than its bodies are listed."""
+    """Refuse list arguments if the model numbers its joints in a different order from its
+    bodies.
+    """
     typed = [name for name, value in given.items() if isinstance(value, (list, tuple)) and value]
     if not typed:
         return
@@ -540,7 +552,7 @@ def _in_order(mech: Mechanism, **given: Any) -> None:
 
 
 def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
-    """Write the entries of bodies into q or v."""
+    """Write the values for bodies into q or v."""
     joints = mech.joints
     for name, values in entries.items():
         if name not in joints:
@@ -555,19 +567,21 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
 
 
 def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> tuple[Array, Array]:
-    """Copies of the given q and v, or of those in `start` where they are None."""
+    """Return copies of the given q and v, or of those in `start` where they are None."""
     q = start[0] if q is None else position(mech.packed, q)
     return q.copy(), (start[1] if v is None else finite("v", v, mech.nv)).copy()
 
 
 def _left_open(contacts: Tables) -> bool:
-    """True if a soft or penalty contact has no given stiffness or damping."""
+    """Return True if a soft or penalty contact has no given stiffness or damping."""
     laws = (t.contact for t in contacts.touches if t.contact.law != "complementarity")
     return any(c.stiffness is None or c.damping is None for c in laws)
 
 
 def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]) -> Tables:
-    """The tables for a run from this state: what laws leave out fits how fast it starts."""
+    """Return the tables for a run from this state, with unspecified contact parameters set for its
+    speed.
+    """
     from ..contact.tables import at_speed
 
     if not np.any(start[1]):
@@ -584,7 +598,7 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
 def _event_driven(
     mech: Mechanism, contacts: Tables
 ) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
-    """(soft contacts, points of rigid contacts and limits) of an event-driven run."""
+    """Return (soft contacts, rigid contact points and limits) for an event-driven run."""
     if contacts.remembers:
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
@@ -609,28 +623,31 @@ def _event_driven(
 
 
 class _Rate:
-    """The fastest rate of the motion at the start, computed when first asked for."""
+    """The fastest rate of the motion at the start, computed on first use."""
 
     def __init__(self, mech: Mechanism, plan: RunPlan, span: float, *, known: bool):
         self.mech, self.plan, self.span, self.known = mech, plan, span, known
         self.found: float | None = None
 
     def __call__(self) -> float:
-        """Return the rate [1/s], 0 if torques come from a function."""
+        """Return the rate [1/s], or 0 if torques are given by a function."""
         if self.found is None:
             self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
         return self.found
 
     def swings(self) -> bool:
-        """True if the fastest mode is oscillatory rather than damped, False if unknown."""
+        """Return True if the fastest mode is oscillatory rather than damped, or False if
+        unknown.
+        """
         if not self.known:
             return False
         forces = self.plan.drives, self.plan.loads
         return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
 
     def explicit(self) -> float:
-        """[1/s] of what time stepping takes at a step's start: dampers and servos of single joints,
-        and friction, count at its end, however stiff they are."""
+        """The fastest rate that time stepping treats explicitly [1/s]. Dampers and servos on single
+        joints, and friction, are implicit, however stiff they are.
+        """
         drives = self.plan.drives
         table = drives.table.copy()
         implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
@@ -638,7 +655,7 @@ class _Rate:
         return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
 
     def without_forces(self) -> float:
-        """[1/s] of the same motion without springs, dampers and other forces."""
+        """The rate of the same motion without springs, dampers and other forces [1/s]."""
         return self._of(NO_FORCES) if self.known else 0.0
 
     def _of(self, forces: Any) -> float:
@@ -665,7 +682,7 @@ def fastest_rate(
 def fastest_swings(
     mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
 ) -> bool:
-    """True if the imaginary part of the largest eigenvalue exceeds its real part.
+    """Return True if the imaginary part of the largest eigenvalue exceeds its real part.
 
     False for more than MOST_FREEDOMS.
     """
@@ -696,7 +713,7 @@ def fastest_swings(
 
 
 def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
-    """The step asked for, or the one that penalty contacts need where nothing is given."""
+    """Return the requested step size, or the one required by penalty contacts if none is given."""
     contacts = plan.contacts
     stated = given.step if given is not None else None
     asked = stated is not None or o.step is not None or o.rtol is not None
@@ -708,7 +725,9 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
 def _method(
     rate: _Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
-    """(method, why): the one called `name`, or for "auto" the one that suits. Raises InputError."""
+    """Return (method, reason) for the method `name`, or a suitable one for "auto". Raises
+    InputError.
+    """
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
     if name != "auto" or (impulses and (o.rtol is None or tendons)):
@@ -741,7 +760,7 @@ def _method(
 def _times(
     o: Options, tolerance: Tolerance | None, span: tuple[float, float], usual: float
 ) -> tuple[float, Array]:
-    """Return the width of fixed steps [s], 0 for adaptive ones, and the recorded times."""
+    """Return the fixed step size [s], or 0 for adaptive steps, and the recorded times."""
     if tolerance is None or tolerance.fixed:
         step = positive("step", usual if o.step is None else o.step)
         return step, fixed_step_times(*span, step, o.frames, o.t_eval)
@@ -750,7 +769,7 @@ def _times(
 
 
 def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
-    """Return a mask of the requested frames, without those of changes or the start alone."""
+    """Return a mask of the requested frames, which omits frames added for changes or the start."""
     first = o.t_eval is None or len(asked) == np.size(o.t_eval)
     if first and len(times) == len(asked):
         return None
@@ -760,7 +779,9 @@ def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
 
 
 def _gains(o: Options, usual: float) -> Array:
-    """Baumgarte's 2α and α² with α = 0.1/h: stable for every method here, gone in 10 steps."""
+    """Return Baumgarte's 2α and α² with α = 0.1/h, stable for all methods here, decaying in 10
+    steps.
+    """
     if o.stabilise != "baumgarte":
         return NO_GAINS
     alpha = 0.1 / float(usual if o.step is None else o.step)
@@ -771,7 +792,7 @@ def _gains(o: Options, usual: float) -> Array:
 
 
 def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: float) -> Array:
-    """Return the times after `begin` at which a table of forces or of a motion bends [s]."""
+    """Return the times after `begin` at which a force or motion table has a kink [s]."""
     found = [mech.packed.bends(drives), bends_of_loads(loads)]
     blocks = mech.packed.blocks
     for i in active.tolist() if len(blocks.curves) else ():
@@ -788,7 +809,7 @@ def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, begin: 
 
 
 def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a notice of the parts of a file that act and are not in the model."""
+    """Return a notice about active parts of a file that are missing from the model."""
     if not lost:
         return ()
     text = "parts of the file that act are not in the model, so this is another motion than the "
@@ -796,7 +817,7 @@ def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
-    """A notice where fixed steps are too wide for an explicit method."""
+    """Return a notice if fixed steps are too large for an explicit method."""
     step, limit = plan.step, plan.method.limit
     if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:
         return []
@@ -818,7 +839,7 @@ def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
 
 
 def _hard(plan: RunPlan) -> list[str]:
-    """A notice where fixed steps are too wide for the stiffness or friction of contacts."""
+    """Return a notice if fixed steps are too large for the stiffness or friction of contacts."""
     rate = plan.contacts.rate if plan.contacts is not None else 0.0
     if plan.step is None or plan.method.implicit or rate * plan.step <= 1.0:
         return []
@@ -830,7 +851,7 @@ def _hard(plan: RunPlan) -> list[str]:
 
 
 def _filled(plan: RunPlan) -> list[str]:
-    """A notice where meshes touch by convex hulls that are much larger than they are."""
+    """Return a notice if meshes collide as convex hulls that are much larger than the meshes."""
     if plan.contacts is None or not plan.contacts.hulls:
         return []
     excess, body = max(plan.contacts.hulls)

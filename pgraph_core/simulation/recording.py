@@ -1,4 +1,4 @@
-"""A run in progress: compiled steps in chunks, switches of constraints, and recorded frames."""
+"""A run in progress: compiled steps in chunks, constraint switching, and recorded frames."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ STATUS = {
 
 
 class Recording:
-    """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
+    """A plan in progress, with the stepping loop, scene and frame arrays of one run."""
 
     progress: Progress = None
     user: UserTorque | None = None  # caller of a torque function
@@ -89,7 +89,7 @@ class Recording:
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
         monitors: Sequence[Monitor] = (), coarser: Recording | None = None,
     ):  # fmt: skip
-        """Nothing is computed yet. Raises InputError if `tau` does not fit.
+        """Set up without computing anything yet. Raises InputError if `tau` does not fit.
 
         `coarser` is a run of the same motion whose error this one tells.
         """
@@ -112,7 +112,7 @@ class Recording:
         self._redundant = False  # whether constraints are redundant there
 
     def _prepare(self, q: Array, v: Array) -> None:
-        """Scene, frames and stepping loop of the plan, at (q, v)."""
+        """Build the scene, frames and stepping loop for the plan, at (q, v)."""
         mech, plan, before = self.mech, self.plan, self.coarser
         self._free = free(mech, plan) if before is None and self._short() else None
         left: Workplace | None = taken(self._free) if self._free else None
@@ -137,12 +137,12 @@ class Recording:
             self._stop_at_next()
 
     def _give_torques(self) -> None:
-        """Give the scene the torques that the call gives."""
+        """Pass the torques of the call to the scene."""
         if self.user is None:
             self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, self.mech.nv)
 
     def _short(self) -> bool:
-        """True if a run by this plan is short and its scene and loop can be reused."""
+        """Return True if a run with this plan is short and its scene and loop can be reused."""
         plan, mech = self.plan, self.mech
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
         watched = self.watch is not None and (self.watch.called or self.watch.log)
@@ -150,7 +150,7 @@ class Recording:
         return not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
-        """The run is over: the next one like it may go on in its workplace."""
+        """Finish the run and release its workplace for the next run of this kind."""
         if self._free is not None and not self.ended.log:
             self._free.append(Workplace(self.scene, self.steps, self.out))
         elif self.steps.clearance is not None and not self.met:
@@ -197,7 +197,7 @@ class Recording:
         return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
 
     def _join(self) -> None:
-        """Let the steps step the scene, with what watches it and what decides at events."""
+        """Connect the scene to the stepping loop, with its monitors and event handling."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
         if len(plan.ever) > len(self.held):
             self.scene.switch(self._active)
@@ -242,7 +242,7 @@ class Recording:
         self.events.noted = None if watch is None else self._user_event
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
-        """Return the watch of conditions of switches, then of a user's events."""
+        """Return the watch for switch conditions, followed by user events."""
         from .switches import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
@@ -251,7 +251,7 @@ class Recording:
     # -- the run ---------------------------------------------------------------------------------
 
     def run(self, progress: Progress = None) -> None:
-        """Record all frames, or until the run fails or is cancelled."""
+        """Record all frames, or stop if the run fails or is cancelled."""
         self.progress = progress
         if self.begin():
             self.advance_to_end(progress)
@@ -265,7 +265,7 @@ class Recording:
                 self._note_degrees()
 
     def finer(self, plan: RunPlan) -> Recording:
-        """The same motion by a finer plan, to compare with.
+        """Record the same motion with a finer plan, for comparison.
 
         Raises InputError where contacts that come near do not fit the plan's method.
         """
@@ -276,14 +276,14 @@ class Recording:
         return other
 
     def _keep_start(self) -> None:
-        """Keep the initial state as the only frame of a run that fails at once, without v'."""
+        """Keep the initial state, without v', as the only frame of a run that fails immediately."""
         out = self.out
         out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
         out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
         self.steps.control["frame"] = 1
 
     def _note_rest(self) -> None:
-        """Append a notice where gravity acts and no joint can follow it, at no position."""
+        """Append a notice if gravity acts but moves no joint in any configuration."""
         mech, model = self.mech, self.mech.model
         held = len(self.plan.ever) or self.plan.contacts is not None
         acted = self.tau is not None or len(model.forces) or self.plan.header["forces"]
@@ -302,7 +302,9 @@ class Recording:
             self.ended.notices.append(f"nothing moves: {why}")
 
     def _note_degrees(self) -> None:
-        """Append notices of hinges whose start looks like degrees, where the model's does not."""
+        """Append notices for hinges whose start looks like degrees, unless the model's own does
+        too.
+        """
         mech, q = self.mech, self.began[0]
         home = mech.home()[0]
         for name, joint in mech.joints.items():
@@ -312,7 +314,7 @@ class Recording:
                 self.ended.notices.append(f"q of '{name}': {several_turns(float(q[k]))}")
 
     def _note_pulses(self) -> None:
-        """Append a notice where torques of a function change at a frame, and the motion does not.
+        """Append a notice if a function's torques change at a frame without affecting the motion.
 
         A pulse between the evaluations of a step is passed over by any method. Frames are
         evaluated too.
@@ -334,7 +336,7 @@ class Recording:
             )
 
     def advance_to_end(self, progress: Progress) -> None:
-        """Record all frames from here."""
+        """Record all remaining frames."""
         slow = self.user is not None and self.user.interpreted
         budget = 1 if progress is not None or slow else max(64, FIRST // max(self.mech.nv, 1))
         while True:
@@ -366,20 +368,22 @@ class Recording:
                 return
 
     def _note_crawl(self) -> None:
-        """Warn at once, and once, of a run that would take very many steps."""
+        """Warn immediately, and only once, about a run that would take very many steps."""
         if self.coarser is None and not self._crawls and (text := self.steps.crawl()):
             self._crawls = text
             self.ended.notices.append(text)
             warnings.warn(text, stacklevel=2)
 
     def fail(self, code: int) -> None:
-        """End the run for a kernel's status code. Raises what a user's function raised."""
+        """End the run with a kernel's status code. Re-raises exceptions from a user's function."""
         self._raise_user_error()
         if self.ended.ok:
             self.ended.stop(*self._failure(code))
 
     def begin(self) -> bool:
-        """True if the run can start: no joint without inertia, satisfiable constraints."""
+        """Return True if the run can start: no joint lacks inertia and the constraints can be
+        satisfied.
+        """
         mech, plan, first = self.mech, self.plan, self.coarser is None
         given = self.q.copy(), self.v.copy()
         if first and len(plan.active) and plan.project:
@@ -420,7 +424,7 @@ class Recording:
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
-        """Check events at the start, and switch where a condition is true already."""
+        """Check events at the start, and switch constraints whose conditions are already true."""
         values = watch.begin(self.start, self.q, self.v)
         already = [i for i in range(watch.waiting) if values[i] > 0.0]
         for i in already:
@@ -430,7 +434,7 @@ class Recording:
         self._switch_where_true(self.start, already)
 
     def _first_evaluation(self) -> int:
-        """0, or -1 if v' is not finite at the start, or the first row without inertia."""
+        """Return 0, or -1 if v' is not finite at the start, or the first row without inertia."""
         return motion.constrained_dynamics(
             self.scene.address, address_of(motion.acceleration), self.start, *self.began,
             self.scene.given, np.zeros(3), np.empty(self.mech.nv),
@@ -453,7 +457,7 @@ class Recording:
         return code
 
     def _user_event(self, t: float) -> None:
-        """Log a user's events at t, and end the run where one is terminal."""
+        """Log user events at t, and end the run if one is terminal."""
         watch = self.watch
         assert watch is not None
         fired = watch.fired(self.steps.watched)
@@ -464,7 +468,9 @@ class Recording:
             self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
 
     def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
-        """Switch constraints whose conditions have become true, and those that wait for them."""
+        """Switch constraints whose conditions have become true, and those waiting for these
+        switches.
+        """
         waiting = self.plan.conditions
         left = list(numbers)
         while left and not self.ended.over:
@@ -482,7 +488,7 @@ class Recording:
             ]  # fmt: skip
 
     def _last_frame(self) -> None:
-        """Record the state here as the last frame."""
+        """Record the current state as the last frame."""
         control, t = self.steps.control, float(self.steps.control["time"])
         i = int(control["frame"])
         if i and self.steps.times[i - 1] == t:
@@ -491,7 +497,7 @@ class Recording:
         self.steps.advance(1)
 
     def _trouble(self, t: float) -> str:
-        """Return the fault of a function from time t on, or of an expression, for a sentence."""
+        """Return the fault of a function or expression from time t on, for a message."""
         trouble = self.user.trouble(t) if self.user is not None else ""
         targets = self.scene.loads.signals[1]
         failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))
@@ -506,7 +512,7 @@ class Recording:
 
     @property
     def done(self) -> int:
-        """Number of frames recorded."""
+        """The number of recorded frames."""
         return int(self.steps.control["frame"])
 
     # -- where something comes near ---------------------------------------------------------------
@@ -548,14 +554,14 @@ class Recording:
         return self.ended.ok
 
     def bound(self) -> None:
-        """Bound the next step by what comes near, where contacts give."""
+        """Limit the next step by approaching bodies if contacts are compliant."""
         if self.steps.control["approach"]:
             from ..engine.contact.approach import bound_step
 
             bound_step(self.steps.address)
 
     def _in_swing(self) -> None:
-        """Nothing has touched so far."""
+        """Start with all contacts in swing, since nothing has touched so far."""
         space = self.scene.touching
         assert space is not None
         space.pairs["phase"] = SWING
@@ -564,7 +570,7 @@ class Recording:
     # -- switches of constraints -----------------------------------------------------------------
 
     def _stop_at_next(self) -> None:
-        """Continue to the next change, or to the end."""
+        """Set the loop to stop at the next change or at the end."""
         times = self.plan.times
         to = times[-1] if not self._ahead else self._ahead[0].t
         self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
@@ -615,7 +621,7 @@ class Recording:
     # -- for a stepper ---------------------------------------------------------------------------
 
     def extend(self, times: Array, substeps: Ints, width: Array) -> None:
-        """Record further frames by these fixed steps, where frame 0 is the present state."""
+        """Record additional frames with these fixed steps, with the present state as frame 0."""
         header = {**self.plan.header, "t_start": float(times[0]), "t_end": float(times[-1])}
         self.plan = replace(self.plan, times=times, substeps=substeps, width=width, header=header)
         if len(times) > len(self.out.q):
@@ -628,7 +634,7 @@ class Recording:
             self._changes = [touching.begin_log(float(times[0]))]
 
     def look(self) -> None:
-        """Record the state as frame 0."""
+        """Record the present state as frame 0."""
         steps = self.steps
         motion.record(
             self.scene.address, address_of(motion.acceleration), float(steps.control["time"]),
@@ -637,7 +643,7 @@ class Recording:
         self._raise_user_error()
 
     def switch_now(self, change: Change) -> None:
-        """Apply a change at the state. Raises InputError where it cannot be met."""
+        """Apply a change at the present state. Raises InputError if it cannot be satisfied."""
         hold_here(self.scene, change, self.q)
         self.scene.switch(change.active)
         closed(self.mech, self.scene, change, self.q, self.v)
@@ -649,7 +655,9 @@ class Recording:
         self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
     def _failure(self, code: int) -> tuple[Status, str]:
-        """(status, message) of a kernel's status code: where it failed, and what to try."""
+        """Return (status, message) for a kernel's status code, with the place of failure and a
+        suggestion.
+        """
         t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
         status = STATUS[code]
         if trouble := self._trouble(float(t)):
@@ -673,7 +681,9 @@ class Recording:
         return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
     def _contradicted(self) -> str:
-        """Return the closed contacts and limits that constraints drive bodies against, or ""."""
+        """Return the closed contacts and limits that constraints drive bodies against, or an empty
+        string.
+        """
         if self.events is None or self.done == 0:
             return ""
         from .contact_log import contradicted
@@ -685,15 +695,19 @@ class Recording:
         return contradicted(self.mech, self._active, points, t, q)
 
     def _is_redundant(self, t: float, q: Array) -> bool:
-        """Return whether rows are dependent at q, or next to it, by their directions alone."""
+        """Return whether rows are dependent at or near q, judged by their directions alone."""
         return nulls_of(self.mech, self._active, t, q) > 0
 
     def _unequal(self) -> str:
-        """A sentence on masses that differ too much for the active constraints, or ""."""
+        """Return a message about masses too unequal for the active constraints, or an empty
+        string.
+        """
         return unequal(self.mech, self._active)
 
     def _blocking(self) -> str:
-        """Return the reason why the last recorded state cannot move to second order, or ""."""
+        """Return the reason why the last recorded state cannot move to second order, or an empty
+        string.
+        """
         if self.done == 0:
             return ""
         last = self.done - 1
@@ -703,11 +717,11 @@ class Recording:
 
     @property
     def _active(self) -> Ints:
-        """Indices of the constraints that are active now."""
+        """Return the indices of the currently active constraints."""
         return np.array(sorted(self.held), dtype=np.int64)
 
     def _note_singular(self) -> None:
-        """Append a notice of singular positions that were passed."""
+        """Append a notice about singular configurations passed during the run."""
         if not self.done or self._first is None:
             return
         last = self.done - 1
@@ -719,7 +733,7 @@ class Recording:
         self._redundant = False
 
     def _note_unseen(self, frames: tuple[Array, Array, Array, Array]) -> None:
-        """Append a notice of bodies that turn round between frames."""
+        """Append a notice about bodies whose motion reverses between frames."""
         from ..result.dense import TOO_WIDE, unseen
 
         packed, steps = self.mech.packed, int(self.steps.counters["steps"])
@@ -813,16 +827,16 @@ class Recording:
 
     @property
     def changes(self) -> Any:
-        """PHASE_CHANGE records of contacts, in the order of time, as the kernels logged them."""
+        """Return the PHASE_CHANGE records logged by the kernels, in chronological order."""
         return np.concatenate(self._changes)
 
     @property
     def told(self) -> tuple[str, ...]:
-        """Sentences on the model, on how it starts and on how it ended."""
+        """Notices about the model, how it starts and how it ended."""
         return (*self.plan.notices, *self.plan.told, *self.ended.notices)
 
     def notices(self) -> tuple[str, ...]:
-        """Sentences on how the run went so far."""
+        """Notices about the run so far."""
         user = self.user.notices() if self.user is not None else []
         contacts: list[str] = []
         if self.scene.touching is not None and self.plan.contacts is not None:
@@ -866,7 +880,9 @@ class Recording:
         return 0
 
     def _rows(self) -> slice | Ints:
-        """Return the indices of the requested frames, and of a failed run also of its last one."""
+        """Return the indices of the requested frames. For a failed run, these include its last
+        frame.
+        """
         if self.plan.shown is None:
             return slice(0, self.done)
         some = self.plan.shown[: self.done].copy()
@@ -875,5 +891,7 @@ class Recording:
 
 
 def _stops(answer: Any) -> bool:
-    """True if the answer of `progress` ends the run: a false value other than None."""
+    """Return True if the return value of `progress` ends the run, that is, if it is false but not
+    None.
+    """
     return answer is not None and not answer

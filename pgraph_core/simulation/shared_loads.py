@@ -1,4 +1,4 @@
-"""Notices of contacts whose forces follow from neither the motion nor the points that carry.
+"""Notices about contacts whose forces are not determined by the motion or the contact points.
 
 Impulses that cancel in all joints can be added to those of a solution: four wheels of one cart, a
 box between walls with friction. The solver takes the solution of least norm. Here such combinations
@@ -33,7 +33,7 @@ LISTED = 4  # names in a notice
 def shared_loads(
     mech: Mechanism, tables: Tables, active: Ints, state: tuple[float, Array, Array], pairs: Any
 ) -> list[str]:
-    """Return a notice of the bodies whose contacts share loads in several ways, or nothing.
+    """Return a notice about bodies whose contacts can share loads in several ways, if any.
 
     `state` is (t, q, v), `active` the constraints, and `pairs` the records of contacts then.
     """
@@ -61,7 +61,7 @@ def shared_loads(
 def spun_faces(
     mech: Mechanism, tables: Tables, times: tuple[Array, Array, Array], pairs: Any
 ) -> list[str]:
-    """Return a notice of a face that spins on another, at the frames (t, q, v) and `pairs`.
+    """Return a notice about a face that spins on another, at the frames (t, q, v) and `pairs`.
 
     It has three points or more and turns faster than its middle slides. Each pair is examined where
     it slips fastest, up to LISTED of these frames.
@@ -90,7 +90,7 @@ def spun_faces(
 
 
 def _slip(mech: Mechanism, point: Any, q: Array, v: Array) -> Array:
-    """Return the velocity (3,) of A against B across the normal at a contact point."""
+    """Return the tangential velocity (3,) of A relative to B at a contact point."""
     speed, place = np.zeros(3), 0.5 * (point["point_a"] + point["point_b"])
     for sign, k in ((1.0, int(point["shape_a"])), (-1.0, int(point["shape_b"]))):
         if k:
@@ -100,7 +100,7 @@ def _slip(mech: Mechanism, point: Any, q: Array, v: Array) -> Array:
 
 
 def _points(mech: Mechanism, tables: Tables, q: Array, pairs: Any) -> Any:
-    """Return the closed points of the rigid contacts that push, as records of CONTACT.
+    """Return the closed rigid contact points with a normal force, as CONTACT records.
 
     Their numbers of shapes are those of bodies. `pairs` are the records of contacts at q.
     """
@@ -126,7 +126,8 @@ def _points(mech: Mechanism, tables: Tables, q: Array, pairs: Any) -> Any:
 def _columns(
     mech: Mechanism, tables: Tables, points: Any, q: Array, v: Array
 ) -> tuple[Array, Array, list[str]]:
-    """(what unit forces do in the joints (m, nv), their wrenches (6 n, m), n pairs of bodies).
+    """Return (unit force effects on the joints (m, nv), their wrenches (6 n, m), n pairs of
+    bodies).
 
     A point that slides has one column, in which friction follows the normal force.
     """
@@ -160,7 +161,7 @@ def _columns(
 
 
 def _way(J: Array, origin: Array, place: Array) -> Array:
-    """Return how a point of a body moves (3, nv), from the Jacobian of its origin."""
+    """Return the translational Jacobian of a body's point (3, nv), from that of its origin."""
     return J[3:] - np.cross(place - origin, J[:3].T).T
 
 
@@ -170,7 +171,9 @@ def _named(mech: Mechanism, a: int, b: int) -> str:
 
 
 def _held(mech: Mechanism, tables: Tables, active: Ints, t: float, q: Array, v: Array) -> Array:
-    """Return what unit forces of constraints and of friction in resting joints do, (m, nv)."""
+    """Return the effects of unit forces from constraints and from friction in resting joints, (m,
+    nv).
+    """
     found = [Rows.of(mech, active, q, None, t).J] if len(active) else []
     ints, _, terms, factors = tables.friction_blocks
     for block in ints:

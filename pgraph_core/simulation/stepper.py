@@ -1,4 +1,4 @@
-"""Stepper: a mechanism that is stepped from outside, everything built once."""
+"""A stepper, which advances a mechanism under external control and is built only once."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ ADDRESSES = ("guard", "approach")  # in the control of a run: those of this proc
 )
 @explained
 class Stepper(Portable):
-    """Steps a mechanism one call at a time, with nothing built between steps.
+    """A mechanism advanced one call at a time, with no set-up between steps.
 
     The states are those of `simulate` with the same method and step, bit for bit.
 
@@ -117,7 +117,7 @@ class Stepper(Portable):
         v: Any = None,
         t_start: float = 0.0,
     ):
-        """At (q, v), by default at the initial state of the scenario, or of the model."""
+        """Start at (q, v), by default the initial state of the scenario or of the model."""
         mech = mechanism_of(mechanism, "Stepper")
         given = mech.model.scenario(scenario) if scenario is not None else None
         contacts = touching_contacts(mech, given)
@@ -163,28 +163,31 @@ class Stepper(Portable):
 
     @property
     def q(self) -> Array:
-        """(nq,) configuration, a read-only view that follows the steps."""
+        """The configuration (nq,), as a read-only view that follows the steps."""
         return self._q
 
     @property
     def v(self) -> Array:
-        """(nv,) velocity, a read-only view that follows the steps."""
+        """The velocity (nv,), as a read-only view that follows the steps."""
         return self._v
 
     @property
     def vdot(self) -> Array:
-        """(nv,) acceleration at the state, with rigid contacts and limits as in the last step."""
+        """The acceleration (nv,) at the state, with rigid contacts and limits as in the last
+        step.
+        """
         return self._seen().out.vdot[0].copy()
 
     @property
     def energy(self) -> tuple[float, float]:
-        """(kinetic, potential) energy, springs included [J]."""
+        """The (kinetic, potential) energy, including springs [J]."""
         kinetic, potential = self._seen().out.energies[0, :2].tolist()
         return kinetic, potential
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{contact pair: (6,) [torque, force]} on the body at its origin [N m, N], world axes.
+        """Contact wrenches {contact pair: (6,) [torque, force]} on the body at its origin [N m, N],
+        world axes.
 
         Also by two names of bodies, as in `Result`.
         """
@@ -199,11 +202,11 @@ class Stepper(Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, float]:
-        """{contact pair: smallest gap} [m] at the state, negative where they penetrate."""
+        """Minimum gaps {contact pair: gap} [m] at the present state, negative for penetration."""
         return ByTouch(self._gaps(), "contact_gap", self.mech.model, min)
 
     def _gaps(self) -> dict[str, float]:
-        """Return the gaps of contact pairs at the state in the run."""
+        """Return the gaps of contact pairs at the present state of the run."""
         contacts = self._record.plan.contacts
         if contacts is None:
             return {}
@@ -219,13 +222,15 @@ class Stepper(Portable):
 
     @property
     def constraint_force(self) -> Mapping[str, Array]:
-        """{constraint: (6,) [torque, force]} on `body` at `point` [N m, N], world axes."""
+        """Constraint wrenches {constraint: (6,) [torque, force]} on `body` at `point` [N m, N],
+        world axes.
+        """
         record = self._seen()
         return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
 
     @property
     def outputs(self) -> Mapping[str, Any]:
-        """{output: what it reads}, a number or an array (3,) or (4,), as `Output` says."""
+        """Readings {output: value}, each a number or an array (3,) or (4,). See `Output`."""
         out, sensors = self._seen().out, self._sensors
         states = out.q[:1], out.v[:1], out.vdot[:1]
         motion = no_motion(1)
@@ -244,7 +249,8 @@ class Stepper(Portable):
         return np.zeros((1, self.mech.nb, 6))
 
     def _on_bodies(self, *, again: bool = False) -> Array:
-        """(1, nb, 6) wrenches of forces, contacts and constraints on the bodies at the state.
+        """Return the wrenches on bodies from forces, contacts and constraints at the state, (1, nb,
+        6).
 
         `again`: where another has put its state into the run.
         """
@@ -267,12 +273,12 @@ class Stepper(Portable):
 
     @property
     def tau(self) -> Any:
-        """The torques that were given at the start: an array, a function, or None."""
+        """The torques given at the start, as an array, a function, or None."""
         return self._tau
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Sentences on how the steps went."""
+        """Notices about the steps so far."""
         if not self.status.ok:
             return self._record.told  # contacts tell of the step that was not taken
         record = self._record if self._recording else self._seen()
@@ -285,7 +291,7 @@ class Stepper(Portable):
     # -- steps -----------------------------------------------------------------------------------
 
     def reset(self, q: Any = None, v: Any = None) -> None:
-        """Start again at t_start, from (q, v) or the initial state where they are None.
+        """Restart at t_start from (q, v), or from the initial state where they are None.
 
         Each is an array or a dictionary {body: value or values}, as for `simulate`. Inputs and
         targets are those of the start again: give theirs after it.
@@ -301,7 +307,7 @@ class Stepper(Portable):
         *,
         inputs: Mapping[str, float] | None = None,
     ) -> Status:
-        """Take n steps with `tau` (nv,) in place of the array given at the start.
+        """Take n steps, with `tau` (nv,) in place of the torques given at the start.
 
         Time advances by n steps, also if each is divided near a soft or penalty contact. `inputs`
         by name act from now on, like those of `input`.
@@ -333,19 +339,19 @@ class Stepper(Portable):
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
-        """Take n steps and record `frames` states evenly, by default all, as a Result.
+        """Take n steps and return `frames` evenly spaced states, by default all, as a Result.
 
         `tau` as of `step`. Counters, work and dissipation are those of these steps.
         """
         return self._recorded(_whole(n), self._width, frames, tau)
 
     def because(self, why: str) -> None:
-        """Why its method was chosen, as the headers of its records say from now on."""
+        """Set the reason for the choice of method, as shown in the headers of later records."""
         record = self._record
         record.plan = replace(record.plan, header={**record.plan.header, "why": why})
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
-        """Call `record` over a time `dt` [s], with narrower steps if it is not a multiple."""
+        """Call `record` for a duration `dt` [s], with smaller steps if it is not a multiple."""
         dt = positive("dt", dt, call="Stepper.record_over")
         n = max(1, math.ceil(dt / self._width - SOLVED))
         whole = abs(n * self._width - dt) <= SOLVED * self._width
@@ -374,7 +380,7 @@ class Stepper(Portable):
     # -- changes between steps -------------------------------------------------------------------
 
     def switch(self, constraint: str, active: bool) -> None:
-        """Switch a constraint on, satisfied at once by an impulse, or off.
+        """Switch a constraint off, or on with an impulse that satisfies it immediately.
 
         Raises InputError for an unknown name, or if the constraint cannot be met.
         """
@@ -400,7 +406,7 @@ class Stepper(Portable):
 
     @property
     def inputs(self) -> dict[str, float]:
-        """Inputs of motors, servos and actuators by name, those that are constant."""
+        """Constant inputs of motors, servos and actuators, by name."""
         knots = self._record.plan.drives.knots
         now = {
             name: float((knots[knot, 1] - start) / slope)
@@ -411,21 +417,21 @@ class Stepper(Portable):
         return ReadOnly(now, "Stepper.inputs", "write st.step(inputs={name: value})")
 
     def input(self, name: str, value: float) -> None:
-        """Give a motor, servo or actuator another input, constant until `reset`.
+        """Set the input of a motor, servo or actuator, which stays constant until `reset`.
 
         Raises InputError for a name that is not there and a value that is none of its inputs.
         """
         self._put(name, self._checked(name, value))
 
     def _all_checked(self, inputs: Any) -> list[tuple[str, float]]:
-        """Inputs by name with their values. Raises InputError."""
+        """Return checked input values by name. Raises InputError."""
         if not isinstance(inputs, Mapping):
             text = f"must be a dictionary {{name: value}}; given {shown(inputs)}"
             raise InputError(Problem("Stepper.step", "inputs", text))
         return [(name, self._checked(name, x)) for name, x in inputs.items()]
 
     def _checked(self, name: str, value: Any) -> float:
-        """A value of an input. Raises InputError."""
+        """Return a checked input value. Raises InputError."""
         if name not in self._inputs:
             text = f"no constant input is called {shown(name)}; {one_of(self._inputs)}"
             raise InputError(Problem("Stepper.input", "name", text))
@@ -435,7 +441,7 @@ class Stepper(Portable):
         return x
 
     def _put(self, name: str, x: float) -> None:
-        """Let an input be x from now on."""
+        """Set an input to x from now on."""
         _, knot, start, slope, follows = self._inputs[name]
         one = self._record.plan.drives.knots[knot]
         if follows != AT_ONCE:
@@ -445,7 +451,9 @@ class Stepper(Portable):
         self._steps.control["fresh"], self._looked = 0, False
 
     def target(self, servo: str, value: float) -> None:
-        """Give a servo another target [rad, m], constant until `reset`. Raises InputError."""
+        """Set the target of a servo [rad, m], which stays constant until `reset`. Raises
+        InputError.
+        """
         if servo not in self._servos:
             text = (
                 f"no servo with a constant target is called {shown(servo)}; {one_of(self._servos)}"
@@ -459,14 +467,14 @@ class Stepper(Portable):
     # -- snapshots -------------------------------------------------------------------------------
 
     def save(self) -> bytes:
-        """All that the next steps depend on: `restore` continues with the same bits."""
+        """Save the complete state, so that `restore` continues with bit-identical results."""
         self._open()
         active = ",".join(map(str, sorted(self._active)))
         state = b"".join(array.tobytes() for array in self._memory())
         return sealed("Stepper", (self._key, active), state)
 
     def restore(self, snapshot: bytes) -> None:
-        """Go back to a snapshot of this mechanism, method and step.
+        """Restore a snapshot of the same mechanism, method and step size.
 
         Kernels trust its values, so restore none from people that you would not run code of. Raises
         InputError for bytes that `save` did not give, and changes nothing then.
@@ -542,7 +550,7 @@ class Stepper(Portable):
 
     @cached_property
     def _key(self) -> str:
-        """Names what a snapshot belongs to."""
+        """Return a key for the mechanism and options to which a snapshot belongs."""
         given = self._options
         own = (self.method, self._width, given.scenario, given.forces, given.stabilise)
         words = (self.mech.model.hash, *map(repr, own))
@@ -550,29 +558,29 @@ class Stepper(Portable):
 
     @property
     def recording(self) -> Recording:
-        """The run inside, its scene and its steps."""
+        """The underlying run, with its scene and its steps."""
         return self._record
 
     @property
     def width(self) -> float:
-        """Width of a step [s]."""
+        """The step size [s]."""
         return self._width
 
     @property
     def knots_given(self) -> list[int]:
-        """Knots of the inputs and targets that are given from outside."""
+        """The knots of externally given inputs and targets."""
         return sorted({*self._servos.values(), *(knot for _, knot, *_ in self._inputs.values())})
 
     @property
     def servos(self) -> dict[str, int]:
-        """{name: knot of its constant target} of the servos."""
+        """Return {name: knot of the constant target} for the servos."""
         return self._servos
 
     def _ended(self, how: Outcome) -> None:
         vars(self).update(status=how.status, message=how.message)
 
     def _give(self, tau: Any) -> None:
-        """Torques of the next steps. Raises InputError."""
+        """Set the torques for the next steps. Raises InputError."""
         given = self._own
         if tau is not None:
             refuse_as_torques(tau, "Stepper")
@@ -581,12 +589,12 @@ class Stepper(Portable):
         self._steps.anew()
 
     def _open(self) -> None:
-        """From now on no frame is due."""
+        """Continue without scheduled frames."""
         self._steps.open_ended(self._width)
         self._recording, self._looked = False, False
 
     def _seen(self) -> Recording:
-        """The recording, its only frame that of the state."""
+        """Return the recording with the present state as its only frame."""
         if self._recording:
             self._open()
         if not self._looked:
@@ -602,7 +610,7 @@ class Stepper(Portable):
         return {touch.name: value(pair) for touch, pair in zip(plan.contacts.touches, pairs)}
 
     def _memory(self) -> list[Array]:
-        """The arrays that steps read before they write them."""
+        """Return the arrays that steps read before writing to them."""
         scene, steps = self._record.scene, self._steps
         found = [steps.control_table, steps.counters_table, steps.stages, *steps.memory]
         found += [scene.given]
@@ -615,7 +623,7 @@ class Stepper(Portable):
 
 
 def refuse_as_torques(tau: Any, call: str) -> None:
-    """Raises InputError for what is given to `step` in place of torques: a function, a count."""
+    """Raise InputError if `step` receives a function or a count in place of torques."""
     text = ""
     if callable(tau):
         text = f"must be numbers; a function of (t, q, v) goes to pg.{call}(..., tau=function)"
@@ -626,7 +634,7 @@ def refuse_as_torques(tau: Any, call: str) -> None:
 
 
 def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
-    """{name: knot of its constant target} of the servos."""
+    """Return {name: knot of the constant target} for the servos."""
     driving = [f for f in forces if isinstance(f, OnJoint)]
     rows = drives.table[["first_target", "targets"]][drives.passive :].tolist()
     return {
@@ -639,7 +647,7 @@ def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
 def _inputs(
     forces: Sequence[Force], drives: Drives
 ) -> dict[str, tuple[OnJoint, int, float, float, Follows]]:
-    """{name: (force, knot, start, slope, how what acts follows it)}.
+    """Return {name: (force, knot, start, slope, how the acting value follows it)}.
 
     An input u stands in that knot as start + slope u.
     """
@@ -660,7 +668,7 @@ def _inputs(
 
 
 def _whole(n: Any, name: str = "n", least: int = 1) -> int:
-    """A number of steps or frames. Raises InputError."""
+    """Return a checked number of steps or frames. Raises InputError."""
     if not isinstance(n, Integral) or isinstance(n, bool) or n < least:
         text = f"must be a whole number >= {least}; given {shown(n)}"
         raise InputError(Problem("Stepper", name, text))

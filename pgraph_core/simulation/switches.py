@@ -1,4 +1,4 @@
-"""Monitors and switches of a run: a user's events, conditions, constraints on and off.
+"""Monitors and switches for a run: user events, conditions, and constraints switched on and off.
 
 Events and conditions are functions of the state whose zeros are located within steps.
 """
@@ -44,11 +44,11 @@ LARGEST_GAP = 1e9  # m: gaps beyond it count as this
 
 
 class Monitor(Protocol):
-    """Function of the state that a run monitors. Its zero crossings are events."""
+    """A function of the state monitored during a run. Its zero crossings are events."""
 
     @property
     def name(self) -> str:
-        """Name of its events."""
+        """The name used in its events."""
         ...
 
     direction: int  # counted direction: 1 rising, -1 falling, 0 both
@@ -60,10 +60,12 @@ class Monitor(Protocol):
 
 
 class FunctionMonitor:
-    """f(t, q, v) -> number, with attributes `direction` and `terminal` as SciPy has them."""
+    """A function f(t, q, v) -> number, with the attributes `direction` and `terminal` as in
+    SciPy.
+    """
 
     def __init__(self, function: Callable[[float, Array, Array], Any], number: int):
-        """Raises InputError where it is no function, or its attributes do not fit."""
+        """Wrap a function. Raises InputError if it is not callable or its attributes do not fit."""
         where = f"events[{number}]"
         if not callable(function):
             text = f"must be a function of (t, q, v); given {shown(function)}"
@@ -82,7 +84,9 @@ class FunctionMonitor:
         self.direction, self.terminal = int(direction), bool(terminal)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
-        """Raises InputError where the function raises, or returns no finite number."""
+        """Evaluate the function. Raises InputError if it raises or does not return a finite
+        number.
+        """
         try:
             value = self.function(t, q.copy(), v.copy())
         except Exception as error:
@@ -102,7 +106,7 @@ class FunctionMonitor:
 
 
 def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
-    """The events given to `simulate`: a function, or a list of them. Raises InputError."""
+    """Return the events passed to `simulate`, a function or a list of them. Raises InputError."""
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise refusal(
@@ -112,7 +116,7 @@ def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
 
 
 def room_for(monitors: int, others: int = 0) -> Array:
-    """Return (ROWS, others + monitors), in which kernels watch a user's events, at the end."""
+    """Allocate the (ROWS, others + monitors) array for event kernels, with user events last."""
     from ..engine.contact.points import NEAREST, ROWS
 
     found = np.zeros((ROWS, others + monitors))
@@ -121,12 +125,12 @@ def room_for(monitors: int, others: int = 0) -> Array:
 
 
 class Watch:
-    """The monitors of one run, as its steps call them."""
+    """The monitors of one run, in the form called by its steps."""
 
     def __init__(
         self, conditions: Sequence[Condition], events: Sequence[Monitor], nq: int, nv: int
     ):
-        """Nothing is called yet. Conditions of switches come first."""
+        """Set up the monitors without calling any. Conditions of switches come first."""
         self.monitors: tuple[Monitor, ...] = (*conditions, *events)
         self.waiting, self.size = len(conditions), (nq, nv)
         self.error: Exception | None = None
@@ -137,7 +141,7 @@ class Watch:
         self._call_too([*own, *range(self.waiting, len(self.monitors))])
 
     def _call_too(self, numbers: Sequence[int]) -> None:
-        """Let steps call these monitors from now on."""
+        """Make the steps call these monitors from now on."""
         self.called += numbers
         if self.called and self._function is None:
             self._function = _Address(self._call)
@@ -151,11 +155,11 @@ class Watch:
 
     @property
     def wanted(self) -> Ints:
-        """The direction in which each counts."""
+        """The crossing direction that counts for each monitor."""
         return np.array([m.direction for m in self.monitors], dtype=np.int64)
 
     def begin(self, t: float, q: Array, v: Array) -> list[float]:
-        """The values at the start.
+        """Evaluate the monitors at the start.
 
         Raises InputError where a monitor fails, or would end the run before it begins.
         """
@@ -179,14 +183,16 @@ class Watch:
             found[self.called] = 1.0
 
     def fired(self, watched: Array) -> list[int]:
-        """The monitors that have crossed zero, by number."""
+        """Return the numbers of the monitors that have crossed zero."""
         from ..engine.contact.points import NOW
 
         count = len(self.monitors)
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
     def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> str:
-        """Log events of the given monitors and return the name of a terminal one, or ""."""
+        """Log events for the given monitors. Returns the name of a terminal one, or "" if there is
+        none.
+        """
         ends = ""
         for i in numbers:
             if i < self.waiting:
@@ -212,7 +218,7 @@ def _array(address: int, count: int) -> Array:
 
 
 class ConditionOf(NamedTuple):
-    """A switch that waits, by numbers."""
+    """A switch that waits for a condition, in numeric form."""
 
     constraint: int
     active: bool
@@ -222,28 +228,30 @@ class ConditionOf(NamedTuple):
 
     @property
     def of_contact(self) -> bool:
-        """True if it monitors a contact."""
+        """Return True if it monitors a contact."""
         return self.when.gap is not None or self.contact_force
 
     @property
     def contact_force(self) -> bool:
-        """True if it monitors the force of a contact."""
+        """Return True if it monitors a contact force."""
         return self.when.force is not None and self.place[0] == "contact"
 
     @property
     def margin(self) -> float:
-        """Gap from which on the contact that it watches has to be in force [m]."""
+        """The gap below which the watched contact must be active [m]."""
         return max(self.limit[0] * self.limit[1], 0.0) if self.when.gap is not None else 0.0
 
     @property
     def compiled(self) -> bool:
-        """True if compiled steps know its value: a coordinate, or a value that steps keep."""
+        """Return True if its value is known to compiled steps, as a coordinate or a stored
+        value.
+        """
         of_constraint = self.when.constraint is not None and not self.when.after
         return self.when.coordinate is not None or of_constraint
 
     @property
     def limit(self) -> tuple[float, float]:
-        """(sign, value) so that it is true where sign x - value < 0."""
+        """Return (sign, value) such that the condition holds where sign x - value < 0."""
         when = self.when
         return (-1.0, -when.above) if when.above is not None else (1.0, when.below or 0.0)
 
@@ -251,7 +259,9 @@ class ConditionOf(NamedTuple):
 def conditions_of(
     mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None
 ) -> tuple[ConditionOf, ...]:
-    """The switches that wait for conditions, by numbers of what they watch. Raises InputError."""
+    """Return the switches that wait for conditions, by the numbers they watch. Raises
+    InputError.
+    """
     names = [c.name for c in mech.model.constraints]
     found = []
     for s in switches:
@@ -273,7 +283,7 @@ def conditions_of(
 
 
 def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], float]:
-    """The margin by which a comparison of signals holds, of (t, q, v). Raises InputError."""
+    """Return the margin of a signal comparison as a function of (t, q, v). Raises InputError."""
     model, packed = mech.model, mech.packed
     known = Known({b.name: b for b in model.bodies}, model.outputs, model.parameters)
     if problem := known.problem(text, None):  # of a switch that the call gives
@@ -297,7 +307,7 @@ def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], floa
 
 
 def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
-    """Records of LIMIT of the conditions on coordinates."""
+    """Return LIMIT records for the conditions on coordinates."""
     found = []
     for event, given in enumerate(conditions):
         if given.when.coordinate is not None:
@@ -308,7 +318,7 @@ def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
 
 
 def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
-    """Return the names that conditions may use: entries of q, contact pairs, constraints."""
+    """Return the names available to conditions: entries of q, contact pairs and constraints."""
     places = {}
     for name, joint in mech.joints.items():
         if joint.q.stop == joint.q.start + 1:
@@ -332,7 +342,7 @@ def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]
 
 
 class UnderWay(Protocol):
-    """Interface of the run that evaluates a condition: a `Recording`."""
+    """The interface to a run that evaluates a condition, such as a `Recording`."""
 
     mech: Mechanism
     plan: Any
@@ -345,23 +355,23 @@ class UnderWay(Protocol):
 
 
 class Condition:
-    """A monitor that rises through zero where its condition becomes true."""
+    """A monitor that rises through zero when its condition becomes true."""
 
     direction, terminal = 1, False
 
     def __init__(self, given: ConditionOf, record: UnderWay):
-        """Nothing is computed yet."""
+        """Set up the condition without computing anything yet."""
         self.given, self.record = given, record
         self._frame: Frames | None = None
         self._scene: Scene | None = None
 
     @property
     def name(self) -> str:
-        """The condition in words."""
+        """The condition as text."""
         return str(self.given.when)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
-        """Return the distance beyond its bound, positive if the condition is true."""
+        """Return the distance beyond the bound, positive if the condition is true."""
         when = self.given.when
         if when.holds is not None:
             return self.given.place(t, q, v)
@@ -390,7 +400,7 @@ class Condition:
         return float(np.linalg.norm(wrench[3:]))
 
     def _gap(self, t: float, q: Array, v: Array) -> float:
-        """The smallest gap of a contact, however far [m]."""
+        """Return the smallest gap of a contact at any distance [m]."""
         record, tables = self.record, self.given.contacts
         if record.plan.way is not None and tables is not None:  # contacts are not in force
             guard = record.steps.clearance
@@ -407,7 +417,9 @@ class Condition:
         return float(gaps.min(initial=LARGEST_GAP))
 
     def _push(self, t: float, q: Array, v: Array) -> Array:
-        """The force of a contact: of the state where that gives it, else of the last step [N]."""
+        """Return the force of a contact, from the state if this determines it, or from the last
+        step [N].
+        """
         record, when = self.record, self.given.when
         tables, (_, pairs) = self.given.contacts, self.given.place
         assert tables is not None
@@ -429,7 +441,9 @@ class Condition:
         return record.scene.touching.pairs["force"][pairs].sum(axis=0)
 
     def _alone(self) -> Scene:
-        """The contacts without memory of steps, so that looking at them changes nothing."""
+        """Return the contacts without memory of steps, so that evaluating them has no side
+        effects.
+        """
         if self._scene is None:
             plan, tables = self.record.plan, self.given.contacts
             none = np.zeros(0, dtype=np.int64)
@@ -438,7 +452,7 @@ class Condition:
         return self._scene
 
     def _evaluated(self, scene: int, t: float, q: Array, v: Array) -> Frames:
-        """Forces at a state, into a frame of its own."""
+        """Evaluate the forces at a state into a separate frame."""
         mech, tables = self.record.mech, self.given.contacts
         touches = len(tables.touches) + len(tables.limits) if tables is not None else 0
         blocks = len(self.record.scene.active) + touches
@@ -459,7 +473,7 @@ class Condition:
 
 
 class Change(NamedTuple):
-    """The constraints that are switched at one instant."""
+    """The constraints switched at one instant."""
 
     t: float  # [s]
     active: Ints  # constraints from then on
@@ -470,7 +484,7 @@ class Change(NamedTuple):
 def switch_changes(
     mech: Mechanism, given: Scenario | None, asked: Any, active: Ints, span: tuple[float, float]
 ) -> tuple[Ints, tuple[Change, ...]]:
-    """(constraints active at the start, later changes) of a run over `span`.
+    """Return (constraints active at the start, later changes) for a run over `span`.
 
     Switches that are `asked` for replace those of the scenario. Raises InputError.
     """
@@ -499,7 +513,9 @@ def switch_changes(
 def switches_of(
     mech: Mechanism, given: Scenario | None, asked: Any, span: tuple[float, float]
 ) -> Sequence[Switch]:
-    """The switches of a run: those asked for, else the scenario's. Raises InputError."""
+    """Return the switches of a run, either the requested ones or the scenario's. Raises
+    InputError.
+    """
     return _read(mech, asked, span) if asked is not None else given.switches if given else ()
 
 
@@ -508,7 +524,7 @@ def _time(s: Switch) -> float:
 
 
 def switched_by(active: set[int], on: Sequence[int], off: Sequence[int], t: float) -> Change:
-    """The change at t of the constraints that are active now."""
+    """Return the change at t relative to the currently active constraints."""
     after = (active | set(on)) - set(off)
     return Change(t, _ints(after), _ints(after - active), _ints(active - after))
 
@@ -518,7 +534,7 @@ def _ints(numbers: set[int]) -> Ints:
 
 
 def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch]:
-    """The argument of `simulate`: Switches, or (t, constraint, active) each."""
+    """Read the argument of `simulate`, either Switches or (t, constraint, active) tuples."""
     found: list[Switch] = []
     items = asked if isinstance(asked, (list, tuple)) else (asked,)
     for item in items:
@@ -548,7 +564,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
 
 
 def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
-    """Return times of frames and changes, and changes moved to frames within rounding."""
+    """Return the times of frames and changes, with changes moved to frames within rounding."""
     moved: list[Change] = []
     near = ROUNDING * max(float(np.abs(times).max()), 1e-300)
     for change in found:
@@ -559,7 +575,7 @@ def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[C
 
 
 def ever(active: Ints, found: Sequence[Change], waiting: Sequence[ConditionOf] = ()) -> Ints:
-    """All constraints that are active at some time, or may be."""
+    """Return all constraints that are active at some time, or may be."""
     if not found and not waiting:
         return active
     later = [c.constraint for c in waiting if c.active]
@@ -571,7 +587,7 @@ def ever(active: Ints, found: Sequence[Change], waiting: Sequence[ConditionOf] =
 
 
 def hold_here(scene: Scene, change: Change, q: Array) -> None:
-    """Fill in points and orientations that constraints switched on leave open."""
+    """Fill in points and orientations left unspecified by newly active constraints."""
     if not len(change.on):
         return
     packed = scene.packed
@@ -587,7 +603,7 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
 
 
 def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) -> float:
-    """Move q and v onto the active constraints in the mass metric. Returns the change of q.
+    """Project q and v onto the active constraints in the mass metric. Returns the change in q.
 
     The change is the largest of a joint [rad, m]. Raises InputError if the constraints cannot be
     met.

@@ -1,4 +1,4 @@
-"""Walk: a walk that goes on piece by piece, while a person changes its speed or pushes."""
+"""A walk that continues piece by piece while a user changes its speed or applies pushes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .stepper import Stepper
 
 @explained
 class Walk(Portable):
-    """A walk that is simulated piece by piece, with changes in between.
+    """A walk simulated piece by piece, with changes in between.
 
     A page plays the walk while it is computed:
 
@@ -51,7 +51,7 @@ class Walk(Portable):
         step: float | None = None,
         method: str | None = None,
     ):
-        """Standing at the start. Raises InputError where the scenario has no gait to walk by."""
+        """Start from standing. Raises InputError if the scenario has no gait."""
         mech = mechanism_of(mech, "Walk")
         given = mech.model.scenario(scenario)
         if gait is None and given.gait is None:
@@ -70,11 +70,11 @@ class Walk(Portable):
 
     @property
     def gait(self) -> Gait:
-        """The gait as it is now."""
+        """The current gait."""
         return self.controller.gait
 
     def step(self, dt: float, *, frames: int | None = None) -> Result:
-        """Return a run of the next `dt` seconds, by default with a frame per step."""
+        """Return a run over the next `dt` seconds, by default with one frame per step."""
         dt = positive("dt", dt, call="Walk.step")
         if any(end <= self.t for end, _ in self._pushes):
             self._pushes = [push for push in self._pushes if push[0] > self.t]
@@ -89,7 +89,9 @@ class Walk(Portable):
         return run
 
     def _follows(self) -> bool:
-        """True if the stepper has the state of the walk, which a caller may have changed."""
+        """Return True if the stepper matches the state of the walk, which a caller may have
+        changed.
+        """
         stepper = self._stepper
         if stepper is None:
             return True
@@ -97,7 +99,7 @@ class Walk(Portable):
         return same and np.array_equal(self.q, stepper.q) and np.array_equal(self.v, stepper.v)
 
     def _new_stepper(self, dt: float) -> Stepper | None:
-        """Return the stepper of the next pieces, or None for a method that needs separate runs."""
+        """Return the stepper for the next pieces, or None for a method that needs separate runs."""
         options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
         plan = plan_of(self.mech, options, self.controller, self.q, self.v)
         given = self.mech.model.scenario(self.scenario)
@@ -122,7 +124,7 @@ class Walk(Portable):
         return tuple(force for _, force in self._pushes)
 
     def _run(self, dt: float, frames: int | None) -> Result:
-        """A piece as a run of its own."""
+        """Simulate a piece as a separate run."""
         return simulate(
             self.mech,
             self.q,
@@ -138,7 +140,7 @@ class Walk(Portable):
         )
 
     def change(self, **fields: Any) -> None:
-        """Other fields of the gait from now on.
+        """Change fields of the gait from now on.
 
         Raises ModelError or InputError; then nothing changes.
         """
@@ -148,7 +150,9 @@ class Walk(Portable):
     def push(
         self, force: Sequence[float], seconds: float = 0.1, *, body: str | None = None
     ) -> None:
-        """A force [N] on a body's origin, by default the trunk's, from now on, world axes."""
+        """Apply a force [N] in world axes at a body's origin, by default the trunk's, from now
+        on.
+        """
         t, (x, y, z) = self.t, force
         end, edge = t + seconds, NOTABLE * seconds
         table = VectorTable(
@@ -161,7 +165,7 @@ class Walk(Portable):
         self._built = False
 
     def follow(self, model: Model) -> None:
-        """Continue with another model with the same joints, unknown to the controller."""
+        """Continue with another model with the same joints, without informing the controller."""
         mech = Mechanism(model)
         self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
         self.mech, self._built = mech, False

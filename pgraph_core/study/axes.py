@@ -1,4 +1,4 @@
-"""The axes of the stability map: each makes a model extreme in one way.
+"""The axes of the stability map. Each makes a model extreme in one respect.
 
 An axis is a pure function (model, value) -> model and a line in `TABLE`. The functions raise
 InputError if the model lacks what they vary.
@@ -23,32 +23,32 @@ SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 
 
 def unchanged(model: Model, value: float) -> Model:
-    """The model as it is: for axes that vary the run instead."""
+    """Return the model unchanged, for axes that vary the run instead."""
     return model
 
 
 def unchanged_value(model: Model) -> float | None:
-    """Axes whose value the model does not have."""
+    """Return None, for axes whose value is not defined by the model."""
     return None
 
 
 def once(model: Model) -> float | None:
-    """Factors on the model as it is."""
+    """Return 1, the model's own value on axes of factors."""
     return 1.0
 
 
 def none_more(model: Model) -> float | None:
-    """Copies and distances, of which the model as it is has none."""
+    """Return 0, the model's own value on axes of additional copies and distances."""
     return 0.0
 
 
 def same_pace(value: float) -> float:
-    """Steps and durations stay as they are."""
+    """Return 1, so that steps and durations are not scaled."""
     return 1.0
 
 
 class Axis(NamedTuple):
-    """One way to make a scene extreme."""
+    """A quantity that makes a scene extreme when varied."""
 
     name: str
     what: str  # meaning of a value
@@ -63,12 +63,12 @@ class Axis(NamedTuple):
 
 
 def lacking(axis: str, what: str) -> InputError:
-    """The error for a model that has nothing that the axis could vary."""
+    """Return the error for a model that lacks the quantity varied by the axis."""
     return refusal("stability_map", "axis", f"{axis} varies {what}; the model has none")
 
 
 def stiffness(model: Model, value: float) -> Model:
-    """The stiffest spring gets `value`, the others in proportion.
+    """Set the stiffest spring to `value` and scale the others in proportion.
 
     A spring of a joint keeps its initial force: the joint starts closer to the spring's rest, so
     that the motion tends to that of a rigid part.
@@ -86,7 +86,7 @@ def stiffness(model: Model, value: float) -> Model:
 
 
 def own_stiffness(model: Model) -> float | None:
-    """The stiffest spring of the model."""
+    """Return the stiffness of the model's stiffest spring."""
     springs = [f.stiffness for f in model.forces if isinstance(f, (Spring, Torsion))]
     return max((*springs, *(x for body in model.bodies for x in body.stiffness)), default=0) or None
 
@@ -101,7 +101,7 @@ def _stiffened(body: Body, by: float) -> Body:
 
 
 def damping_ratio(model: Model, value: float) -> Model:
-    """Every spring gets the damper c = 2 ζ √(k m), with the mass that it alone would move.
+    """Give every spring the damper c = 2 ζ √(k m), where m is the mass that it alone would move.
 
     That is the joint's own entry of the mass matrix in the initial state, and between bodies the
     mass of the lighter.
@@ -136,7 +136,7 @@ def _damped(model: Model, force: Force, value: float) -> Force:
 
 
 def contact_stiffness(model: Model, value: float) -> Model:
-    """Every soft or penalty contact gets `value`."""
+    """Set the stiffness of every soft or penalty contact to `value`."""
     if not any(c.law != "complementarity" for c in model.contacts):
         raise lacking("contact_stiffness", "contacts of law 'soft' or 'penalty'")
     return model.replace(
@@ -148,7 +148,9 @@ def contact_stiffness(model: Model, value: float) -> Model:
 
 
 def mass_ratio(model: Model, value: float) -> Model:
-    """The last tip body gets `value` times the mass of its parent, and inertia in proportion."""
+    """Set the mass of the last tip body to `value` times its parent's, scaling its inertia
+    accordingly.
+    """
     tip = _carried_tip(model)
     if tip is None:
         raise lacking("mass_ratio", "a tip body's mass over that of the body that carries it")
@@ -158,7 +160,7 @@ def mass_ratio(model: Model, value: float) -> Model:
 
 
 def _carried_tip(model: Model) -> Body | None:
-    """The last tip body that another one with mass carries."""
+    """Return the last tip body whose parent has mass."""
     topology = Topology.of(model)
     tips = [model.body(topology.names[n - 1]) for n in topology.tips]
     tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]
@@ -172,7 +174,7 @@ def own_mass_ratio(model: Model) -> float | None:
 
 
 def inertia(model: Model, value: float) -> Model:
-    """Scale every body's inertia about its centre of mass by `value`, but no masses."""
+    """Scale every body's inertia about its centre of mass by `value`, leaving masses unchanged."""
     if not any(any(map(any, body.inertia)) for body in model.bodies):
         raise lacking("inertia", "inertia about centres of mass")
     bodies = tuple(
@@ -183,7 +185,8 @@ def inertia(model: Model, value: float) -> Model:
 
 
 def chain_length(model: Model, value: float) -> Model:
-    """A chain of `value` links, each like the model's first body, cut to 1 / value.
+    """Build a chain of `value` links, each like the model's first body cut to 1 / value of its
+    length.
 
     Lengths and masses are divided by the number, inertias by its cube; the first link has the
     initial state of the body, the others follow at rest.
@@ -204,7 +207,7 @@ def chain_length(model: Model, value: float) -> Model:
 
 
 def own_chain_length(model: Model) -> float | None:
-    """1 for a single body without anything that a chain leaves out."""
+    """Return 1 for a single body without features that a chain cannot reproduce."""
     if len(model.bodies) != 1 or model.forces or model.constraints or model.contacts:
         return None
     (body,) = model.bodies
@@ -213,7 +216,7 @@ def own_chain_length(model: Model) -> float | None:
 
 
 def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
-    """Return link i of n. All but the first start at the end of the previous one, at rest."""
+    """Return link i of n. All except the first start at the end of the previous link, at rest."""
 
     def part(x: tuple[float, ...], by: int = n) -> tuple[float, ...]:
         return tuple(c / by for c in x)
@@ -238,7 +241,7 @@ def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
 
 
 def speed(model: Model, value: float) -> Model:
-    """The largest initial velocity becomes `value`, the others in proportion.
+    """Set the largest initial velocity to `value` and scale the others in proportion.
 
     If all are at rest, the first coordinate of the first joint that moves gets it.
     """
@@ -254,7 +257,7 @@ def speed(model: Model, value: float) -> Model:
 
 
 def friction(model: Model, value: float) -> Model:
-    """Every contact gets the coefficient `value`."""
+    """Set the friction coefficient of every contact to `value`."""
     if not model.contacts:
         raise lacking("friction", "contacts")
     return model.replace(
@@ -263,7 +266,7 @@ def friction(model: Model, value: float) -> Model:
 
 
 def joint_friction(model: Model, value: float) -> Model:
-    """Every hinge and slide gets `value` of friction."""
+    """Set the friction of every hinge and slide to `value`."""
     bodies = tuple(
         changed(b, friction=tuple(value if m.kind in AXIAL else 0.0 for m in b.sequence))
         if any(m.kind in AXIAL for m in b.sequence)
@@ -276,7 +279,7 @@ def joint_friction(model: Model, value: float) -> Model:
 
 
 def redundancy(model: Model, value: float) -> Model:
-    """Every active constraint is there 1 + value times."""
+    """Replicate every active constraint 1 + value times."""
     active = [c for c in model.constraints if c.active]
     if not active:
         raise lacking("redundancy", "active constraints")
@@ -292,7 +295,7 @@ def redundancy(model: Model, value: float) -> Model:
 
 
 def singularity(model: Model, value: float) -> Model:
-    """The first hinge or slide starts `value` further on."""
+    """Shift the initial position of the first hinge or slide by `value`."""
     kinds = ((b, b.sequence[0].kind) for b in model.bodies if b.sequence)
     mover = next((b for b, kind in kinds if kind in AXIAL), None)
     if mover is None:
@@ -305,17 +308,17 @@ def _with_body(model: Model, old: Body, new: Body) -> Model:
 
 
 def own_speed(model: Model) -> float | None:
-    """Return the largest initial velocity, None at rest."""
+    """Return the largest initial velocity, or None if the model is at rest."""
     return max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None
 
 
 def own_friction(model: Model) -> float | None:
-    """The coefficient of all contacts, where they have the same."""
+    """Return the friction coefficient shared by all contacts, or None if they differ."""
     return _one({c.friction for c in model.contacts})
 
 
 def own_contact_stiffness(model: Model) -> float | None:
-    """The stiffness of all soft contacts, where they have the same."""
+    """Return the stiffness shared by all soft contacts, or None if they differ."""
     return _one({c.stiffness for c in model.contacts if c.law != "complementarity"})
 
 
@@ -362,7 +365,7 @@ AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
 
 
 def first_axis(model: Model) -> str:
-    """Return the first axis that applies to the model: the default of a map."""
+    """Return the first axis that applies to the model, the default for a map."""
     for name, axis in AXES.items():
         if axis.of_steps:
             continue

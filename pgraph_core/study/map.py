@@ -1,4 +1,4 @@
-"""The result of `stability_map`: a verdict on each run, and how a person reads them all."""
+"""The result of `stability_map`, with a verdict on each run and a readable summary."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WRONG = 1  # rad, or of the length, or of the energies: from there on the motion
 
 
 class Verdict(StrEnum):
-    """The worth of a run, exactly one a cell. (How a run ended is its `Status`.)"""
+    """The verdict on a run, exactly one per cell. (How a run ended is its `Status`.)"""
 
     OK = "OK"
     INACCURATE = "INACCURATE"
@@ -43,7 +43,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Cell:
-    """One value, method and step: how its run compares with the reference.
+    """The comparison of one run with the reference, for one value, method and step size.
 
     Errors are the largest over time of a joint's rotation [rad], or of its translation over the
     mechanism's length; energies are relative to their range in the reference.
@@ -69,7 +69,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The measurements that a verdict is based on."""
+    """The measurements on which a verdict is based."""
 
     target: float
     mech: Mechanism
@@ -83,7 +83,7 @@ class Evidence:
 def judged(
     cell: Cell, target: float, mech: Mechanism, whole: Result, half: Result, known: KnownMotion
 ) -> Cell:
-    """`cell` completed from a run at its step and one at half of it."""
+    """Complete `cell` from one run with its step size and one with half of it."""
     found = evidence(cell, target, mech, whole, half, known)
     for question in (_unstable, _failed, _drifts, _unknown, _damped, _inaccurate):
         answer = question(found)
@@ -96,7 +96,7 @@ def judged(
 def evidence(
     cell: Cell, target: float, mech: Mechanism, whole: Result, half: Result, known: KnownMotion
 ) -> Evidence:
-    """Errors, energies and drift over the recorded frames."""
+    """Compute errors, energies and drift over the recorded frames."""
     errors, other = (joint_errors(mech, run.q, known.at(run.t)) for run in (whole, half))
     growth = spurious_energy(whole, known.energy)
     error = float(errors.max(initial=0.0)) if whole.status.ok else NAN
@@ -120,13 +120,15 @@ def evidence(
 
 
 def step_limit(method: str, rate: float) -> float:
-    """Return the largest stable step [s] of an explicit method at a rate [1/s], else NaN."""
+    """Return the largest stable step size [s] of an explicit method at a rate [1/s], or NaN
+    otherwise.
+    """
     most = METHODS[method].limit
     return most / rate if most > 0.0 and rate > 0.0 else NAN
 
 
 def spurious_energy(run: Result, scale: float) -> Array:
-    """(n,) energy that neither work nor dissipation explains, over `scale` [J]."""
+    """Return the energy not explained by work or dissipation, divided by `scale` [J], (n,)."""
     with np.errstate(over="ignore", invalid="ignore"):
         ledger = run.energy - run.work + run.dissipation
         found = (ledger - ledger[:1]) / (scale or 1.0)
@@ -134,7 +136,9 @@ def spurious_energy(run: Result, scale: float) -> Array:
 
 
 def steady_loss(growth: Array) -> float:
-    """Return the mean loss in the last third if each third loses more than the last, else 0."""
+    """Return the mean loss in the last third if the loss grows from third to third, or 0
+    otherwise.
+    """
     if len(growth) < 3 or not np.isfinite(growth).all():
         return 0.0
     thirds = [float(part.mean()) for part in np.array_split(growth, 3)]
@@ -142,7 +146,9 @@ def steady_loss(growth: Array) -> float:
 
 
 def _unstable(found: Evidence) -> Cell | None:
-    """The motion grows, by spurious energy or beyond the stability limit of the method."""
+    """Return an unstable verdict if the motion grows, by spurious energy or beyond the stability
+    limit.
+    """
     run, cell = found.run, found.cell
     beyond = cell.step > (1 - NAMED) * cell.step_limit
     missed = not cell.error <= found.target and cell.energy_gained > found.target
@@ -162,7 +168,9 @@ def _unstable(found: Evidence) -> Cell | None:
 
 
 def _first_row(found: Evidence, frame: int) -> int:
-    """The row with the largest error, or acceleration if only the start is there."""
+    """Return the row with the largest error, or the largest acceleration if only the start is
+    recorded.
+    """
     if found.errors[frame].max(initial=0.0) > 0.0:
         return int(np.argmax(found.errors[frame])) + 1
     fastest = int(np.argmax(np.abs(found.run.vdot[frame])))
@@ -170,7 +178,7 @@ def _first_row(found: Evidence, frame: int) -> int:
 
 
 def _failed(found: Evidence) -> Cell | None:
-    """Return the cell of a run that ended early, with the cause, the body and the time."""
+    """Return the cell for a run that ended early, with the cause, the body and the time."""
     if found.run.status.ok:
         return None
     many = found.run.status is Status.TOO_MANY_STEPS
@@ -189,7 +197,9 @@ def _drifts(found: Evidence) -> Cell | None:
 
 
 def _unknown(found: Evidence) -> Cell | None:
-    """The motion itself is not known to the target, so no run can be called right."""
+    """Return a verdict if the reference is less accurate than the target, so that no run can
+    pass.
+    """
     known = found.known
     if known.accuracy < found.target:
         return None
@@ -198,7 +208,9 @@ def _unknown(found: Evidence) -> Cell | None:
 
 
 def _damped(found: Evidence) -> Cell | None:
-    """The loss explains the error: an amplitude shrinks by half of the energy's part."""
+    """Return a damped verdict if energy loss explains the error. Amplitudes lose half that
+    fraction.
+    """
     lost, error = found.cell.energy_lost, found.cell.error
     if not (lost > found.target and lost > error / 2):
         return None
@@ -217,7 +229,9 @@ def _inaccurate(found: Evidence) -> Cell | None:
 
 
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
-    """The cell, with the step at which `excess` meets the target by the observed order."""
+    """Return the cell with the step size at which `excess` meets the target at the observed
+    order.
+    """
     cell = found.cell
     if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
@@ -245,7 +259,7 @@ HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluatio
 @explained
 @dataclass(frozen=True)
 class StabilityMap(Portable):
-    """A verdict on each value of the axis, method and step. `print` shows it as text."""
+    """Verdicts for each axis value, method and step size. `print` shows them as text."""
 
     model: str  # name
     axis: str
@@ -279,7 +293,7 @@ class StabilityMap(Portable):
         return f"{value:g} {OWN}" if value == self.own else f"{value:g}"
 
     def _taken(self) -> tuple[tuple[str, float], list[Cell]] | None:
-        """(method, step) to take, and the cells that are right with it.
+        """Return the recommended (method, step size), and the cells in which it is accurate.
 
         Right for the model as it is, then at most values, then the cheapest.
         """
@@ -296,7 +310,8 @@ class StabilityMap(Portable):
         )  # fmt: skip
 
     def advised(self) -> Cell | None:
-        """A run with the method and step to take, of the model as it is where it is in the map.
+        """The run with the recommended method and step size, for the unmodified model if it is in
+        the map.
 
         None where no run is as accurate as asked for, or none of the model as it is.
         """
@@ -306,7 +321,9 @@ class StabilityMap(Portable):
 
     @property
     def advice(self) -> str:
-        """The recommended method and step in a sentence, of a cancelled map as far as it came."""
+        """The recommended method and step size as a sentence. A cancelled map uses its completed
+        cells.
+        """
         whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
         if self.complete or len(self.cells) == whole:
@@ -341,7 +358,7 @@ class StabilityMap(Portable):
 
     @property
     def title(self) -> str:
-        """The varied quantity, the duration and the target, in a sentence."""
+        """The varied quantity, the duration and the target as a sentence."""
         unit = f" [{self.unit}]" if self.unit else ""
         steps = ", ".join(f"{s:g}" for s in self.steps)
         each = f"; steps {steps} s from left to right" if self.steps else ""
@@ -351,7 +368,7 @@ class StabilityMap(Portable):
         )
 
     def _legend(self) -> list[str]:
-        """The letters that occur."""
+        """Return legend entries for the letters that occur."""
         there = {cell.status for cell in self.cells}
         lines = [f"{LOOK[v][0]}  {v:11} {LOOK[v][3]}" for v in Verdict if v in there]
         if self.own is not None:
@@ -359,7 +376,7 @@ class StabilityMap(Portable):
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
 
     def troubles(self) -> dict[tuple[str, Verdict], list[Cell]]:
-        """The cells of each method and verdict other than OK."""
+        """Return the cells for each method and verdict other than OK."""
         groups: dict[tuple[str, Verdict], list[Cell]] = {}
         for cell in self.cells:
             if cell.status is not Verdict.OK:
@@ -367,7 +384,9 @@ class StabilityMap(Portable):
         return groups
 
     def findings(self) -> list[str]:
-        """For each method and verdict other than OK: the first cell in words, and their number."""
+        """Return the first cell in words and the cell count, for each method and verdict other than
+        OK.
+        """
         found = []
         for (method, status), cells in self.troubles().items():
             where = f"{self.axis} {cells[0].value:g}, step {cells[0].step:g} s"
@@ -376,7 +395,7 @@ class StabilityMap(Portable):
         return found
 
     def figure(self, *, narrow: bool = False) -> str:
-        """Return a heat map as standalone SVG text, `narrow` for a column of a page."""
+        """Return a heat map as standalone SVG text, `narrow` to fit a page column."""
         squares = []
         for c in self.cells:
             letter, colour, ink, _ = LOOK[c.status]
@@ -397,14 +416,16 @@ class StabilityMap(Portable):
         return heat_map(self.title, axis, values, self.methods, steps, squares, legend, wide)
 
     def _column(self, cell: Cell) -> int:
-        """The index of the requested step: where times are scaled, that of a cell is another."""
+        """Return the index of the requested step size, which differs from the cell's if times are
+        scaled.
+        """
         if not self.steps or cell.step in self.steps:
             return self.steps.index(cell.step) if self.steps else 0
         own = sorted({c.step for c in self.cells if c.value == cell.value})
         return self.steps.index(sorted(self.steps)[own.index(cell.step)])
 
     def sections(self) -> list[Section]:
-        """The parts of a page: figure and findings, then every cell in words."""
+        """Return the sections of a page: figure and findings, then a description of every cell."""
         lines = "".join(f"<li>{escape(line)}</li>" for line in self.findings())
         head = f"<p>{escape(self.title)}</p><p>{escape(self.advice)}</p>"
         first = f"{head}{self.figure()}<ul>{lines}</ul>"
@@ -423,7 +444,7 @@ class StabilityMap(Portable):
         return [Section(self.axis, first), Section(f"{self.axis}: every cell", cells)]
 
     def html(self) -> str:
-        """The map as one page."""
+        """Return the map as one HTML page."""
         return maps_page([self])
 
     def to_dict(self) -> dict[str, Any]:
@@ -445,6 +466,6 @@ class StabilityMap(Portable):
 
 
 def maps_page(maps: Sequence[StabilityMap]) -> str:
-    """Several maps of one model as one page."""
+    """Combine several maps of one model on one page."""
     name = maps[0].model if maps else ""
     return page(f"Stability of {name}", [part for each in maps for part in each.sections()])

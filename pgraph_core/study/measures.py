@@ -1,4 +1,4 @@
-"""Measures of studies: differences of motions, the order of convergence, times."""
+"""Measures for studies: differences between motions, orders of convergence, and run times."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_STEPS_OF_ORDER = 2048
 
 
 class Errors(NamedTuple):
-    """Dimensionless error of one run: 1e-6 is six digits."""
+    """The dimensionless errors of one run. For example, 1e-6 means six digits."""
 
     rms: float  # over all times and observables
     end: float  # largest at the last time
@@ -38,7 +38,7 @@ class Errors(NamedTuple):
 
     @classmethod
     def of(cls, e: Array) -> Errors:
-        """From the errors (n, m) of every observable at every time."""
+        """Create from the errors (n, m) in every observable at every time."""
         if not np.isfinite(e).all():
             return cls(np.inf, np.inf, np.inf)
         return cls(rms(e), float(np.max(e[-1], initial=0.0)), float(np.max(e, initial=0.0)))
@@ -53,7 +53,7 @@ def rms(e: Array) -> float:
 
 
 class Motion(NamedTuple):
-    """A motion at n times, of some engines the positions alone."""
+    """A motion at n times. Some engines provide only the positions."""
 
     q: Array  # (n, nq)
     v: Array | None = None  # (n, nv)
@@ -67,7 +67,7 @@ class Motion(NamedTuple):
         return cls(run.q, run.v, force)
 
     def part(self, frames: NDArray[np.intp]) -> Motion:
-        """Some of its times, by number."""
+        """Select some of the times by index."""
         v = None if self.v is None else self.v[frames]
         return Motion(self.q[frames], v, None if self.force is None else self.force[frames])
 
@@ -76,7 +76,7 @@ Measure = Callable[[Motion], Array]  # (n, m) errors of a motion
 
 
 def measure_of(mech: Mechanism, quantity: str, known: Motion) -> Measure:
-    """The errors of a quantity of `QUANTITIES` against a motion, without unit.
+    """Return the dimensionless errors in a quantity of `QUANTITIES` relative to a motion.
 
     Positions: see `differences`. Velocities and forces: over the largest of the known motion.
     """
@@ -99,7 +99,7 @@ def _given(array: Array | None) -> Array:
 
 
 def velocities(mech: Mechanism, motion: Motion) -> Array:
-    """(n, nb, 6) angular velocity and velocity of the tip of every body, world axes."""
+    """Return the angular velocity and tip velocity of every body in world axes, (n, nb, 6)."""
     v = _given(motion.v)
     n = len(v)
     still, none = np.zeros((n, mech.nv)), np.zeros((n, mech.nb, 6))
@@ -111,7 +111,9 @@ def velocities(mech: Mechanism, motion: Motion) -> Array:
 
 
 def _over_largest(found: Array, known: Array) -> Array:
-    """Return norms of angular and linear differences (n, 2 m) over the largest known norms."""
+    """Return the norms of angular and linear differences (n, 2 m), relative to the largest known
+    norms.
+    """
     parts = []
     for part in (slice(0, 3), slice(3, 6)):
         largest = float(np.linalg.norm(known[..., part], axis=-1).max(initial=0.0))
@@ -121,7 +123,7 @@ def _over_largest(found: Array, known: Array) -> Array:
 
 
 class Observables(NamedTuple):
-    """Compared quantities at n states."""
+    """The compared quantities at n states."""
 
     points: Array  # (n, a, 3) tips of the bodies [m]
     rotations: Array  # (n, b, 4) of the bodies, unit quaternions [w, x, y, z]
@@ -132,7 +134,7 @@ def _tips(mech: Mechanism) -> Array:
 
 
 def observer(mech: Mechanism) -> Callable[[Array], Observables]:
-    """A function of states q (n, nq): the tip and the rotation of every body."""
+    """Return a function of states q (n, nq) for the tip and rotation of every body."""
     tips = _tips(mech)
 
     def observe(q: Array) -> Observables:
@@ -145,7 +147,7 @@ def observer(mech: Mechanism) -> Callable[[Array], Observables]:
 
 
 def differences(found: Observables, reference: Observables, scale: float) -> Array:
-    """Return |y - y_ref| / max(|y_ref|, scale) (n, a + b), rotations as angles [rad].
+    """Return |y - y_ref| / max(|y_ref|, scale) (n, a + b), with rotations as angles [rad].
 
     Points are relative to the reference's start, so the distance from the origin has no effect.
     """
@@ -156,7 +158,9 @@ def differences(found: Observables, reference: Observables, scale: float) -> Arr
 
 
 def reach(mech: Mechanism) -> float:
-    """The characteristic length: the longest path from a root to a tip, along the links [m]."""
+    """Return the characteristic length: the longest path along the links from a root to a tip
+    [m].
+    """
     model, far = mech.model, {"ground": 0.0}
     longest = mech.packed.length
     for name in mech.names:
@@ -171,7 +175,8 @@ def reach(mech: Mechanism) -> float:
 
 
 def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
-    """Return the difference of two motions (n, nq) per elementary motion, inf if not finite.
+    """Return the difference between two motions (n, nq) per elementary motion, or inf if not
+    finite.
 
     Rotations are in rad, translations relative to the mechanism's length.
     """
@@ -193,7 +198,9 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
 
 
 def _distances(x: Array, y: Array, size: float) -> Array:
-    """(n,) distance over the larger of the mechanism's length and the farthest y."""
+    """Return distances (n,) relative to the mechanism's length or the largest |y|, if that is
+    larger.
+    """
     scale = max(size, float(np.abs(y).max(initial=0.0)))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.linalg.norm(x - y, axis=1) / (scale or 1.0)
@@ -203,18 +210,19 @@ def _distances(x: Array, y: Array, size: float) -> Array:
 
 
 def step_counts() -> list[int]:
-    """Numbers of steps, each about a fifth more than the last, all multiples of four."""
+    """Return numbers of steps, each about a fifth larger than the last, all multiples of four."""
     found = {4 * round(2.0 ** (1.0 + k / 4.0)) for k in range(40)}
     return sorted(n for n in found if n <= MOST_STEPS_OF_ORDER)
 
 
 def levelled(errors: Sequence[float]) -> bool:
-    """True if shorter steps no longer help, because of rounding or an inner tolerance."""
+    """Return True if smaller steps no longer help, because of rounding or an inner tolerance."""
     return len(errors) > 4 and min(errors) < SOLVED and errors[-1] > 0.7 * min(errors[-5:-3])
 
 
 def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) -> float | None:
-    """-d log E / d log n over the points (n steps, E) between the asymptotic start and rounding.
+    """Return -d log E / d log n over the points (n steps, E) between the asymptotic start and
+    rounding.
 
     Those are the points in a row, three or more, whose slopes from one to the next agree and over
     which the error shrinks most. Errors near `limit`, or near where shorter steps no longer help,
@@ -237,7 +245,7 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
 
 
 def _steady(points: Sequence[tuple[float, float]]) -> bool:
-    """True if slopes over two intervals (one interval for three points) are alike."""
+    """Return True if slopes over two intervals (one interval for three points) are similar."""
     n, e = np.log(np.array(points)).T
     apart = 2 if len(points) > SLOPE_POINTS else 1
     slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
@@ -250,7 +258,7 @@ MOST_REPEATS = 20
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Lower quartile, median, upper quartile."""
+    """Return the lower quartile, median and upper quartile."""
     if len(values) < 2:
         return values[0], values[0], values[0]
     low, _, high = quantiles(values, n=4, method="inclusive")
@@ -258,13 +266,15 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def least(values: Sequence[float]) -> Spread:
-    """The minimum, twice, and the upper quartile: other programs only add to processor time."""
+    """Return the minimum, twice, and the upper quartile. Other programs only add to processor
+    time.
+    """
     return min(values), min(values), spread(values)[2]
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """No garbage collection within."""
+    """Disable garbage collection within the context."""
     was_on = gc.isenabled()
     gc.collect()
     gc.disable()
@@ -276,7 +286,7 @@ def undisturbed() -> Iterator[None]:
 
 
 def repeats(seconds: float) -> int:
-    """Number of runs in a sample, for a run of so many seconds."""
+    """Return the number of runs in a sample, given the duration of one run in seconds."""
     return max(1, min(MOST_REPEATS, int(SHORTEST_SAMPLE / max(seconds, 1e-9))))
 
 
@@ -288,7 +298,7 @@ def measured(
     seed: int = 0,
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[list[float]]:
-    """Return the seconds of every run in every round, where each run returns its seconds.
+    """Return the times in seconds of every run in every round, as returned by each run.
 
     `expected` are rough seconds of the runs. `progress(fraction)` is called between the runs and
     may raise to end the measurement.
@@ -308,14 +318,14 @@ def measured(
 
 
 def ratios(seconds: Sequence[float], baseline: Sequence[float]) -> Spread:
-    """Ratio to the baseline, taken round by round."""
+    """Return the ratios to the baseline, computed round by round."""
     return spread([x / y for x, y in zip(seconds, baseline)])
 
 
 def machine(
     packages: tuple[str, ...] = ("pgraph-dynamics", "numpy", "numba"),
 ) -> dict[str, str | int]:
-    """CPU model, cores that may be used, versions of Python and of packages."""
+    """Return the CPU model, the available cores, and the versions of Python and of packages."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {
         "cpu": cpu(),
@@ -326,7 +336,7 @@ def machine(
 
 
 def cpu() -> str:
-    """The CPU's model name."""
+    """Return the model name of the CPU."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -336,7 +346,7 @@ def cpu() -> str:
 
 
 def package_version(name: str) -> str:
-    """A package's version, or that it is not installed."""
+    """Return a package's version, or a note that it is not installed."""
     try:
         return version(name)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""One self-contained HTML page of sections, light or dark: tables, and two figures as SVG.
+"""A self-contained HTML page of sections with tables and two SVG figures, light or dark.
 
 The figures are error against run time, and a heat map; each stands alone too.
 
@@ -39,7 +39,7 @@ class Section(NamedTuple):
 
 
 def page(title: str, sections: Iterable[Section], lines: Sequence[str] = ()) -> str:
-    """Return the HTML text of a standalone page, with `lines` of text below the title."""
+    """Return the HTML of a standalone page, with `lines` of text below the title."""
     first = "".join(f"<p>{escape(line)}</p>" for line in lines)
     parts = "".join(
         f'<section><h2 id="s{i}">{escape(part.title)}</h2>{part.body}</section>'
@@ -56,7 +56,7 @@ def page(title: str, sections: Iterable[Section], lines: Sequence[str] = ()) -> 
 
 
 def style() -> str:
-    """The style sheet, with the colours of both schemes as variables."""
+    """Return the style sheet, with the colours of both schemes as variables."""
     text = (FOLDER / "page.css").read_text(encoding="utf-8")
     dark = f"@media (prefers-color-scheme: dark) {{ {_root(DARK, SERIES_DARK)} }}"
     return f"{_root(LIGHT, SERIES)}\n{dark}\n{text}"
@@ -69,7 +69,7 @@ def _root(colours: Sequence[str], series: Sequence[str]) -> str:
 
 
 def series_colour(i: int) -> str:
-    """Return the CSS colour of a series in both schemes, cyclically."""
+    """Return the CSS colour of a series for both schemes, repeating cyclically."""
     return f"var(--s{i % len(SERIES)}, {SERIES[i % len(SERIES)]})"
 
 
@@ -84,7 +84,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
-    """Return a table as lines of plain text, with columns aligned `left` or right."""
+    """Return a table as lines of plain text, with columns aligned `left` or to the right."""
     widths = [max(len(row[i]) for row in cells) for i in range(len(left))]
     lines = []
     for row in cells:
@@ -94,7 +94,7 @@ def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """A time with its unit."""
+    """Format a duration with its unit."""
     if seconds < 1e-3:
         return f"{1e6 * seconds:.3g} us"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
@@ -139,7 +139,7 @@ class Point(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """The runs of one method."""
+    """The runs for one method."""
 
     name: str  # text in the legend
     points: Sequence[Point]
@@ -147,7 +147,7 @@ class Curve(NamedTuple):
 
 
 class Paper(NamedTuple):
-    """Size of the diagram, and of its legend: at the right, or in columns below."""
+    """The size of the diagram and of its legend, which is on the right or in columns below."""
 
     width: float
     height: float
@@ -160,25 +160,25 @@ WIDE = Paper(900.0, 520.0, 690.0, 472.0, 0)
 
 
 def narrow_paper(curves: int) -> Paper:
-    """For a column of 400 to 500 pixels, in which the text stays legible."""
+    """Return the paper size for a column of 400 to 500 pixels, in which text remains legible."""
     lines = math.ceil(curves / 2)
     return Paper(480.0, 350.0 + FOOT + lines * LEGEND, 470.0, 350.0, 2)
 
 
 class Axes(NamedTuple):
-    """The decades of both axes, and their places on the paper."""
+    """The decades on both axes, and their positions on the paper."""
 
     paper: Paper
     time: tuple[int, int]  # exponents of the seconds at left and right
     error: tuple[int, int]  # exponents of the errors at bottom and top
 
     def x(self, seconds: float) -> float:
-        """Place of a time."""
+        """Return the horizontal position for a time."""
         low, high = self.time
         return LEFT + (math.log10(seconds) - low) / (high - low) * (self.paper.right - LEFT)
 
     def y(self, error: float) -> float:
-        """Place of an error."""
+        """Return the vertical position for an error."""
         low, high = self.error
         bottom = self.paper.bottom
         return bottom - (math.log10(min(error, HIGHEST)) - low) / (high - low) * (bottom - TOP)
@@ -193,7 +193,7 @@ def error_diagram(
     limit: float = math.nan,
     target: float | None = None,
 ) -> str:
-    """Return a diagram of log error over log run time, one curve per method.
+    """Return a diagram of log error over log run time, with one curve per method.
 
     Without points it is a sentence. `titles` are those of the axes. Errors below `limit`, the limit
     of the reference, are shaded. `target` is a dashed line.
@@ -277,7 +277,7 @@ def _legend(paper: Paper, curves: Sequence[Curve]) -> str:
 
 
 def _place(paper: Paper, i: int) -> tuple[float, float]:
-    """The place of the i-th entry of the legend."""
+    """Return the position of the i-th legend entry."""
     if not paper.columns:
         return paper.right + 18, TOP + 14 + LEGEND * i
     line, column = divmod(i, paper.columns)
@@ -308,7 +308,7 @@ def _text(x: float, y: float, text: str, anchor: str = "middle", extra: str = ""
 
 
 class Square(NamedTuple):
-    """One cell of a heat map."""
+    """One cell in a heat map."""
 
     row: int
     group: int
@@ -320,7 +320,7 @@ class Square(NamedTuple):
 
 
 class Key(NamedTuple):
-    """Entry of the legend of a heat map: a colour, a letter and their meaning."""
+    """A legend entry for a heat map: a colour, a letter and their meaning."""
 
     letter: str
     colour: str
@@ -338,7 +338,7 @@ def heat_map(
     legend: Sequence[Key],
     wide: float = math.inf,
 ) -> str:
-    """Coloured cells in rows below their legend, one group of columns a method.
+    """Draw coloured cells in rows below their legend, with one group of columns per method.
 
     Groups that do not fit into `wide` pixels go below the others.
     """
@@ -385,7 +385,7 @@ def heat_map(
 
 
 def _places(widths: Sequence[float], wide: float) -> list[tuple[float, int]]:
-    """(left end, band) of groups of these widths, side by side as long as they fit."""
+    """Return (left end, band) for groups with these widths, placed side by side while they fit."""
     found, x, band = [], float(MAP_LEFT), 0
     for width in widths:
         if x > MAP_LEFT and x + width > wide:
@@ -414,5 +414,5 @@ def _square(each: Square, x: float, y: float) -> str:
 
 
 def _style(size: int, ink: str = INK) -> str:
-    """Colour and size of a text, which the style of a page does not overrule."""
+    """Return text colour and size as attributes that a page's style sheet does not override."""
     return f'style="fill: {ink}; font-size: {size}px"'

@@ -1,4 +1,4 @@
-"""References of studies and their accuracy."""
+"""Reference motions for studies, with estimates of their accuracy."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time 
 @explained
 @dataclass(frozen=True)
 class Reference:
-    """A motion at given times, and an estimate of its own error."""
+    """A reference motion at given times, with an estimate of its own error."""
 
     t: Array  # (n,) [s]
     errors: Measure
@@ -52,19 +52,19 @@ class Reference:
 
     @property
     def limit(self) -> float:
-        """Errors below it are not resolved."""
+        """The smallest error that the reference can resolve."""
         return self.margin * self.accuracy
 
     @classmethod
     def of_motion(
         cls, task: Task, t: Array, motion: Motion, accuracy: float, source: str
     ) -> Reference:
-        """A motion of the mechanism as the reference of the task's quantity."""
+        """Use a motion of the mechanism as the reference for the task's quantity."""
         return cls(t, measure_of(task.mech, task.quantity, motion), accuracy, source)
 
 
 def of_case(case: Case) -> Reference:
-    """The reference of a case: those of its observables that follow from q over time.
+    """Build a reference from those observables of a case that are functions of q over time.
 
     Raises InputError if it has none.
     """
@@ -82,7 +82,7 @@ def of_case(case: Case) -> Reference:
 
 
 def given(task: Task, reference: Any) -> Reference:
-    """The reference that the caller gave: a Case, a Reference, a Result, or (t, q).
+    """Build a reference from the caller's argument: a Case, a Reference, a Result, or (t, q).
 
     Raises InputError.
     """
@@ -122,7 +122,7 @@ def _completed(
     estimate: bool,
     failures: list[str],
 ) -> Iterator[Result]:
-    """Yield the runs that reach the end, until one takes too long.
+    """Yield the runs that reach the end time, stopping as soon as one takes too long.
 
     Reasons of failures are appended to `failures`. Raises the last error if every run was refused.
     """
@@ -154,7 +154,7 @@ def _completed(
 def finest(
     task: Task, rate: float, step: float, watch: Callable[[], Progress]
 ) -> tuple[Reference, Task]:
-    """Return the best of the finest runs, with its distance to the second finest, and its task.
+    """Return the most accurate fine run, its distance to the second finest run, and its task.
 
     A chaotic motion is shortened to the horizon up to which both agree, and a long one to what can
     be computed in time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the
@@ -194,7 +194,9 @@ def finest(
 def _of_a_part(
     task: Task, rate: float, step: float, watch: Callable[[], Progress], failures: list[str]
 ) -> tuple[Reference, Task]:
-    """The reference of as much of the motion as can be computed in time. Raises InputError."""
+    """Return a reference for the part of the motion that is computable in time. Raises
+    InputError.
+    """
     shorter = task.t_end / SHORTER
     if LATE not in failures or shorter * SHORTER**MOST_DIVISIONS < task.asked:
         why = next((text for text in failures if text != LATE), "they would take too long")
@@ -204,7 +206,7 @@ def _of_a_part(
 
 
 def growth_of(t: Array, apart: Array) -> float:
-    """Return the rate at which two runs separate [1/s], Lyapunov's exponent, 0 without chaos.
+    """Return the Lyapunov exponent, the rate at which two runs separate [1/s], or 0 if not chaotic.
 
     `apart` (n, m) are their differences. Growth as a power of time is not chaos.
     """
@@ -221,7 +223,9 @@ def growth_of(t: Array, apart: Array) -> float:
 
 
 def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:
-    """Each method with its finest setting and the next one, the likeliest first."""
+    """Yield the finest and second finest settings for each method, starting with the best
+    candidate.
+    """
     if task.impulses:
         fine, coarse = FINEST["dop853"]
         yield ("dop853", Setting(rtol=10 * fine)), ("dop853", Setting(rtol=10 * coarse))
@@ -235,13 +239,13 @@ def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Ca
 
 
 def horizon(apart: Array) -> int:
-    """The number of times from the start at which two runs agree."""
+    """Return the number of leading times at which two runs agree."""
     far = np.flatnonzero(apart.max(axis=1) > SOLVED)
     return int(far[0]) if len(far) else len(apart)
 
 
 class KnownMotion(NamedTuple):
-    """The motion at one value of a stability map, as accurately as it is known."""
+    """The most accurate known motion for one value in a stability map."""
 
     run: Result
     accuracy: float  # its largest error, in the units of `joint_errors`
@@ -250,12 +254,14 @@ class KnownMotion(NamedTuple):
     energy: float  # range of its energies [J]
 
     def at(self, t: Array) -> Array:
-        """(len(t), nq) states at these times, which must be among its own."""
+        """Return the states at the given times as a (len(t), nq) array. The times must be in the
+        run.
+        """
         return self.run.q[np.searchsorted(self.run.t, t * (1 - ROUNDING) - 1e-300)]
 
 
 def merged(times: list[Array], t_end: float) -> Array:
-    """All times in order, once each."""
+    """Merge lists of times into one sorted array without duplicates."""
     every = np.unique(np.concatenate(times))
     return every[np.diff(every, prepend=-t_end) > ROUNDING * t_end]
 
@@ -263,7 +269,7 @@ def merged(times: list[Array], t_end: float) -> Array:
 def known_motion(
     task: Task, step: float, target: float, budget: int, progress: Progress
 ) -> KnownMotion | None:
-    """Return the best of two runs by different methods, or None if no run reaches the end.
+    """Return the better of two runs by different methods, or None if no run reaches the end.
 
     Its accuracy is the distance of both runs, or the estimate of the better one if the other is
     within its own estimate. `step` is the finest of the cells [s], `budget` that of one cell.
@@ -297,7 +303,7 @@ def known_motion(
 def _opinions(
     nv: int, radians: float, impulses: bool, step: float, rtol: float, budget: int
 ) -> Iterator[Candidate]:
-    """Settings to try until two of them reach the end."""
+    """Yield candidate settings to try until two of them reach the end."""
     if impulses:
         yield "rk4", Setting(step=step / 2)
         yield "moreau_jean", Setting(step=step / 2)
@@ -310,7 +316,7 @@ def _opinions(
 
 
 def weight_of(mech: Mechanism) -> int:
-    """The cost of an evaluation of the dynamics, in elementary motions."""
+    """Return the cost of evaluating the dynamics, measured in elementary motions."""
     blocks = mech.packed.blocks
     spans = zip(mech.model.constraints, blocks.first, blocks.first[1:])
     rows = sum(blocks.blocks_i[a:b, at.B_SIZE].sum() for c, a, b in spans if c.active)
@@ -318,7 +324,9 @@ def weight_of(mech: Mechanism) -> int:
 
 
 def per_step(method: str, nv: int) -> int:
-    """Return the approximate evaluations per step, those for a Jacobian by differences included."""
+    """Return the approximate evaluations per step, including those for a finite-difference
+    Jacobian.
+    """
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
         return NEWTON_COST * chosen.evaluations

@@ -1,4 +1,4 @@
-"""The result of `work_precision`: rows, and how a person reads them as text, figure and page."""
+"""The result of `work_precision`: its rows, and their presentation as text, figure and page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LEFT_OUT = "left out: it would take more than"  # beginning of the reason of a s
 
 @dataclass(frozen=True)
 class Row:
-    """One run of a study. A value that could not be measured is None."""
+    """One run in a study. A value that could not be measured is None."""
 
     method: str  # "rk4", or with the peer: "MuJoCo rk4"
     peer: str  # "" for ours
@@ -71,7 +71,9 @@ class Row:
     def of(
         cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
     ) -> Row:
-        """Return the row of one run. Errors below `limit` count as the limit of the reference."""
+        """Build the row for one run. Errors below `limit` are raised to the limit of the
+        reference.
+        """
         limited = found is not None and found.rms < limit
         rms = None if found is None else max(found.rms, limit) if limited else found.rms
         return cls(
@@ -99,7 +101,9 @@ class Row:
 
     @property
     def digits(self) -> float | None:
-        """-log10 of the error, a lower bound at the limit of the reference."""
+        """The number of correct digits, -log10(error), or a lower bound at the limit of the
+        reference.
+        """
         if self.error is None:
             return None
         return float(-np.log10(self.error)) if self.error > 0 else 17.0
@@ -111,11 +115,11 @@ class Row:
 
     @property
     def work(self) -> int:
-        """Evaluations of the dynamics, 0 if unknown."""
+        """The number of evaluations of the dynamics, or 0 if unknown."""
         return (self.counters or {}).get("evaluations", 0)
 
     def timed(self, seconds: Spread, stepping: Spread, ratio: Spread, duration: float) -> Row:
-        """With the times of all rounds."""
+        """Return a copy with timings from all rounds."""
         steps = (self.counters or {}).get("steps", 0)
         return replace(
             self,
@@ -127,14 +131,14 @@ class Row:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON takes them."""
+        """Convert to a dictionary of values that JSON can represent."""
         data = {name: getattr(self, name) for name in self.__dataclass_fields__}
         counters = None if self.counters is None else dict(self.counters)
         return data | {"counters": counters, "digits": self.digits}
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Texts of the table, under HEADER."""
+        """The text of each table cell, in the order of HEADER."""
         counters, seconds, drift = self.counters or {}, self.seconds, self.constraint_drift
         return (
             self.method,
@@ -163,7 +167,7 @@ class Row:
 
     @property
     def point(self) -> Point:
-        """In the figure, with a text for the pointer."""
+        """The point to plot in the figure, with a tooltip."""
         low, middle, high = self.seconds or (0.0, 0.0, 0.0)
         lines = [
             f"{self.method}, {self.setting}",
@@ -182,7 +186,7 @@ class Row:
 @explained
 @dataclass(frozen=True)
 class Study(Portable):
-    """Error against run time of many methods on one motion. `print(study)` shows a table."""
+    """Error against run time for several methods on one motion. `print(study)` shows a table."""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # files
 
@@ -215,15 +219,15 @@ class Study(Portable):
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the curves, ours first."""
+        """The names of the curves, with our methods first."""
         return tuple(dict.fromkeys(row.method for row in self.rows))
 
     def of(self, method: str) -> tuple[Row, ...]:
-        """The rows of one curve that have an error and a time."""
+        """Return the rows for one curve, limited to those with an error and a time."""
         return tuple(row for row in self.rows if row.method == method and row.error and row.seconds)
 
     def recommend(self, target: float | None = None) -> Row:
-        """The cheapest of our runs whose error is at most `target`.
+        """Return the fastest of our runs with an error of at most `target`.
 
         Raises InputError if there is none, with the best error reached.
         """
@@ -248,12 +252,14 @@ class Study(Portable):
         return f"{reached} at {best.setting}{why}{more}"
 
     def time_at(self, error: float) -> dict[str, float]:
-        """{method: seconds} that each curve takes to reach an error, log-log between its points."""
+        """Return {method: seconds} to reach an error, by log-log interpolation along each curve."""
         found = {name: seconds_at(self.of(name), error) for name in self.methods}
         return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
 
     def against_peers(self) -> list[dict[str, Any]]:
-        """One row per error and peer: our seconds, theirs, and the ratio theirs / ours."""
+        """Return one row per error and peer, with our time, the peer's time, and the ratio theirs /
+        ours.
+        """
         peers = {row.method for row in self.rows if row.peer}
         found = []
         for level in LEVELS:
@@ -270,7 +276,7 @@ class Study(Portable):
     # -- for people --------------------------------------------------------------------------------
 
     def _head(self) -> tuple[str, ...]:
-        """The comparison, the answer, its reference, the machine."""
+        """Return the header lines: the comparison, the reference and the machine."""
         scenario = f", scenario {self.scenario}" if self.scenario else ""
         known = self.reference
         return (
@@ -288,7 +294,9 @@ class Study(Portable):
         return "" if self.quantity == "position" else f"of the {self.quantity} "
 
     def _foot(self) -> tuple[str, ...]:
-        """Orders, the recommendation, notes, times of the study."""
+        """Return the footer lines: observed orders, recommendation, notes and timings of the
+        study.
+        """
         orders = (
             f"{name} {'none observed' if seen is None else f'{seen:.2f}'} ({nominal:g})"
             for name, (seen, nominal) in self.orders.items()
@@ -303,7 +311,8 @@ class Study(Portable):
         )
 
     def advised(self) -> Row | None:
-        """The cheapest of our runs for the target, or for 1e-6, else the most accurate one.
+        """Return our fastest run that meets the target (default 1e-6), or else the most accurate
+        one.
 
         None where no run reached the end.
         """
@@ -315,7 +324,7 @@ class Study(Portable):
 
     @property
     def answer(self) -> str:
-        """The recommended method and setting, or the reason why there is none, in a sentence."""
+        """A sentence that recommends a method and setting, or explains why it cannot."""
         if not self.cancelled:
             return self._answer()
         measured = sum(bool(row.error and row.time) for row in self.rows)
@@ -339,7 +348,7 @@ class Study(Portable):
         return f"{text}; {self._unmet(wanted, ours)}."
 
     def peer_table(self) -> list[list[str]]:
-        """Return a header and rows of times at equal error, or [] without peers."""
+        """Return a header and rows for times at equal error, or [] if there are no peers."""
         found = self.against_peers()
         if not found:
             return []
@@ -358,7 +367,7 @@ class Study(Portable):
         return cells
 
     def figure(self, *, narrow: bool = False) -> str:
-        """Return the diagram as SVG in the colours of the page, `narrow` for a column."""
+        """Draw the diagram as SVG in the page's colours. `narrow` makes it fit a column."""
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -376,7 +385,7 @@ class Study(Portable):
         return error_diagram(label, curves, paper, titles, limit=limit, target=self.target)
 
     def sections(self) -> list[Section]:
-        """The parts of the page, to put into another one."""
+        """Return the sections of the report, for embedding in another page."""
         notes = "".join(f"<p>{escape(line)}</p>" for line in self._foot() if line)
         first = f"<p><strong>{escape(self.answer)}</strong></p>{self.figure()}"
         parts = [Section("Error against run time", first)]
@@ -387,12 +396,12 @@ class Study(Portable):
         return [*parts, Section("Findings", notes), Section("All runs", rows)]
 
     def html(self) -> str:
-        """The report as one page."""
+        """Return the report as a standalone HTML page."""
         first, *rest = self._head()
         return page(first, self.sections(), rest)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as JSON takes them."""
+        """Convert to a dictionary of values that JSON can represent."""
         data = {name: getattr(self, name) for name in self.__dataclass_fields__}
         data["rows"] = [row.to_dict() for row in self.rows]
         for name in ("orders", "reference", "timing", "machine"):
@@ -405,11 +414,11 @@ class Study(Portable):
         return None if row is None else self.rows.index(row)
 
     def to_json(self) -> str:
-        """Return a JSON object of the fields, with null for numbers that are not finite."""
+        """Serialise the fields as a JSON object, with null for numbers that are not finite."""
         return json.dumps(plain(self.to_dict()), allow_nan=False)
 
     def save(self, path: str | Path, /) -> None:
-        """Write the page (.html), the data (.json), the diagram (.svg) or the table (.txt).
+        """Save the report as a page (.html), data (.json), diagram (.svg) or table (.txt).
 
         Raises FileError.
         """
@@ -423,7 +432,7 @@ class Study(Portable):
 
 
 def seconds_at(rows: tuple[Row, ...], error: float) -> float:
-    """Return the least time of a curve to reach an error, inf if it does not."""
+    """Return the minimum time in which a curve reaches an error, or inf if it never does."""
     points = [(row.error or np.inf, row.time or np.inf) for row in rows]
     found = [seconds for reached, seconds in points if reached <= error]
     for (e0, s0), (e1, s1) in pairwise(points):
@@ -434,7 +443,9 @@ def seconds_at(rows: tuple[Row, ...], error: float) -> float:
 
 
 def plain(value: Any) -> Any:
-    """Return nested plain values for JSON, with None for numbers that are not finite."""
+    """Convert nested values to plain ones for JSON, replacing numbers that are not finite by
+    None.
+    """
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""A model in other units: every number times the factor of its dimension."""
+"""Rescaling of a model to other units by a factor for each dimension."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from ..units import Dim, M, S
 
 
 def changed(body: Body, **fields: object) -> Body:
-    """Return a validated body with other fields, whose derived values become plain numbers."""
+    """Return a validated body with some fields changed, and with derived values as plain
+    numbers.
+    """
     own = {**fields_of(body), "derived": (), "density": None}
     return Body(**{**own, **fields})
 
@@ -28,18 +30,20 @@ V = {kind: tuple(int(unit == "m") for unit in k.v) for kind, k in KINDS.items()}
 
 @dataclass(frozen=True)
 class Scale:
-    """Factors on lengths, masses and times."""
+    """Scale factors for length, mass and time."""
 
     length: float
     mass: float
     time: float
 
     def of(self, dim: Dim, slides: bool = False) -> float:
-        """Return the factor of a dimension, where sliding coordinates are lengths."""
+        """Return the scale factor for a dimension. Coordinates of sliding joints count as
+        lengths.
+        """
         return dim.factor(self.length, self.mass, self.time, self.length if slides else 1.0)
 
     def fields(self, part: Frozen, slides: bool = False) -> dict[str, Any]:
-        """The fields of a part that have a dimension, in the other units."""
+        """Return the dimensional fields of a part, converted to the other units."""
         found: dict[str, Any] = {}
         for name, info in type(part).model_fields.items():
             own, value = facts(info), getattr(part, name)
@@ -57,7 +61,7 @@ class Scale:
         return found
 
     def screw(self, rows: Any, dim: Dim) -> Any:
-        """(6, 6) numbers between displacements, of this dimension, and turns."""
+        """Rescale a (6, 6) matrix that relates translations, with this dimension, and rotations."""
         turns = (0, 0, 0, 1, 1, 1)
         return tuple(
             tuple(x * self.of(dim * M ** (a + b)) for b, x in zip(turns, row))
@@ -65,7 +69,7 @@ class Scale:
         )
 
     def times(self, value: Any, by: float) -> Any:
-        """Return nested numbers times a factor, and None unchanged."""
+        """Multiply nested numbers by a factor, leaving None unchanged."""
         if value is None:
             return None
         several = isinstance(value, (tuple, list))
@@ -73,7 +77,7 @@ class Scale:
 
 
 def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: float = 1.0) -> Model:
-    """The model with the same motion whose lengths, masses and times are scaled by these factors.
+    """Return a model with the same motion, with lengths, masses and times scaled by given factors.
 
     Scenarios are dropped. Raises InputError for constraints whose numbers have their own units.
     """
@@ -124,7 +128,7 @@ def _coordinates(
 
 
 def _force(f: Force, model: Model, s: Scale) -> Force:
-    """Give slides another coefficient in a length that is a sum of turns and slides."""
+    """Rescale a force. In a mixed sum, the coefficients of sliding coordinates are rescaled too."""
     if not isinstance(f, OfSums):
         return f.unchecked_copy(s.fields(f))
     bodies = {name: model.body(name) for name, _, _ in f.terms}

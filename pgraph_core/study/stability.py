@@ -1,4 +1,4 @@
-"""`stability_map`: which methods hold where, over one axis that makes a scene extreme."""
+"""`stability_map`: the methods that remain stable as one parameter makes a scene extreme."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CALL = "stability_map"
 
 
 class Sweep(NamedTuple):
-    """The checked arguments of a map."""
+    """The validated arguments for a stability map."""
 
     model: Model
     axis: Axis
@@ -50,7 +50,7 @@ class Sweep(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One value of the axis: its model and the motion that its cells are compared with."""
+    """One value on the axis, with its model and the reference motion for its cells."""
 
     value: float
     model: Model | None
@@ -85,7 +85,7 @@ def stability_map(
     threads: int | None = None,
     progress: Callable[[float], Any] | None = None,
 ) -> StabilityMap:
-    """Judge every combination of a value of `axis`, a method and a step.
+    """Evaluate every combination of `axis` value, method and step size.
 
     Each cell runs at its step and at half of it, and is compared with two far finer runs by
     different methods. OK means that its error is at most `target`.
@@ -199,7 +199,7 @@ def _checked(
 
 
 def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
-    """(model, duration [s]): a scenario's state, forces and active parts become the model's.
+    """Apply a scenario's state, forces and active parts to the model. Return (model, duration [s]).
 
     Raises ModelError for an unknown scenario, InputError for one with switches.
     """
@@ -231,7 +231,7 @@ def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
 
 
 def started(model: Model, q: Any, v: Any) -> Model:
-    """The model with (q, v), in number order, as its initial state. Raises InputError."""
+    """Return the model with (q, v), in number order, as initial state. Raises InputError."""
     if q is None and v is None:
         return model
     mech = Mechanism(model)
@@ -253,18 +253,18 @@ def started(model: Model, q: Any, v: Any) -> Model:
 
 
 class Work:
-    """The share of the work that the threads have done."""
+    """Progress of the work done by the threads."""
 
     def __init__(self, total: int, progress: Callable[[float], Any] | None):
         self.total, self.done, self.progress = total, 0, progress
         self.stopped = threading.Event()
 
     def goes_on(self, _: float = 0.0) -> bool:
-        """The progress function of each run."""
+        """The progress function that is passed to each run."""
         return not self.stopped.is_set()
 
     def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
-        """Yield results as they arrive, in the caller's thread, until the caller cancels.
+        """Yield results as they become available, in the caller's thread, until the caller cancels.
 
         An exception, Ctrl-C among them, stops the other threads too.
         """
@@ -281,7 +281,7 @@ class Work:
             raise
 
     def stop(self, futures: Sequence[Future[Any]]) -> None:
-        """Let no run go on and no further one begin."""
+        """Cancel pending runs and stop those in progress."""
         self.stopped.set()
         for one in futures:
             one.cancel()
@@ -290,7 +290,7 @@ class Work:
 def _computed(
     sweep: Sweep, progress: Callable[[float], Any] | None, threads: int | None
 ) -> tuple[list[Line], list[Cell], bool]:
-    """(lines, cells in their order, whether all are there)."""
+    """Compute a map. Return (lines, ordered cells, whether the map is complete)."""
     per_line = len(sweep.methods) * max(len(sweep.steps), 1)
     work = Work(len(sweep.values) * (1 + per_line), progress)
     _warm(sweep)
@@ -307,7 +307,7 @@ def _computed(
 
 
 def _warm(sweep: Sweep) -> None:
-    """Compile here what the threads need, which would otherwise all compile it at once."""
+    """Compile the kernels once in advance, so that the threads do not all compile them."""
     mech = mechanism_of(sweep.model, "stability_map")
     impulses = Task(mech, None, None, np.zeros(1)).impulses
     own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
@@ -319,7 +319,7 @@ def _warm(sweep: Sweep) -> None:
 
 
 def _line(sweep: Sweep, value: float, work: Work) -> Line:
-    """The model at a value, and its motion as accurately as it is known."""
+    """Return the model at a given axis value with its most accurate known motion."""
     pace = sweep.axis.pace(value)
     t_end = sweep.t_end * pace
     steps = (value,) if sweep.axis.of_steps else tuple(step * pace for step in sweep.steps)
@@ -369,7 +369,7 @@ def _cell(
 
 
 def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
-    """Without a known motion no run can be called right."""
+    """Classify a cell that has no reference motion. Such a cell is never OK."""
     status = Verdict.INACCURATE if run.status.ok else Verdict.FAILED
     if run.status is Status.NOT_FINITE:
         status = Verdict.UNSTABLE
@@ -380,12 +380,14 @@ def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
 
 
 def steps_of(t_end: float, step: float) -> int:
-    """Number of steps of equal width, at most `step`, that end at `t_end`."""
+    """Return the number of equal steps, each at most `step` long, that end at `t_end`."""
     return max(int(np.ceil(t_end / step - 1e-9)), 1)
 
 
 def times_of(t_end: float, step: float) -> Array:
-    """The times at which the runs of a cell are recorded: ends of steps, the first ones all."""
+    """Return the recording times for a cell's runs: selected step ends, including all early
+    ones.
+    """
     n = steps_of(t_end, step)
     early = np.arange(min(n, EARLY) + 1)
     chosen = np.unique(np.concatenate((early, np.linspace(0, n, MAP_TIMES).round().astype(int))))
@@ -393,7 +395,7 @@ def times_of(t_end: float, step: float) -> Array:
 
 
 def _advised(cells: list[Cell]) -> tuple[Cell, ...]:
-    """Add to cells that are not OK the methods that are, at the same value and step."""
+    """Add to each cell that is not OK the methods that are OK at the same value and step."""
     good: dict[tuple[float, float], list[str]] = {}
     for cell in cells:
         if cell.status is Verdict.OK:

@@ -1,4 +1,4 @@
-"""Task of a study: settings, the motion that every run computes, and the participants.
+"""Tasks for a study: settings, the motion that every run computes, and the participants.
 
 Builders of other engines are in the package `pgraph_peers` (folder `peers`), which depends on this
 one. Their entry points are looked up when a study names an engine.
@@ -33,7 +33,7 @@ MOST_SETTINGS = 64  # limit on the settings of one method
 
 
 class Setting(NamedTuple):
-    """A step or a tolerance of one run."""
+    """A step size or a tolerance for one run."""
 
     step: float | None = None  # [s]
     rtol: float | None = None
@@ -46,12 +46,12 @@ class Setting(NamedTuple):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Return the arguments of `simulate`."""
+        """The keyword arguments for `simulate`."""
         return {k: v for k, v in self._asdict().items() if v is not None}
 
 
 class Ladder(NamedTuple):
-    """The settings of all methods, coarsest first."""
+    """The settings for all methods, coarsest first."""
 
     steps: tuple[float, ...]  # [s]
     tolerances: tuple[float, ...]
@@ -59,7 +59,7 @@ class Ladder(NamedTuple):
 
     @classmethod
     def of(cls, task: Any, steps: Any, tolerances: Any, fixed: bool, rate: float) -> Ladder:
-        """The given settings, or the usual ones of a `Task`: h0 2^-k and 10^-k.
+        """Use the given settings, or the default ones for a `Task`: h0 2^-k and 10^-k.
 
         h0 is a whole fraction of a frame, short enough for the fastest `rate` [1/s] of the motion.
         A stiff scene stays stiff: h0 is at least a hundredth of a frame. Raises InputError.
@@ -74,14 +74,14 @@ class Ladder(NamedTuple):
         return cls(rungs, usual, fixed)
 
     def settings(self, method: Method) -> tuple[Setting, ...]:
-        """The settings that `method` is run at."""
+        """Return the settings at which to run `method`."""
         if method.adaptive and not self.fixed:
             return tuple(Setting(rtol=rtol) for rtol in self.tolerances)
         return tuple(Setting(step=step) for step in self.steps)
 
 
 def _rungs(field: str, given: Any, least: float, most: float) -> tuple[float, ...]:
-    """Steps or tolerances of `work_precision`, largest first."""
+    """Validate the steps or tolerances for `work_precision` and sort them in descending order."""
     values = (
         tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
     )
@@ -95,7 +95,7 @@ def _rungs(field: str, given: Any, least: float, most: float) -> tuple[float, ..
 
 
 def usual_methods(*, impulses: bool) -> tuple[str, ...]:
-    """The methods that suit a scene with or without impulses."""
+    """Return the default methods for a scene with or without impulses."""
     return tuple(
         name
         for name, method in METHODS.items()
@@ -104,7 +104,7 @@ def usual_methods(*, impulses: bool) -> tuple[str, ...]:
 
 
 def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[str, ...]:
-    """The methods asked for, or the usual ones. Raises InputError naming the choices.
+    """Return the requested methods, or the default ones. Raises InputError listing the choices.
 
     `suited`: also refuses methods that cannot take the scene.
     """
@@ -124,12 +124,12 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
 
 
 def is_number(value: Any) -> bool:
-    """A real number, True and False excepted."""
+    """Return True if `value` is a real number other than True or False."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def positive(call: str, field: str, value: Any, wanted: str = "a finite number > 0") -> float:
-    """The number. Raises InputError unless it is finite and > 0."""
+    """Return `value` as a float. Raises InputError unless it is finite and > 0."""
     number = float(value) if is_number(value) else np.nan
     if not 0 < number < np.inf:
         raise refusal(call, field, f"must be {wanted}; given {value!r}")
@@ -137,14 +137,14 @@ def positive(call: str, field: str, value: Any, wanted: str = "a finite number >
 
 
 def whole(call: str, field: str, value: Any, least: int) -> int:
-    """The whole number. Raises InputError if it is less than `least`."""
+    """Return `value` as an integer. Raises InputError if it is less than `least`."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise refusal(call, field, f"must be a whole number >= {least}; given {value!r}")
     return int(value)
 
 
 def finite_numbers(call: str, field: str, given: Any) -> tuple[float, ...]:
-    """Finite numbers, each once, in the given order. Raises InputError if there is none."""
+    """Return unique finite numbers in their given order. Raises InputError if there are none."""
     try:
         found = tuple(float(x) for x in given)
     except (TypeError, ValueError):
@@ -161,12 +161,12 @@ Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) 
 
 
 class Stopped(Exception):
-    """The caller's progress function returned False."""
+    """Raised when the caller's progress function returns False."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A mechanism, its initial state, what drives it, and the times that are compared."""
+    """A mechanism, its initial state, its inputs, and the times at which motions are compared."""
 
     mech: Mechanism
     q: Array | None  # None: the model's own
@@ -185,11 +185,11 @@ class Task:
 
     @property
     def spacing(self) -> float:
-        """The shortest time between two frames [s]."""
+        """The smallest time between two frames [s]."""
         return float((self.t[1:] - self.t[:-1]).min())
 
     def until(self, count: int) -> Task:
-        """The same motion over its first `count` times."""
+        """Return the same motion, restricted to its first `count` times."""
         return replace(self, t=self.t[:count])
 
     def run(
@@ -200,7 +200,7 @@ class Task:
         *,
         estimate: bool = False,
     ) -> Result:
-        """One run. Raises InputError if the method cannot take the scene."""
+        """Simulate the task once. Raises InputError if the method does not support the scene."""
         return simulate(
             self.mech,
             self.q,
@@ -218,23 +218,25 @@ class Task:
 
     @property
     def _times(self) -> dict[str, Any]:
-        """Even times by their number: a mechanism keeps the plan of such a call."""
+        """The times as a number of frames if evenly spaced, so that the mechanism can reuse its
+        plan.
+        """
         even = np.linspace(0.0, self.t_end, len(self.t))
         return {"frames": len(self.t)} if np.array_equal(even, self.t) else {"t_eval": self.t}
 
     @property
     def impulses(self) -> bool:
-        """True if rigid contacts or joint limits act."""
+        """True if rigid contacts or joint limits are active."""
         contacts = contact_tables(self.mech.packed, touching_contacts(self.mech, self._given))
         return contacts is not None and contacts.rigid
 
     @property
     def touching(self) -> bool:
-        """True if contacts act."""
+        """True if contacts are active."""
         return bool(touching_contacts(self.mech, self._given))
 
     def rate(self) -> float:
-        """Return the largest rate of the linearised motion at the start [1/s], 0 if unknown."""
+        """Return the fastest rate of the linearised motion at the start [1/s], or 0 if unknown."""
         if callable(self.tau):
             return 0.0
         given = self._given
@@ -244,7 +246,9 @@ class Task:
         return fastest_rate(self.mech, acting, active_constraints(self.mech, given), q, v)
 
     def rate_at(self, states: list[tuple[Array, Array]]) -> float:
-        """Return the largest rate over some states (q, v) [1/s], 0 with contacts (no slopes)."""
+        """Return the fastest rate over several states (q, v) [1/s], or 0 with contacts (no
+        slopes).
+        """
         if contact_tables(self.mech.packed, touching_contacts(self.mech, self._given)) is not None:
             return 0.0
         return max(replace(self, q=q, v=v).rate() for q, v in states)
@@ -255,7 +259,7 @@ class Task:
 
 
 class Outcome(NamedTuple):
-    """Result of one run by Pgraph or a peer in a study."""
+    """The result of one run by Pgraph or a peer in a study."""
 
     motion: Motion  # Pgraph's coordinates up to the end of the run
     seconds: tuple[float, float]  # stepping loop: wall clock, processor
@@ -272,7 +276,7 @@ class Outcome(NamedTuple):
 
     @classmethod
     def of(cls, run: Result, whole: tuple[float, float] = (0.0, 0.0)) -> Outcome:
-        """Return the outcome of a run."""
+        """Extract the outcome from a run."""
         ok = run.status.ok
         drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
         depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
@@ -293,12 +297,12 @@ class Outcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str, seconds: float = 0.0, *, cancelled: bool = False) -> Outcome:
-        """A run without states."""
+        """Return the outcome for a run without states."""
         return cls(Motion(np.zeros((0, 0))), (seconds, 0.0), False, reason, cancelled=cancelled)
 
 
 class Participant(NamedTuple):
-    """One curve of the diagram: a method of Pgraph or of a peer, at each of its settings."""
+    """One curve in the diagram: a method of Pgraph or of a peer, with all its settings."""
 
     name: str  # "rk4", "MuJoCo rk4"
     settings: tuple[Setting, ...]
@@ -307,7 +311,7 @@ class Participant(NamedTuple):
 
 
 def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Participant:
-    """A method of Pgraph."""
+    """Create the participant for one of Pgraph's methods."""
 
     def run(setting: Setting, progress: Progress, estimate: bool) -> Outcome:
         began = time.perf_counter(), time.thread_time()
@@ -319,7 +323,7 @@ def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Par
 
 
 def start(mech: Mechanism, scenario: str | None, q: Any, v: Any) -> tuple[Array, Array]:
-    """The initial state: the arguments, else the scenario's, else the model's."""
+    """Return the initial state from the arguments, the scenario or the model, in that order."""
     given = None if scenario is None else mech.model.scenario(scenario)
     return initial_state(mech, given, q, v)
 
@@ -328,7 +332,7 @@ def start(mech: Mechanism, scenario: str | None, q: Any, v: Any) -> tuple[Array,
 
 
 def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
-    """The engines asked for. Raises InputError naming the choices."""
+    """Return the requested engines. Raises InputError listing the choices."""
     names = (given,) if isinstance(given, str) else tuple(given)
     known = installed_peers() if names else {}
     for name in names:
@@ -339,14 +343,16 @@ def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def installed_peers() -> dict[str, EntryPoint]:
-    """The engines whose builders are installed, by name."""
+    """Return the engines with an installed builder, keyed by name."""
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def engine_participants(
     task: Task, ladder: Ladder, names: Sequence[str]
 ) -> tuple[list[Participant], list[str]]:
-    """(the participants of each engine that can take the motion, a sentence for each other)."""
+    """Return participants for the engines that can run the motion, and a message for each other
+    one.
+    """
     participants: list[Participant] = []
     if names and task.quantity != "position":
         return [], [f"other engines are compared by their positions, not by the {task.quantity}"]

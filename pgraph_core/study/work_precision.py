@@ -1,4 +1,4 @@
-"""`work_precision`: the error of each method at each setting, and its time in shuffled rounds."""
+"""`work_precision`: the error of each method at each setting, and its run time."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def work_precision(
     longest: float = 1.0,
     progress: Callable[[float], Any] | None = None,
 ) -> Study:
-    """Measure error against run time of several methods on one motion.
+    """Measure error against run time for several methods on one motion.
 
     The motion is the one that `simulate` computes. Errors are dimensionless (docs/accuracy.md).
     Failed runs stay in the table.
@@ -170,7 +170,8 @@ def work_precision(
 def suited(
     task: Task, names: tuple[str, ...], ladder: Ladder, *, asked: bool
 ) -> tuple[tuple[str, ...], list[str]]:
-    """(the methods that take the scene, a sentence for each other), by a run of one frame.
+    """Try each method for one frame. Return those that support the scene, and a message for each
+    other.
 
     Raises InputError for one that was `asked` for.
     """
@@ -189,7 +190,7 @@ def suited(
 
 
 class Work:
-    """A study under way, which the caller can stop at any call of its progress function."""
+    """A study in progress, which the caller's progress function can stop at any call."""
 
     def __init__(
         self,
@@ -213,7 +214,7 @@ class Work:
         self.steps_took: dict[tuple[str, Setting], list[float]] = {}  # seconds
 
     def study(self, known: Reference | None, rate: float, target: float | None) -> Study:
-        """All of it, or the part that was done when it was stopped."""
+        """Run the study and return it. If it is stopped, return the part that was done."""
         baseline, cancelled = None, False
         try:
             self._compile()
@@ -237,7 +238,7 @@ class Work:
         return self._study(known, baseline, target, cancelled)
 
     def watch(self, times: float = 1.0) -> Progress:
-        """The progress function of a run, which ends with the study or after `longest` seconds."""
+        """Return a progress function that stops a run after `longest` seconds or with the study."""
         ends = time.perf_counter() + times * self.longest
 
         def look(_: float) -> bool:
@@ -255,7 +256,7 @@ class Work:
                 raise Stopped
 
     def _compile(self) -> None:
-        """One short run of each method, so that no later one compiles anything."""
+        """Run each method briefly, so that later runs need no compilation."""
         began = time.perf_counter()
         for name in self.names:
             self.report(0.0)
@@ -264,7 +265,7 @@ class Work:
         self.timing["compile"] = time.perf_counter() - began
 
     def _shorten(self, task: Task, known: Reference) -> None:
-        """Continue with the motion up to the reference's horizon."""
+        """Continue with the motion up to the horizon of the reference."""
         whole_time, self.task = self.task.t_end, task
         if known.growth > 0.0:
             self.notes.append(
@@ -291,7 +292,9 @@ class Work:
     def _first_runs(
         self, participants: list[Participant], known: Reference
     ) -> list[tuple[Callable[[], float], float]]:
-        """Fill `rows`. Return for each a function that times it again and the seconds it took."""
+        """Fill `rows`. Return for each row a function that repeats its timing and the seconds it
+        took.
+        """
         began = time.perf_counter()
         runs: list[tuple[Callable[[], float], float]] = []
         part, total = (
@@ -310,7 +313,7 @@ class Work:
         return runs
 
     def _run(self, one: Participant, setting: Setting, expected: float) -> Outcome:
-        """The first run, with its estimate, unless it is expected to take too long."""
+        """Run a setting once with an error estimate, unless it is expected to take too long."""
         too_long = f"{LEFT_OUT} {self.longest:g} s"
         if expected > self.longest:
             return Outcome.failed(too_long, expected)
@@ -337,7 +340,9 @@ class Work:
         return Row.of(one, setting, done, reached, known.limit)
 
     def _order(self, name: str, known: Reference) -> float | None:
-        """Observed order of one of our methods, from its rows or from extra fixed-step runs."""
+        """Return the observed order for one of our methods, from its rows or from extra fixed-step
+        runs.
+        """
         points = [
             (self.task.t_end / row.step, row.error)
             for row in self.rows
@@ -349,7 +354,7 @@ class Work:
         return found
 
     def _explain(self, name: str, rate: float) -> None:
-        """A note of why another order is seen than the method has on smooth motion."""
+        """Add a note that explains why the observed order differs from the nominal one."""
         seen, order = self.orders[name]
         if seen is not None and round(seen) == order:
             return
@@ -373,7 +378,8 @@ class Work:
         return "terms of other orders, constraints or rounding still count at these steps"
 
     def _order_runs(self, name: str, known: Reference) -> list[tuple[float, float]]:
-        """(steps, error) at steps that get shorter, until the reference's limit or time.
+        """Return (steps, error) for decreasing steps, down to the reference limit or until time
+        runs out.
 
         They are compared at quarters of the motion, so that frames do not end steps.
         """
@@ -400,7 +406,7 @@ class Work:
     def _time(
         self, runs: list[tuple[Callable[[], float], float]], target: float | None
     ) -> int | None:
-        """Write the times into `rows` and return the index of the baseline."""
+        """Store the measured times in `rows` and return the index of the baseline."""
         began = time.perf_counter()
         chosen = [i for i, row in enumerate(self.rows) if row.ok]
         if not chosen:
@@ -468,7 +474,7 @@ class Work:
 
 
 def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
-    """The rows of pairs, by number, of which the one that does more work took notably less time."""
+    """Return the indices of rows in pairs where the run with more work was notably faster."""
     found: set[int] = set()
     curves: dict[str, list[int]] = {}
     for i, row in enumerate(rows):
@@ -483,7 +489,7 @@ def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
 
 
 def _baseline(rows: list[Row], times: list[float], target: float) -> int:
-    """The cheapest of our runs that meets the target, else the most accurate one."""
+    """Return our fastest run that meets the target, or else the most accurate one."""
     ours = [i for i, row in enumerate(rows) if not row.peer] or list(range(len(rows)))
     fit = [i for i in ours if (rows[i].error or 0.0) <= target]
     if fit:
@@ -492,7 +498,8 @@ def _baseline(rows: list[Row], times: list[float], target: float) -> int:
 
 
 def _expected(settings: tuple[Setting, ...], took: list[float]) -> float:
-    """Seconds of the next setting: the last ones over the step, or at least those of a tolerance.
+    """Estimate the seconds for the next setting: scaled by step size, or as long as the last
+    tolerance.
 
     The first run says nothing, because kernels may have been compiled in it.
     """

@@ -1,4 +1,4 @@
-"""Sweeps: one model at many values of its fields, each run on its own, on cores or a cluster.
+"""Parameter sweeps: one model at many field values, with independent runs on cores or a cluster.
 
 `paths` says what is varied, `metrics` what is measured, `tasks` runs points, `sweep` keeps them.
 """

@@ -1,4 +1,4 @@
-"""Metrics of a sweep: functions of a run, or words such as "max knee"."""
+"""Metrics for a sweep: functions of a run, or text such as "max knee"."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Metric = Callable[[Result], Any]
 
 
 def metrics_of(given: Any) -> dict[str, Metric | str]:
-    """Metrics by name, from a name, a function, or several of them. Raises InputError."""
+    """Return metrics by name from a name, a function, or several of these. Raises InputError."""
     if isinstance(given, Mapping):
         found = dict(given)
     elif isinstance(given, str) or callable(given):
@@ -61,7 +61,7 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
 
 
 def said_of(metric: Any) -> str:
-    """Return a text that identifies a metric, its code and the values that it closes over."""
+    """Return text that identifies a metric by its code and the values in its closure."""
     if isinstance(metric, str):
         return metric
     if isinstance(metric, partial):
@@ -73,7 +73,9 @@ def said_of(metric: Any) -> str:
 
 
 def _said_of_function(function: Any, above: tuple[Any, ...]) -> tuple[Any, ...]:
-    """With the functions of its module that it calls and the constants that it reads."""
+    """Describe a function, with the functions from its module that it calls and the constants it
+    reads.
+    """
     held = [_constant(cell.cell_contents) for cell in function.__closure__ or ()]
     values = (function.__defaults__, function.__kwdefaults__, held)
     read = []
@@ -88,30 +90,32 @@ def _said_of_function(function: Any, above: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _names(code: CodeType) -> list[str]:
-    """Names that a function and those inside it look up."""
+    """Return the names that a function and its nested functions look up."""
     inside = [_names(x) for x in code.co_consts if isinstance(x, CodeType)]
     return sorted({*code.co_names, *chain.from_iterable(inside)})
 
 
 def _said_of_code(code: CodeType) -> tuple[Any, ...]:
-    """Without its place in a file, and without addresses of the functions inside."""
+    """Describe code without its location in a file or the addresses of nested functions."""
     inside = [_said_of_code(x) if isinstance(x, CodeType) else repr(x) for x in code.co_consts]
     return code.co_code.hex(), inside, code.co_names, code.co_varnames
 
 
 def _constant(value: Any) -> Any:
-    """The value where it cannot change while metrics are computed, as a list of theirs could."""
+    """Return an immutable value, or the type name of one that may change while metrics are
+    computed.
+    """
     fixed = isinstance(value, (int, float, complex, str, bytes, tuple, frozenset, type(None)))
     return value if fixed else type(value).__qualname__
 
 
 def _plain(values: Any) -> str:
-    """Return the values as text, without memory addresses."""
+    """Return the values as text without memory addresses."""
     return re.sub(r" at 0x[0-9a-f]+", "", repr(values))
 
 
 def measured(run: Result, metric: Metric | str) -> float:
-    """One number of a run. Raises InputError if it is none."""
+    """Evaluate a metric for one run. Raises InputError if the result is not a number."""
     if not isinstance(metric, str):
         value = metric(run)
         try:
@@ -132,7 +136,8 @@ def _name(metric: Any) -> str:
 
 
 def words(metric: str) -> tuple[str, str]:
-    """Split a metric into the way and its column. The way is "" for a metric of the whole run.
+    """Split a metric into its reduction and column. The reduction is "" for a metric of the whole
+    run.
 
     Raises InputError.
     """
@@ -146,7 +151,7 @@ def words(metric: str) -> tuple[str, str]:
 
 
 def column_of(run: Result, what: str) -> Array:
-    """Return the column of `Result.columns` with the name `what`. Raises InputError."""
+    """Return the column named `what` from `Result.columns`. Raises InputError."""
     columns = run.columns()
     found = meant(columns, what)
     if not found:

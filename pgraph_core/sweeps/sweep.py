@@ -1,4 +1,6 @@
-"""A sweep: its points, what was measured at each, and the file that survives an interruption."""
+"""Sweeps: their points, the measured values, and the file that preserves progress if
+interrupted.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ TRIED = 100  # points of which one must be a model for a look before the first r
 @explained
 @dataclass(frozen=True, eq=False)
 class Sweep(Portable):
-    """Points and what was measured there, in the order of the design.
+    """Points and their measured values, in the order of the design.
 
     `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan where the
     run failed; `status` and `reason` (n,) say why.
@@ -53,7 +55,7 @@ class Sweep(Portable):
 
     @property
     def failed(self) -> Array:
-        """Numbers of the points without values."""
+        """Indices of the points without values."""
         return np.flatnonzero(
             [any(np.isnan(x[i]) for x in self.values.values()) for i in range(len(self))]
         )
@@ -67,7 +69,7 @@ class Sweep(Portable):
         return f"<Sweep of {len(self)} points over {over}: {', '.join(self.values)}{missing}>"
 
     def __getitem__(self, name: str) -> Any:
-        """Return a column by its name. Raises InputError."""
+        """Return a column by name. Raises InputError."""
         columns = self.columns()
         if name not in columns:
             do = "; rows are table.to_pandas().iloc[...]" if not isinstance(name, str) else ""
@@ -76,18 +78,18 @@ class Sweep(Portable):
         return columns[name]
 
     def columns(self) -> dict[str, Any]:
-        """Paths, metrics, status and reason, each with an entry for every point."""
+        """The table by column: paths, metrics, status and reason, each with one entry per point."""
         points = {path: self.points[:, i] for i, path in enumerate(self.paths)}
         return {**points, **self.values, "status": list(self.status), "reason": list(self.reason)}
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame with a row for each point."""
+        """Return a pandas DataFrame with one row per point."""
         from ..errors import needed
 
         return needed("pandas", "pandas").DataFrame(self.columns())
 
     def to_csv(self) -> str:
-        """Return CSV text whose numbers read back bit for bit."""
+        """Return the table as CSV text. Numbers are restored exactly when read back."""
         columns, out = self.columns(), io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(columns)
@@ -96,7 +98,7 @@ class Sweep(Portable):
         return out.getvalue()
 
     def save(self, path: str | FilePath, /) -> None:
-        """Write the table as .csv or .parquet. Raises FileError."""
+        """Save the table as .csv or .parquet. Raises FileError."""
         suffix = _format(path)
         if suffix == ".csv":
             write_atomic(path, self.to_csv())
@@ -110,7 +112,9 @@ class Sweep(Portable):
         write_atomic(path, buffer.getvalue())
 
     def plot(self, metric: str | None = None) -> Any:
-        """A matplotlib figure: a curve over one path, a map over two, else one panel a path."""
+        """Plot with matplotlib: a curve for one path, a map for two, or one panel per path for
+        more.
+        """
         from ..errors import needed
 
         name = metric or next(iter(self.values))
@@ -156,7 +160,7 @@ def sweep(
     progress: Callable[[float], Any] | bool | None = None,
     **options: Any,
 ) -> Sweep:
-    """Run a model at many values of its fields, and measure each run.
+    """Run a model at many field values and measure each run.
 
     A sweep that takes longer than a second runs in several processes. In a script without
     `if __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric
@@ -258,7 +262,9 @@ def sweep(
 
 
 def _known(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options under our names. Raises InputError for options unknown to `simulate`."""
+    """Return options under their Pgraph names. Raises InputError for options unknown to
+    `simulate`.
+    """
     own = [*signature(sweep).parameters][:-1]
     known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
     known.remove("mechanism")
@@ -271,7 +277,7 @@ def _known(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, resume: bool) -> None:
-    """Refuse arguments that contradict each other, or that nothing would read."""
+    """Reject arguments that contradict each other or have no effect."""
     distinct(paths, "sweep")
     if n is not None and samples == "grid":
         text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
@@ -289,7 +295,7 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
 def _tried(
     model: Model, paths: list[Path], points: Array, metrics: Mapping[str, Any], settings: Any
 ) -> Together | None:
-    """Refuse at once what no point could do: the run of one is started, and stopped.
+    """Start and stop one run, to detect problems that every point would have.
 
     What says how all points can be stepped together, if they can.
     """
@@ -329,7 +335,7 @@ def _table(
 
 
 class Kept:
-    """File of finished points: a header that identifies the sweep, then one line per point.
+    """A file of finished points, with a header that identifies the sweep and one line per point.
 
     Damaged lines are skipped and their points computed again. Raises InputError for the file of
     another sweep, and for points that would be lost.
@@ -359,7 +365,9 @@ class Kept:
             raise FileError(Problem(str(self._part), "", text)) from None
 
     def _read(self, fingerprint: str) -> list[Row]:
-        """Return the rows of undamaged lines. Raises InputError for the file of another sweep."""
+        """Return the rows from undamaged lines. Raises InputError if the file belongs to another
+        sweep.
+        """
         header, *lines = map(_line, self._part.read_bytes().splitlines() or [b'{"sweep": ""}'])
         if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
@@ -370,7 +378,9 @@ class Kept:
         return [Row(**{**line, "values": tuple(line["values"])}) for line in whole]
 
     def append(self, rows: list[Row]) -> None:
-        """Write finished points, all in one go. Raises FileError, where the disk is full."""
+        """Write finished points in a single operation. Raises FileError, for example if the disk is
+        full.
+        """
         try:
             with self._part.open("ab") as file:
                 file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
@@ -381,13 +391,13 @@ class Kept:
         self.rows += rows
 
     def close(self, *, finished: bool) -> None:
-        """Leave the points so far, if there are any and the table is not written."""
+        """Close the file. It is deleted if the table has been written or there are no points."""
         if finished or not self.rows:
             self._part.unlink(missing_ok=True)
 
 
 def _line(text: bytes) -> dict[str, Any]:
-    """Parse a line, or return {} if it is damaged."""
+    """Parse a line. Return {} if it is damaged."""
     try:
         found = json.loads(text)
     except ValueError:
@@ -396,7 +406,9 @@ def _line(text: bytes) -> dict[str, Any]:
 
 
 def _fingerprint(task: Task, points: Array) -> str:
-    """Names a sweep: its model, paths, points, metrics, options and version."""
+    """Return a hash that identifies a sweep by its model, paths, points, metrics, options and
+    version.
+    """
     metrics = {name: said_of(x) for name, x in task.metrics.items()}
     options = {name: repr(value) for name, value in task.options.items()}
     said = json.dumps(
@@ -421,7 +433,7 @@ MOST_POINTS = 10_000_000
 
 
 def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int) -> Array:
-    """The points of a design, shape (points, paths).
+    """Return the points in a design as an array of shape (points, paths).
 
     "grid": every combination of the values given for each path. "latin", "sobol" and "random": `n`
     points, each path given as (low, high) or as a frozen distribution of `scipy.stats`.
@@ -445,7 +457,7 @@ def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int)
 
 
 def _unit_points(samples: str, dimensions: int, n: int, seed: int) -> Array:
-    """(n, dimensions) numbers within (0, 1)."""
+    """Return sample points within (0, 1) as an (n, dimensions) array."""
     from scipy.stats import qmc
 
     if samples == "latin":

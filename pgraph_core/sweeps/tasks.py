@@ -1,4 +1,4 @@
-"""Points of a sweep run in this process, in processes of this machine, or by Dask's workers."""
+"""Execution of sweep points in this process, in local processes, or by Dask workers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ANSWER = 10  # [s] for a scheduler to answer
 
 @dataclass(frozen=True)
 class Row:
-    """Result of one point: its values, or the reason of its failure."""
+    """The result at one point: its values, or the reason for its failure."""
 
     point: int
     values: tuple[float, ...]
@@ -46,7 +46,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Task:
-    """All that a worker needs to know, sent to each worker once."""
+    """The data that a worker needs, sent to each worker once."""
 
     model: Model
     paths: tuple[Any, ...]
@@ -57,12 +57,12 @@ class Task:
 
     @cached_property
     def located(self) -> tuple[Path, ...]:
-        """The paths in the model."""
+        """The locations of the paths in the model."""
         return tuple(Path(self.model, path) for path in self.paths)
 
 
 def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> list[Row]:
-    """The rows of some points. Raises InputError if this worker is of another version."""
+    """Run some points and return their rows. Raises InputError if the worker's version differs."""
     if task.version != installed():
         text = f"runs version {installed()}; the sweep is of {task.version}: install the same"
         raise InputError(Problem("sweep", "worker", text))
@@ -78,7 +78,9 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
 def _rows_together(
     task: Task, together: Together, paths: Sequence[Path], points: Sequence[Any]
 ) -> list[Row]:
-    """Return the row of each point from one batch. Points that fail there run alone."""
+    """Run the points in one batch and return their rows. Points that fail are run again on their
+    own.
+    """
     design = np.array([values for _, values in points])
     metrics = [str(metric) for metric in task.metrics.values()]
     values, ended = together.measured(task.model, task.paths, design, metrics)
@@ -111,12 +113,14 @@ def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]
 
 
 def _unseen(run: Result) -> str:
-    """The notice that frames miss an oscillation, or ""."""
+    """Return a warning if the frames miss an oscillation, or ""."""
     return next((text for text in run.notices if text.startswith(TOO_WIDE)), "")
 
 
 def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]:
-    """(value, ""), or nan and why: one metric must not take the others along."""
+    """Return (value, ""), or nan and the reason, so that one failing metric does not affect the
+    others.
+    """
     try:
         value = measured(run, metric)
     except PgraphError as error:
@@ -129,7 +133,7 @@ def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]
 def rows_of(
     task: Task, points: Sequence[tuple[int, tuple[float, ...]]], workers: int | None, scheduler: Any
 ) -> Iterator[list[Row]]:
-    """Rows as they are ready, in any order. The rows do not depend on where they are computed."""
+    """Yield rows as they finish, in any order. They do not depend on where they are computed."""
     if scheduler is not None:
         yield from _by_dask(task, points, scheduler)
         return
@@ -156,7 +160,7 @@ GUARD = 'to use all cores call it in your script below `if __name__ == "__main__
 
 
 def _guarded() -> bool:
-    """True if spawned processes, which first run the main script again, may do so."""
+    """Return True if the main script can be re-imported safely by spawned processes."""
     path = getattr(sys.modules.get("__main__"), "__file__", None)
     try:
         return path is None or "__name__" in FilePath(path).read_text(errors="replace")
@@ -165,7 +169,7 @@ def _guarded() -> bool:
 
 
 def _whole_lanes(count: float) -> int:
-    """At most as many points, none of which a step in lanes leaves alone."""
+    """Round a number of points down to a multiple of the lane width, if it exceeds that width."""
     return max(1, int(count) // LANE_WIDTH * LANE_WIDTH, min(int(count), LANE_WIDTH))
 
 
@@ -222,7 +226,7 @@ def _run_kept(points: Sequence[Any]) -> list[Row]:
 
 
 def _connected(scheduler: Any) -> Any:
-    """A client of a Dask scheduler. Raises InputError, also where one answers no word."""
+    """Connect to a Dask scheduler. Raises InputError, also if it does not respond."""
     from distributed import Client
 
     found: list[Any] = []
@@ -244,7 +248,7 @@ def _connected(scheduler: Any) -> Any:
 
 
 def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list[Row]]:
-    """By the workers of a Dask cluster: an address, a cluster, or a `distributed.Client`."""
+    """Run on the workers of a Dask cluster, given by address, cluster or `distributed.Client`."""
     try:
         from distributed import Client, as_completed
     except ImportError:

@@ -1,4 +1,4 @@
-"""Points of a sweep stepped together: a batch takes the steps of many runs at once.
+"""Sweep points stepped together: one batch advances many runs at once.
 
 Each instance of a batch has the bits of its own run, so that the table does not depend on it.
 """
@@ -29,14 +29,14 @@ PIECE = 1000  # steps of all instances that are kept at once
 
 
 class Exact(BatchStepper):
-    """A batch whose instances all have the bits of their own runs."""
+    """A batch whose instances match their individual runs bit for bit."""
 
     _same_bits = True
 
 
 @dataclass(frozen=True)
 class Together:
-    """Plan of a batch that takes the steps of all runs of a sweep."""
+    """The plan for a batch that advances all runs of a sweep together."""
 
     options: Mapping[str, Any]  # options of the batch
     frames: Array  # (n,) steps from the start to each recorded state
@@ -48,7 +48,8 @@ class Together:
         cls, model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
         options: Mapping[str, Any], run: Result,
     ) -> Together | None:  # fmt: skip
-        """Return the plan, or None unless all metrics are of coordinates and steps are fixed.
+        """Return the plan, or None unless all metrics use coordinates only and the step size is
+        fixed.
 
         `model` is that of the first point and `run` its run, or the start of it.
         """
@@ -86,7 +87,8 @@ class Together:
     def measured(
         self, model: Model, paths: Sequence[Any], points: Array, metrics: Sequence[str]
     ) -> tuple[Array, Array]:
-        """((points, metrics) values, (points,) whether each run came to its end).
+        """Return values of shape (points, metrics), and flags (points,) for runs that reached the
+        end.
 
         Raises PgraphError where a point is refused, or points do not have one structure.
         """
@@ -121,7 +123,7 @@ class Together:
 
 
 def _place(run: Result, column: Array) -> int | None:
-    """Return the index of a column in (q, v), or None for another column."""
+    """Return the index of a column in (q, v), or None if it is another column."""
     for states, first in ((run.q, 0), (run.v, run.q.shape[1])):
         if np.shares_memory(states, column):
             return first + (column.ctypes.data - states.ctypes.data) // states.itemsize

@@ -1,4 +1,4 @@
-"""Verification cases: models whose motion is known, as data, and the comparison with it."""
+"""Verification cases: models with known motion, stored as data, and the comparison with it."""
 
 from .cases import Case as Case
 from .cases import States as States

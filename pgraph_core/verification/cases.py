@@ -1,4 +1,4 @@
-"""Cases: models whose motion is known, how to run them, and how accurate the run must be.
+"""Verification cases: models with known motion, their run options and required accuracy.
 
 A case file is JSON: the reference, how it was obtained, and `cases`, each a model, the options of
 its run, and the observables to compare (`KINDS`). No code knows a case by name.
@@ -29,7 +29,7 @@ Given: TypeAlias = "Mapping[str, Any]"
 
 
 class States(NamedTuple):
-    """States that are evaluated without a run."""
+    """States that can be evaluated without a simulation."""
 
     mechanism: Mechanism
     q: Array  # (n, nq)
@@ -59,7 +59,7 @@ def accelerations(motion: Motion, given: Given) -> Array:
 
 
 def _of_joints(mech: Mechanism, states: Array, given: Given, which: str) -> Array:
-    """Columns of the `bodies` (default: all), or some `columns` of them.
+    """Return the columns for the joints of `bodies` (default: all), or only some `columns`.
 
     `absolute`: summed from the ground outwards.
     """
@@ -75,7 +75,7 @@ def _of_joints(mech: Mechanism, states: Array, given: Given, which: str) -> Arra
 
 
 def point(motion: Motion, given: Given) -> Array:
-    """Return the position of `point` of `body` [m], or its coordinates named by `axes` ("xy")."""
+    """Return the position of `point` on `body` [m], or the coordinates named by `axes` ("xy")."""
     place = np.array(given.get("point", (0.0, 0.0, 0.0)))
     poses = (motion.mechanism.pose(q, given["body"]) for q in motion.q)
     return np.array([x + R @ place for x, R in poses])[:, _axes(given)]
@@ -89,18 +89,18 @@ def point_velocity(motion: Motion, given: Given) -> Array:
 
 
 def direction(motion: Motion, given: Given) -> Array:
-    """Direction of `axis` of `body` in the world."""
+    """Return the direction of `axis` of `body` in world coordinates."""
     axis = np.array(given["axis"])
     return np.array([motion.mechanism.pose(q, given["body"])[1] @ axis for q in motion.q])
 
 
 def rotation(motion: Motion, given: Given) -> Array:
-    """(n, 9) rotation matrices of `body`, row by row."""
+    """Return the rotation matrices of `body`, flattened row by row, as an (n, 9) array."""
     return np.array([motion.mechanism.pose(q, given["body"])[1].ravel() for q in motion.q])
 
 
 def spin(motion: Motion, given: Given) -> Array:
-    """Angular velocity of `body` in its own axes [rad/s]."""
+    """Return the angular velocity of `body` in its own frame [rad/s]."""
     mech, name = motion.mechanism, given["body"]
     return np.array(
         [
@@ -111,28 +111,28 @@ def spin(motion: Motion, given: Given) -> Array:
 
 
 def energy(motion: Motion, given: Given) -> Array:
-    """Kinetic and potential energy together [J]."""
+    """Return the total of kinetic and potential energy [J]."""
     mech = motion.mechanism
     return np.array([[sum(mech.energy(q, v))] for q, v in zip(motion.q, motion.v)])
 
 
 def constraint_force(motion: Motion, given: Given) -> Array:
-    """[torque, force] of `constraint`, or the `rows` of it."""
+    """Return [torque, force] for `constraint`, or only its `rows`."""
     return _run(motion).constraint_force[given["constraint"]][:, _rows(given)]
 
 
 def contact_force(motion: Motion, given: Given) -> Array:
-    """[torque, force] of `contact` on its body, or the `rows` of it."""
+    """Return [torque, force] that `contact` exerts on its body, or only its `rows`."""
     return _run(motion).contact_force[given["contact"]][:, _rows(given)]
 
 
 def limit_torque(motion: Motion, given: Given) -> Array:
-    """Torque or force of `limit` [N m or N]."""
+    """Return the torque or force exerted by `limit` [N m or N]."""
     return np.reshape(_run(motion).contacts.limit[given["limit"]], (-1, 1))
 
 
 def drift(motion: Motion, given: Given) -> Array:
-    """Position error of the constraints [m]."""
+    """Return the position error of the constraints [m]."""
     return _run(motion).constraint_drift[:, :1]
 
 
@@ -140,23 +140,27 @@ def drift(motion: Motion, given: Given) -> Array:
 
 
 def event_times(motion: Motion, given: Given) -> Array:
-    """When contacts and limits change [s]."""
+    """Return the times at which contacts and limits change state [s]."""
     return np.reshape([event.t for event in _run(motion).events], (-1, 1))
 
 
 def last_event(motion: Motion, given: Given) -> Array:
-    """When the last of them changes [s]."""
+    """Return the time of the last state change [s]."""
     return event_times(motion, given)[-1:]
 
 
 def frequencies(motion: Motion, given: Given) -> Array:
-    """Return frequencies `modes` of small motions about the first state [rad/s], ascending."""
+    """Return the natural frequencies with indices `modes` about the first state [rad/s],
+    ascending.
+    """
     found = linear.frequencies(motion.mechanism, motion.q[0])
     return np.reshape(found[given["modes"]], (-1, 1))
 
 
 def response(motion: Motion, given: Given) -> Array:
-    """Acceleration of `point` of `body` along `direction` for each N along `force` [1/kg]."""
+    """Return the acceleration of `point` on `body` along `direction` per newton along `force`
+    [1/kg].
+    """
     mech, place = motion.mechanism, given["point"]
     number = mech.topology.number(given["body"]) - 1
     found = []
@@ -195,7 +199,8 @@ VECTORS = ("point", "point_velocity", "direction", "spin", "constraint_force", "
 
 
 def errors(kind: str, found: Array, reference: Array, scale: float) -> Array:
-    """(n,) |found - reference| / max(|reference|, scale) of each row, the worst of its numbers.
+    """Return the largest |found - reference| / max(|reference|, scale) in each row, as an (n,)
+    array.
 
     Points, directions and forces count as vectors, rotations by the angle between both [rad].
     """
@@ -209,7 +214,7 @@ def errors(kind: str, found: Array, reference: Array, scale: float) -> Array:
 
 
 def rotations(reference: Array) -> Array:
-    """(n, 9) of matrices, or of quaternions (n, 4)."""
+    """Return flattened rotation matrices (n, 9), given as such or as quaternions (n, 4)."""
     if reference.shape[1] == 9:
         return reference
     return np.array([np.ravel(matrix(q)) for q in reference])
@@ -230,7 +235,7 @@ def _rows(given: Given) -> list[int]:
 
 @dataclass(frozen=True)
 class Observable:
-    """One quantity of a case and its reference values."""
+    """One observable quantity in a case, with its reference values."""
 
     kind: str  # a key of `KINDS`
     given: Mapping[str, Any]  # arguments of the kind: a body, a point, ...
@@ -241,17 +246,19 @@ class Observable:
 
     @property
     def name(self) -> str:
-        """Kind and part, such as "point of tip"."""
+        """The kind and part, such as "point of tip"."""
         of = [self.given[key] for key in ("body", "constraint", "contact") if key in self.given]
         return " of ".join([self.kind, *of])
 
     def of(self, motion: Motion) -> Array:
-        """(n, k) its values in a run, or at given states."""
+        """Return its values in a run or at given states, as an (n, k) array."""
         found = KINDS[self.kind](motion, self.given)
         return found if self.frames is None else found[list(self.frames)]
 
     def errors(self, motion: Motion) -> Array:
-        """Return the error of each row of the reference (n,), inf after the end of a failed run."""
+        """Return the error for each row in the reference (n,), or inf after the end of a failed
+        run.
+        """
         found = np.full_like(self.reference, np.inf)
         try:
             there = self.of(motion)[: len(found)]
@@ -267,7 +274,7 @@ class Observable:
 @explained
 @dataclass(frozen=True)
 class Case:
-    """A model whose motion is known."""
+    """A model with known motion."""
 
     name: str
     description: str
@@ -281,7 +288,7 @@ class Case:
     observables: tuple[Observable, ...]
 
     def motion(self, *, progress: Callable[[float], Any] | None = None, **options: Any) -> Motion:
-        """Return the run with `options` replacing those of the case, or states if it has no run."""
+        """Run the case with `options` overriding its own. Return the states if it has no run."""
         mech = Mechanism(self.model)
         if self.states is not None:
             return States(mech, self.states, np.zeros((len(self.states), mech.nv)))
@@ -292,7 +299,7 @@ class Case:
 @explained
 @dataclass(frozen=True)
 class Verdict:
-    """The result of a case: the observable with the largest error relative to its target."""
+    """The result of a case, with the observable whose error is largest relative to its target."""
 
     case: Case
     observable: Observable
@@ -302,14 +309,14 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """True if the run reached its end and the error is within the target."""
+        """True if the run reached the end and the error is within the target."""
         ended = self.run is None or self.run.status.ok
         return ended and self.error <= self.observable.target
 
 
 @explained
 def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Verdict:
-    """Run a case and compare it with its reference. Raises InputError if it is given no case."""
+    """Run a case and compare it with its reference. Raises InputError if `case` is not a Case."""
     if not isinstance(case, Case):
         raise wrong_type("verify", "case", "a pg.Case, one of those of pg.load_cases(path)", case)
     motion = case.motion(progress=progress, estimate=False)  # the error itself is measured
@@ -326,7 +333,7 @@ def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Ver
 
 @explained
 def load_cases(path: str | Path, /) -> tuple[Case, ...]:
-    """The cases in a file. Raises FileError or ModelError."""
+    """Load the cases from a file. Raises FileError or ModelError."""
     data = _object(path)
     try:
         return tuple(_case(data, entry, Path(path)) for entry in data["cases"])
@@ -350,7 +357,7 @@ def _name(data: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
 
 
 def _case(data: Mapping[str, Any], entry: Mapping[str, Any], path: Path) -> Case:
-    """Return one entry of `cases`, with the fields of the file where it omits them."""
+    """Parse one entry of `cases`. Omitted fields are taken from the file."""
     options = dict(entry.get("run", {}))
     states = entry.get("states")
     t = _times(data, entry, options) if entry.get("grid", True) and states is None else None
@@ -370,7 +377,7 @@ def _case(data: Mapping[str, Any], entry: Mapping[str, Any], path: Path) -> Case
 
 
 def _times(data: Mapping[str, Any], entry: Mapping[str, Any], options: Mapping[str, Any]) -> Array:
-    """The times of the reference up to the run's end."""
+    """Return the reference times up to the end of the run."""
     t = np.array(entry.get("t", data["t"]), dtype=float)
     t_end = options.get("t_end", t[-1])
     return t[t <= t_end * (1 + 1e-12)]
@@ -400,7 +407,7 @@ def _observable(
 
 
 def _found(data: Mapping[str, Any], reference: Any) -> Any:
-    """The numbers themselves, or those at a path such as "100/tip_xy" in the file's reference."""
+    """Return literal numbers, or those at a path such as "100/tip_xy" in the file's reference."""
     if not isinstance(reference, str):
         return reference
     found: Any = data["reference"]
