@@ -170,7 +170,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _page(run: Any, fields: Any = ()) -> str:
-    """Return the page of a living figure, which runs the mechanism again."""
+    """Return the page for a live figure, which reruns the mechanism."""
     from .live.export import page
 
     return page(run, fields)

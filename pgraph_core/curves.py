@@ -1,4 +1,4 @@
-"""Numbers that depend on time: tables, and the few formulas that prescribed motions need."""
+"""Time-dependent numbers: tables, and the few formulas needed for prescribed motions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .fields import Expression, Frozen, Number, Numbers, Vec3s, field, refuse, s
 
 
 class Table(Frozen):
-    """A number over time: straight lines between the knots, constant outside them.
+    """A number over time, interpolated linearly between knots and constant outside them.
 
     As `q_of_t` of a constraint a smooth curve instead: a cubic spline at rest at both ends.
     """
@@ -29,7 +29,7 @@ class Table(Frozen):
 
     @cached_property
     def lines(self) -> NDArray[np.float64]:
-        """Return the (n, 4) time, value, slope and value again of each knot, read-only.
+        """Return an (n, 4) read-only array with time, value, slope and value again for each knot.
 
         The last slope is the number of knots per second, from which kernels guess a place.
         """
@@ -43,7 +43,7 @@ class Table(Frozen):
 
 
 class VectorTable(Frozen):
-    """A vector over time: straight lines between the knots, constant outside them."""
+    """A vector over time, interpolated linearly between knots and constant outside them."""
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
     value: Vec3s = field("one [x, y, z] a time", converter=vectors)
@@ -65,7 +65,7 @@ def _knot_problems(t: tuple[float, ...], value: tuple[object, ...]) -> list[tupl
 
 
 class Sine(Frozen):
-    """mean + amplitude sin(frequency t + phase), for all times."""
+    """The sine curve mean + amplitude sin(frequency t + phase), for all times."""
 
     kind: Literal["sine"] = Field(default="sine", description="'sine'")
     mean: Number = Field(default=0.0, description="a finite number [rad, m]")
@@ -75,7 +75,9 @@ class Sine(Frozen):
 
 
 class Polynomial(Frozen):
-    """c0 + c1 t + c2 t^2 + c3 t^3, for all times: (0, 2) turns at a constant 2 rad/s."""
+    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3, for all times. (0, 2) turns at a constant 2
+    rad/s.
+    """
 
     kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
     coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = field(
@@ -84,7 +86,7 @@ class Polynomial(Frozen):
 
 
 def _which(value: Any) -> str | None:
-    """Return the tag of a curve, given as an object, as its fields or as '=...'."""
+    """Return the tag of a curve, given as an object, a mapping of its fields or '=...'."""
     if isinstance(value, str):
         return "expression"
     if isinstance(value, dict):

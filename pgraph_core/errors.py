@@ -1,4 +1,4 @@
-"""Errors, with messages for the person who typed the input."""
+"""Errors, with messages written for the person who typed the input."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MOST_NESTED = 100  # lists within lists
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem of a description: the part, the field, and a sentence about it."""
+    """A single problem in a description: the part, the field and a message about it."""
 
     where: str  # "body 'knee'", "constraint 'paw'", "model", "file mine.json, line 3"
     field: str  # "mass", or "" where no single field is at fault
@@ -42,7 +42,7 @@ class Problem:
 
 
 class PgraphError(Exception):
-    """Invalid input. `problems` lists all problems, and the text has the first one."""
+    """Invalid input. `problems` lists all problems, and the message contains the first one."""
 
     def __init__(self, problems: Iterable[Problem] | Problem):
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
@@ -67,17 +67,17 @@ class InputError(PgraphError):
 
 
 class MissingPackage(PgraphError, ImportError):
-    """An optional package is missing. The text names the command that installs it."""
+    """An optional package is missing. The message gives the command that installs it."""
 
 
 class SetError(InputError, AttributeError):
-    """An attribute that cannot be set: an AttributeError with a sentence."""
+    """An attribute that cannot be set: an AttributeError with a helpful message."""
 
     __str__ = Exception.__str__
 
 
 def guarded(**advice: str) -> Callable[[Called], Called]:
-    """Make a class refuse to set public attributes from outside.
+    """Make a class reject attempts to set public attributes from outside.
 
     Its own methods write them with `vars(self)`. `advice`: what to write instead, by the names
     that are tried, several joined by "_or_"; "other" is for the rest. Classes of users that inherit
@@ -106,7 +106,7 @@ def _is_ours(value: Any) -> bool:
 
 
 def needed(module: str, extra: str = "") -> Any:
-    """Return the imported `module`.
+    """Import `module` and return it.
 
     Raises MissingPackage naming the `extra` of pgraph-dynamics that brings it. Without one it is a
     package of the page, which only a lean installation lacks.
@@ -122,7 +122,7 @@ def needed(module: str, extra: str = "") -> Any:
 
 
 def choices(names: Iterable[str], limit: int = 12) -> str:
-    """Return the valid names, comma-separated, at most `limit`, for the end of a sentence."""
+    """Return valid names separated by commas, at most `limit`, for the end of a sentence."""
     listed = [name if name.isprintable() else repr(name) for name in names]
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(_cut(name, 100) for name in listed[:limit]) + more
@@ -135,7 +135,7 @@ def one_of(names: Iterable[str]) -> str:
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """Return the names, those most similar to `name` first."""
+    """Return the names sorted so that those most similar to `name` come first."""
     names = list(dict.fromkeys(known))
     close = difflib.get_close_matches(name, names, n=3)
     return [*close, *(x for x in names if x not in close)]
@@ -149,14 +149,14 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def no_method(name: Any, known: Iterable[str]) -> str:
-    """Return the sentence about an unknown name of an integration method."""
+    """Return a message about an unknown integration method."""
     names = list(known)
     text = f"no method is called {shown(name)}; choose one of {choices(names)}"
     return text + words.synonym(name, names)
 
 
 def to_read(text: Any) -> str:
-    """Return a hint for text that is given in place of a model."""
+    """Return a hint for text passed in place of a model."""
     if not isinstance(text, str):
         return ""
     if text.lstrip().startswith("{"):
@@ -168,7 +168,7 @@ def to_read(text: Any) -> str:
 
 
 def plain(text: str) -> str:
-    """Return foreign text for a terminal, with control characters spelled out."""
+    """Sanitise external text for a terminal by spelling out control characters."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
@@ -179,7 +179,7 @@ def _cut(text: str, limit: int) -> str:
 
 
 def shown(value: Any, limit: int = 60) -> str:
-    """Return a value for a sentence: short, with nan and inf spelled out."""
+    """Format a value for use in a message: short, with nan and inf spelled out."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     try:
@@ -189,7 +189,7 @@ def shown(value: Any, limit: int = 60) -> str:
 
 
 def _lists(value: Any, most: int, left: list[int]) -> Any:
-    """Return lists for tuples and arrays, with at most `left` values."""
+    """Convert tuples and arrays to lists with at most `left` values."""
     left[0] -= 1
     if hasattr(value, "tolist"):
         if hasattr(value, "ndim") and not isinstance(value, memoryview):
@@ -206,7 +206,7 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def refusal(call: str, field: str, text: str) -> InputError:
-    """Return the error for an argument of a function that does not fit."""
+    """Return the error for a function argument that does not fit."""
     return InputError(Problem(call, field, text))
 
 
@@ -214,7 +214,7 @@ def refusal(call: str, field: str, text: str) -> InputError:
 
 
 class NameLookupError(InputError, KeyError):
-    """An unknown name in a table of results: a KeyError with a sentence."""
+    """An unknown name in a table of results: a KeyError with a helpful message."""
 
     __str__ = Exception.__str__
 
@@ -223,7 +223,7 @@ BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, str
 
 
 def explained(called: Called) -> Called:
-    """Wrap a function, or the public methods of a class, so that bare errors become sentences.
+    """Wrap a function, or a class's public methods, so that bare errors become readable messages.
 
     A call that fails with an error of Python's own is looked at then: arguments that the signature
     does not take, or whose type is not the annotated one, raise InputError. Others stay as they
@@ -266,7 +266,7 @@ def _explained(function: Any) -> Any:
 
 
 def _names(function: Any) -> list[str]:
-    """Return the names by which a function takes arguments."""
+    """Return the names that a function accepts as keyword arguments."""
     return [
         p.name
         for p in inspect.signature(function).parameters.values()
@@ -275,7 +275,7 @@ def _names(function: Any) -> list[str]:
 
 
 def is_deep(value: Any) -> bool:
-    """True if lists and dictionaries are nested deeper than any argument."""
+    """Return True if lists and dictionaries are nested deeper than any valid argument."""
     level = [value]
     for _ in range(MOST_NESTED):
         level = [
@@ -291,7 +291,7 @@ def is_deep(value: Any) -> bool:
 def _problems_of_call(
     function: Any, args: tuple[Any, ...], named: Mapping[str, Any]
 ) -> list[Problem]:
-    """Return the problems of the arguments of a failed call, [] if they fit."""
+    """Return the problems with the arguments of a failed call, or [] if they fit."""
     signature = inspect.signature(function)
     where = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
     parameters = signature.parameters
@@ -316,7 +316,7 @@ def _problems_of_call(
 def _misfits(
     where: str, function: Any, parameters: Mapping[str, Any], given: Mapping[str, Any]
 ) -> list[Problem]:
-    """Return a problem for each argument whose type is not the annotated one."""
+    """Return a problem for each argument whose type does not match its annotation."""
     found: list[Problem] = []
     for name, value in given.items():
         wanted, form = parameters[name].annotation, parameters[name].kind
@@ -333,14 +333,14 @@ def _misfits(
 
 
 def _each(value: Any, form: Any) -> Iterable[Any]:
-    """Return the values of a parameter, of which `*names` has several."""
+    """Return the values of a parameter. Only a variadic one such as `*names` has several."""
     if form is inspect.Parameter.VAR_POSITIONAL:
         return value
     return value.values() if form is inspect.Parameter.VAR_KEYWORD else (value,)
 
 
 def _fits(value: Any, wanted: Any) -> bool:
-    """Return whether a value fits an annotation, as far as it can be checked."""
+    """Return True if a value matches an annotation, as far as this can be checked."""
     origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
     if wanted is Any:
         return True
@@ -372,7 +372,7 @@ def _fits(value: Any, wanted: Any) -> bool:
 
 
 def _fits_inside(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
-    """Return whether a container and its values fit an annotation."""
+    """Return True if a container and its values match an annotation."""
     if issubclass(kind, collections.abc.Mapping):
         if not isinstance(value, collections.abc.Mapping):
             return False

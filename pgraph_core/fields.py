@@ -1,4 +1,4 @@
-"""Field types of the description, and the base of its parts.
+"""Field types for descriptions, and the base class of their parts.
 
 `field(...)` declares a field once. Its description completes "must be ..." in the sentence that
 refuses a value; label, unit and help are what a form shows; the converter says, also to a type
@@ -66,7 +66,7 @@ EVERY = "*"  # every body that has a shape, in a contact
 
 
 class About(NamedTuple):
-    """Description of a field for forms."""
+    """The description of a field for use in forms."""
 
     label: str
     unit: str = ""  # "length" and "angle" follow the page's units
@@ -79,7 +79,7 @@ Role = Literal[
 
 
 class Facts(NamedTuple):
-    """Dimension, role, first schema version and help of a field.
+    """The dimension, role, first schema version and help text of a field.
 
     The role says how a reflection changes it. A `point`, `direction` or `vector` is reflected, an
     `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3 by 3 numbers, a
@@ -122,14 +122,16 @@ def field(
     help: str = "",
     **bounds: Any,
 ) -> Any:
-    """Declare a field of a part. `converter` tells type checkers the accepted and the held type."""
+    """Declare a field of a part. `converter` gives type checkers the accepted and the stored
+    type.
+    """
     found = Field(default, description=description, title=label or None, **bounds)
     found.metadata.append(Facts(dim, over, role, since, help))
     return found
 
 
 def facts(info: FieldInfo) -> Facts:
-    """Return the facts of a field, empty ones if `field` did not declare it."""
+    """Return the facts about a field, or empty ones if it was not declared with `field`."""
     return next((x for x in info.metadata if isinstance(x, Facts)), Facts(None, S, "", 1, ""))
 
 
@@ -141,7 +143,7 @@ def dim_of(part: Frozen, name: str) -> Dim:
 
 
 def about(info: FieldInfo, name: str) -> About:
-    """Return the label, unit and help that a form shows for a field."""
+    """Return the label, unit and help text shown for a field in forms."""
     own = facts(info)
     label = info.title or name.replace("_", " ").capitalize()
     return About(label, UNITS.get(own.dim or NONE, ""), own.help)
@@ -151,7 +153,9 @@ PLAIN = frozenset((float, int, str))  # most of what a description holds
 
 
 def listed(value: Any) -> Any:
-    """Turn lists and NumPy arrays into tuples, NumPy scalars into numbers, and keep the rest."""
+    """Convert lists and NumPy arrays to tuples and NumPy scalars to numbers. Keep everything
+    else.
+    """
     kind = type(value)
     if kind in PLAIN:
         return value
@@ -166,7 +170,7 @@ def listed(value: Any) -> Any:
 
 
 def _ordered(value: Any) -> Any:
-    """Return `listed`. Refuses sets, which have no order."""
+    """The same as `listed`, but reject sets, which have no order."""
     if type(value) is tuple and PLAIN.issuperset(map(type, value)):
         return value
     if isinstance(value, (set, frozenset)):
@@ -175,7 +179,7 @@ def _ordered(value: Any) -> Any:
 
 
 def _inertia(value: Any) -> Any:
-    """Return a matrix, also from three numbers as its diagonal."""
+    """Return an inertia matrix. Three numbers are taken as its diagonal."""
     value = _ordered(value)
     if (
         isinstance(value, tuple)
@@ -193,7 +197,7 @@ def _per_motion(value: Any) -> Any:
 
 
 def _readable(text: str) -> str:
-    """Return an expression, '=...', stripped. Refuses one that cannot be read."""
+    """Return an expression, '=...', with whitespace stripped. Reject one that cannot be parsed."""
     if not is_expression(text):
         raise ValueError("an expression begins with '='")
     text = text.strip()
@@ -230,7 +234,7 @@ def vector(value: npt.ArrayLike) -> Vec3:
 
 
 def maybe_vector(value: npt.ArrayLike | None) -> Vec3 | None:
-    """Three numbers or None."""
+    """Accept three numbers or None."""
     return listed(value)
 
 
@@ -240,17 +244,17 @@ def vectors(value: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Vec3s:
 
 
 def quaternion(value: npt.ArrayLike) -> Quat:
-    """[w, x, y, z]."""
+    """Accept a quaternion [w, x, y, z]."""
     return listed(value)
 
 
 def inertia_matrix(value: npt.ArrayLike) -> Mat3:
-    """(3, 3) numbers, or the (3,) of its diagonal."""
+    """Accept a (3, 3) matrix, or its diagonal (3,)."""
     return _inertia(value)
 
 
 def per_motion(value: npt.ArrayLike) -> PerMotion:
-    """One number a motion, or one for all."""
+    """Accept one number per motion, or a single number for all."""
     return _per_motion(value)
 
 
@@ -260,12 +264,12 @@ def several(value: npt.ArrayLike) -> Numbers:
 
 
 def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Names in a tuple or list, or None."""
+    """Accept names in a tuple or list, or None."""
     return listed(value)
 
 
 class Fixed(dict[str, Any]):
-    """An immutable dictionary of a part. Changing it raises ModelError."""
+    """An immutable dictionary in a part. Changing it raises ModelError."""
 
     def _refused(self, *args: Any, **named: Any) -> NoReturn:
         text = "is not changed in place; make a new model: "
@@ -280,7 +284,7 @@ class Fixed(dict[str, Any]):
 
 
 def fixed(value: dict[str, Any]) -> dict[str, Any]:
-    """Return the same entries as an immutable dictionary."""
+    """Return an immutable dictionary with the same entries."""
     return Fixed(value)
 
 
@@ -289,12 +293,12 @@ EMPTY = Fixed()
 
 
 def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
-    """Body name -> numbers."""
+    """Accept a mapping from body names to numbers."""
     return value  # type: ignore[return-value]
 
 
 def name_problem(name: str) -> str:
-    """Return the problem of the name of a part, which must be visible in tables and files."""
+    """Return the problem with a part's name, which must be visible in tables and files, or ""."""
     if not name.strip():
         return f"must be text that is not empty; given {shown(name)}"
     if name != name.strip():
@@ -331,7 +335,7 @@ if TYPE_CHECKING:  # a type checker reads the parameters of a part from its conv
 else:
 
     class _Sentences(type(BaseModel)):
-        """A metaclass that turns refusals of pydantic in a call of the class into a ModelError.
+        """A metaclass that converts pydantic validation errors in constructor calls to ModelError.
 
         Not in `__init__`: pydantic would call that for values inside others, too, and their place
         in the whole would be lost.
@@ -362,7 +366,7 @@ else:
                 raise ModelError(all_problems(cls, data, error, where, moot)) from None
 
         def __dir__(cls):
-            """Return fields and names defined by our own classes."""
+            """Return the fields and the names defined by our own classes."""
             ours = [vars(c) for c in cls.__mro__ if not c.__module__.startswith(FOREIGN)]
             named = {name for each in ours for name in each if not name.startswith(("_", "model_"))}
             return sorted({name for name in named if not name.isupper()} | cls.model_fields.keys())
@@ -374,12 +378,14 @@ else:
 
 
 class Frozen(_Base):
-    """Base of every description: immutable, unknown fields refused by name."""
+    """The base class of all descriptions: immutable, and rejecting unknown fields by name."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse, as an edit makes a new part. Raises ModelError."""
+        """Reject assignment, since parts are immutable and edits create new ones. Raises
+        ModelError.
+        """
         own = getattr(self, "name", None)
         where = type(self).__name__.lower() + (f" {shown(own)}" if own else "")
         if name not in type(self).model_fields:
@@ -396,7 +402,7 @@ class Frozen(_Base):
 
     @explained
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a validated copy with other fields. Raises ModelError."""
+        """Return a validated copy with modified fields. Raises ModelError."""
         if not update:
             return super().model_copy(deep=deep)
         known = type(self).model_fields
@@ -406,31 +412,31 @@ class Frozen(_Base):
         return type(self)(**{**self._kept(update), **update})
 
     def _kept(self, update: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the fields that a validated copy keeps."""
+        """Return the fields retained by a validated copy."""
         return fields_of(self)
 
     def copy(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, update: Mapping[str, Any] | None = None, deep: bool = False
     ) -> Self:
-        """Return `model_copy`, which is validated, unlike pydantic's own copy."""
+        """Call `model_copy`, which validates, unlike pydantic's own `copy`."""
         return self.model_copy(update=update, deep=deep)
 
     @classmethod
     def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
-        """Return a validated instance, as the class does."""
+        """Return a validated instance, like calling the class."""
         return cls(**values)
 
     @classmethod
     def unchecked(cls, **values: Any) -> Self:
-        """Return a part from all its fields, without validation."""
+        """Create a part from all its fields, without validation."""
         return super().model_construct(None, **values)
 
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
-        """Return a copy with other fields, without validation."""
+        """Return a copy with modified fields, without validation."""
         return super().model_copy(update=update)
 
     def __copy__(self) -> Self:
-        """Copy the fields, but no cached values, which may not fit the copy."""
+        """Copy the fields but not the cached values, which may not fit the copy."""
         copy = super().__copy__()
         for name in vars(copy).keys() - type(self).model_fields.keys():
             object.__delattr__(copy, name)
@@ -453,12 +459,12 @@ class Frozen(_Base):
         raise ModelError(Problem(type(self).__name__.lower(), name, text))
 
     def __dir__(self) -> list[str]:
-        """Return fields and our own methods, for completion."""
+        """Return fields and methods defined by our own classes, for completion."""
         return dir(type(self))
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Give the class a readable signature, with annotations as written."""
+        """Give the class a readable signature, with its annotations as written."""
         super().__pydantic_init_subclass__(**kwargs)
         written: dict[str, str] = {}
         for base in cls.__mro__[::-1]:
@@ -479,27 +485,27 @@ class Frozen(_Base):
 
 
 def _hashed(value: Any) -> Any:
-    """Return a hashable stand-in for a value."""
+    """Return a hashable substitute for a value."""
     if isinstance(value, dict):
         return frozenset((key, _hashed(x)) for key, x in value.items())
     return tuple(map(_hashed, value)) if isinstance(value, tuple) else value
 
 
 class _Written(str):
-    """An annotation that is shown as written, without quotes."""
+    """An annotation displayed exactly as written, without quotes."""
 
     def __repr__(self) -> str:
         return str(self)
 
 
 def refuse(problems: Sequence[tuple[str, str]]) -> None:
-    """Raise all problems that a validator found, as (field, text) pairs."""
+    """Report all problems found by a validator, as (field, text) pairs."""
     if problems:
         raise PydanticCustomError("problems", "refused", {"problems": list(problems)})
 
 
 def refuse_no_direction(**axes: Vec3 | None) -> None:
-    """Refuse directions of no usable length, by the names of their fields."""
+    """Reject directions that are too short to normalise, by field name."""
     refuse([
         (name, f"a direction must not be zero; given {shown(axis)}")
         for name, axis in axes.items()
@@ -508,7 +514,7 @@ def refuse_no_direction(**axes: Vec3 | None) -> None:
 
 
 def _validated_once(value: Any, validate: Callable[[Any], Any]) -> Any:
-    """Accept a validated part unchanged, but validate a copy with other fields."""
+    """Accept a validated part unchanged, but validate a copy with modified fields."""
     if not isinstance(value, Frozen) or "checked" not in vars(value):
         value = validate(value)
         vars(value)["checked"] = True  # not a field: `__copy__` leaves it out
@@ -519,7 +525,7 @@ Once = WrapValidator(_validated_once)  # validator of a part inside another
 
 
 class Described(Frozen):
-    """A named part, refused with all its problems as sentences."""
+    """A named part that reports all its problems as readable messages."""
 
     WORD: ClassVar[str] = ""  # its word in sentences, "" for the class's name
     # field -> fields that mean nothing without it: not reported where it is refused itself
@@ -543,22 +549,22 @@ class Described(Frozen):
                 raise ModelError(found) from None
 
     def _dim_of(self, name: str) -> Dim:
-        """Return the dimension of a field's numbers."""
+        """Return the dimension of the numbers in a field."""
         return facts(type(self).model_fields[name]).dim or NONE
 
     @classmethod
     def word(cls) -> str:
-        """Return the word for a part of this class in sentences."""
+        """Return the word used in messages for a part of this class."""
         return cls.WORD or cls.__name__.lower()
 
     @classmethod
     def _followers(cls) -> Mapping[str, tuple[str, ...]]:
-        """Return fields that are not reported if another field is refused."""
+        """Return the fields that are not reported if another field is rejected."""
         return cls.FOLLOWERS
 
 
 class OfKinds(Described):
-    """A part with a class for each kind, selected by its field `kind`.
+    """A part with one class per kind, selected by its field `kind`.
 
     The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
     """
@@ -579,7 +585,7 @@ class OfKinds(Described):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError, with the fields of the kind."""
+            """Raise AttributeError with a list of the fields for this kind."""
             cls = type(self)
             if name not in cls.fields_of_kinds():
                 return super().__getattr__(name)
@@ -588,29 +594,29 @@ class OfKinds(Described):
 
     @classmethod
     def model_validate(cls, data: Any) -> Self:
-        """Return a part from its fields. Raises ModelError."""
+        """Create a part from its fields. Raises ModelError."""
         return data if isinstance(data, cls) else cls(**data)
 
     @property
     def pair(self) -> tuple[str, str]:
-        """Return the names of `body` and `other`, "ground" for a kind without the second."""
+        """Return the names of `body` and `other`, with "ground" for a kind without `other`."""
         own = type(self).model_fields
         body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
         return body, other
 
     @property
     def touches(self) -> tuple[str, ...]:
-        """Return the names of the bodies that it acts on, without the ground."""
+        """Return the names of the bodies on which the part acts, excluding the ground."""
         return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @classmethod
     def own_kind(cls) -> str:
-        """Return the kind of this class, or "" for a class of several."""
+        """Return the kind of this class, or "" for a class with several kinds."""
         return _own_kind(cls)
 
     @classmethod
     def class_for(cls, data: Any) -> type[OfKinds]:
-        """Return the class of a part or of its fields, the first one for an unknown kind."""
+        """Return the class for a part or its fields, or the first class for an unknown kind."""
         if isinstance(data, cls):
             return type(data)
         kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -622,7 +628,7 @@ class OfKinds(Described):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """Return a union that `kind` discriminates, for a class of several kinds."""
+        """Return a union discriminated by `kind`, for a class with several kinds."""
         if "KINDS" not in vars(cls) or not cls.KINDS:
             return handler(source)
         classes = {kind: handler.generate_schema(each) for kind, each in cls.KINDS.items()}
@@ -631,7 +637,7 @@ class OfKinds(Described):
     @model_validator(mode="before")
     @classmethod
     def _own_fields(cls, data: Any) -> Any:
-        """Return the fields without null, and without empty fields of other kinds."""
+        """Return the fields without null values, and without empty fields of other kinds."""
         own = cls.own_kind()
         if not isinstance(data, dict) or not own:
             return data
@@ -686,13 +692,13 @@ def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
 
 
 class WithOther(Described):
-    """A part between `body` and another body."""
+    """A part acting between `body` and another body."""
 
     other: Text = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
 
 class AtPoint(Described):
-    """A part that acts at a point of `body`."""
+    """A part acting at a point on `body`."""
 
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; left out: its tip",
@@ -702,7 +708,7 @@ class AtPoint(Described):
 
 
 class OfSums(OfKinds):
-    """A part that acts on a sum of joint coordinates, `coefficients` x q or v."""
+    """A part acting on a sum of joint coordinates, `coefficients` x q or v."""
 
     if TYPE_CHECKING:
         name: str
@@ -713,7 +719,7 @@ class OfSums(OfKinds):
     @model_validator(mode="before")
     @classmethod
     def _first_body(cls, data: Any) -> Any:
-        """Take `body` from the first entry of `coefficients` unless it is given."""
+        """Set `body` from the first entry of `coefficients` unless it is given."""
         named = data.get("coefficients") if isinstance(data, dict) else None
         if isinstance(named, Mapping) and named and data.get("body") is None:
             return {**data, "body": next(iter(named))}
@@ -721,7 +727,7 @@ class OfSums(OfKinds):
 
     @property
     def terms(self) -> tuple[tuple[str, int, float], ...]:
-        """Return the (body, degree of freedom, coefficient) terms of the sum, without zeros."""
+        """Return the nonzero (body, degree of freedom, coefficient) terms of the sum."""
         return tuple(
             (name, k, x) for name, row in self.coefficients.items() for k, x in enumerate(row) if x
         )
@@ -732,7 +738,7 @@ class OfSums(OfKinds):
 
 
 class OnSum(OfSums):
-    """A part that acts on the sum of `coefficients` x joint coordinates only."""
+    """A part acting only on the sum of `coefficients` x joint coordinates."""
 
     body: Text = field("the name of a body", default="", label="Body")
     coefficients: ByName = field(
@@ -748,17 +754,19 @@ class OnSum(OfSums):
 
 
 def whole(value: Any) -> int | None:
-    """Return a whole number of Python or NumPy as an int, or None, also for booleans."""
+    """Convert a Python or NumPy integer to an int. Return None for anything else, including
+    booleans.
+    """
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
 
 
 def fields_of(part: Frozen) -> dict[str, Any]:
-    """Return the fields of a part by name, without cached values."""
+    """Return the fields of a part by name, excluding cached values."""
     return {name: getattr(part, name) for name in type(part).model_fields}
 
 
 def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]:
-    """Return the problems of `data` as a `kind`, one per field, [] if it is valid."""
+    """Return the problems with `data` as a `kind`, one per field, or [] if it is valid."""
     if isinstance(data, kind):
         return []
     if isinstance(data, Described):

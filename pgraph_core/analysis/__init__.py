@@ -1,4 +1,4 @@
-"""Analysis of a mechanism: assembly, mobility, singular positions, derivatives, vibrations.
+"""Mechanism analysis: assembly, mobility, singular positions, derivatives and vibrations.
 
 Everything here works on `Dynamics`; the public `Mechanism` offers it as methods.
 """

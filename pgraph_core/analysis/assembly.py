@@ -1,4 +1,6 @@
-"""Assembly: the consistent state near an inconsistent one, and which constraints conflict."""
+"""Assembly: find a consistent state near an inconsistent one, and identify conflicting
+constraints.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ TRIES = 3  # from other starts, where the first ends in a valley
 @explained
 @dataclass(frozen=True)
 class Assembly:
-    """Changes that assembling a state made."""
+    """The changes made while assembling a state."""
 
     moved: float  # largest move of a joint [rad or m]
     joint: str  # the body whose joint moved most, "" if none moved notably
@@ -37,7 +39,7 @@ class Assembly:
 
     @property
     def notable(self) -> bool:
-        """True if anything moved by more than rounding."""
+        """Return True if anything moved by more than rounding error."""
         return max(self.moved, self.speed_change) > NOTABLE
 
     def __str__(self) -> str:
@@ -52,7 +54,7 @@ class Assembly:
         return f"{' and '.join(parts)} to meet the constraints"
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields by name."""
+        """Return the fields as a dictionary."""
         return asdict(self)
 
 
@@ -62,7 +64,8 @@ def assemble(
     v: Array | None = None,
     active: Sequence[str] | None = None,
 ) -> tuple[Array, Array, Assembly]:
-    """(q, v, report) near (q, v), the initial state by default, that meets the constraints.
+    """Return (q, v, report) near (q, v) that satisfies the constraints. Defaults to the initial
+    state.
 
     `active` names constraints, the model's active ones by default. Raises InputError.
     """
@@ -74,7 +77,7 @@ def assemble(
 
 
 def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
-    """Return the indices of the named constraints, by default of the active ones.
+    """Return the indices of the named constraints, or of the active ones by default.
 
     Raises InputError for unknown names.
     """
@@ -94,7 +97,7 @@ def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
 def assembled(
     mech: Dynamics, q: Array, v: Array, active: Ints, scene: Scene, t: float = 0.0
 ) -> tuple[Array, Array, Assembly]:
-    """Return (q, v, report) near (q, v) that meets the constraints `active` of `scene`.
+    """Return (q, v, report) near (q, v) that satisfies the `active` constraints in `scene`.
 
     Nearness is measured in the mass metric. The projection of runs is tried first, then damped
     least squares. Raises InputError with the constraints that cannot be met and their residuals.
@@ -139,7 +142,7 @@ def _report(before: Rows, q: Array, v: Array) -> Assembly:
 
 
 class Closing(NamedTuple):
-    """End of damped least squares."""
+    """The result of a damped least-squares iteration."""
 
     rows: Rows  # at the state it ended
     rounds: int
@@ -147,7 +150,7 @@ class Closing(NamedTuple):
 
 
 def closed(rows: Rows) -> Closing:
-    """Positions that meet all constraints, near those given in the mass metric.
+    """Find positions that satisfy all constraints, nearest to the given ones in the mass metric.
 
     Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic where the gap is small,
     also where rows are redundant, and downhill where it is not. Where it ends with a gap it tries
@@ -165,7 +168,9 @@ def closed(rows: Rows) -> Closing:
 
 
 def descended(rows: Rows, enough: float = ROUNDING, rounds: int = CLOSING_ROUNDS) -> Closing:
-    """`closed` from this start alone, down to a gap of `enough` times the mechanism's size."""
+    """Run `closed` from this start only, until the gap is below `enough` times the mechanism's
+    size.
+    """
     damping = 0.1
     idle = 0
     for taken in range(rounds):
@@ -204,7 +209,7 @@ def _gap(rows: Rows) -> float:
 
 
 def stopped(rows: Rows) -> tuple[Array, float]:
-    """(v, missed): velocities that meet all rows, nearest in the mass metric, and by how much not.
+    """Return (v, residual). The velocities satisfy all rows and are nearest in the mass metric.
 
     `missed` is relative to the speeds at hand.
     """
@@ -216,7 +221,7 @@ def stopped(rows: Rows) -> tuple[Array, float]:
 
 
 def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
-    """Return the constraints that cannot be met, alone or together, and the residuals.
+    """Return the constraints that cannot be satisfied, alone or together, and their residuals.
 
     Missed constraints are removed one after the other. A constraint without which the others still
     cannot be met is not to blame. Joints that may be misplaced follow in the list.
@@ -234,7 +239,7 @@ def contradiction(mech: Dynamics, ended: Closing) -> list[Problem]:
 
 
 def speed_contradiction(rows: Rows) -> Problem:
-    """Return the `contradiction` between velocities that the constraints prescribe."""
+    """Return the `contradiction` between the velocities prescribed by the constraints."""
     for c in reversed(rows.constraints):
         if stopped(rows.without(c.name))[1] > SOLVED:
             rows = rows.without(c.name)
@@ -254,7 +259,7 @@ def _missed(rows: Rows) -> list[str]:
 
 
 def _worst(rows: Rows) -> tuple[float, str]:
-    """The largest gap with its unit."""
+    """Return the largest gap with its unit."""
     turns = rows.turns
     found: list[tuple[float, float, str]] = []
     for group in rows.groups:

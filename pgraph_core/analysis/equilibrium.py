@@ -1,4 +1,4 @@
-"""Equilibria of a mechanism: minima of its potential energy, if it has one.
+"""Mechanism equilibria: minima of the potential energy, if one exists.
 
 Newton's method runs in the motions that constraints and limits permit. If every force has an
 energy, negative eigenvalues of the Hessian are reversed and a line search only decreases the energy
@@ -39,7 +39,7 @@ HALVINGS = 40
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
-    """Return q (nq,) at rest near q, see `Mechanism.equilibrium`."""
+    """Return the equilibrium q (nq,) near q. See `Mechanism.equilibrium`."""
     q, _ = state_of(mech, q, None, scenario)
     here = Place(mech, q, np.zeros(mech.nv), scenario)
     low, high = bounds(mech)
@@ -58,7 +58,7 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
 
 
 class Place(Balance):
-    """The forces on a mechanism at rest, and their slopes along the moves that are free."""
+    """The forces on a mechanism at rest, and their derivatives along the free motions."""
 
     @cached_property
     def vdot(self) -> Array:
@@ -66,18 +66,18 @@ class Place(Balance):
 
     @cached_property
     def multipliers(self) -> Array:
-        """λ (m,) that leave least of the forces, in the mass metric."""
+        """Return λ (m,) that minimises the residual forces in the mass metric."""
         rows: Any = self.rows
         return np.linalg.lstsq(rows.scaled.T, rows.gradient(self.pull), rcond=ROUNDING)[0]
 
     @cached_property
     def motors(self) -> Drives:
-        """The drives without the joints' own springs and dampers."""
+        """The drives, excluding the joints' own springs and dampers."""
         return self.drives._replace(table=self.drives.table[self.drives.passive :], passive=0)
 
     @cached_property
     def motor_torque(self) -> Array:
-        """τ (nv,) of motors and servos."""
+        """Return the torque τ (nv,) from motors and servos."""
         tau: Array = np.zeros(self.mech.nv)
         if len(self.motors.table):
             scene = Scene(self.mech.packed, self.motors, self.loads, NO_CONSTRAINTS)
@@ -86,7 +86,7 @@ class Place(Balance):
 
     @property
     def has_energy(self) -> bool:
-        """True if every force has an energy: no torque on a body, no force that follows one."""
+        """Return True if every force has an energy. Body torques and follower forces have none."""
         wrenches = [f for f in self.forces if isinstance(f, Wrench)]
         balls = np.zeros(self.mech.nv, dtype=bool)
         for _, _, j in self.mech.packed.quaternions:
@@ -100,7 +100,7 @@ class Place(Balance):
 
     @cached_property
     def energy(self) -> float:
-        """Potential energy of all but motors and servos [J]."""
+        """Potential energy of everything except motors and servos [J]."""
         found = motion.energy(self.scene.address, self.q, self.v)[1]
         for f in self.forces:
             if isinstance(f, Wrench):
@@ -109,7 +109,7 @@ class Place(Balance):
         return float(found)
 
     def rise(self, new: Place) -> float:
-        """Energy that the move to another place takes [J].
+        """Return the energy required to move to another position [J].
 
         Motors and servos are linear in their own coordinate: the trapezoid of their work is exact.
         """
@@ -118,25 +118,29 @@ class Place(Balance):
         return new.energy - self.energy - float(work)
 
     def at(self, q: Array, v: Array) -> Place:
-        """The same forces at another place, with the lengths of the first."""
+        """Evaluate the same forces at another position, keeping the initial length scale."""
         other = super().at(q, v)
         vars(other)["size"] = self.size
         return other
 
     @cached_property
     def size(self) -> float:
-        """Extent of the mechanism [m]."""
+        """The extent of the mechanism [m]."""
         apart = float(np.ptp(self.rows.poses[0], axis=0).max(initial=0.0))
         return max(apart, self.rows.length) or 1.0
 
     @property
     def reach(self) -> Array:
-        """(nv,) 1 rad or the mechanism's size [m]: what a step is measured by."""
+        """The step scale for each coordinate (nv,): 1 rad for rotations, else the mechanism's size
+        [m].
+        """
         return np.where(self.rows.turns, 1.0, self.size)
 
     @cached_property
     def weights(self) -> Array:
-        """(nv,) the weight that each joint carries, times the mechanism's size where it turns."""
+        """The weight carried by each joint (nv,), multiplied by the mechanism's size for
+        rotations.
+        """
         packed, topology = self.mech.packed, self.mech.topology
         carried = np.array([b.mass for b in packed.model.bodies])[topology.row]
         for n in range(len(carried), 0, -1):
@@ -150,23 +154,23 @@ class Place(Balance):
 
     @cached_property
     def force(self) -> float:
-        """Norm of the forces of the model in the mass metric, or 1 without forces."""
+        """Norm of the model's forces in the mass metric, or 1 if there are none."""
         acting = self.weights + np.abs(self.torque(self.q, self.v))
         return float(np.linalg.norm(self.rows.gradient(acting))) or 1.0
 
     @cached_property
     def energy_noise(self) -> float:
-        """Rounding of the energy [J]: a sum of about six products for each coordinate."""
+        """Rounding error in the energy [J], assuming about six products per coordinate."""
         return 6 * self.mech.nv * EPS * (float(self.weights @ self.reach) + abs(self.energy))
 
 
 def _first(value: object) -> Array:
-    """(3,) a vector, or the first of a table over time."""
+    """Return a vector as a (3,) array, or the first entry if it is a time table."""
     return np.array(getattr(value, "value", [value])[0], dtype=float)
 
 
 class _Ways(NamedTuple):
-    """Moves that are free at a place, with the forces and stiffness along them."""
+    """The free motions at a position, with the forces and stiffness along them."""
 
     free: Array  # (nv, n) orthonormal in the mass metric
     slope: Array  # (n,)
@@ -179,19 +183,19 @@ class _Ways(NamedTuple):
 
     @property
     def curved_down(self) -> bool:
-        """True if the energy decreases to both sides along some direction."""
+        """Return True if the energy decreases in both directions along some eigenvector."""
         return bool(len(self.values) and self.values[0] < -DIFFERENCED * np.abs(self.values).max())
 
     @property
     def newton(self) -> Array:
-        """(nv,) Newton's step, turned downhill where it would climb."""
+        """The Newton step (nv,), reversed along directions in which it would go uphill."""
         largest = float(np.abs(self.values).max(initial=0.0))
         stiff = np.maximum(np.abs(self.values), max(DIFFERENCED * largest, 1e-300))
         return -self.free @ (self.vectors @ ((self.vectors.T @ self.slope) / stiff))
 
 
 class _Search:
-    """A search from one place, with the limits of joints that stop it."""
+    """A search from one position, subject to the joint limits."""
 
     def __init__(self, start: Place, low: Array, high: Array):
         self.here = self.best = start
@@ -214,7 +218,7 @@ class _Search:
         return _Ways(free, slope, *np.linalg.eigh((K + K.T) / 2))
 
     def free(self, here: Place) -> Array:
-        """(nv, n) moves that constraints and limits leave."""
+        """Return an (nv, n) basis for the motions permitted by constraints and limits."""
         free = here.free
         if not self.held.any():
             return free
@@ -222,7 +226,9 @@ class _Search:
         return free @ right[int(np.sum(sizes > ROUNDING * sizes.max(initial=0.0))) :].T
 
     def released(self) -> bool:
-        """Release the joint that is pushed off its limit most. Return False if there is none."""
+        """Release the joint that is pushed hardest away from its limit. Return False if there is
+        none.
+        """
         if not self.held.any():
             return False
         here, held = self.here, np.flatnonzero(self.held)
@@ -239,7 +245,7 @@ class _Search:
         return True
 
     def moved(self, here: Place, step: Array) -> Place:
-        """The place after a step, with the loops closed."""
+        """Return the position after a step, with the loops closed."""
         q = here.rows.advanced(step)
         for _ in range(2 if self.names else 0):
             q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), self.names)
@@ -252,7 +258,7 @@ class _Search:
         return here.at(q, here.v)
 
     def share(self, step: Array) -> float:
-        """Return the fraction of a step that is short enough and stays within the limits."""
+        """Return the fraction of a step that is short enough and respects the limits."""
         longest = float(np.max(np.abs(step) / self.here.reach, initial=0.0))
         most = 1.0 / max(longest / LONGEST_STEP, 1.0)
         at_q = single(self.here.rows)
@@ -265,7 +271,7 @@ class _Search:
         return most if most * longest > ROUNDING else 0.0
 
     def taken(self, new: Place) -> Place:
-        """Accept the place after a step, and hold the joint that its limit stopped."""
+        """Accept the position after a step, and hold the joint stopped by its limit."""
         if self.stopper >= 0:
             self.held[self.stopper] = True
         return new
@@ -273,7 +279,7 @@ class _Search:
     # -- with an energy --------------------------------------------------------------------------
 
     def downhill(self) -> Place | None:
-        """Return a minimum of the energy, or the start if it is an equilibrium, or None."""
+        """Return an energy minimum, the start if it is already an equilibrium, or None."""
         least = np.inf
         for taken in range(BALANCE_ROUNDS):
             here, ways = self.here, self.ways()
@@ -300,7 +306,9 @@ class _Search:
         return self.best if least <= SOLVED else None
 
     def off_the_saddle(self, ways: _Ways) -> Place | None:
-        """A lower place along the way of most negative curvature, to the side that falls."""
+        """Return a lower position on the downhill side of the direction with the most negative
+        curvature.
+        """
         way = ways.vectors[:, 0]
         way = way if way @ ways.slope <= 0 else -way
         for side in (ways.free @ way, -(ways.free @ way)):
@@ -314,7 +322,7 @@ class _Search:
         return None
 
     def lower(self, ways: _Ways) -> Place | None:
-        """The place after as much of Newton's step as lowers the energy enough.
+        """Backtrack along the Newton step until the energy decreases sufficiently.
 
         Where its change is rounding, after a whole step that leaves less of the forces.
         """
@@ -337,7 +345,7 @@ class _Search:
     # -- without ---------------------------------------------------------------------------------
 
     def along_the_forces(self) -> Place | None:
-        """Follow the flow of the forces to its end by growing steps of implicit Euler."""
+        """Follow the force flow to its end, using implicit Euler with increasing step sizes."""
         least, before, h = np.inf, 0.0, 0.0
         for taken in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)
@@ -366,7 +374,7 @@ class _Search:
         return self.best if least <= SOLVED else None
 
     def balanced(self) -> Place | None:
-        """Return a balance of the forces by damped least squares, stable or not, or None."""
+        """Balance the forces by damped least squares. The result may be unstable, or None."""
         damping, least = 1e-3, np.inf
         for _ in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)

@@ -1,4 +1,4 @@
-"""State feedback u = hold - K (x - x*) from the linearised motion, as expressions in the drives."""
+"""State feedback u = hold - K (x - x*) from the linearised motion, written as drive expressions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .linear import Linearisation, linearise
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """Gains of a state feedback u = hold - K (x - at), and the model that has it."""
+    """The gains for a state feedback u = hold - K (x - at), and the model that uses it."""
 
     K: Array  # (m, n) [input per rad, m, rad/s, m/s]
     states: tuple[str, ...]  # (n,) names of x: q.cart, q.pole, v.cart, v.pole
@@ -36,7 +36,7 @@ class Feedback:
 
     @property
     def stable(self) -> bool:
-        """Whether all poles are left of the imaginary axis."""
+        """Return True if all poles lie in the left half-plane."""
         return bool((self.poles.real < 0).all())
 
 
@@ -51,7 +51,7 @@ def lqr(
     states: Sequence[str] | None = None,
     q: Any = None,
 ) -> Feedback:
-    """Find the gains that minimise the integral of x' Q x + u' R u about a state at rest.
+    """Find the gains that minimise the integral of x' Q x + u' R u about an equilibrium state.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def place_poles(
     states: Sequence[str] | None = None,
     q: Any = None,
 ) -> Feedback:
-    """Find gains that give the closed loop these poles, by SciPy's `place_poles`.
+    """Find gains that place the closed-loop poles, using SciPy's `place_poles`.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def place_poles(
 
 @dataclass(frozen=True, eq=False)
 class _Plant:
-    """The motion about a state, from named inputs to named states."""
+    """The motion about a state, with named inputs and named states."""
 
     call: str
     A: Array
@@ -167,7 +167,7 @@ class _Plant:
     inputs: tuple[str, ...]
 
     def weights(self, given: Any, field: str, names: tuple[str, ...]) -> Array:
-        """The matrix of weights. Raises InputError."""
+        """Return the weight matrix. Raises InputError."""
         n = len(names)
         if isinstance(given, Mapping):
             unknown = [name for name in given if name not in names]
@@ -187,7 +187,7 @@ class _Plant:
         return found
 
     def fault(self) -> str:
-        """Return which unstable motion no input moves, or ""."""
+        """Return the unstable motion that no input affects, or ""."""
         values, left = np.linalg.eig(self.A.T)
         for value, row in zip(values, left.T):
             reach = np.abs(row @ self.B).max() / max(np.abs(self.B).max(), 1e-300)
@@ -200,7 +200,7 @@ class _Plant:
 def _closed(
     call: str, model: Model, inputs: Any, states: Any, q: Any, gains: Callable[[_Plant], Array]
 ) -> Feedback:
-    """The feedback about a state at rest, with what `gains` returns."""
+    """Build the feedback about a state at rest, using the gains returned by `gains`."""
     drives = _drives(call, model, inputs)
     model = _with_inputs(model, drives, [0.0] * len(drives))
     plain = Dynamics(model)
@@ -233,7 +233,7 @@ def _with_inputs(model: Model, drives: Sequence[OnJoint], values: Sequence[Any])
 
 
 def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Linearisation:
-    """The same motion in other coordinates. Raises InputError."""
+    """Express the same motion in other coordinates. Raises InputError."""
     if wanted is None:
         return found
     names = _labels(mech)
@@ -255,12 +255,12 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
 
 
 def _labels(mech: Dynamics) -> list[str]:
-    """Names of the degrees of freedom, as `linearise` has them."""
+    """Return the names of the degrees of freedom, as used by `linearise`."""
     return [label for label, *_ in _degrees(mech)]
 
 
 def _degrees(mech: Dynamics) -> list[tuple[str, str, int, bool]]:
-    """(label, body, degree of freedom of its joint, whether of several) of each of v."""
+    """Return (label, body, joint degree of freedom, whether it has several) for each entry of v."""
     found = list[tuple[str, str, int, bool]]()
     for name, joint in mech.joints.items():
         count = joint.v.stop - joint.v.start
@@ -285,7 +285,7 @@ def _drives(call: str, model: Model, names: Any) -> list[OnJoint]:
 
 
 def _pushes(mech: Dynamics, f: OnJoint) -> Array:
-    """(nv,) torques of a unit of a drive's input."""
+    """Return the torques (nv,) produced by a unit input to a drive."""
     found = np.zeros(mech.nv)
     for body, k, factor in f.terms:
         found[mech.joints[body].v.start + k] += f.law.gain * factor
@@ -293,7 +293,7 @@ def _pushes(mech: Dynamics, f: OnJoint) -> Array:
 
 
 def _names(call: str, mech: Dynamics, found: Linearisation) -> tuple[tuple[str, ...], list[int]]:
-    """(names of the states as expressions have them, indices in q). Raises InputError."""
+    """Return (state names as used in expressions, indices in q). Raises InputError."""
     written = {label: (name, k, several) for label, name, k, several in _degrees(mech)}
     names, places = list[str](), list[int]()
     for label in found.coordinates:
@@ -315,7 +315,7 @@ def _signal(group: str, name: str, k: int, several: bool) -> str:
 
 
 def _text(names: Sequence[str], at: Array, gains: Array, hold: float) -> str:
-    """The expression hold - K (x - x*)."""
+    """Return the expression hold - K (x - x*) as text."""
     parts = [f"{hold!r}"] if hold else []
     for name, x, k in zip(names, at.tolist(), gains.tolist()):
         if k:

@@ -1,4 +1,4 @@
-"""Inverse dynamics of mechanisms with loops: joint torques for a motion that constraints permit.
+"""Inverse dynamics with closed loops: joint torques for a motion permitted by the constraints.
 
 M v' + C - passive = S τ + Jᵀλ. Let N span the null space of J, orthonormal in the mass
 metric. The constraints' forces drop out, Nᵀ S τ = Nᵀ r. τ is the solution of least
@@ -35,7 +35,7 @@ def constrained_inverse_dynamics(
     actuated: Sequence[str] | None,
     weights: Array | Mapping[str, float] | None,
 ) -> Array:
-    """Return τ (nv,) of least norm for v', see `Mechanism.constrained_inverse_dynamics`."""
+    """Return the minimum-norm τ (nv,) for v'. See `Mechanism.constrained_inverse_dynamics`."""
     at_once = _at_once(mech, (q, v, vdot), actuated, weights)
     if at_once is not None:
         return at_once
@@ -61,7 +61,7 @@ def constrained_inverse_dynamics(
 
 
 class Prepared(NamedTuple):
-    """Arguments of the kernel in addition to the state."""
+    """Kernel arguments in addition to the state."""
 
     addresses: tuple[int, int, float]
     cost: Array  # (nv,) of every joint
@@ -74,7 +74,7 @@ def _at_once(
     actuated: Sequence[str] | None,
     weights: Array | Mapping[str, float] | None,
 ) -> Array | None:
-    """Return τ if the kernel accepts the state and no row may be redundant, else None.
+    """Return τ if the kernel accepts the state and no row can be redundant, else None.
 
     The slower steps then report bad input or decide which rows are redundant.
     """
@@ -99,7 +99,7 @@ def _at_once(
 
 
 def _prepared(mech: Dynamics) -> Prepared | None:
-    """Prepare the kernel's arguments, once per mechanism. None without constraints."""
+    """Prepare the kernel arguments once per mechanism. Return None if there are no constraints."""
     scene = mech._scene
     if not scene.active[0]:
         return None
@@ -113,7 +113,7 @@ def _prepared(mech: Dynamics) -> Prepared | None:
 
 
 def _size(rows: Rows, force: Array, vdot: Array) -> float:
-    """The forces at hand in the mass metric, before they cancel."""
+    """Return the magnitude of the forces in the mass metric, before cancellation."""
     inertia = rows.root @ (rows.root.T @ vdot)
     parts = (inertia, force, force - inertia, rows.mech.bias_force(rows.q, rows.v))
     return sum(float(np.linalg.norm(np.linalg.solve(rows.root, x))) for x in parts)
@@ -125,7 +125,7 @@ WHERE = "constrained_inverse_dynamics"
 
 
 def _coordinates(mech: Dynamics, actuated: Sequence[str] | None) -> Ints:
-    """Indices into v of the joints that carry torques."""
+    """Return the indices into v for the joints that carry torques."""
     if actuated is None:
         return np.arange(mech.nv)
     if isinstance(actuated, str):
@@ -141,7 +141,9 @@ def _coordinates(mech: Dynamics, actuated: Sequence[str] | None) -> Ints:
 
 
 def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Array:
-    """Return the cost of τ² in each coordinate (nv,) > 0, by default 1. Raises InputError."""
+    """Return the positive cost of τ² for each coordinate (nv,). Defaults to 1. Raises
+    InputError.
+    """
     if weights is None:
         return np.ones(mech.nv)
     if isinstance(weights, Mapping):
@@ -159,7 +161,7 @@ def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Arr
 
 
 def _refuse_wrong_state(rows: Rows) -> None:
-    """Raise InputError where q or v do not meet the constraints."""
+    """Raise InputError if q or v violates the constraints."""
     speed = float(np.max(np.abs(rows.J) @ np.abs(rows.v), initial=0.0))
     for what, missed, most, unit in (
         ("q", rows.gap, NOTABLE * rows.size, "m"),
@@ -173,7 +175,7 @@ def _refuse_wrong_state(rows: Rows) -> None:
 
 
 def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
-    """Raise InputError where the constraints do not allow v'."""
+    """Raise InputError if the constraints do not permit v'."""
     if not len(basis):
         return
     allowed, _ = rows.mech.constrained_dynamics(rows.q, rows.v)
@@ -196,7 +198,7 @@ def _blamed(rows: Rows, missed: Array) -> str:
 
 
 def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> Problem:
-    """Name the joints without an actuator that would have to carry what no actuator gives."""
+    """Name the joints without an actuator that would have to carry the missing torque."""
     missing = {name: float(np.abs(left[j.v]).max()) for name, j in mech.joints.items()}
     most = max(missing.values())
     others = sorted((x, name) for name, x in missing.items() if name not in (actuated or ()))

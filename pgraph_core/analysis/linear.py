@@ -1,4 +1,4 @@
-"""Small motions about a state, in independent coordinates: linearised dynamics and modes.
+"""Small motions about a state in independent coordinates: linearised dynamics and modes.
 
 With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv
 uses the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null
@@ -42,7 +42,7 @@ from .touching import Touching
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """x' = drift + A x + B δτ of small changes x = (δy, δu) about a state.
+    """The linear model x' = drift + A x + B δτ for small changes x = (δy, δu) about a state.
 
     y are independent coordinates of positions (moves along velocities, a rotation vector in a
     ball's axes), u independent velocities. δτ (nv,) are torques in all coordinates.
@@ -63,12 +63,12 @@ class Linearisation:
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies of the oscillating modes, ascending [rad/s]."""
+        """Frequencies of the oscillating modes in ascending order [rad/s]."""
         found = self.eigenvalues.imag
         return np.sort(found[found > 0])
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
-        """(A, B, C, D) with all tree coordinates as outputs.
+        """Return (A, B, C, D) with all tree coordinates as outputs.
 
         For `scipy.signal.StateSpace(*...)` and `control.ss(*...)`.
         """
@@ -78,12 +78,12 @@ class Linearisation:
 
 
 class Balance:
-    """The equations of motion of a scene at one state, and their slopes."""
+    """The equations of motion for a scene at one state, and their derivatives."""
 
     touching: Touching | None = None  # contacts, where they act
 
     def __init__(self, mech: Dynamics, q: Array, v: Array, scenario: str | None = None):
-        """At rest in a scene of its own, so that forces that act in runs act here, at t = 0."""
+        """Set up a separate scene at rest, so that forces acting in runs also act here at t = 0."""
         self.mech, self.q, self.v = mech, q, v
         self.forces, self.active = acting(mech, scenario)
         packed = mech.packed
@@ -93,7 +93,7 @@ class Balance:
         self.drives = self.scene.drives
 
     def at(self, q: Array, v: Array) -> Self:
-        """The same scene at another state."""
+        """Return the same scene at another state."""
         other = object.__new__(type(self))
         for name in ("mech", "forces", "active", "drives", "loads", "scene", "held"):
             setattr(other, name, getattr(self, name))
@@ -112,33 +112,33 @@ class Balance:
 
     @cached_property
     def free(self) -> Array:
-        """(nv, n) moves that all rows allow, orthonormal in the mass metric."""
+        """The motions permitted by all rows as an (nv, n) array, orthonormal in the mass metric."""
         return self.rows.step(complement(judged(self.rows)[0], self.mech.nv))
 
     @cached_property
     def free_places(self) -> Array:
-        """`free` for the rows that constrain positions."""
+        """The same as `free`, restricted to rows that constrain positions."""
         groups = [group for group in self.rows.groups if group.holonomic]
         if len(groups) == len(self.rows.groups):
             return self.free
         return self.rows.step(complement(judged(self.rows, groups)[0], self.mech.nv))
 
     def torque(self, q: Array, v: Array) -> Array:
-        """τ (nv,) of all drives and loads at t = 0."""
+        """Return the torque τ (nv,) from all drives and loads at t = 0."""
         tau = np.zeros(self.mech.nv)
         motion.drive_torque(self.scene.address, q, v, tau)
         tau += self.load_torque(q, v)
         return tau if self.touching is None else tau + self.touching.torque(q, v)
 
     def load_torque(self, q: Array, v: Array) -> Array:
-        """τ (nv,) of springs between bodies and wrenches at t = 0."""
+        """Return the torque τ (nv,) from springs between bodies and wrenches at t = 0."""
         tau = np.zeros(self.mech.nv)
         if self.loads.number:
             motion.load_torque(self.scene.address, q, v, tau)
         return tau
 
     def expressed_torque(self, q: Array, v: Array) -> Array:
-        """τ (nv,) of drives at this state whose expressions are of another one, at t = 0."""
+        """Return the torque τ (nv,) at t = 0 from drives whose expressions use another state."""
         tau, none = np.zeros(self.mech.nv), NO_LOADS
         motion.signal(self.scene.address, 0.0, q, v)
         here = Scene(self.mech.packed, self.drives, none, NO_CONSTRAINTS)
@@ -147,11 +147,13 @@ class Balance:
 
     @cached_property
     def pull(self) -> Array:
-        """C - τ (nv,): what is left of the equations without v' and λ."""
+        """The residual C - τ (nv,) in the equations of motion without v' and λ."""
         return self.mech.bias_force(self.q, self.v) - self.torque(self.q, self.v)
 
     def gamma(self, q: Array, v: Array) -> Array:
-        """γ (m,): what J v' + γ = 0 of the active rows, from the kernel that imposes them."""
+        """The bias γ (m,) in J v' + γ = 0 for the active rows, from the kernel that enforces
+        them.
+        """
         mech, scene = self.mech, self.held
         tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
         motion.acceleration(self.scene.address, 0.0, q, v, tau, vdot, flow)
@@ -162,7 +164,7 @@ class Balance:
 
     @cached_property
     def vdot(self) -> Array:
-        """v' (nv,) with the constraints imposed."""
+        """The acceleration v' (nv,) with the constraints enforced."""
         still: Any = np.zeros(self.mech.nv)
         if len(self.rows.J):
             gamma = self.gamma(self.q, self.v)
@@ -171,7 +173,7 @@ class Balance:
 
     @cached_property
     def multipliers(self) -> Array:
-        """λ (m,) of least norm."""
+        """The minimum-norm multipliers λ (m,)."""
         J: Any = self.rows.J
         return np.linalg.lstsq(J.T, self.M @ self.vdot + self.pull, rcond=1e-10)[0]
 
@@ -179,7 +181,7 @@ class Balance:
 
     @cached_property
     def force_slopes(self) -> tuple[Array, Array]:
-        """∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
+        """Return ∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
         mech, q, v = self.mech, self.q, self.v
         by_q, by_v = torque_slopes(mech, q, v, self.vdot)
         motion.signal(self.scene.address, 0.0, q, v)
@@ -198,14 +200,14 @@ class Balance:
 
     @cached_property
     def stiffness(self) -> Array:
-        """∂/∂q (nv, nv) of M v' + C - τ - Jᵀλ at fixed v' and λ."""
+        """The derivative ∂/∂q (nv, nv) of M v' + C - τ - Jᵀλ at fixed v' and λ."""
         by_q, _ = self.force_slopes
         if not len(self.rows.J):
             return by_q
         return by_q - self._row_slopes(lambda J, _: J.T @ self.multipliers)
 
     def _row_slopes(self, of: Callable[[Array, Array], Array]) -> Array:
-        """Slopes in q of a function of (J, q)."""
+        """Differentiate a function of (J, q) with respect to q."""
         rows = self.rows
 
         def value(q: Array) -> Array:
@@ -215,7 +217,7 @@ class Balance:
 
     @cached_property
     def row_slopes(self) -> tuple[Array, Array, Array]:
-        """∂/∂q, ∂/∂v of J v' + γ at fixed v', and ∂/∂q of J v: (m, nv) each."""
+        """Return ∂/∂q, ∂/∂v of J v' + γ at fixed v', and ∂/∂q of J v, each (m, nv)."""
         rows, v, vdot = self.rows, self.v, self.vdot
         moving = bool(np.any(v))
         if not moving:
@@ -228,7 +230,7 @@ class Balance:
 
 
 def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Ints]:
-    """(forces, indices of the active constraints) of a run of the scenario."""
+    """Return (forces, active constraint indices) for a run of the scenario."""
     model, forces, active = mech.model, mech.model.forces, mech.packed.active
     if scenario is None:
         return forces, active
@@ -240,7 +242,7 @@ def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Int
 
 
 def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:
-    """The contacts that act in a run of the scenario."""
+    """Return the contacts that are active in a run of the scenario."""
     chosen = mech.model.scenario(scenario).contacts if scenario is not None else None
     contacts = mech.model.contacts
     return tuple(c for c in contacts if (c.active if chosen is None else c.name in chosen))
@@ -249,7 +251,7 @@ def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:
 def state_of(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> tuple[Array, Array]:
-    """Return the assembled (q, v) of a call, by default the scenario's initial q at rest."""
+    """Return the assembled (q, v) for a call. Defaults to the scenario's initial q at rest."""
     start = mech.home()[0]
     if scenario is not None:
         for name, values in mech.model.scenario(scenario).q.items():
@@ -266,7 +268,7 @@ def state_of(
 def linearise(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> Linearisation:
-    """Return the linearised dynamics at (q, v), see `Mechanism.linearise`."""
+    """Return the linearised dynamics at (q, v). See `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
     here = Balance(mech, q, v, scenario)
     here.touching = Touching(mech, touching(mech, scenario), (here.drives, here.loads), (q, v))
@@ -316,7 +318,7 @@ def linearise(
 
 
 def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
-    """Return warnings about ignored contacts and about a state that is no equilibrium."""
+    """Return warnings about ignored contacts and about a state that is not an equilibrium."""
     found: list[str] = []
     if here.touching is not None and here.touching.shut:
         shut = choices(here.touching.shut, 6)
@@ -337,14 +339,14 @@ def _eigenvectors(A: Any) -> tuple[Any, Any]:
 
 
 def _answered(here: Balance, force: Any) -> Any:
-    """Return v' due to forces (nv, k) that keep the rows fixed."""
+    """Return v' due to forces (nv, k) with the rows held fixed."""
     if len(here.rows.J):
         return here.free @ (here.free.T @ force)
     return np.linalg.solve(here.M, force)
 
 
 def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array) -> bool:
-    """True at rest if nothing dissipates, depends on time or binds velocities alone."""
+    """Return True at rest if nothing dissipates, varies with time or constrains only velocities."""
     if np.any(here.v) or np.any(force_v) or by_place.shape[1] != here.free.shape[1]:
         return False
     K = by_place.T @ force_q @ by_place
@@ -352,7 +354,9 @@ def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array
 
 
 def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]:
-    """Eigenvalues ±iω, or ±s where it moves away, and their moves, from symmetric problems."""
+    """Return eigenvalues ±iω, or ±s for unstable motions, and their modes, from symmetric
+    problems.
+    """
     K, M = by_place.T @ force_q @ by_place, by_place.T @ here.M @ by_place
     inverse: Any = np.linalg.inv(M) if len(here.rows.J) else flexibility(here.mech, here.q)
     found, shapes = squares(M, K, inverse)
@@ -362,7 +366,9 @@ def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]
 
 
 def _independent(free: Array, first: Ints | None = None) -> Ints:
-    """Coordinates that say everything about the moves `free` (nv, n), ascending."""
+    """Choose independent coordinates that describe the motions `free` (nv, n), in ascending
+    order.
+    """
     from scipy.linalg import qr
 
     n = free.shape[1]
@@ -380,7 +386,7 @@ def _independent(free: Array, first: Ints | None = None) -> Ints:
 
 
 def _from(free: Array, chosen: Ints) -> Array:
-    """(nv, n) the moves that the chosen coordinates bring."""
+    """Return the motions (nv, n) produced by the chosen coordinates."""
     if free.shape[1] == len(free):
         return np.eye(len(free))
     moves: Any = np.linalg.solve(free[chosen].T, free.T).T
@@ -389,7 +395,7 @@ def _from(free: Array, chosen: Ints) -> Array:
 
 
 def _spun(mech: Dynamics, v: Array) -> Array:
-    """(nv, nv) what the rotation vectors of balls gain by turning on: δθ' = δω + ω × δθ."""
+    """Return the (nv, nv) change in the ball joints' rotation vectors, δθ' = δω + ω × δθ."""
     found = np.zeros((mech.nv, mech.nv))
     for _, _, j in mech.packed.quaternions:
         found[j : j + 3, j : j + 3] = skew(v[j : j + 3])
@@ -408,14 +414,15 @@ def _names(mech: Dynamics) -> list[str]:
 
 
 def frequencies(mech: Dynamics, q: Array) -> Array:
-    """Return frequencies of small motions about q (nv,) [rad/s], ascending, 0 if unstable."""
+    """Return the small-motion frequencies about q (nv,) [rad/s], ascending, with 0 if unstable."""
     rest = np.zeros(mech.nv)
     stiffness, mass = -force_slopes(mech, q, rest, rest)[0], mech.mass_matrix(q)
     return np.sqrt(np.maximum(squares(mass, stiffness, flexibility(mech, q))[0], 0.0))
 
 
 def squares(mass: Array, stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """Return (ω², shapes) of M x'' + K x = 0, ascending. The shapes (n, n) are columns.
+    """Solve M x'' + K x = 0 for (ω², shapes), ascending. The columns of `shapes` (n, n) are the
+    modes.
 
     The slow half comes from K⁻¹M, the fast half from M⁻¹K, with `flexibility` M⁻¹ from articulated
     bodies. Each is accurate to 1e-12 on a chain of 1000, where one alone loses six digits of the
@@ -436,7 +443,7 @@ def squares(mass: Array, stiffness: Array, flexibility: Array) -> tuple[Array, A
 
 
 def flexibility(mech: Dynamics, q: Array) -> Array:
-    """M⁻¹ (nv, nv), column by column."""
+    """Compute M⁻¹ (nv, nv) column by column."""
     rest = np.zeros(mech.nv)
     still = mech._tree_acceleration(q, rest)
     return _symmetric(
@@ -454,7 +461,7 @@ def _symmetric(a: Array) -> Array:
 def forward_derivatives(
     mech: Dynamics, q: Array, v: Array, tau: Array | None
 ) -> tuple[Array, Array, Array]:
-    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, with springs and dampers. Raises InputError."""
+    """Compute ∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, including springs and dampers. Raises InputError."""
     mech.forward_dynamics(q, v, tau)  # checks the arguments and warns about ignored parts
     q, v = mech._state(q, v)
     given = mech._rest if tau is None else numbers("tau", tau, mech.nv)
@@ -471,7 +478,9 @@ def forward_derivatives(
 
 
 def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
-    """The kernel of derivatives and its workspace, kept with the mechanism from the first call."""
+    """Return the derivative kernel and its workspace, cached with the mechanism after the first
+    call.
+    """
     if not mech._slopes:
         packed, n, whole = mech.packed, mech.nv, slice(None)
         sprung = len(packed.passive.table) or packed.passive_loads.number
@@ -492,14 +501,16 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
 
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-    """M ∂v'/∂q and M ∂v'/∂v: at rest, minus the stiffness and damping of small motions."""
+    """Return M ∂v'/∂q and M ∂v'/∂v. At rest, these are minus the small-motion stiffness and
+    damping.
+    """
     by_q, by_v = torque_slopes(mech, q, v, mech._tree_acceleration(q, v, tau))
     spring, damper = passive_slopes(mech, q, v)
     return spring - by_q, damper - by_v
 
 
 def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
-    """Slopes in q and v of the torque of springs and dampers, of joints and between bodies."""
+    """Differentiate the torque from joint and body springs and dampers with respect to q and v."""
     by_q, by_v = drive_slopes(mech.packed.passive, q, v)
     if mech.packed.passive_loads.number:
         by_v = by_v + slopes_in_v(mech.packed.passive_loads, v, lambda x: mech._load_torque(q, x))
@@ -508,7 +519,8 @@ def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
-    """(nv, nv) slopes in v of the torque of loads, exact but for drags that change their side.
+    """Return the (nv, nv) load torque derivatives in v, exact except for drags that change
+    direction.
 
     Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
     of the largest speed times the cube root of EPS err least where a drag changes its side.
@@ -521,7 +533,7 @@ def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
 
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
-    """∂τ/∂q and ∂τ/∂v (nv, nv) of τ(q, v, v') of eq. (24), without passive forces."""
+    """Return ∂τ/∂q and ∂τ/∂v (nv, nv) for τ(q, v, v') in eq. (24), without passive forces."""
     n = mech.nv
     slopes = np.empty((n, 2 * n))
     if n:
@@ -532,7 +544,8 @@ def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Arra
 
 
 def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
-    """(nv, nv) slopes of springs, servos and motors in q, and of dampers and friction in v.
+    """Return (nv, nv) derivatives of springs, servos and motors in q, and dampers and friction in
+    v.
 
     At t = 0; a drive at its limit has none.
     """
@@ -567,18 +580,22 @@ FOURTH, SIXTH = np.array([8.0, -1.0, 0.0]) / 12, np.array([45.0, -9.0, 1.0]) / 6
 def differences(
     mech: Dynamics, q: Array, of: Callable[[Array], Array], steps: tuple[float, ...] = STEPS
 ) -> Array:
-    """(k, nv) slopes in q of a function (k,) of it, within about 1e-11 of the largest."""
+    """Return the (k, nv) derivatives of a (k,) function in q, to within about 1e-11 of the
+    largest.
+    """
     along = [lambda h, e=e: of(_moved(mech, q, e, h)) for e in np.eye(mech.nv)]
     return np.array([_slope(one, steps) for one in along]).T
 
 
 def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
-    """(k, nv) slopes in v of a function (k,) of it, within about 1e-11 of the largest."""
+    """Return the (k, nv) derivatives of a (k,) function in v, to within about 1e-11 of the
+    largest.
+    """
     return np.array([_slope(lambda h, e=e: of(v + h * e), STEPS) for e in np.eye(len(v))]).T
 
 
 def _slope(of: Callable[[float], Array], steps: tuple[float, ...]) -> Array:
-    """Slope of a function at 0, by the step whose orders four and six agree best."""
+    """Differentiate a function at 0, using the step at which orders four and six agree best."""
     found: list[tuple[float, Array]] = []
     for h in steps:
         odd = [of(n * h) - of(-n * h) for n in (1, 2, 3)]

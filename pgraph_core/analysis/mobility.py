@@ -1,4 +1,4 @@
-"""Degrees of freedom that constraints leave: ranks, redundant rows by name, singular positions.
+"""Degrees of freedom under constraints: ranks, redundant rows by name and singular positions.
 
 Ranks are those of the rows in the mass metric, turning rows times the model's length. Where
 constraints meet to second order only, a gap g leaves positions, and with them rows, uncertain by
@@ -33,7 +33,7 @@ MOST_LISTED = 8  # rows, joints or branches in a sentence
 
 @dataclass(frozen=True)
 class Redundant:
-    """A row that says nothing new."""
+    """A redundant constraint row."""
 
     constraint: str
     direction: str  # "rotation about x", in world axes unless a body is named
@@ -47,7 +47,7 @@ class Redundant:
 @explained
 @dataclass(frozen=True)
 class Mobility:
-    """Degrees of freedom of a mechanism under constraints at one position."""
+    """The degrees of freedom of a constrained mechanism at one position."""
 
     tree: int  # degrees of freedom without the constraints
     constraints: int  # number of active constraints
@@ -68,14 +68,14 @@ class Mobility:
 
     @property
     def locked(self) -> str:
-        """Return the remark on degrees of freedom of first order only, or ""."""
+        """Return a remark about degrees of freedom that exist only to first order, or ""."""
         if not self.extra or self.finite:
             return ""
         here = f", {self.extra} of them to first order only"
         return here + (": it is locked" if self.extra == self.dof else "")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name for JSON, with the report in words as `text`."""
+        """Return the fields as a dictionary for JSON, with the report in words as `text`."""
         return asdict(self) | {"text": str(self)}
 
     def __str__(self) -> str:
@@ -88,7 +88,7 @@ def mobility(
     v: Array | None = None,
     active: Sequence[str] | None = None,
 ) -> Mobility:
-    """Return the mobility at the assembled position nearest to q, by default the initial state.
+    """Compute the mobility at the assembled position nearest to q. Defaults to the initial state.
 
     `active` names constraints, by default the model's active ones. The velocity `v` selects a
     branch at a singular position. The cost is O(n³) in the degrees of freedom. Raises InputError
@@ -134,14 +134,14 @@ Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, 
 
 
 def rank_of(state: Rows, groups: Sequence[Group], basis: Array, gap: float) -> int:
-    """Return the rank of some groups of rows, where `basis` is the basis of all rows."""
+    """Return the rank of selected row groups, where `basis` spans all rows."""
     return len(basis if len(groups) == len(state.groups) else judged(state, groups, gap)[0])
 
 
 def judged(
     state: Rows, groups: Sequence[Group] | None = None, gap: float = 0.0
 ) -> tuple[Array, Found]:
-    """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn.
+    """Return an orthonormal basis (rank, nv) for the row space, and the redundant rows in order.
 
     `gap` is the largest one, relative to the mechanism's size L. A singular value below 4 √gap of
     the largest of its group is zero: a gap g of second order, κ s²/2, leaves s = √(2 g / κ), which
@@ -173,21 +173,23 @@ def _relative_gap(state: Rows) -> float:
 
 
 def complement(basis: Array, n: int) -> Array:
-    """(n, n - rank) orthonormal columns normal to the orthonormal rows of `basis`."""
+    """Return n - rank orthonormal columns (n, n - rank) orthogonal to the rows of `basis`."""
     if not len(basis):
         return np.eye(n)
     return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
 
 
 def _freed(basis: Array, y: Array) -> Array:
-    """(..., nv) vectors without their parts along an orthonormal basis, in the mass metric."""
+    """Remove the components along an orthonormal basis from vectors (..., nv), in the mass
+    metric.
+    """
     for _ in range(2):
         y = y - (y @ basis.T) @ basis
     return y
 
 
 def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
-    """Largest rank at positions around, whether any can be reached, what is redundant there.
+    """Return the maximum rank nearby, whether any such position is reachable, and its redundancies.
 
     And, where the rank is larger around and one way to move is left, the directions to go.
     """
@@ -218,7 +220,7 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
 
 
 def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
-    """Return the move to a nearby position and the position.
+    """Return a move to a nearby position, and that position.
 
     It is `here` if the move led back, and None if no position was found.
     """
@@ -233,7 +235,7 @@ def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
 
 
 def _branches(here: Rows, steps: list[Array]) -> tuple[Array, ...]:
-    """The directions of moves, each once, the largest entry 1.
+    """Return the distinct directions of motion, scaled to a largest entry of 1.
 
     Those of one branch differ by its curvature: by NEARBY at most, for each of two moves.
     """
@@ -257,7 +259,7 @@ def _taken(here: Rows, branches: tuple[Array, ...], v: Array | None) -> int:
 
 
 def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
-    """Return redundant rows by direction, marked `only_here` if nearby positions lack them."""
+    """Return redundant rows by direction, with `only_here` set if they are not redundant nearby."""
     elsewhere = {(g.constraint.name, g.nature): _directions(state, g, n) for g, n in around}
     rows: list[Redundant] = []
     for group, null in found:
@@ -277,7 +279,7 @@ def _others(group: Group) -> tuple[str, ...]:
 
 
 def _directions(state: Rows, group: Group, null: Array) -> list[str]:
-    """Combinations of a group's rows in words: along axes as far as they go."""
+    """Describe combinations of a group's rows in words, along axes where possible."""
     if group.nature == COORDINATE:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)
@@ -288,7 +290,7 @@ def _directions(state: Rows, group: Group, null: Array) -> list[str]:
 
 
 def _upright(vectors: Array) -> list[Array]:
-    """Unit vectors with the span of the rows: along world axes where that holds some."""
+    """Return unit vectors that span the rows, using world axes where these lie in the span."""
     _, sizes, right = np.linalg.svd(vectors)
     basis = right[: int((sizes > SOLVED * sizes.max(initial=0.0)).sum())]
     found: list[Array] = []
@@ -307,7 +309,7 @@ def _joint_of_each(state: Rows) -> tuple[str, ...]:
 
 
 def _moving(state: Rows, basis: Array) -> tuple[str, ...]:
-    """Joints that a motion which all rows allow moves."""
+    """Return the joints that move in any motion permitted by all rows."""
     size = np.linalg.norm(state.step(_freed(basis, np.eye(state.nv)).T), axis=1)
     largest = float(size.max(initial=0.0))
     return tuple(name for name, s in state.joints if size[s].max() > NOTABLE * largest)

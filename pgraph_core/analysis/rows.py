@@ -1,4 +1,4 @@
-"""The rows of constraints at a state: Jacobian, residuals, and both in the mass metric."""
+"""Constraint rows at a state: Jacobian and residuals, also in the mass metric."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ALONE = 200
 
 
 class Group(NamedTuple):
-    """Rows of one constraint that are of one nature."""
+    """The rows that share one constraint and one type."""
 
     constraint: Constraint
     nature: str  # translation, rotation, slip or coordinate
@@ -41,7 +41,7 @@ class Group(NamedTuple):
 
 
 class _Evaluated(NamedTuple):
-    """Rows at one position, as the kernels return them."""
+    """The rows at one position, as returned by the kernels."""
 
     J: Array  # (m, nv)
     gap: Array  # (m,) residuals of positions [m], 0 for rows of velocities alone
@@ -51,7 +51,7 @@ class _Evaluated(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of some constraints of a mechanism at (q, v), and at a time [s].
+    """The rows for selected constraints of a mechanism at (q, v) and at a time [s].
 
     Rows that turn are multiplied by the radius of gyration of all bodies: residuals are in metres.
     """
@@ -67,17 +67,17 @@ class Rows:
     def of(
         cls, mech: Dynamics, active: Ints, q: Array, v: Array | None = None, t: float = 0.0
     ) -> Rows:
-        """Return the rows of the constraints with these indices, at rest unless `v` is given."""
+        """Return the rows for the constraints with these indices, at rest unless `v` is given."""
         scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)
         v = np.zeros(mech.nv) if v is None else v
         return cls(mech, scene, tuple(active.tolist()), q, v, t)
 
     def at(self, q: Array, v: Array | None = None) -> Rows:
-        """The same constraints at another state."""
+        """Return the same constraints at another state."""
         return Rows(self.mech, self.scene, self.held, q, self.v if v is None else v, self.t)
 
     def without(self, name: str) -> Rows:
-        """The other constraints at this state."""
+        """Return the remaining constraints at this state."""
         constraints = self.mech.model.constraints
         held = tuple(i for i in self.held if constraints[i].name != name)
         return Rows(self.mech, self.scene, held, self.q, self.v, self.t)
@@ -86,44 +86,44 @@ class Rows:
 
     @property
     def nv(self) -> int:
-        """Degrees of freedom of the tree."""
+        """Number of degrees of freedom of the tree."""
         return self.mech.nv
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The constraints that are held."""
+        """The constraints that are enforced."""
         return tuple(self.mech.model.constraints[i] for i in self.held)
 
     @property
     def joints(self) -> list[tuple[str, slice]]:
-        """Names of the bodies whose joints move, with their degrees of freedom."""
+        """Names of the bodies with movable joints, with their degrees of freedom."""
         return [(name, joint.v) for name, joint in self.mech.joints.items()]
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Origins (nb, 3) and rotations (nb, 3, 3) of the bodies."""
+        """Body origins (nb, 3) and rotations (nb, 3, 3)."""
         return self.mech.poses(self.q)
 
     @cached_property
     def length(self) -> float:
-        """Length by which rotations are multiplied [m]: the radius of gyration."""
+        """Length scale for rotations [m], equal to the radius of gyration."""
         return radius_of_gyration(self.mech.packed.system)
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
-        """(nv,) whether a degree of freedom is an angle."""
+        """A mask (nv,) that is True for rotational degrees of freedom."""
         return turns(self.mech)
 
     @cached_property
     def size(self) -> float:
-        """Extent of the mechanism [m], the scale of rounding of positions."""
+        """Extent of the mechanism [m], which sets the scale for rounding errors in positions."""
         tied = [c for c in self.constraints if isinstance(c, AtPoints)]
         points = [p for c in tied for p in (c.point, c.other_point) if p is not None]
         farthest = [np.abs(x).max() for x in [self.poses[0], *map(np.array, points)] if x.size]
         return float(max(farthest, default=0.0)) or 1.0
 
     def advanced(self, step: Array) -> Array:
-        """q after a finite move along velocities: balls and free joints turn by it."""
+        """Return q after a finite displacement along velocities, rotating ball and free joints."""
         q = self.q.copy()
         motion.move(self.mech.packed.rows, q, np.ascontiguousarray(step), 1.0)
         return q
@@ -132,27 +132,27 @@ class Rows:
 
     @property
     def J(self) -> Array:
-        """(m, nv) Jacobian of all rows."""
+        """Jacobian (m, nv) of all rows."""
         return self._evaluated.J
 
     @property
     def gap(self) -> Array:
-        """(m,) residuals of positions [m], 0 for rows of velocities alone."""
+        """Position residuals (m,) [m], 0 for velocity-only rows."""
         return self._evaluated.gap
 
     @cached_property
     def slip(self) -> Array:
-        """(m,) residuals of velocities [m/s]."""
+        """Velocity residuals (m,) [m/s]."""
         return self.J @ self.v - self._evaluated.asked
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """All rows by constraint and nature, in the order of the model."""
+        """All rows grouped by constraint and type, in model order."""
         return self._evaluated.groups
 
     @cached_property
     def holonomic(self) -> Ints:
-        """Indices of the rows that positions obey."""
+        """Indices of the rows that constrain positions."""
         spans = [range(g.rows.start, g.rows.stop) for g in self.groups if g.holonomic]
         return np.array([r for span in spans for r in span], dtype=np.int64)
 
@@ -177,13 +177,13 @@ class Rows:
         return _Evaluated(J, gap, -speed, tuple(_joined(groups)))
 
     def _directions(self, i: int) -> Array:
-        """(rows, 3) the forces or torques of the rows of block i in world axes."""
+        """Return the force or torque directions (rows, 3) for block i in world axes."""
         size = int(self.scene.blocks.blocks_i[i, at.B_SIZE])
         where = self.scene.space.place[i, at.PLACE_D : at.PLACE_D + 3 * size]
         return where.reshape(size, 3).copy()
 
     def _jacobian(self, i: int) -> Array:
-        """(rows, nv) of block i, after the kernel has located it."""
+        """Return the Jacobian (rows, nv) of block i after the kernel has located it."""
         blocks = self.scene.blocks
         table = blocks.blocks_i[i]
         if table[at.B_TYPE] in (at.T_COORD, at.T_VELOCITY):
@@ -198,7 +198,9 @@ class Rows:
         return self._directions(i) @ (mine - other)[part]
 
     def _point_jacobian(self, row: int, x: Array) -> Array:
-        """(6, nv) of the material point of a row that is at x in the world."""
+        """Return the Jacobian (6, nv) of the material point of a row currently at x in the
+        world.
+        """
         jac, work = np.zeros((6, self.nv)), self.scene.work
         if row > 0:
             turn = work[row, at.R : at.R + 9].reshape(3, 3)
@@ -212,7 +214,7 @@ class Rows:
 
     @cached_property
     def root(self) -> Array:
-        """(nv, nv) lower L with M = L Lᵀ, where joints without inertia get a small one."""
+        """The lower triangular L (nv, nv) with M = L Lᵀ. Joints without inertia get a small one."""
         M = self.mech.mass_matrix(self.q)
         try:
             root = np.linalg.cholesky(M)
@@ -223,23 +225,23 @@ class Rows:
 
     @cached_property
     def scaled(self) -> Array:
-        """(m, nv) J L⁻ᵀ: rows whose lengths and angles are those of the mass metric."""
+        """The scaled rows J L⁻ᵀ (m, nv), with lengths and angles measured in the mass metric."""
         return self._solved(self.root, self.J.T).T
 
     @cached_property
     def parts(self) -> tuple[Array, Array, Array]:
-        """U, s, Vᵀ of the scaled rows that positions obey, without those that are rounding."""
+        """U, s, Vᵀ of the scaled position rows, without singular values due to rounding."""
         rows = self.scaled[self.holonomic]
         left, sizes, right = np.linalg.svd(rows, full_matrices=False)
         kept = sizes > np.finfo(float).eps * max(rows.shape) * sizes.max(initial=0.0)
         return left[:, kept], sizes[kept], right[kept]
 
     def gradient(self, way: Array) -> Array:
-        """L⁻¹ g of a gradient g (nv,): as a scaled row."""
+        """Return L⁻¹ g for a gradient g (nv,), in the form of a scaled row."""
         return self._solved(self.root, way)
 
     def step(self, y: Array) -> Array:
-        """L⁻ᵀ y, (nv,) or (nv, n): back from the mass metric."""
+        """Return L⁻ᵀ y for y (nv,) or (nv, n), converting back from the mass metric."""
         return self._solved(self.root.T, y)
 
     def _solved(self, triangle: Array, y: Array) -> Array:
@@ -256,7 +258,7 @@ def _turns(table: Ints) -> bool:
 
 
 def _groups(c: Constraint, kind: int, first: int, directions: Array) -> Iterator[Group]:
-    """The rows of one block by nature."""
+    """Group the rows of one block by type."""
     size = len(directions)
     if kind in (at.T_COORD, at.T_VELOCITY):
         none = np.zeros((size, 3))
@@ -273,7 +275,7 @@ def _groups(c: Constraint, kind: int, first: int, directions: Array) -> Iterator
 
 
 def _joined(groups: list[Group]) -> Iterator[Group]:
-    """Neighbouring groups of one constraint and nature as one."""
+    """Merge neighbouring groups with the same constraint and type."""
     before: Group | None = None
     for g in groups:
         if before is not None and before.constraint is g.constraint and before.nature == g.nature:
@@ -289,7 +291,7 @@ def _joined(groups: list[Group]) -> Iterator[Group]:
 
 
 def turns(mech: Dynamics) -> NDArray[np.bool_]:
-    """(nv,) whether a degree of freedom is an angle."""
+    """Return a mask (nv,) that is True for rotational degrees of freedom."""
     angles = np.zeros(mech.nv, dtype=bool)
     for _, kind, _, j in mech.packed.rows[1:].tolist():
         angles[j : j + {at.ROTATE: 1, at.SCREW: 1, at.TRANSLATE: 0}.get(kind, 3)] = True
@@ -297,7 +299,7 @@ def turns(mech: Dynamics) -> NDArray[np.bool_]:
 
 
 def apart(mech: Dynamics, start: Array, q: Array) -> Array:
-    """(nv,) the move along velocities that leads from one position to another."""
+    """Return the displacement (nv,) along velocities from one position to another."""
     step = np.zeros(mech.nv)
     of_q, of_v = plain(mech.packed.rows)
     step[of_v] = q[of_q] - start[of_q]
@@ -311,7 +313,7 @@ def apart(mech: Dynamics, start: Array, q: Array) -> Array:
 
 
 def axis_name(direction: Array, rows: Rows, other: int) -> str:
-    """ "x", or "x of 'rod'" for an axis of body number `other`, or the direction in world axes."""
+    """Return "x", "x of 'rod'" for an axis fixed in body number `other`, or a world direction."""
     frames = [(np.eye(3), "")]
     if other:
         frames.append((rows.poses[1][other - 1], f" of '{rows.mech.names[other - 1]}'"))

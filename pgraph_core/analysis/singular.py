@@ -1,4 +1,4 @@
-"""Redundant rows, singular positions and blocked motions of a run, found at next to no cost.
+"""Redundant rows, singular positions and blocked motions in a run, found at negligible cost.
 
 *Redundant rows* are named from the null directions that the solver of a run finds. *Singular
 positions*: the kernels keep the places where pivots fell far below their largest
@@ -33,7 +33,7 @@ LIGHT = 10 * NULL  # ratio of masses whose rows differ from null rows, as n rows
 
 
 def redundancy(scene: Scene) -> str:
-    """Return a sentence on the redundant rows of the last factors, or "" without any.
+    """Return a message about redundant rows in the last factorisation, or "" if there are none.
 
     A null direction of Ω is a combination of rows without effect. Its last row that is not the last
     of another direction is called redundant, as in `mobility`.
@@ -53,13 +53,14 @@ def redundancy(scene: Scene) -> str:
 
 
 def named(scene: Scene, rows: list[int]) -> list[str]:
-    """Rows of the active constraints by direction, as they were located last."""
+    """Return the directions of the active constraints' rows, as last located."""
     every = _rows(scene)
     return [_name(scene, every[r]) for r in rows]
 
 
 def standing_for(nulls: Array, share: float = NOTABLE) -> list[int]:
-    """Return one column per null direction, chosen from the last one on, ascending.
+    """Choose one column for each null direction, starting from the last. Returned in ascending
+    order.
 
     Entries below `share` of the largest count as zero.
     """
@@ -77,7 +78,7 @@ def standing_for(nulls: Array, share: float = NOTABLE) -> list[int]:
 
 
 def _rows(scene: Scene) -> list[tuple[str, int, int]]:
-    """(constraint, block, row of the block) of all rows in turn."""
+    """Return (constraint, block, row within the block) for all rows in order."""
     sizes = scene.blocks.blocks_i[:, at.B_SIZE].tolist()
     return [
         (name, i, r)
@@ -112,7 +113,7 @@ Instant = tuple[float, Array, Array]  # t, q, v
 
 
 class Passed(NamedTuple):
-    """A singular position on the way of a run."""
+    """A singular position encountered during a run."""
 
     t: float
     rows: tuple[str, ...]  # rows that are redundant only there
@@ -120,7 +121,7 @@ class Passed(NamedTuple):
 
 
 class _Look:
-    """Ω of a scene's constraints at places along a velocity."""
+    """Ω for a scene's constraints at positions along a velocity."""
 
     def __init__(self, scene: Scene, t: float, q: Array, v: Array):
         self.scene, self.t, self.q, self.v = scene, t, q, v
@@ -129,7 +130,8 @@ class _Look:
         self.places: dict[float, Array] = {}
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
-        """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met.
+        """Return (values over the mean diagonal, vectors) for Ω after a time tau, on the
+        constraints.
 
         Where a run blew up and Ω is not finite, no row is null.
         """
@@ -151,7 +153,9 @@ class _Look:
         return np.linalg.eigh(scaled)
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
-        """The position a time tau on, if rows are null there besides the `usual` combinations."""
+        """Return the position after a time tau if it has null rows beyond the `usual`
+        combinations.
+        """
         values, vectors = self.eigen(tau)
         count = int((values < NULL).sum())
         if count <= usual.shape[1]:
@@ -161,7 +165,9 @@ class _Look:
         return Passed(self.t + tau, tuple(named(self.scene, rows)), self.places[tau])
 
     def lowest(self, width: float, nulls: int) -> float:
-        """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
+        """Return the time within `width` at which eigenvalue number `nulls` is smallest, by
+        parabolas.
+        """
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(PARABOLAS):
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
@@ -178,7 +184,7 @@ class _Look:
 
 
 def passed(scene: Scene) -> list[Passed]:
-    """Singular positions among the first dips of the active constraints, each once."""
+    """Return the distinct singular positions among the first dips of the active constraints."""
     found: list[Passed] = []
     nq, nv = scene.packed.nq, scene.packed.nv
     for dip, state in zip(scene.space.dips, scene.space.dip_states):
@@ -192,7 +198,7 @@ def passed(scene: Scene) -> list[Passed]:
 
 
 def _touched(look: _Look, width: float) -> Passed | None:
-    """Return the singular position within `width` of the bottom of a dip, or None."""
+    """Return the singular position within `width` of a dip's minimum, or None."""
     fastest = float(np.max(np.abs(look.v), initial=0.0))
     if fastest == 0.0 or look.rows == 0:
         return None
@@ -206,7 +212,7 @@ def _touched(look: _Look, width: float) -> Passed | None:
 
 
 def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
-    """The initial position, where rows are null that are not at the end of the run."""
+    """Return the initial position if it has null rows that are absent at the end of the run."""
     values, usual = _Look(scene, *end).eigen(0.0)
     return _Look(scene, *start).only_there(0.0, usual[:, values < NULL])
 
@@ -218,7 +224,7 @@ def singular_notice(
     redundant: bool,
     genuine: Callable[[float, Array], bool],
 ) -> str:
-    """Return a warning about singular positions that a run passed, or "".
+    """Return a warning about singular positions passed during a run, or "".
 
     `start` and `end` are those of the run. `redundant` tells whether rows were redundant at the
     start, and `genuine` whether they are at a place by their directions alone, whatever masses do.
@@ -247,7 +253,7 @@ def singular_notice(
 
 
 def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
-    """Return how many rows of J are redundant at q or next to it, whatever the masses are.
+    """Return the number of rows of J that are redundant at or near q, for any masses.
 
     Rows of unit length, in which a radian counts as the mechanism's extent, say nothing new where a
     singular value is below ten times FAINT of the largest.
@@ -262,7 +268,7 @@ def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
 
 
 def unequal(mech: Dynamics, active: Ints) -> str:
-    """Return a sentence on the most unequal masses that active constraints join, or "".
+    """Return a message about the most unequal masses joined by active constraints, or "".
 
     Ω = J M⁻¹ Jᵀ then has eigenvalues whose ratio is that of the masses. Below the square of FAINT
     the smallest is taken for zero.
@@ -287,7 +293,7 @@ def unequal(mech: Dynamics, active: Ints) -> str:
 
 
 def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
-    """Return a sentence on a motion whose gap grows while the rows J vanish, or "".
+    """Return a message about a motion whose gap grows while the rows of J vanish, or "".
 
     The gap of such a motion grows as its square, against a force of infinite size, and projection
     by J cannot close it.
@@ -323,7 +329,7 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
 def holding(
     mech: Dynamics, active: Ints, t: float, q: Array, way: Array, closed: Sequence[Array] = ()
 ) -> list[str]:
-    """Return the names of the constraints that determine the change of a gap, [] if it is free.
+    """Return the names of the constraints that determine a gap's rate, or [] if it is free.
 
     `way` (nv,) is the gradient of the gap, `closed` those of gaps that are closed meanwhile.
     """
@@ -341,14 +347,16 @@ def holding(
 
 
 def approach(mech: Dynamics, q: Array, body: str, point: Array, normal: Array) -> Array:
-    """(nv,) gradient of the place along `normal` of a point (world axes) that moves with a body."""
+    """Return the gradient (nv,) of the position along `normal` for a point (world axes) on a
+    body.
+    """
     J = mech.jacobian(q, body)
     arm = point - mech.pose(q, body)[0]
     return np.asarray(J[3:].T @ normal + J[:3].T @ np.cross(arm, normal), dtype=float)
 
 
 def _parts(state: Rows, combination: Array) -> list[str]:
-    """Constraints with a notable share of a combination of rows."""
+    """Return the constraints that contribute significantly to a combination of rows."""
     share = {g.constraint.name: 0.0 for g in state.groups}
     for g in state.groups:
         most = float(np.abs(combination[g.rows]).max(initial=0.0))

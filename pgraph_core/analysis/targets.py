@@ -1,4 +1,4 @@
-"""Inverse kinematics: positions that bring bodies to targets, within limits and with loops closed.
+"""Inverse kinematics: move bodies to targets, subject to joint limits and loop closure.
 
 Damped Gauss-Newton steps, each a least-squares problem with bounds; from several starts.
 """
@@ -33,7 +33,7 @@ STRIDE, STRIDES = (
 
 
 class Target(NamedTuple):
-    """Target position and attitude of a point of a body or site."""
+    """The target position and orientation for a point on a body or site."""
 
     name: str
     point: Array  # (3,) in the body's axes
@@ -44,7 +44,7 @@ class Target(NamedTuple):
 def inverse_kinematics(
     mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None, starts: int
 ) -> Array:
-    """Return q (nq,) near q, see `Mechanism.inverse_kinematics`."""
+    """Return q (nq,) near q. See `Mechanism.inverse_kinematics`."""
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
         text = f"must be a whole number from 1 to {MOST_STARTS}; given {shown(starts)}"
         raise InputError(Problem(WHERE, "starts", text))
@@ -71,7 +71,7 @@ def inverse_kinematics(
 def nearest(
     mech: Dynamics, q: Array, name: str, point: Any, place: Any, still: Array
 ) -> Array:  # fmt: skip
-    """Return q (nq,) near q with a body's point (3,) as near to a place (3,) [m] as possible.
+    """Return q (nq,) near q with a body's point (3,) as close as possible to a target (3,) [m].
 
     Limits hold. Loops nearly stay closed, and `assemble` closes them. The degrees of freedom
     `still` (nv,) do not move. One call moves the point by at most STRIDE of the mechanism's size.
@@ -128,7 +128,9 @@ def _turn(name: str, given: Any) -> Array:
 
 
 def bounds(mech: Dynamics) -> tuple[Array, Array]:
-    """Return the limits of each degree of freedom, (nv,) each, infinite for balls."""
+    """Return the lower and upper limits of each degree of freedom, (nv,) each, infinite for
+    balls.
+    """
     low, high = np.full(mech.nv, -np.inf), np.full(mech.nv, np.inf)
     for name, joint in mech.joints.items():
         body, j = mech.model.body(name), joint.v.start
@@ -141,7 +143,7 @@ def bounds(mech: Dynamics) -> tuple[Array, Array]:
 
 
 def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
-    """(nv,) how far each degree of freedom may move, in one step."""
+    """Return how far each degree of freedom may move down and up in one step, (nv,) each."""
     here = single(rows)
     longest = LONGEST_STEP * np.where(rows.turns, 1.0, rows.size)
     down, up = np.maximum(low - here, -longest), np.minimum(high - here, longest)
@@ -149,7 +151,7 @@ def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
 
 
 def _around(rows: Rows, q: Array, random: np.random.Generator, low: Array, high: Array) -> Array:
-    """Another start: a random move, and a random place between limits."""
+    """Return another start from a random move, with random positions between limits."""
     start = rows.at(q)
     here = single(start)
     step = random.normal(size=rows.nv) * np.where(rows.turns, 1.5, 0.5 * rows.size)
@@ -159,7 +161,7 @@ def _around(rows: Rows, q: Array, random: np.random.Generator, low: Array, high:
 
 
 def single(rows: Rows) -> Array:
-    """(nv,) the coordinates of rotations and translations, 0 for balls."""
+    """Return the rotation and translation coordinates (nv,), with 0 for balls."""
     here = np.zeros(rows.nv)
     for _, kind, i, j in rows.mech.packed.rows[1:].tolist():
         if kind <= at.TRANSLATE:
@@ -170,7 +172,9 @@ def single(rows: Rows) -> Array:
 def _descended(
     rows: Rows, wanted: list[Target], low: Array, high: Array, rounds: int = REACH_ROUNDS
 ) -> tuple[Array, float]:
-    """Return (q, residual [m]) from a start. Rotations count by the radius of gyration."""
+    """Descend from a start and return (q, residual [m]). Rotations are scaled by radius of
+    gyration.
+    """
     damping, left = 1e-3, np.inf
     error, J = _errors(rows, wanted)
     left = float(np.linalg.norm(error))
@@ -199,7 +203,7 @@ def _descended(
 
 
 def _errors(rows: Rows, wanted: list[Target]) -> tuple[Array, Array]:
-    """(m,) what is left of targets and loops [m], and its slopes (m, nv)."""
+    """Return the target and loop residuals (m,) [m], and their derivatives (m, nv)."""
     errors, slopes = [rows.gap[rows.holonomic]], [rows.J[rows.holonomic]]
     for target in wanted:
         place, turn = rows.mech.pose(rows.q, target.name)
@@ -214,14 +218,14 @@ def _errors(rows: Rows, wanted: list[Target]) -> tuple[Array, Array]:
 
 
 def _angle(R: Array) -> Array:
-    """(3,) the rotation vector of a rotation."""
+    """Return the rotation vector (3,) of a rotation."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(R).as_rotvec()
 
 
 def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Target]:
-    """Return the missed targets, or all if only loops are open."""
+    """Return the missed targets, or all of them if only loops are open."""
     here = rows.at(q)
     loops = len(here.holonomic)
     found = [

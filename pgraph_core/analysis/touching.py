@@ -1,4 +1,4 @@
-"""Contacts and joint limits about one state: forces of soft and penalty contacts, and what is shut.
+"""Contacts and joint limits about a state: soft and penalty forces, and closed contacts.
 
 A force of a soft or penalty contact is a function of (q, v), whose slopes are differences with
 steps below its depth. What is rigid and shut has no slope: it is named.
@@ -25,7 +25,7 @@ DEPTHS = (0.1, 1e-2, 1e-3)  # steps of finite differences relative to the least 
 
 
 def length_of(mech: Dynamics, f: Force, q: Array) -> float:
-    """The length that a tendon or spring bounds [m, rad]."""
+    """Return the length bounded by a tendon or spring [m, rad]."""
     if isinstance(f, Spring):
         return float(np.linalg.norm(between(mech, f, q)[0]))
     assert isinstance(f, Tendon)
@@ -33,7 +33,9 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
-    """(from a spring's other end to its own (3,) [m], how that changes with v (3, nv))."""
+    """Return (vector from a spring's other end to its own (3,) [m], its derivative in v (3,
+    nv)).
+    """
     own, other = points_of(f, mech.model.body(f.body))
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
     for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):
@@ -47,7 +49,7 @@ def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
 
 
 class Touching:
-    """Contacts that touch at the state (q, v) of the start of a run."""
+    """The closed contacts at the state (q, v) where a run starts."""
 
     def __init__(
         self,
@@ -56,7 +58,7 @@ class Touching:
         forces: tuple[Drives, Loads],
         state: tuple[Array, Array],
     ):
-        """Find what touches among active `contacts` and limits, under active `forces`."""
+        """Find the closed contacts among active `contacts` and limits, under active `forces`."""
         self.mech, (q, v) = mech, state
         self.shut: list[str] = []  # names of closed rigid contacts and limits, for sentences
         self.depth = 0.0  # least depth of a soft or penalty contact [m], 0 if none pushes
@@ -105,7 +107,9 @@ class Touching:
                 self.shut.append(f"the limit of {f.kind} '{f.name}'")
 
     def torque(self, q: Array, v: Array) -> Array:
-        """τ (nv,) of soft and penalty contacts: what they add to v', times M."""
+        """Return τ (nv,) from soft and penalty contacts, computed as M times their contribution to
+        v'.
+        """
         if not self.depth:
             return np.zeros(self.mech.nv)
         found = []
@@ -117,11 +121,11 @@ class Touching:
 
     @property
     def steps(self) -> tuple[float, ...]:
-        """Return steps of finite differences in q [rad, m], none of which leaves the contact."""
+        """Return finite-difference steps in q [rad, m] that preserve contact."""
         return tuple(share * self.depth / max(1.0, self.mech.packed.length) for share in DEPTHS)
 
     def slopes_in_v(self, q: Array, v: Array) -> Array:
-        """(nv, nv) slopes of `torque` in v, by differences of order four.
+        """Return the (nv, nv) derivatives of `torque` in v, by fourth-order differences.
 
         Their best step is EPS^(1/5) of the slip at which regularised friction bends.
         """

@@ -1,4 +1,4 @@
-"""BatchStepper: many instances of one mechanism that are stepped together from outside."""
+"""BatchStepper: step many instances of one mechanism together under external control."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of i
 )
 @explained
 class BatchStepper(Portable):
-    """Steps many instances of a mechanism together: trees, loops and contacts.
+    """A stepper for many instances of a mechanism, with trees, loops and contacts.
 
     Every instance has its own state and takes the steps that it would take alone in a `Stepper`,
     bit for bit, whatever its neighbours and the number of threads. Free trees that differ in their
@@ -116,7 +116,7 @@ class BatchStepper(Portable):
         threads: int | None = None,
         set: Mapping[Any, Any] | None = None,
     ):
-        """At the initial state of the scenario, or of the model, of each instance."""
+        """Start each instance at the initial state of the scenario, or of the model."""
         mech = mechanism_of(mechanism, "BatchStepper")
         cores = (os.cpu_count() or 1) if threads is None else threads
         counts = {
@@ -135,7 +135,7 @@ class BatchStepper(Portable):
         self._tau = _table("tau", tau, self.size, mech.nv) if own else self._many.given.copy()
 
     def _begin(self) -> None:
-        """The tables, the state of every instance at its start."""
+        """Build the tables and set every instance to its initial state."""
         kinds, self._entries = _kinds(self._set, self.size)
         first, starts, numbers, varying = _tables(self._noted(kinds))
         record = first.recording
@@ -157,7 +157,7 @@ class BatchStepper(Portable):
         vars(self)["method"] = first.method
 
     def _noted(self, kinds: Array) -> Iterator[Stepper]:
-        """Yield the steppers, keeping the data of outputs before steps share its arrays."""
+        """Yield the steppers, saving their output data before steps share the arrays."""
         self._sensed: list[tuple[Sensors, System]] = []
         self._told: dict[str, list[int]] = {}
         for kind, stepper in enumerate(self._steppers(kinds)):
@@ -170,7 +170,7 @@ class BatchStepper(Portable):
             yield stepper
 
     def _steppers(self, kinds: Array) -> Iterator[Stepper]:
-        """A stepper for each row of values (kinds, paths)."""
+        """Create one stepper for each row of values (kinds, paths)."""
         paths = [Path(self.mech.model, path, "BatchStepper") for path in self._set]
         for i, row in enumerate(kinds.tolist()):
             try:
@@ -192,33 +192,35 @@ class BatchStepper(Portable):
 
     @property
     def q(self) -> Array:
-        """(size, nq) configurations, a read-only view that follows the steps."""
+        """Configurations (size, nq) as a read-only view that follows the steps."""
         return _read_only(self._many.q)
 
     @property
     def v(self) -> Array:
-        """(size, nv) velocities, a read-only view that follows the steps."""
+        """Velocities (size, nv) as a read-only view that follows the steps."""
         return _read_only(self._many.v)
 
     @property
     def work(self) -> Array:
-        """(size,) work of motors, servos and given torques since the start [J]."""
+        """Work done by motors, servos and given torques since the start (size,) [J]."""
         return self._many.ledger[:, at.WORK_DONE].copy()
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """(size,) bool: which instances go on."""
+        """A boolean mask (size,) of the instances that are still running."""
         return self._many.codes == at.RUNNING
 
     @property
     def failures(self) -> dict[int, str]:
-        """{instance: why it stands still}."""
+        """The failed instances as {instance: reason}."""
         failed, control = np.flatnonzero(~self.ok), self._many.control
         return {i: self._reason(int(self._many.codes[i]), control[i]) for i in failed.tolist()}
 
     @property
     def notices(self) -> dict[str, Ints]:
-        """{sentence on a model or on how it starts: (n,) instances}, as of a Stepper of each."""
+        """Warnings as {message about a model or its start: (n,) instances}, as from separate
+        Steppers.
+        """
         kind = self._many.kind
         found = {text: np.flatnonzero(np.isin(kind, own)) for text, own in self._told.items()}
         return {text: which for text, which in found.items() if len(which)}
@@ -230,7 +232,8 @@ class BatchStepper(Portable):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{contact pair: (size, 6) [torque, force]} on the body at its origin in the last step.
+        """Contact wrenches as {contact pair: (size, 6) [torque, force]} at the body origin, last
+        step.
 
         [N m, N], world axes.
         """
@@ -238,7 +241,9 @@ class BatchStepper(Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{contact pair: (size,) smallest gap} [m] at the states, negative: penetration."""
+        """Minimum gaps as {contact pair: (size,)} [m] at the states. Negative values mean
+        penetration.
+        """
         found = {name: np.empty(self.size) for name in self._touches(len)}
         for i in range(self.size) if found else ():
             for name, gap in self._many.into_worker(i).stepper._gaps().items():
@@ -247,7 +252,7 @@ class BatchStepper(Portable):
 
     @property
     def outputs(self) -> Mapping[str, Array]:
-        """{output: (size,), (size, 3) or (size, 4)}: what it reads at the states, as `Output` says.
+        """Sensor readings at the states as {output: (size,), (size, 3) or (size, 4)}. See `Output`.
 
         The torques of the last step act.
         """
@@ -286,7 +291,7 @@ class BatchStepper(Portable):
     # -- steps -----------------------------------------------------------------------------------
 
     def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> NDArray[np.bool_]:
-        """Take n steps and return a mask (size,) of the instances that continue.
+        """Take n steps and return a mask (size,) of the instances that are still running.
 
         `tau` (size, nv) or (nv,) replaces the array given at the start.
         """
@@ -295,7 +300,7 @@ class BatchStepper(Portable):
         return self.ok
 
     def trace(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Array:
-        """Take n steps like `step` and return q and v after each of them (n, size, nq + nv)."""
+        """Take n steps like `step`, and return q and v after each one as (n, size, nq + nv)."""
         self._give(tau)
         return self._many.trace(_whole("n", n, 1))
 
@@ -305,7 +310,7 @@ class BatchStepper(Portable):
         self._many.given[:] = given
 
     def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
-        """Start instances again at t = 0, from (q, v) or from their initial states where None.
+        """Reset instances to t = 0, at (q, v) or at their initial states if None.
 
         `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
         are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
@@ -341,20 +346,20 @@ class BatchStepper(Portable):
             raise
 
     def _start(self, i: int) -> None:
-        """Move instance i onto its constraints, and see what it is near to. Raises InputError."""
+        """Project instance i onto its constraints and detect nearby contacts. Raises InputError."""
         worker = self._many.into_worker(i)
         if why := worker.begin():
             raise _refused("q", f"instance {i}: {why}", "reset")
         self._many.states[i] = worker.state()
 
     def _configurations(self, q: Any, n: int) -> Array:
-        """(n, nq) finite, whose quaternions have a direction. Raises InputError."""
+        """Return finite configurations (n, nq) with nonzero quaternions. Raises InputError."""
         table = _table("q", q, n, self.mech.nq)
         positions(self.mech.packed, table)
         return table
 
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
-        """v' (size, nv) at the states, with all forces, constraints and compliant contacts.
+        """Return v' (size, nv) at the states, with all forces, constraints and compliant contacts.
 
         `tau` as of `step`. What rigid contacts and limits exert follows from a step: their forces
         are those of the last one, none after `reset`.
@@ -366,7 +371,7 @@ class BatchStepper(Portable):
         return found
 
     def inverse_dynamics(self, vdot: Any) -> Array:
-        """Return τ (size, nv) that gives v' (size, nv) in addition to passive forces.
+        """Return the τ (size, nv) that produces v' (size, nv) in addition to passive forces.
 
         Constraints and contacts are ignored, as in `Mechanism.inverse_dynamics`. Raises InputError
         if instances are not stepped in lanes.
@@ -377,7 +382,7 @@ class BatchStepper(Portable):
         return self._many.torques(_table("vdot", vdot, self.size, self.mech.nv))
 
     def target(self, servo: str, value: Any) -> None:
-        """Give a servo another target [rad, m], (size,) or one for all, constant until `reset`."""
+        """Set a servo's target [rad, m], one or (size,) values, held constant until `reset`."""
         targets = self._many.targets
         if servo not in targets:
             text = f"no servo with a constant target is called {shown(servo)}; {one_of(targets)}"
@@ -393,12 +398,14 @@ class BatchStepper(Portable):
     # -- snapshots -------------------------------------------------------------------------------
 
     def save(self) -> bytes:
-        """All that the next steps depend on: `restore` continues with the same bits."""
+        """Save everything that the next steps depend on, so that `restore` continues bit for
+        bit.
+        """
         state = b"".join(map(bytes, self._memory()))
         return sealed("BatchStepper", (self._key(),), state)
 
     def restore(self, snapshot: bytes) -> None:
-        """Go back to a snapshot of this batch.
+        """Restore this batch from a snapshot.
 
         Kernels trust its values, so restore none from people that you would not run code of. Raises
         InputError for bytes that `save` did not give, and changes nothing then.
@@ -409,7 +416,7 @@ class BatchStepper(Portable):
         self._many.relink()
 
     def _memory(self) -> list[Any]:
-        """The arrays that steps read before they write them."""
+        """Return the arrays that are read before they are written during steps."""
         return list(self._many.memory)
 
     def _key(self) -> str:
@@ -431,7 +438,7 @@ class BatchStepper(Portable):
 
 
 def _compiled(tau: Any, varied: bool) -> Any:
-    """The torques of all instances. Raises InputError for a function that is not compiled."""
+    """Return the torques for all instances. Raises InputError if a function is not compiled."""
     if hasattr(tau, "acting") and varied:
         text = "a controller knows one set of numbers; give the scenario that has its gait"
         raise _refused("tau", text)
@@ -443,7 +450,7 @@ def _compiled(tau: Any, varied: bool) -> Any:
 
 
 def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> dict[Any, Array]:
-    """{path: (m,) values}, m >= size. Raises InputError."""
+    """Return {path: (m,) values}, m >= size. Raises InputError."""
     if not isinstance(given, Mapping) or not given:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(given)}"
         raise _refused("set", text)
@@ -471,7 +478,7 @@ def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> 
 
 
 def _kinds(values: Mapping[Any, Array], size: int) -> tuple[Array, Ints]:
-    """((kinds, paths) distinct values, (m,) the kind of every entry), the first entry's first."""
+    """Return ((kinds, paths) distinct values, (m,) kind of each entry), in order of appearance."""
     if not values:
         return np.zeros((1, 0)), np.zeros(size, dtype=np.int64)
     rows = np.stack(list(values.values()), axis=1)
@@ -481,7 +488,9 @@ def _kinds(values: Mapping[Any, Array], size: int) -> tuple[Array, Ints]:
 
 
 def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
-    """(the first stepper, states, numbers that differ, their places), a row for each stepper."""
+    """Return (first stepper, states, varying numbers, their positions), with one row per
+    stepper.
+    """
     first = next(steppers)
     base, states = words_of(number_arrays(first)), [words_of(state_arrays(first))]
     shapes, always = _shapes(first), sum(a.size for a in first.recording.steps.given)
@@ -508,7 +517,9 @@ def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
 
 
 def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
-    """(rows, columns) finite numbers, of one row where one is given. Raises InputError."""
+    """Return finite numbers as a (rows, columns) array, repeating a single row. Raises
+    InputError.
+    """
     shape = (rows,) if columns is None else (rows, columns)
     given = numbers_in(value, shape, shape[1:])
     found = np.full((0, 0, 0), np.nan) if given is None else given
@@ -522,7 +533,7 @@ def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
 
 
 def _chosen(which: Any, size: int) -> Ints:
-    """Numbers of the instances meant. Raises InputError."""
+    """Return the indices of the selected instances. Raises InputError."""
     if which is None:
         return np.arange(size)
     found = np.atleast_1d(_array(which))
@@ -536,7 +547,7 @@ def _chosen(which: Any, size: int) -> Ints:
 
 
 def _places(numbers: Any, entries: Ints, n: int) -> Ints:
-    """The kinds of n entries of the lists. Raises InputError."""
+    """Return the kinds for n list entries. Raises InputError."""
     found = _array(numbers)
     if found.dtype.kind not in "iu" or found.shape not in ((), (n,)):
         text = f"must be ({n},) places in the lists of `set`; given {shown(numbers)}"
@@ -561,7 +572,7 @@ def _read_only(view: Array) -> Array:
 
 
 def _whole(name: str, value: Any, least: int, most: int = 2**62) -> int:
-    """A whole number. Raises InputError."""
+    """Return a whole number. Raises InputError."""
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     if not whole or not least <= int(value) <= most:
         text = f"must be a whole number >= {least}"

@@ -1,4 +1,4 @@
-"""Instances that stand or walk on a plane: their steps are taken side by side in lanes."""
+"""Instances that stand or walk on a plane, stepped side by side in lanes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOCATED = 64  # shapes: impacts of more are not located one by one
 
 
 def on_feet(stepper: Stepper) -> bool:
-    """True for one tree of hinges and sliders whose shapes touch a plane and nothing else.
+    """Return True for a single tree of hinges and sliders whose shapes touch only a plane.
 
     Its drives must be springs, dampers, motors and servos of one coordinate with constant inputs.
     """
@@ -57,18 +57,18 @@ def on_feet(stepper: Stepper) -> bool:
 
 
 def is_plain(row: Any) -> bool:
-    """True if a drive has one coordinate and constant inputs without a lag."""
+    """Return True if a drive has a single coordinate and constant inputs without lag."""
     follows = row["terms"] or row["lag"] or row["integrates"]
     return not follows and row["torques"] <= 1 and (row["coordinate"] < 0 or row["targets"] <= 1)
 
 
 class FeetLanes(Instances):
-    """Instances side by side in lanes, with the bits of their own runs."""
+    """Instances stepped side by side in lanes, bitwise identical to separate runs."""
 
     together = LANE_WIDTH
 
     def prepare(self) -> None:
-        """Name points and drives, and allocate one block per worker."""
+        """Name the points and drives, and allocate one block per worker."""
         stepper = self.workers[0].stepper
         user = stepper.recording.user
         self._memory = 0 if user is None else len([a for a in user.memory if a.size])
@@ -92,7 +92,7 @@ class FeetLanes(Instances):
 
 
 def _ways(stepper: Stepper) -> Ints:
-    """Return the owner of each vertex, and the joints between it and the ground."""
+    """Return the body of each vertex, and the joints between it and the ground."""
     scene = stepper.recording.scene
     assert scene.touching is not None
     contacts, rows = scene.touching.contacts, scene.packed.rows
@@ -109,7 +109,7 @@ def _ways(stepper: Stepper) -> Ints:
 
 
 def joints_to_ground(rows: Ints, k: int) -> list[int]:
-    """Indices into v of the joints between row k and the ground, as a free body has it."""
+    """Return the indices into v of the joints between row k and the ground, as for a free body."""
     joints: list[int] = []
     while k > 0:
         free = rows[k, at.KIND] == at.FREE
@@ -120,7 +120,9 @@ def joints_to_ground(rows: Ints, k: int) -> list[int]:
 
 
 def drives_of(stepper: Stepper) -> Ints:
-    """(n, 3) index into v, into q or -1, 1: a spring or damper."""
+    """Return an (n, 3) array with the index into v, the index into q or -1, and 1 per spring or
+    damper.
+    """
     drives = stepper.recording.scene.drives
     passive = np.arange(len(drives.table)) < drives.passive
     rows = drives.table["velocity"], drives.table["coordinate"], passive
@@ -128,7 +130,9 @@ def drives_of(stepper: Stepper) -> Ints:
 
 
 def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array, Ints]:
-    """(what is near, the block, frames lane after lane, how lanes go on) for one worker."""
+    """Return (nearby geometry, block, frames by lane, lane continuation) as buffers for one
+    worker.
+    """
     scene, steps = stepper.recording.scene, stepper.recording.steps
     assert scene.touching is not None
     contacts, n = scene.touching.contacts, len(scene.packed.rows)
@@ -146,7 +150,9 @@ def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array,
 
 
 def _walk(stepper: Stepper, block: tuple[Array, ...]) -> tuple[int, Array, Array, Any]:
-    """(address of the controller in lanes or 0, its tuple stored, when the run fell, the tuple)."""
+    """Return (controller address in lanes or 0, its stored tuple, times of falls, the tuple
+    itself).
+    """
     user, nothing = stepper.recording.user, np.zeros(0)
     if not isinstance(user, GaitTorque) or not user.kept.theirs.size or user.kept.terrain.x.size:
         return 0, nothing, nothing, None

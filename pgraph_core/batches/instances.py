@@ -1,4 +1,4 @@
-"""Instances of a mechanism as rows of two tables, stepped by one prepared run a thread.
+"""Instances of a mechanism as rows of two tables, stepped by one prepared run per thread.
 
 A row of `states` is all that steps read before they write it; a row of `numbers` is what the
 description gives. A thread copies both into its run, takes the steps and copies the state back, so
@@ -35,7 +35,7 @@ BETWEEN = 1_000_000  # steps of instances between two looks at whether the user 
 
 
 def state_arrays(stepper: Stepper) -> list[Any]:
-    """Return the arrays that steps read before they write them, and the status of steps."""
+    """Return the arrays that steps read before writing, and the step status."""
     record = stepper.recording
     scene, steps = record.scene, record.steps
     found: list[Any] = [steps.stages[at.Y], steps.control_table, steps.counters_table]
@@ -51,17 +51,19 @@ def state_arrays(stepper: Stepper) -> list[Any]:
 
 
 def number_arrays(stepper: Stepper) -> list[Any]:
-    """Return the arrays of the description, and those that a failed step leaves in the run."""
+    """Return the arrays from the description, including those that a failed step leaves in the
+    run.
+    """
     return [a for a in (*stepper.recording.steps.given, *stepper.recording.scene.numbers) if a.size]
 
 
 def words_of(arrays: Sequence[Array]) -> Ints:
-    """All arrays, one after the other, as words of eight bytes."""
+    """Concatenate all arrays as eight-byte words."""
     return np.concatenate([a.reshape(-1).view(np.int64) for a in arrays])
 
 
 class Place:
-    """Place of one array of the run in a table's rows."""
+    """The position of a run's array within the rows of a table."""
 
     def __init__(self, arrays: Sequence[Array], wanted: Array):
         before = [a.nbytes for a in arrays]
@@ -69,17 +71,19 @@ class Place:
         self.offset, self.kind, self.shape = sum(before[:number]), wanted.dtype, wanted.shape
 
     def of(self, table: Ints) -> Any:
-        """(rows, ...) a view of the array in every row."""
+        """Return a view (rows, ...) of the array in every row."""
         strides = (table.strides[0], *np.empty(self.shape, self.kind).strides)
         shape = (len(table), *self.shape)
         return np.ndarray(shape, self.kind, table, self.offset, strides)
 
 
 class Worker:
-    """The run that steps the instances of one thread."""
+    """The run used by one thread to step its instances."""
 
     def __init__(self, stepper: Stepper, varying: Ints):
-        """`varying` are the places of the numbers, in words, that the table holds."""
+        """Create a worker. `varying` gives the positions, in words, of the numbers held in the
+        table.
+        """
         self.stepper = stepper
         self._kept = state_arrays(stepper), number_arrays(stepper)
         own, numbers = self._kept
@@ -90,23 +94,27 @@ class Worker:
         self.run = stepper.recording.steps.address
 
     def begin(self) -> str:
-        """Begin at the state in the run, projected on its constraints. Returns a problem, or ""."""
+        """Begin from the run's state, projected onto its constraints. Return an error message, or
+        "".
+        """
         record = self.stepper.recording
         record.ended = Outcome()
         return "" if record.begin() else record.ended.message
 
     def vdot(self) -> Array:
-        """v' (nv,) at the state in the run."""
+        """Return v' (nv,) at the run's state."""
         self.stepper.recording.look()
         return self.stepper.recording.out.vdot[0].copy()
 
     def state(self) -> Ints:
-        """The state in the run as a row."""
+        """Return the run's state as a row."""
         return words_of(self._kept[0])
 
 
 def _spans(arrays: Sequence[Array], varying: Ints) -> Ints:
-    """(address, place in a row, bytes) of the varying words of the arrays, neighbours together."""
+    """Return (address, offset in a row, bytes) for the varying words, with adjacent words
+    merged.
+    """
     found: list[tuple[int, int, int]] = []
     first = 0
     for a in arrays:
@@ -122,12 +130,14 @@ def _spans(arrays: Sequence[Array], varying: Ints) -> Ints:
 
 
 class Instances:
-    """The tables of all instances, and the workers that step them."""
+    """The tables for all instances, and the workers that step them."""
 
     together = 1  # instances that one worker steps in any case
 
     def __init__(self, starts: Ints, numbers: Ints, kind: Ints, workers: Sequence[Worker]):
-        """`starts` (kinds, words) are initial states, `numbers` (kinds, words) what varies."""
+        """Create instances from initial states `starts` (kinds, words) and `numbers` (kinds,
+        words).
+        """
         self.starts, self.numbers, self.kind, self.workers = starts, numbers, kind, workers
         self.states, self.codes = starts[kind], np.full(len(kind), at.RUNNING)
         size = len(kind)
@@ -152,7 +162,7 @@ class Instances:
             self.pairs = Place(arrays, scene.touching.pairs).of(self.states)
 
     def step(self, n: int) -> None:
-        """Take n steps of all running instances with `given` torques."""
+        """Take n steps of all running instances with the `given` torques."""
         self.control["fresh"][self.codes == at.RUNNING] = 0
         most = max(BETWEEN // len(self.codes), 1)
         while n > 0:
@@ -160,7 +170,7 @@ class Instances:
             n -= most
 
     def trace(self, n: int) -> Array:
-        """(n, instances, nq + nv): the states after each of n steps."""
+        """Return the states after each of n steps as an (n, instances, nq + nv) array."""
         states = np.empty((n, len(self.codes), self.q.shape[1] + self.v.shape[1]))
         for state in states:
             self.step(1)
@@ -168,11 +178,13 @@ class Instances:
         return states
 
     def accelerations(self) -> Array:
-        """v' (m, nv) at the states."""
+        """Return v' (m, nv) at the states."""
         return np.array([self.into_worker(i).vdot() for i in range(len(self.kind))])
 
     def spread(self, work: Callable[[int, int, int], object], count: int) -> None:
-        """`work(part, begin, end)` of `count` things in as many parts as there are workers."""
+        """Run `work(part, begin, end)` on `count` items, split into as many parts as there are
+        workers.
+        """
         blocks = -(-count // self.together)
         parts = min(len(self.workers), blocks)
         edges = np.linspace(0, blocks, parts + 1).astype(int) * self.together
@@ -191,11 +203,11 @@ class Instances:
         )  # fmt: skip
 
     def _tables(self) -> Ints:
-        """Addresses of the two tables and lengths of their rows [bytes]."""
+        """Return the addresses of the two tables and their row lengths [bytes]."""
         return np.array([(a.ctypes.data, a.strides[0]) for a in (self.states, self.numbers)])
 
     def relink(self) -> None:
-        """Replace what another process gave: addresses, and bounds of the next steps."""
+        """Replace data from another process: addresses, and bounds for the next steps."""
         here = self.workers[0].stepper.recording.steps.control
         for name in ADDRESSES:
             self.control[name] = here[name]
@@ -205,7 +217,7 @@ class Instances:
             self.control["bound"][i] = record.steps.control["bound"]
 
     def into_worker(self, i: int) -> Worker:
-        """The first worker, with instance i in its run."""
+        """Load instance i into the run of the first worker, and return that worker."""
         worker = self.workers[0]
         code, self.codes[i] = self.codes[i], at.RUNNING
         self._part(0, 0, i, i + 1)
@@ -215,7 +227,9 @@ class Instances:
 
 @cache
 def pool(threads: int) -> ThreadPoolExecutor:
-    """Threads kept between batches: starting them costs as much as a small one."""
+    """Return a thread pool kept between batches, since starting one costs as much as a small
+    batch.
+    """
     return ThreadPoolExecutor(threads)
 
 
@@ -224,7 +238,7 @@ if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
 
 
 def _copied(*given: Any) -> None:
-    """C's memmove for kernels that run as Python, whose numbers may be NumPy's."""
+    """Call C's memmove for kernels that run as Python, which may pass NumPy numbers."""
     ctypes.memmove(*map(int, given))
 
 
@@ -232,7 +246,9 @@ COPY = address_of_function(ctypes.memmove if JIT else _copied)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """True for trees that differ in bodies alone, without functions or bounded servos."""
+    """Return True for trees that differ only in their bodies, without functions or bounded
+    servos.
+    """
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
     branches |= len(scene.loads.signals[1]) > 0
@@ -248,14 +264,16 @@ def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
 
 
 def _servo_rows(stepper: Stepper) -> dict[str, Any]:
-    """{name: row of the table of drives} of the servos whose target may be set."""
+    """Return {name: row in the drive table} for the servos with an adjustable target."""
     drives = stepper.recording.plan.drives
     rows = {int(row["first_target"]): row for row in drives.table[drives.passive :]}
     return {name: rows[knot] for name, knot in stepper.servos.items()}
 
 
 def _const_places(stepper: Stepper) -> tuple[int, Ints]:
-    """(first word of the kernels' constants in a row of numbers, all words of bodies' numbers)."""
+    """Return (first word of the kernel constants in a row of numbers, all words with body
+    numbers).
+    """
     scene, first, starts, found = stepper.recording.scene, 0, [], []
     const, bodies = scene.packed.const, scene.packed.system.bodies_f
     for a in number_arrays(stepper):
@@ -269,10 +287,10 @@ def _const_places(stepper: Stepper) -> tuple[int, Ints]:
 
 
 class TreeLanes(Instances):
-    """Instances whose steps are taken in lanes, equal to their own to rounding."""
+    """Instances stepped in lanes, equal to their own runs up to rounding."""
 
     def prepare(self, varying: Ints) -> None:
-        """Keep where the table of numbers has the constants of bodies."""
+        """Store the positions of the body constants in the table of numbers."""
         stepper = self.workers[0].stepper
         first, _ = _const_places(stepper)
         const = stepper.recording.scene.packed.const
@@ -288,13 +306,13 @@ class TreeLanes(Instances):
         self._cut = bool(np.any((lags > 0.0) & (lags < 2.0 * (plan.step or 0.0))))
 
     def step(self, n: int) -> None:
-        """Take n steps of all running instances with `given` torques."""
+        """Take n steps of all running instances with the `given` torques."""
         for i in self._in_lanes(n, None).tolist():
             self.control["fresh"][i] = 0
             self._part(n, 0, i, i + 1)
 
     def trace(self, n: int) -> Array:
-        """Take `Instances.trace` in one call."""
+        """Compute `Instances.trace` in a single call."""
         states = np.empty((n, len(self.codes), self.q.shape[1] + self.v.shape[1]))
         states[:] = np.concatenate((self.q, self.v), axis=1)
         for i in self._in_lanes(n, states).tolist():
@@ -305,7 +323,9 @@ class TreeLanes(Instances):
         return states
 
     def _in_lanes(self, n: int, states: Array | None) -> Ints:
-        """Take n steps in lanes into `states`. Returns the instances that do not fit lanes."""
+        """Take n steps in lanes and store them in `states`. Return the instances that do not fit
+        lanes.
+        """
         running = np.flatnonzero(self.codes == at.RUNNING)
         late = max(self._corners[-1:].tolist(), default=-np.inf)
         if self._cut or (self.control["time"][running] < late).any():
@@ -314,7 +334,9 @@ class TreeLanes(Instances):
         return np.concatenate((running[:0], *left))
 
     def _fit(self, q: Array, v: Array) -> NDArray[np.bool_]:
-        """Which states lanes take: finite, and no angle so large that their sines lose digits."""
+        """Return a mask of the states that lanes accept: finite, and with angles not too large for
+        sines.
+        """
         width = float(self.control["widest"][0])
         if abs(q).max(initial=0.0) < FAR and abs(v).max(initial=0.0) * width < FAR:
             return np.ones(len(q), dtype=bool)
@@ -323,7 +345,9 @@ class TreeLanes(Instances):
         return ~(far | np.any(~np.isfinite(q), axis=1))
 
     def _advance(self, which: Ints, n: int, states: Array | None) -> Ints:
-        """Take n steps in lanes into `states`. Returns the instances that must go alone."""
+        """Take n steps in lanes and store them in `states`. Return the instances that must run
+        alone.
+        """
         plan, control = self.workers[0].stepper.recording.plan, self.control
         # of the dissipation nobody asks
         works = self._timed or self.given[which].any()
@@ -359,7 +383,7 @@ class TreeLanes(Instances):
         return which[~good]
 
     def accelerations(self) -> Array:
-        """v' (m, nv) at the states, with all forces."""
+        """Return v' (m, nv) at the states, with all forces."""
         found, fit = np.empty(self.v.shape), self._fit(self.q, self.v)
         for which in self._at_one_time(np.flatnonzero(fit)):
             found[which] = self._accelerations(which)
@@ -381,7 +405,9 @@ class TreeLanes(Instances):
         return from_lanes(out, len(which))
 
     def torques(self, vdot: Array) -> Array:
-        """τ (m, nv) that gives v' (m, nv) at the states, in addition to passive forces."""
+        """Return the τ (m, nv) that produces v' (m, nv) at the states, in addition to passive
+        forces.
+        """
         packed = self.workers[0].stepper.mech.packed
         q, v, rates = (to_lanes(x) for x in (self.q, self.v, vdot))
         acts = self._acts(np.arange(len(self.kind)), packed.passive, packed.passive_loads)
@@ -399,7 +425,9 @@ class TreeLanes(Instances):
         return found
 
     def _pushed(self, which: Ints) -> Array:
-        """(m, nv) given torques, and what servos add that have other targets than the tables."""
+        """Return the given torques (m, nv), plus corrections for servos whose targets differ from
+        the tables.
+        """
         given, stepper = self.given[which], self.workers[0].stepper
         for name, row in _servo_rows(stepper).items():
             target = stepper.recording.plan.drives.knots[row["first_target"], 1]
@@ -407,13 +435,14 @@ class TreeLanes(Instances):
         return given
 
     def _at_one_time(self, which: Ints) -> Iterator[Ints]:
-        """The instances in groups of one time, where forces depend on it."""
+        """Yield the instances in groups with equal time if the forces depend on time."""
         times = self.control["time"][which] if self._timed else np.zeros(len(which))
         for t in np.unique(times):
             yield which[times == t]
 
     def _acts(self, which: Ints, drives: Any, loads: Loads) -> tuple[Any, ...]:
-        """Rows, constants, drives and loads of instances, as kernels of lanes take them.
+        """Return rows, constants, drives and loads of the instances in the layout used by lane
+        kernels.
 
         Where there are no loads, nothing of them is compiled.
         """
@@ -422,7 +451,9 @@ class TreeLanes(Instances):
         return rows, self._constants(self.kind[which]), unnamed(drives), some
 
     def _constants(self, kind: Ints) -> Array:
-        """Shared by all, or (blocks, rows, columns, W) of each."""
+        """Return constants that are shared by all instances, or one set each as (blocks, rows,
+        columns, W).
+        """
         if not len(self._columns):
             return self._shared
         if self._const is None or not np.array_equal(self._const[0], kind):
@@ -432,13 +463,13 @@ class TreeLanes(Instances):
         return self._const[1]
 
     def _in_blocks(self, work: Callable[[int, int, Array], None], count: int) -> None:
-        """`work(begin, end, workspace)` of `count` blocks of lanes over the threads."""
+        """Run `work(begin, end, workspace)` on `count` lane blocks across the threads."""
         shape = len(self.workers[0].stepper.mech.packed.rows), at.WORK, LANE_WIDTH
         self.spread(lambda _, begin, end: work(begin, end, np.zeros(shape)), count)
 
 
 def to_lanes(array: Array) -> Array:
-    """(m, ...) as (blocks, ..., W), the last instance repeated."""
+    """Reshape (m, ...) to (blocks, ..., W), repeating the last instance as padding."""
     blocks = -(-len(array) // LANE_WIDTH)
     missing = blocks * LANE_WIDTH - len(array)
     if missing:
@@ -448,6 +479,6 @@ def to_lanes(array: Array) -> Array:
 
 
 def from_lanes(blocks: Array, size: int) -> Array:
-    """(blocks, ..., W) as (size, ...)."""
+    """Reshape (blocks, ..., W) to (size, ...)."""
     moved = blocks.transpose(0, blocks.ndim - 1, *range(1, blocks.ndim - 1))  # moveaxis is slow
     return moved.reshape(len(blocks) * LANE_WIDTH, *moved.shape[2:])[:size].copy()

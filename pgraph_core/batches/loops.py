@@ -1,4 +1,4 @@
-"""Instances of trees and loops held by constraints: explicit steps side by side in lanes."""
+"""Trees and loops held by constraints, advanced by explicit steps side by side in lanes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NO_TRACE = np.zeros((0, 0, 0))
 
 
 def on_constraints(stepper: Stepper, varying: Ints) -> bool:
-    """True for instances with constraints whose explicit steps lanes can take.
+    """Return True for constrained instances whose explicit steps can be taken in lanes.
 
     `varying` are the places, in words, of the numbers that differ between instances.
     """
@@ -55,10 +55,10 @@ def on_constraints(stepper: Stepper, varying: Ints) -> bool:
 
 
 class LoopLanes(FeetLanes):
-    """Instances held by constraints side by side in lanes, with the bits of their own runs."""
+    """Constrained instances side by side in lanes, bitwise identical to separate runs."""
 
     def prepare(self) -> None:
-        """Make room for a block a worker."""
+        """Allocate one block per worker."""
         stepper = self.workers[0].stepper
         self._drives = drives_of(stepper)
         a, b, c = stepper.recording.plan.method.tableau[:3]
@@ -67,7 +67,7 @@ class LoopLanes(FeetLanes):
         ready(kernels.step_loops)
 
     def trace(self, n: int) -> Array:
-        """Take `Instances.trace` in one call."""
+        """Compute `Instances.trace` in a single call."""
         states = np.full((n, len(self.codes), self.q.shape[1] + self.v.shape[1]), np.nan)
         self.control["fresh"][self.codes == at.RUNNING] = 0
         self.spread(partial(self._in_lanes, n, states), len(self.codes))
@@ -90,7 +90,7 @@ class LoopLanes(FeetLanes):
 
 
 def _room(stepper: Stepper) -> tuple[tuple[Array, ...], Ints]:
-    """(the arrays of a block, how lanes go on) for one worker."""
+    """Return (block arrays, lane continuation) as buffers for one worker."""
     scene, steps = stepper.recording.scene, stepper.recording.steps
     space, drives = scene.space, scene.drives
     wide = max(len(steps.q), len(steps.v))

@@ -1,1 +1,1 @@
-"""Contact: what may touch what, sites that touch down and lift off, and their impacts."""
+"""Contact: collision candidates, touchdown and lift-off of sites, and impacts."""

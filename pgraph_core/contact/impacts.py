@@ -1,4 +1,4 @@
-"""Impulses of one instant at a few contacts with friction, exactly: Newton's restitution.
+"""Exact impulses at one instant for a few contacts with friction, using Newton's restitution.
 
 With u = Ω λ + u⁻: a contact that pushes (λ_n > 0) leaves with u_n = -e u_n⁻, one that does not with
 u_n ≥ -e u_n⁻; λ_t is within μ λ_n where nothing slips, and on that rim against the slip else.
@@ -21,7 +21,7 @@ DIRECTIONS = 48  # slip directions between which a root is bracketed
 
 
 class ContactRow(NamedTuple):
-    """A contact among the rows of an impact."""
+    """A contact in the rows of an impact."""
 
     first: int  # its normal row
     size: int  # 3, or 1 for a limit
@@ -31,7 +31,7 @@ class ContactRow(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Impulses of all rows and the velocities after them."""
+    """Impulses for all rows and the resulting velocities."""
 
     impulse: Array
     velocity: Array
@@ -40,7 +40,7 @@ class Solution(NamedTuple):
 
 
 def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
-    """Return λ of all rows, the first `bilateral` of which are held at zero velocity."""
+    """Return λ for all rows. The first `bilateral` rows are held at zero velocity."""
     b = slice(0, bilateral)
     inverse = np.linalg.pinv(omega[b, b], rcond=ROUNDING, hermitian=True)
     reduced = omega - omega[:, b] @ inverse @ omega[b]
@@ -54,7 +54,7 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow])
 
 
 def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
-    """Solve λ of all contacts. Returns the residual of the laws over the largest velocity.
+    """Solve for λ at all contacts. Return the residual relative to the largest velocity.
 
     Newton's method starts from all contacts at once, so that symmetric scenes stay symmetric. If it
     fails, contacts in turn determine which of them stick, slide and are open, and Newton's method
@@ -85,7 +85,7 @@ def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) ->
 
 
 def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
-    """Return λ with which all closing contacts stick, moved to the rim if outside of the cone.
+    """Return λ with all closing contacts sticking, moved to the cone's rim if outside it.
 
     A contact at rest counts as closing. Otherwise rounding would choose between solutions.
     """
@@ -112,7 +112,7 @@ def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
 def _newton(
     omega: Array, free: Array, rows: Sequence[ContactRow], start: Array
 ) -> tuple[Array, float]:
-    """(λ, by how much it misses the laws over the largest velocity): damped steps of Newton.
+    """Return (λ, residual relative to the largest velocity) from damped Newton steps.
 
     The laws are those of `engine/contact/newton.py`, which time stepping solves: contacts are
     projections on what λ may be ([Alart, Curnier 1991]). Impulses of each contact are measured by
@@ -149,7 +149,7 @@ def _newton(
 
 
 def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> tuple[Array, Array]:
-    """(velocities by which λ misses the laws of all contacts, their slope in λ).
+    """Return (velocity residuals of the contact laws at λ, their derivatives in λ).
 
     `free` are the velocities without impulses, those that bounces ask for taken off.
     """
@@ -178,13 +178,15 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
 
 
 def _most_mobile(omega: Array) -> float:
-    """The larger eigenvalue of a contact's tangents: the same whichever two they are."""
+    """Return the larger eigenvalue of a contact's tangential block, which is independent of the
+    basis.
+    """
     (a, b), (_, c) = omega.tolist()
     return 0.5 * (a + c + math.hypot(a - c, 2.0 * b))
 
 
 def _one(omega: Array, u: Array, row: ContactRow) -> Array:
-    """λ of one contact while the others stay, from its velocity without it."""
+    """Solve for λ at one contact with the others fixed, given its velocity without λ."""
     none = np.zeros(row.size)
     target = u + np.array([row.restitution_velocity, 0.0, 0.0])[: row.size]
     if (target[0] >= 0 and not row.held) or omega[0, 0] <= 0:
@@ -198,7 +200,7 @@ def _one(omega: Array, u: Array, row: ContactRow) -> Array:
 
 
 def _sliding(omega: Array, u: Array, mu: float) -> Array:
-    """λ on the rim of the cone, against the slip that is left.
+    """Return λ on the rim of the cone, opposing the remaining slip.
 
     Slip towards d leaves u - u_n Ω a / p with a = n - μ d and p = Ω_n a > 0; times p, what of it
     lies across d has no poles.
@@ -236,7 +238,7 @@ def _sliding(omega: Array, u: Array, mu: float) -> Array:
 def _root(
     function: Callable[[float], float], a: float, b: float, at_a: float, at_b: float
 ) -> float | None:
-    """Return the zero of a function between a and b, None for equal signs or overflow."""
+    """Return the zero of a function between a and b, or None for equal signs or overflow."""
     if at_a == 0.0:
         return a
     if at_b == 0.0:

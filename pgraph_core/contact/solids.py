@@ -1,4 +1,4 @@
-"""Shapes as they touch: in one table how each kind does, and the packed arrays of many for kernels.
+"""Collision shapes: the contact geometry of each kind, and arrays of shapes packed for kernels.
 
 Tables are those of `engine/records.py`. trimesh is imported only where a mesh file is opened.
 """
@@ -56,7 +56,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Solid:
-    """A shape in its own frame: a ball of `radius` about its vertices, or a convex polytope.
+    """A shape in its own frame: a ball with `radius` at each vertex, or a convex polytope.
 
     Cylinders and ellipsoids have no vertices but `radii`: half the edges of their box.
     """
@@ -73,7 +73,7 @@ class Solid:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """(half extents, centre) of the bounding box [m]."""
+        """The bounding box as (half extents, centre) [m]."""
         if self.radii is not None:
             return np.array(self.radii), np.zeros(3)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
@@ -84,7 +84,7 @@ class Solid:
 
     @property
     def reach(self) -> float:
-        """Distance of the farthest point from the shape's origin [m]."""
+        """Distance from the shape's origin to its farthest point [m]."""
         if self.kind == CYLINDER:
             return float(np.hypot(self.radius, self.half))
         if self.radii is not None:
@@ -96,18 +96,18 @@ class Solid:
 
 
 def sphere(radius: float) -> Solid:
-    """A ball about the shape's origin."""
+    """Return a sphere about the shape's origin."""
     return Solid(SPHERE, np.zeros((1, 3)), radius=radius)
 
 
 def capsule(radius: float, length: float) -> Solid:
-    """Return a capsule along z, with `length` without the caps."""
+    """Return a capsule along z, with `length` excluding the caps."""
     ends = np.array(((0.0, 0.0, -length / 2), (0.0, 0.0, length / 2)))
     return Solid(CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
 
 
 def box(size: Sequence[float]) -> Solid:
-    """Edge lengths along x, y, z."""
+    """Return a box with the given edge lengths along x, y and z."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     rings = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return Solid(BOX, corners * np.asarray(size, float) / 2, rings)
@@ -132,13 +132,15 @@ def frustum(radius: float, end: float, length: float) -> Solid:
 
 
 def ellipsoid(radii: Sequence[float]) -> Solid:
-    """Half axes along x, y, z."""
+    """Return an ellipsoid with the given semi-axes along x, y and z."""
     x, y, z = radii
     return Solid(ELLIPSOID, np.zeros((0, 3)), radii=(x, y, z))
 
 
 def heightfield(size: Sequence[float], heights: Any) -> Solid:
-    """Return a field over a rectangle about the origin, heights[i][j] at x number i, y number j."""
+    """Return a heightfield on a rectangle about the origin, indexed as heights[i][j] along x
+    and y.
+    """
     heights = np.asarray(heights, float)
     places = [np.linspace(-w / 2, w / 2, n) for w, n in zip(size, heights.shape)]
     grid = np.meshgrid(*places, indexing="ij")
@@ -150,12 +152,14 @@ def heightfield(size: Sequence[float], heights: Any) -> Solid:
 
 
 def points(places: Any) -> Solid:
-    """Explicit contact points in the shape's frame."""
+    """Return a solid made of explicit contact points in the shape's frame."""
     return Solid(POINTS, np.array(places, float).reshape(-1, 3))
 
 
 def hull(places: Any) -> Solid:
-    """Return the convex hull of points that span a volume, with coplanar facets as one face."""
+    """Return the convex hull of points that span a volume, with coplanar facets merged into
+    faces.
+    """
     from scipy.spatial import ConvexHull
 
     places = np.asarray(places, float)
@@ -184,7 +188,7 @@ def hull(places: Any) -> Solid:
 
 
 def _turned(found: Any) -> Array:
-    """(n, 3) the triangles of a hull, counterclockwise from outside.
+    """Return the hull triangles (n, 3), counterclockwise as seen from outside.
 
     From one to its neighbours: of a triangle that is almost a line, corners alone do not tell.
     """
@@ -209,7 +213,7 @@ def _turned(found: Any) -> Array:
 
 
 def _make_convex(places: Array, triangles: Array, group: Array) -> None:
-    """Join faces that have a corner inwards with their neighbours in the same plane.
+    """Merge faces that have a concave corner with coplanar neighbours.
 
     Between corners that are in one plane to rounding, facets have whatever normals.
     """
@@ -235,7 +239,7 @@ def _make_convex(places: Array, triangles: Array, group: Array) -> None:
 
 
 def _are_level(places: Array, triangles: Array, near: float) -> bool:
-    """True if all corners of these triangles are within `near` of one plane [m]."""
+    """Return True if all corners of these triangles lie within `near` of a common plane [m]."""
     p, q, r = places[triangles].transpose(1, 0, 2)
     normal = np.cross(q - p, r - p).sum(axis=0)
     return bool(
@@ -244,7 +248,7 @@ def _are_level(places: Array, triangles: Array, near: float) -> bool:
 
 
 def _outline(triangles: Array) -> Array | None:
-    """Return the outline of triangles in a plane, or None if it is not one closed line."""
+    """Return the outline of coplanar triangles, or None if it is not a single closed loop."""
     edges = {(u, v) for t in triangles.tolist() for u, v in zip(t, (*t[1:], t[0]))}
     after = {u: v for u, v in edges if (v, u) not in edges}
     if len(after) != sum((v, u) not in edges for u, v in edges):
@@ -256,7 +260,7 @@ def _outline(triangles: Array) -> Array | None:
 
 
 def _around(places: Array, ring: Array, n: Array) -> Array:
-    """The vertices of one face counterclockwise about its outward normal."""
+    """Sort the vertices of a face counterclockwise about its outward normal."""
     middle = places[ring].mean(axis=0)
     x = places[ring[0]] - middle
     x = x - (x @ n) * n
@@ -266,7 +270,7 @@ def _around(places: Array, ring: Array, n: Array) -> Array:
 
 
 def normals_of(solid: Solid) -> Array:
-    """(nface, 3) outward unit normals, by Newell's method."""
+    """Return the outward unit normals (nface, 3), by Newell's method."""
     found = np.zeros((len(solid.rings), 3))
     if solid.kind == HEIGHTFIELD:  # each of its prisms has its own
         return found
@@ -278,7 +282,7 @@ def normals_of(solid: Solid) -> Array:
 
 
 def edges_of(solid: Solid) -> Array:
-    """(nedge, 4): vertices u, v, faces f, g, with v - u along n_g × n_f."""
+    """Return edges (nedge, 4) as vertices u, v and faces f, g, with v - u along n_g × n_f."""
     if solid.edges is not None:
         return solid.edges
     left = {}
@@ -298,7 +302,7 @@ _PRISM_EDGES = np.array(
 
 
 class Placed(NamedTuple):
-    """A solid on a body: `position` and `rotation` in the home axes of the body's row."""
+    """A solid on a body. `position` and `rotation` are in the home axes of the body's row."""
 
     solid: Solid
     row: int
@@ -312,7 +316,7 @@ def packed(
     neighbours: Sequence[Sequence[int]] = (),
     gravity: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Geometry:
-    """Return the shapes as the kernels take them, with `neighbours` as in `neighbours_of`."""
+    """Pack the shapes for the kernels, with `neighbours` as returned by `neighbours_of`."""
     shapes = list(shapes)
     pull = np.array(gravity, float)
     neighbours = neighbours or [()] * len(shapes)
@@ -349,7 +353,7 @@ def packed(
 
 
 def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
-    """The shapes that make one solid with each shape: those of its row whose boxes meet its own.
+    """Find the shapes that form one solid with each shape: same row, overlapping boxes.
 
     A neighbour touches all that the shape itself may touch (`partners` of each); else it is not
     there for what may touch the shape alone.
@@ -376,7 +380,7 @@ def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> lis
 
 
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:
-    """The `ground` of the kernels: the plane, and patches (x0, x1, y0, y1, height, box) of it.
+    """Return the kernels' `ground`: the plane and its patches (x0, x1, y0, y1, height, box).
 
     `box` is 1 where a box touches in place of the plane, else 0 or left out. x and y of a patch
     are along `ground_axes`, its height is along the normal [m].
@@ -388,7 +392,8 @@ def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> 
 
 
 def ground_axes(normal: Array) -> tuple[Array, Array]:
-    """The plane's own x and y: the two world axes after the steepest one, laid into the plane.
+    """Return the plane's x and y: the two world axes after the steepest one, projected onto the
+    plane.
 
     For an upright normal z these are x and y, for y they are z and x, for x they are y and z.
     """
@@ -400,7 +405,7 @@ def ground_axes(normal: Array) -> tuple[Array, Array]:
 
 
 def search_space(geometry: Geometry, members: int) -> Search:
-    """Scratch of the search for contact points, for as many members."""
+    """Allocate buffers for the contact point search, for the given number of members."""
     shapes = geometry.shapes
     single = shapes[shapes["kind"] != HEIGHTFIELD]
     corners = max(int(single["vertices"].max(initial=0)), 6)  # 6: of a prism
@@ -421,7 +426,7 @@ def search_space(geometry: Geometry, members: int) -> Search:
 
 
 def solids_of(shape: Shape) -> tuple[Solid, ...]:
-    """A shape as it touches others, in its own frame: one solid, or the parts of a mesh.
+    """Return the collision solids for a shape in its own frame: one solid, or the parts of a mesh.
 
     Raises FileError, ModelError, MissingPackage.
     """
@@ -431,14 +436,16 @@ def solids_of(shape: Shape) -> tuple[Solid, ...]:
 
 
 def solid_of(shape: Shape, unit: str = "m") -> Solid:
-    """A shape that is one solid, in its own frame. Raises FileError, ModelError."""
+    """Return the solid for a shape that consists of one, in its own frame. Raises FileError,
+    ModelError.
+    """
     if shape.kind == "mesh":
         return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
     return KINDS[shape.kind].solid(shape)
 
 
 def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
-    """Return (centres (n, 3), radius) of the balls that touch a plane, or None."""
+    """Return (centres (n, 3), radius) of the balls that can touch a plane, or None."""
     kind = KINDS.get(shape.kind)
     return kind.balls(shape) if kind and kind.balls else None
 
@@ -446,7 +453,7 @@ def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
 def convex_hull(
     file: str | Path, scale: Scale = 1.0, unit: str = "m", *, closed: bool = False
 ) -> Solid:
-    """The convex hull of a mesh file, as it touches other bodies.
+    """Return the convex hull of a mesh file for collisions.
 
     Raises FileError, ModelError, also for a mesh that is not `closed` where it has to be.
     """
@@ -463,7 +470,8 @@ def convex_hull(
 
 
 def hull_excess(file: str | Path, scale: Scale = 1.0) -> float:
-    """Volume of a closed mesh's convex hull over its own. Raises FileError, ModelError.
+    """Return the ratio of a closed mesh's convex hull volume to its own. Raises FileError,
+    ModelError.
 
     Kept as long as the file stays as it is.
     """
@@ -482,7 +490,7 @@ CORNERS = 32  # limit on the corners of a part
 
 
 def convex_parts(file: str | Path, scale: Scale = 1.0) -> tuple[Solid, ...]:
-    """Convex solids that together are about a closed mesh, by CoACD [Wei et al. 2022].
+    """Split a closed mesh into approximate convex parts, using CoACD [Wei et al. 2022].
 
     Kept as long as the file stays as it is. Raises FileError, MissingPackage, and ModelError for
     a mesh that is not closed or has more than 64 parts.
@@ -509,7 +517,7 @@ def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
 
 
 class Kind(NamedTuple):
-    """Contact geometry of a kind of shape.
+    """The contact geometry for a kind of shape.
 
     `balls` are (centres, radius) by which it touches a plane in event-driven runs, or None if a few
     balls do not suffice.
@@ -556,14 +564,14 @@ KINDS = {
 
 
 class Terrain(NamedTuple):
-    """The ground as kernels take it, and the boxes on it."""
+    """The ground in kernel layout, and the boxes on it."""
 
     ground: Ground
     boxes: tuple[Placed, ...]
 
 
 def terrain_of(model: Model) -> Terrain:
-    """The plane and its steps, in the plane's own axes (`ground_axes`)."""
+    """Return the ground plane and its steps, in the plane's own axes (`ground_axes`)."""
     patches, depth = _patches(model)
     found = ground(model.ground_normal, patches)
     plane = found.plane[0]
@@ -578,7 +586,7 @@ def terrain_of(model: Model) -> Terrain:
 
 
 def _patches(model: Model) -> tuple[list[tuple[float, ...]], float]:
-    """Return disjoint rectangles (x0, x1, y0, y1, height, 1 for a box) and the boxes' depth."""
+    """Return disjoint rectangles (x0, x1, y0, y1, height, 1 for a box) and the box depth."""
     steps = []
     for step in model.ground.steps:
         spans = list(zip(step.low, step.high))
@@ -606,7 +614,7 @@ def _patches(model: Model) -> tuple[list[tuple[float, ...]], float]:
 
 
 def _lowest_around(heights: Array) -> Array:
-    """The least height of every cell and its eight neighbours."""
+    """Return the minimum height over every cell and its eight neighbours."""
     n, m = heights.shape
     wide = np.pad(heights, 1, mode="edge")
     around = [wide[i : i + n, j : j + m] for i in range(3) for j in range(3)]
@@ -614,7 +622,7 @@ def _lowest_around(heights: Array) -> Array:
 
 
 def _rectangles(heights: Array, boxes: Array) -> list[tuple[int, int, int, int]]:
-    """Cells (i0, i1, j0, j1) that are alike, joined as far as they go."""
+    """Merge similar cells into maximal rectangles (i0, i1, j0, j1)."""
     left = np.ones(heights.shape, bool)
     found = []
     for i, j in np.ndindex(*heights.shape):

@@ -1,4 +1,4 @@
-"""Contacts and joint limits as tables for kernels, with the fields of `engine/records.py`."""
+"""Tables of contacts and joint limits for kernels, with the fields in `engine/records.py`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ START_DEPTH = 0.1  # default depth due to the initial speed, relative to the thi
 
 
 class ContactPair(NamedTuple):
-    """One shape over the ground, one pair of shapes, or all members of a contact together."""
+    """A shape over the ground, a pair of shapes, or all members of a contact together."""
 
     name: str
     body: str
@@ -61,7 +61,7 @@ class ContactPair(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """Contacts and limits of a scene: arrays of the kernels, and what their rows stand for."""
+    """Contacts and limits in a scene: the kernel arrays, and the meaning of their rows."""
 
     touches: tuple[ContactPair, ...]
     limits: tuple[str, ...]  # names of limits, one a block
@@ -83,23 +83,23 @@ class Tables(NamedTuple):
 
     @property
     def frictions(self) -> int:
-        """Number of joint coordinates and tendons with friction."""
+        """The number of joint coordinates and tendons with friction."""
         return len(self.friction_blocks[0])
 
     @property
     def compliant(self) -> bool:
-        """True if a contact is soft or has a penalty law."""
+        """Return True if a contact is soft or has a penalty law."""
         return any(t.contact.law != "complementarity" for t in self.touches)
 
     @property
     def rigid(self) -> bool:
-        """True if anything needs impulses: a rigid contact, a limit, or friction of a joint."""
+        """Return True if impulses are required, by a rigid contact, a limit or joint friction."""
         rigid = any(t.contact.law == "complementarity" for t in self.touches)
         return rigid or bool(self.limits or self.frictions)
 
 
 def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
-    """The tables of these contacts and of all limits. Raises ModelError, FileError."""
+    """Build the tables for these contacts and for all limits. Raises ModelError, FileError."""
     found = _Shapes(mech)
     for contact in active:
         found.add(contact)
@@ -107,7 +107,7 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
 
 
 def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
-    """These tables with a block for each drive that has friction; `rows` of the system."""
+    """Add a block to the tables for each drive with friction. `rows` are those of the system."""
     ints: list[tuple[int, ...]] = []
     values: list[Array] = []
     terms: list[tuple[int, int]] = []
@@ -125,7 +125,7 @@ def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
 
 
 class _Shapes:
-    """Shapes that pair, each once, and what may touch what."""
+    """Unique collision shapes, and the pairs that may touch."""
 
     def __init__(self, mech: Packed):
         self.mech, self.model = mech, mech.model
@@ -142,7 +142,7 @@ class _Shapes:
         self.hulls: list[tuple[float, str]] = []
 
     def add(self, c: Contact) -> None:
-        """All touches that a contact asks for."""
+        """Add all the touching pairs that a contact defines."""
         if c.body == EVERY and c.other == EVERY and len(self._shaped()) > PAIRED:
             slot = self._slot(c.name, c)
             self.members += [(i, slot) for b in self._shaped() for i in self._shapes(b, c)]
@@ -167,7 +167,7 @@ class _Shapes:
             self.pairs += [(a, b, slot) for a in mine for b in others]
 
     def _steps(self) -> list[int]:
-        """Numbers of the boxes that the steps of the ground are."""
+        """Return the indices of the boxes that represent the ground's steps."""
         if not self.boxes:
             self.boxes = [*range(len(self.placed), len(self.placed) + len(self.terrain.boxes))]
             self.placed += self.terrain.boxes
@@ -189,7 +189,7 @@ class _Shapes:
                     yield body, other
 
     def _tied(self, body: str, other: str) -> bool:
-        """True if a joint ties two bodies, which touch only if both are named."""
+        """Return True if a joint connects two bodies, which then touch only if both are named."""
         numbers = sorted(self.mech.topology.number(name) for name in (body, other))
         return tuple(numbers) in self.apart
 
@@ -201,7 +201,7 @@ class _Shapes:
         return len(self.touches) - 1
 
     def _shapes(self, body: Body, c: Contact, points: bool = True) -> list[int]:
-        """Numbers of a body's shapes that touch, or of the points that a contact gives."""
+        """Return the indices of a body's collision shapes, or of the contact's own points."""
         own = c.points if points else ()
         shapes: tuple[Shape | None, ...] = (None,) if own else body.touching
         if not shapes:
@@ -267,7 +267,7 @@ class _Shapes:
         )
 
     def _partners(self) -> list[set[Any]]:
-        """Return the shapes that each shape may touch, and the slots of which it is a member."""
+        """Return the shapes that each shape may touch, and the slots to which it belongs."""
         found: list[set[Any]] = [set() for _ in self.placed]
         for a, b, _ in self.pairs:
             found[a].add(b)
@@ -284,7 +284,7 @@ class _Shapes:
         return found
 
     def _room(self, a: int, b: int) -> int:
-        """For the contact points of two shapes."""
+        """Return the maximum number of contact points between two shapes."""
         field = HEIGHTFIELD in (self.placed[a].solid.kind, self.placed[b].solid.kind)
         return ON_FIELD if field else 8
 
@@ -294,7 +294,7 @@ class _Shapes:
 
 
 def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
-    """Pairs of bodies, the smaller number first, that a joint ties or that one row carries."""
+    """Return pairs of bodies, smaller number first, that share a joint or a row."""
     found = {(int(p), k) for k, p in enumerate(topology.parent, start=1) if p}
     rows = packed.bodies_i[1:, at.ROW]
     for row in np.unique(rows):
@@ -303,7 +303,7 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """Return the numbers of PAIR_LAW (10,), with defaults.
+    """Return the numbers (10,) for PAIR_LAW, with defaults filled in.
 
     By default, the weight of the lightest touching tree compresses the contact by 1e-4 of the
     bodies' size, and the damping gives the restitution.
@@ -327,7 +327,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
 
 
 def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
-    """The tables for a run whose bodies (nb,) move at most this fast at the start [m/s].
+    """Adapt the tables to a run with these maximum initial body speeds (nb,) [m/s].
 
     Of soft and penalty contacts that leave out their stiffness, that speed leads no deeper than a
     tenth of the thinner shape.
@@ -355,7 +355,9 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
 
 
 def rate_of(row: Any, pull: float) -> float:
-    """Rate [1/s] of what lies on a soft or penalty contact: its spring, damper and friction."""
+    """Return the rate [1/s] of a mass on a soft or penalty contact, from spring, damper and
+    friction.
+    """
     mass, stiffness = float(row["mass"]), float(row["stiffness"])
     if row["law"] == SOFT:
         depth = (mass * pull / stiffness) ** (2 / 3)
@@ -368,7 +370,7 @@ def rate_of(row: Any, pull: float) -> float:
 
 
 def _moved(c: Contact, topology: Topology, packed: System) -> float:
-    """Mass that an impact between the two things moves [kg]: of two trees 1 / (1/m + 1/M)."""
+    """Return the effective mass in an impact between two trees [kg], 1 / (1/m + 1/M)."""
     masses = _masses(c, topology, packed)
     if EVERY in (c.body, c.other):
         return min(masses, default=1.0)
@@ -376,18 +378,18 @@ def _moved(c: Contact, topology: Topology, packed: System) -> float:
 
 
 def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, float]:
-    """(mass [kg], weight [N]) of the lightest tree that a contact names."""
+    """Return (mass [kg], weight [N]) of the lightest tree named by a contact."""
     mass = min(_masses(c, topology, packed), default=1.0)
     return mass, mass * pull_of(model)
 
 
 def pull_of(model: Model) -> float:
-    """Return the magnitude of gravity, or 9.81 without gravity [m/s²]."""
+    """Return the magnitude of gravity, or 9.81 if there is no gravity [m/s²]."""
     return float(np.linalg.norm(model.gravity)) or 9.81
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a linear contact with this restitution, at least LOWEST.
+    """Return the damping ratio of a linear contact with this restitution, which is at least LOWEST.
 
     The contact never pulls: it ends with the force, before the spring is relaxed
     ([Schwager & Pöschel 2007]).
@@ -409,7 +411,8 @@ def damping_ratio(restitution: float) -> float:
 
 
 def loss_of_impact(restitution: float) -> float:
-    """χ of k d^1.5 (1 + χ d' / V) that gives this restitution, LOWEST at least, at any speed.
+    """Return χ in k d^1.5 (1 + χ d' / V) for this restitution, at least LOWEST, at any impact
+    speed.
 
     V is the speed of an impact with the energy E that is left. With y = |d'| / V it falls by
     d ln E = -2 χ y² / (1 ± χ y (1 - y²)) dy: + on the way in, from y = 1 to 0; - on the way back,
@@ -432,7 +435,7 @@ def loss_of_impact(restitution: float) -> float:
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
-    """Masses of the trees of the bodies that a contact names, of all where it names every one."""
+    """Return the masses of the trees for the bodies named by a contact, or of all trees for '*'."""
     root, total = _trees(topology, packed)
     names = {c.body, c.other} - {GROUND, EVERY}
     numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
@@ -440,7 +443,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 
 def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
-    """Return for each body the first body of its tree, and the mass of the tree it begins.
+    """Return the root body of each body's tree, and the mass of the tree that each body starts.
 
     Bodies welded to the ground are part of the ground, 0.
     """
@@ -455,7 +458,7 @@ def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
 
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
-    """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
+    """Convert a body's shape for the kernels. Raises ModelError with the contact and body names."""
     from .solids import solids_of  # trimesh is imported by scenes with meshes alone
 
     try:
@@ -467,7 +470,7 @@ def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
 
 
 def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
-    """Names and blocks of all limits of joints, tendons and springs: a row each."""
+    """Return names and blocks for all joint, tendon and spring limits, with one row each."""
     names: list[str] = []
     rows: list[tuple[int, ...]] = []
     values: list[Array] = []
@@ -533,7 +536,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
 
 
 def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
-    """Return the scale of the gaps of a limit: its range, at most a radian [rad, m].
+    """Return the gap scale for a limit: its range, but at most one radian [rad, m].
 
     For a slider with one limit it is the radius of gyration. If all mass is in origins, it is the
     largest of the mechanism's lengths, the limit, and the initial distance from it.
@@ -550,7 +553,7 @@ def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
 
 
 def extended(blocks: Blocks, contacts: Tables) -> Blocks:
-    """The blocks of constraints, of joints' friction, of limits, then room for contact points."""
+    """Append blocks for joint friction and limits, then buffer blocks for contact points."""
     room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
     for ints, floats, terms_i, terms_f in (contacts.friction_blocks, contacts.limit_blocks):
         ints = ints.copy()

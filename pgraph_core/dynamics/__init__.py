@@ -1,4 +1,4 @@
-"""Dynamics: what can be computed of a packed model at a state, without iteration.
+"""Dynamics: non-iterative computations on a packed model at a given state.
 
 `Dynamics` is the base of the public `Mechanism`; `analysis` stands between the two. `Scene` is what
 the kernels take of a run.

@@ -1,4 +1,4 @@
-"""Arguments of public functions as the contiguous float64 arrays that kernels take."""
+"""Convert arguments of public functions to the contiguous float64 arrays required by kernels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..packing.packed import Packed
 
 
 def names_in(value: Any) -> Mapping[str, Any] | None:
-    """Return a mapping of names to values, such as a dict or a pandas row, else None."""
+    """Return names and values as a mapping, from a dict or a pandas row for example, else None."""
     if isinstance(value, Mapping):
         return value
     if not callable(getattr(value, "keys", None)):
@@ -25,7 +25,7 @@ def names_in(value: Any) -> Mapping[str, Any] | None:
 
 
 def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
-    """Numbers, whole or not, as an array of its own, nan where they are masked.
+    """Copy numbers into an array, with nan for masked entries.
 
     None for text, truth values, complex numbers and other objects. An array that has none of the
     shapes, where some are given, is not copied.
@@ -45,7 +45,7 @@ def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
 
 
 def numbers(name: str, value: Any, *shape: int) -> Array:
-    """Return an array of this shape, whose entries may be nan or inf. Raises InputError."""
+    """Return an array with this shape, which may contain nan or inf. Raises InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
         flags = value.flags
         if flags.c_contiguous and flags.writeable:
@@ -62,7 +62,7 @@ def numbers(name: str, value: Any, *shape: int) -> Array:
 
 
 def finite(name: str, value: Any, *shape: int) -> Array:
-    """An array of this shape, every entry finite. Raises InputError."""
+    """Return an array with this shape and finite entries only. Raises InputError."""
     array = numbers(name, value, *shape)
     good = np.isfinite(array)
     if not good.all():
@@ -73,7 +73,7 @@ def finite(name: str, value: Any, *shape: int) -> Array:
 
 
 def position(packed: Packed, q: Any) -> Array:
-    """Return q (nq,), finite and with nonzero quaternions of any length.
+    """Return q (nq,), finite and with nonzero quaternions, which need not be normalised.
 
     Raises InputError.
     """
@@ -87,7 +87,7 @@ def position(packed: Packed, q: Any) -> Array:
 
 
 def stretched(packed: Packed, q: Array) -> list[str]:
-    """A notice for each quaternion of q (nq,) whose length is not 1, as descriptions want it."""
+    """Return a warning for each quaternion in q (nq,) that does not have unit length."""
     found = list[str]()
     for k, i, _ in packed.quaternions:
         length = math.hypot(*q[i : i + 4].tolist())
@@ -98,7 +98,7 @@ def stretched(packed: Packed, q: Array) -> list[str]:
 
 
 def positions(packed: Packed, q: Array) -> None:
-    """Raise InputError where a row of q (n, nq) is not as of `position`."""
+    """Raise InputError if a row of q (n, nq) does not satisfy the checks in `position`."""
     for _, i, _ in packed.quaternions:
         lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
         for row in q[~((lengths > 1e-3) & (lengths < 1e3))]:
@@ -106,7 +106,7 @@ def positions(packed: Packed, q: Array) -> None:
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
-    """Return the error of an argument of a wrong type, with a hint for paths of models."""
+    """Return the error for an argument with the wrong type, with a hint for model paths."""
     text = f"must be {wanted}; given {shown(value)}"
     text += to_read(value) if "pg.Model" in wanted else ""
     return InputError(Problem(where, field, text))

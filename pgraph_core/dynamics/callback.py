@@ -1,4 +1,4 @@
-"""Torques from a user's function: called from compiled runs at every stage."""
+"""Torques from a user function, called by compiled runs at every stage."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ _Address = ctypes.CFUNCTYPE(
 
 
 class UserTorque(Unportable):
-    """f(t, q, v) -> τ (nv,), a Python function or one compiled by `numba.njit`.
+    """A torque function f(t, q, v) -> τ (nv,), in Python or compiled by `numba.njit`.
 
     A compiled one costs tens of nanoseconds a call, a Python one some microseconds.
     """
 
     def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int):
-        """Nothing is called yet. Raises InputError where numba cannot compile a call."""
+        """Wrap the function without calling it. Raises InputError if numba cannot compile a
+        call.
+        """
         self.function = function
         self.exchange = np.zeros((4, max(nq, nv, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
@@ -48,23 +50,23 @@ class UserTorque(Unportable):
 
     @property
     def memory(self) -> list[Array]:
-        """Arrays that calls read before they write them."""
+        """The arrays that calls read before writing."""
         return []
 
     @property
     def numbers(self) -> list[Array]:
-        """Arrays that calls read and that the description gives."""
+        """The arrays read by calls that come from the description."""
         return []
 
     def join(self, packed: Packed, work: Array) -> None:
-        """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
+        """Join a run whose kernels keep body data in `work`. It is not used here."""
 
     def notices(self) -> list[str]:
-        """Return warnings about the torques of the run."""
+        """Return warnings about the torques in the run."""
         return []
 
     def trouble(self, t: float) -> str:
-        """Return the reason why calls gave no torques at time t [s] or later, or ""."""
+        """Return the reason why calls produced no torques at time t [s] or later, or ""."""
         nv, answer, bad = len(self._tau), int(self.answer[0]), float(self._bad[0])
         if answer and not self.interpreted:
             return f"the compiled function tau returned {answer - 1} torques, and {nv} are needed"
@@ -82,7 +84,7 @@ class UserTorque(Unportable):
         return 0
 
     def _checked(self, t: float) -> Array:
-        """Return the function's answer to copies, which ends a run where it is not finite.
+        """Call the function on copies and return its result. A non-finite result ends the run.
 
         Raises InputError where the function raises or does not fit.
         """
@@ -105,7 +107,7 @@ class UserTorque(Unportable):
 
 
 def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
-    """Return the function that compiled runs call for `tau`, or None for an array.
+    """Return the function called for `tau` by compiled runs, or None for an array.
 
     A controller provides its own compiled function, with a workspace for each run.
     """
@@ -115,7 +117,7 @@ def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
 
 
 def _compiled(function: Any, nq: int, nv: int) -> Any:
-    """The function behind C's calling convention.
+    """Wrap the function in C's calling convention.
 
     Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
     the function raises: numba goes on then. The number in the row behind τ is the time of the last

@@ -1,4 +1,4 @@
-"""Dynamics: poses, equations of motion and Jacobians. Every answer is a function of (q, v)."""
+"""Dynamics: poses, equations of motion and Jacobians. Every result is a function of (q, v)."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Dynamics(Portable):
     _lock: threading.Lock  # guards `_work` and the scene's workspace
 
     def __init__(self, model: Model, /):
-        """Number and pack a valid model. Raises InputError for others."""
+        """Number and pack a valid model. Raises InputError if it is invalid."""
         if not isinstance(model, Model):
             raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
         packed = Packed(model)
@@ -108,7 +108,7 @@ class Dynamics(Portable):
         return self.packed.model
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """Return the mechanism of `model.edit(name, **changes)`.
+        """Return the mechanism for `model.edit(name, **changes)`.
 
         Raises ModelError; this mechanism stays as it is.
         """
@@ -118,24 +118,24 @@ class Dynamics(Portable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the bodies, by number."""
+        """The body names, by number."""
         return self.packed.topology.names
 
     @property
     def topology(self) -> Topology:
-        """Names and numbers of the bodies."""
+        """The names and numbers of the bodies."""
         return self.packed.topology
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:
-        """The joints that move: their motions, and where they stand in q and v, by body."""
+        """The movable joints by body, with their motions and their positions in q and v."""
         return ReadOnly(
             self.packed.joints, "Mechanism.joints", "model.edit(name, ...) makes another"
         )
 
     @property
     def parent(self) -> Ints:
-        """(nb,) numbers of the parents, 0 = ground."""
+        """The parent numbers (nb,), with 0 for the ground."""
         return self.topology.parent
 
     @cached_property
@@ -147,42 +147,42 @@ class Dynamics(Portable):
 
     @cached_property
     def jdof(self) -> Ints:
-        """Joint degrees of freedom along Pgraph, Fig. 4."""
+        """The joint degrees of freedom along Pgraph, Fig. 4."""
         found = self.topology.jdof
         keep_unchanged((found,))
         return found
 
     @property
     def tips(self) -> Ints:
-        """Numbers of the tip bodies, ascending."""
+        """The numbers of the tip bodies, in ascending order."""
         return self.topology.tips
 
     @property
     def separation_bodies(self) -> Ints:
-        """Numbers of the separation bodies, ascending."""
+        """The numbers of the separation bodies, in ascending order."""
         return self.topology.separation_bodies
 
     def adjacency(self) -> Any:
-        """S, eq. (1): (nb, nb) scipy.sparse."""
+        """The adjacency matrix S, eq. (1), as an (nb, nb) scipy.sparse array."""
         return self.topology.adjacency()
 
     def kernel_operator(self, q: Array) -> Any:
-        """ε_φ, eq. (13): (6 nb, 6 nb) scipy.sparse."""
+        """The kernel operator ε_φ, eq. (13), as a (6 nb, 6 nb) scipy.sparse array."""
         return operators(self.packed, q, self._rest).eps_phi
 
     def propagation_operator(self, q: Array) -> Any:
-        """Φ, eq. (16): (6 nb, 6 nb) scipy.sparse."""
+        """The propagation operator Φ, eq. (16), as a (6 nb, 6 nb) scipy.sparse array."""
         return operators(self.packed, q, self._rest).Phi
 
     # -- states and places -----------------------------------------------------------------------
 
     def home(self) -> tuple[Array, Array]:
-        """(q, v): the model's initial state."""
+        """The model's initial state as (q, v)."""
         system = self.packed.system
         return system.q.copy(), system.v.copy()
 
     def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
-        """Carry the state of another mechanism over to this one.
+        """Transfer the state of another mechanism to this one.
 
         Joints with the same name and the same kinds of motions keep their coordinates, whatever
         their parents. Other joints take the initial values of the model.
@@ -204,7 +204,7 @@ class Dynamics(Portable):
         return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
 
     def poses(self, q: Array) -> tuple[Array, Array]:
-        """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
+        """Return ((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         place, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
         q = position(self.packed, q)
         tables = self.packed.system[:4]
@@ -213,7 +213,7 @@ class Dynamics(Portable):
         return place, rotation.reshape(self.nb, 3, 3)
 
     def pose(self, q: Array, name: str) -> tuple[Array, Array]:
-        """((3,) origin [m], (3, 3) rotation) of a body's or site's frame in the world."""
+        """Return ((3,) origin [m], (3, 3) rotation) of a body or site frame in the world."""
         number, point, turn = self._frame(name)
         place, rotation = np.zeros(3), np.eye(3)
         if number > 0:
@@ -222,7 +222,7 @@ class Dynamics(Portable):
         return (place, rotation) if turn is None else (place + rotation @ point, rotation @ turn)
 
     def _frame(self, name: str) -> tuple[int, Array, Array | None]:
-        """(number of the body, origin in its axes, rotation or None) of a body or site."""
+        """Return (body number, origin in the body's axes, rotation or None) for a body or site."""
         try:
             return self.topology.number(name), np.zeros(3), None
         except InputError as error:
@@ -237,14 +237,14 @@ class Dynamics(Portable):
         return self.topology.number(site.body), np.array(site.point), turn
 
     def _on_body(self, name: str, point: Array) -> tuple[int, Array]:
-        """(number of the body, point in its axes) of a point of a body or site."""
+        """Return (body number, point in the body's axes) for a point on a body or site."""
         number, origin, turn = self._frame(name)
         return number, point if turn is None else origin + turn @ point
 
     def body_motion(
         self, q: Array, v: Array, vdot: Array | None = None, external: Array | None = None
     ) -> BodyMotion:
-        """Poses, velocities, accelerations of all bodies and the full force in every joint.
+        """Return the poses, velocities and accelerations of all bodies, and the full joint forces.
 
         (nb, 7 | 6 | 6 | 6), by number, world axes at the bodies' origins, eqs. (17), (21), (22).
         Without `vdot` the accelerations are those at v' = 0.
@@ -256,19 +256,21 @@ class Dynamics(Portable):
         return BodyMotion(*(x[0] for x in found))
 
     def centre_of_mass(self, q: Array) -> Array:
-        """(3,) of the whole mechanism in the world [m]."""
+        """Return the centre of mass (3,) of the whole mechanism in the world [m]."""
         mass, place, _, _ = mass_points(self._bodies, self.body_motion(q, self._rest))
         return mass @ place / mass.sum()
 
     def momentum(self, q: Array, v: Array) -> Array:
-        """(6,) momentum, world axes: angular about the centre of mass, then linear [kg m/s]."""
+        """Return the momentum (6,) in world axes, angular about the centre of mass, then linear [kg
+        m/s].
+        """
         mass, place, velocity, spin = mass_points(self._bodies, self.body_motion(q, v))
         arm = place - mass @ place / mass.sum()
         angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)
         return np.concatenate((angular, mass @ velocity))
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Return (kinetic, potential) energy [J] with all springs."""
+        """Return the (kinetic, potential) energy [J], including all springs."""
         address, q, v = self._scene.address, position(self.packed, q), self._speed(v)
         with self._lock:
             return motion.energy(address, q, v)
@@ -278,7 +280,7 @@ class Dynamics(Portable):
     # drags between bodies. Forces that may depend on time (wrenches, motors, servos) act in runs.
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (nv, nv) of eq. (25), armature included."""
+        """Return the mass matrix M (nv, nv) in eq. (25), including armature."""
         m = np.zeros((self.nv, self.nv))
         q = position(self.packed, q)
         with self._lock:
@@ -286,7 +288,7 @@ class Dynamics(Portable):
         return m
 
     def bias_force(self, q: Array, v: Array) -> Array:
-        """Return C (nv,) of eq. (25): velocity terms and gravity, without springs and dampers."""
+        """Return C (nv,) in eq. (25): velocity terms and gravity, without springs and dampers."""
         q, v = self._state(q, v)
         return self._inverse(q, v, self._rest, NO_EXTERNAL)
 
@@ -297,7 +299,7 @@ class Dynamics(Portable):
         vdot: Array,
         external: Array | None = None,
     ) -> Array:
-        """Return τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
+        """Return the τ (nv,) that produces v' in the tree, eq. (24), in addition to passive forces.
 
         Active constraints are ignored, with a warning at the first call. See
         `constrained_inverse_dynamics`.
@@ -316,7 +318,7 @@ class Dynamics(Portable):
         vdot: Array,
         external: Array | None = None,
     ) -> Array:
-        """`inverse_dynamics`, for callers that add the constraints themselves."""
+        """The same as `inverse_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
         tau = self._inverse(q, v, vdot, wrench)
@@ -346,7 +348,7 @@ class Dynamics(Portable):
         tau: Array | None = None,
         external: Array | None = None,
     ) -> Array:
-        """`forward_dynamics`, for callers that add the constraints themselves."""
+        """The same as `forward_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         tau = self._rest if tau is None else numbers("tau", tau, self.nv)
         wrench = None if external is None else self._external(external)
@@ -361,7 +363,7 @@ class Dynamics(Portable):
         return vdot
 
     def _tell(self, call: str, instead: str, level: int) -> None:
-        """Warn, once per mechanism, that constraints are ignored.
+        """Warn once per mechanism that constraints are ignored.
 
         Until then `forward_dynamics` does not use its fast path, so later calls cost nothing.
         """
@@ -376,7 +378,7 @@ class Dynamics(Portable):
     def constrained_dynamics(
         self, q: Array, v: Array, tau: Array | None = None
     ) -> tuple[Array, dict[str, Array]]:
-        """(v', {name: (6,)}) with every active constraint imposed, eqs. (27)-(29).
+        """Return (v', {name: (6,)}) with every active constraint enforced, eqs. (27)-(29).
 
         Forces are [torque, force] on the constraint's body at its point, world axes. Passive
         forces act, as in `forward_dynamics`.
@@ -394,7 +396,7 @@ class Dynamics(Portable):
 
     @cached_property
     def _scene(self) -> Scene:
-        """The mechanism with its passive forces and active constraints, for single states."""
+        """Build a scene with the passive forces and active constraints, for single states."""
         packed, kernel = self.packed, ready(motion.constrained_dynamics)
         scene = Scene(packed, packed.passive, packed.passive_loads, packed.active)
         asked = scene.address, address_of(motion.acceleration), 0.0
@@ -414,7 +416,8 @@ class Dynamics(Portable):
         wrench: Sequence[float] | Array,
         point: Sequence[float] | Array | None = None,
     ) -> Array:
-        """Return the argument `external` for one wrench on a body. Several may be added.
+        """Return the `external` argument for one wrench on a body. Several such arrays may be
+        added.
 
         Parameters
         ----------
@@ -441,7 +444,7 @@ class Dynamics(Portable):
         return external
 
     def external_at_tips(self, q: Array, wrench: Array) -> Array:
-        """`external` (nb, 6) of wrenches (n_t, 6) on the tips, in the order of `tips`.
+        """Return `external` (nb, 6) for wrenches (n_t, 6) on the tips, in the order of `tips`.
 
         At the bodies' `tip` points, in world axes: -F_T of eqs. (22)-(26), which acts *from* the
         tips (R10).
@@ -464,7 +467,7 @@ class Dynamics(Portable):
         *,
         frame: str = "world",
     ) -> Array:
-        """Return the Jacobian of a point of a body or site, eq. (20).
+        """Return the Jacobian of a point on a body or site, eq. (20).
 
         The velocity [angular, linear] of the point is J v.
 
@@ -504,7 +507,7 @@ class Dynamics(Portable):
         *,
         frame: str = "world",
     ) -> Array:
-        """(6,) [angular, linear] velocity of a point of a body or site [rad/s, m/s].
+        """Return the velocity (6,) [angular, linear] of a point on a body or site [rad/s, m/s].
 
         `point` and `frame` are those of `jacobian`.
         """
@@ -513,7 +516,7 @@ class Dynamics(Portable):
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
-        """Return J' v (6,), so that the acceleration of a point of a body or site is J v' + J' v
+        """Return J' v (6,), so that a point on a body or site has the acceleration J v' + J' v
         (R6).
         """
         q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
@@ -523,7 +526,7 @@ class Dynamics(Portable):
         return bias
 
     def tip_jacobian(self, q: Array) -> Array:
-        """Return J (6 n_t, nv) of the `tip` points of all tip bodies, eqs. (18)-(20), in the order
+        """Return J (6 n_t, nv) for the `tip` points of all tip bodies, eqs. (18)-(20), in the order
         of `tips`.
         """
         q = position(self.packed, q)
@@ -538,7 +541,7 @@ class Dynamics(Portable):
         return jac
 
     def _place(self, number: int, point: Any) -> tuple[int, Array]:
-        """(row, point in its axes) of a point of a body."""
+        """Return (row, point in the row's axes) for a point on a body."""
         system = self.packed.system
         return system.row_of(number), point_in_row(system, number, point)
 
@@ -557,7 +560,7 @@ class Dynamics(Portable):
         return tau
 
     def _passive(self, q: Array, v: Array, given: Array) -> Array:
-        """`given` (nv,) and the passive forces together."""
+        """Return the sum of `given` (nv,) and the passive forces."""
         tau, scene = np.empty(self.nv), self._scene
         with self._lock:
             scene.given[:] = given
@@ -565,7 +568,7 @@ class Dynamics(Portable):
         return tau + self._load_torque(q, v) if scene.loads.number else tau
 
     def _load_torque(self, q: Array, v: Array) -> Array:
-        """τ (nv,) of springs and torsion springs between bodies."""
+        """Return τ (nv,) from springs and torsion springs between bodies."""
         tau, address = np.empty(self.nv), self._scene.address
         with self._lock:
             motion.load_torque(address, q, v, tau)
@@ -581,7 +584,7 @@ class Dynamics(Portable):
         return NO_EXTERNAL if external is None else numbers("external", external, self.nb, 6)
 
     def _explain(self, code: int, **given: Array) -> None:
-        """Raise the error that a kernel's status code stands for."""
+        """Raise the error that corresponds to a kernel's status code."""
         for name, value in given.items():
             finite(name, value, *value.shape)
         position(self.packed, given["q"])
@@ -598,7 +601,9 @@ FRAMES = ("world", "body")  # whose axes a velocity is in
 
 
 def at_once(checked: Called) -> Called:
-    """`forward_dynamics(q, v, tau)`, directly where the kernel takes the state as it is."""
+    """Compute `forward_dynamics(q, v, tau)`, calling the kernel directly if it accepts the
+    state.
+    """
 
     @functools.wraps(checked)
     def forward_dynamics(*args: Any, **named: Any) -> Any:
@@ -619,7 +624,7 @@ def at_once(checked: Called) -> Called:
 
 
 def constrained_at_once(checked: Called) -> Called:
-    """`constrained_dynamics(q, v, tau)` in the same way, after a first call."""
+    """Compute `constrained_dynamics(q, v, tau)` in the same way, after a first call."""
 
     @functools.wraps(checked)
     def constrained_dynamics(*args: Any, **named: Any) -> Any:
@@ -644,7 +649,7 @@ Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamic
 
 
 def operators(packed: Packed, q: Any, v: Any) -> Operators:
-    """The paper's operators at (q, v). Raises InputError."""
+    """Return the paper's operators at (q, v). Raises InputError."""
     q, v = position(packed, q), finite("v", v, packed.nv)
     return Operators(packed.model, packed.topology, q, v)
 
@@ -656,7 +661,7 @@ def accelerated(
     work: Array,
     vdot: Array,
 ) -> int:
-    """Write v' of (q, v, tau) into `vdot`, and return a kernel's status code."""
+    """Write v' for (q, v, tau) into `vdot`, and return the kernel's status code."""
     if external is None:
         return ready(FORWARD)(*packed.tree, *state, work, vdot)
     return dynamics.forward_dynamics_external(*packed.system[:4], *state, external, work, vdot)

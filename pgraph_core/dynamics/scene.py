@@ -1,4 +1,4 @@
-"""Scene: a mechanism with its forces and constraints, and the workspaces of the kernels."""
+"""Scene: a mechanism with its forces and constraints, and the kernel workspaces."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ NO_USER = User(0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
 class Scene(Unportable):
-    """Data of a run for kernels behind one `address`, used by one thread at a time.
+    """The run data for kernels behind a single `address`, used by one thread at a time.
 
     `active` and `given` (nv,), additional torques, may change between calls.
     """
@@ -71,7 +71,9 @@ class Scene(Unportable):
         user: UserTorque | None = None,
         blocks: Blocks | None = None,
     ):
-        """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
+        """Create a scene with constraints `active` (indices) of `blocks`, by default the
+        model's.
+        """
         if len(loads.signals[1]):  # values are written here, and other runs share the arrays
             drives, loads = apart(drives, loads)
         if contacts and contacts.frictions:  # its blocks take the place of the regularised law
@@ -120,7 +122,9 @@ class Scene(Unportable):
         return self._kept
 
     def solve_tighter(self) -> None:
-        """Halve what counts as solved or closed, in a run that tells the error of another one."""
+        """Halve the solver and gap tolerances, in a run used to estimate the error of another
+        one.
+        """
         if self.touching is not None:
             self.touching.tally["fine"] = 0.5
             first, count = (int(self.touching.tally[x]) for x in ("first_limit", "limits"))
@@ -128,7 +132,7 @@ class Scene(Unportable):
 
     @property
     def numbers(self) -> list[Array]:
-        """Return the arrays of the description. blocks_f also holds states."""
+        """The arrays from the description. blocks_f also contains states."""
         kept, packed = self._kept, self.packed
         found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
         found += [kept.drives.table, kept.drives.knots, kept.drives.terms]
@@ -139,7 +143,7 @@ class Scene(Unportable):
         return found if self.user is None else found + self.user.numbers
 
     def activate(self, constraints: Ints) -> None:
-        """Switch on the blocks of these constraints, and no others."""
+        """Activate the blocks of these constraints, and no others."""
         spans = self._spans = self.spans_of(constraints)
         one_each = all(span[1:] == (i, i + 1) for i, span in enumerate(spans))
         self._one_each = [name for name, _, _ in spans] if one_each else []
@@ -153,32 +157,33 @@ class Scene(Unportable):
         self.space.watch["rows"] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
 
     def switch(self, constraints: Ints) -> None:
-        """Activate these constraints in a run under way."""
+        """Activate these constraints during a run."""
         self.activate(constraints)
 
     def forget(self, constraints: Ints) -> None:
-        """Reset the memory with these active constraints, for scenes without contacts."""
+        """Reset the memory and activate these constraints, for scenes without contacts."""
         for kept in self.space:
             kept[:] = 0
         self.activate(constraints)
 
     @property
     def held(self) -> int:
-        """Address of the scene whose active blocks are what is projected."""
+        """Address of the scene whose active blocks are used for projection."""
         return self.address
 
     @property
     def spans(self) -> list[tuple[str, int, int]]:
-        """(name, first block, end of its blocks) of every active constraint."""
+        """The (name, first block, end of its blocks) of every active constraint."""
         return self._spans
 
     def spans_of(self, constraints: Ints) -> list[tuple[str, int, int]]:
-        """(name, first block, end of its blocks) of these constraints."""
+        """Return the (name, first block, end of its blocks) of each of these constraints."""
         first, names = self.blocks.first.tolist(), self.blocks.names
         return [(names[i], first[i], first[i + 1]) for i in constraints.tolist()]
 
     def forces(self, wrenches: Array, constraints: Ints | None = None) -> dict[str, Array]:
-        """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6).
+        """Return {name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ...,
+        6).
 
         Of these constraints, the active ones by default.
         """
@@ -191,17 +196,17 @@ class Scene(Unportable):
 
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
-    """The same with arrays of their own where the values of expressions go."""
+    """Copy the drives and loads, so that expression values are written to separate arrays."""
     (table, knots), (code, targets) = loads.wrench, loads.signals
     loads = loads._replace(wrench=(table, knots.copy()), signals=(code.copy(), targets.copy()))
     return drives._replace(knots=drives.knots.copy()), loads
 
 
 class ContactSpace(Unportable):
-    """The contacts of a scene behind one address, with what they remember from step to step."""
+    """The contacts in a scene behind a single address, with their memory between steps."""
 
     def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
-        """`first` is the number of blocks that stand before those of contacts.
+        """Create the contact space. `first` is the number of blocks preceding those for contacts.
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
@@ -263,18 +268,18 @@ class ContactSpace(Unportable):
 
     @property
     def contacts(self) -> Contacts:
-        """Data of contacts for kernels."""
+        """The contact data for kernels."""
         return self._kept
 
     @property
     def numbers(self) -> list[Array]:
-        """Return the arrays of the description."""
+        """The arrays from the description."""
         kept = self._kept
         found = [*kept.geometry, *kept.ground, *kept.candidates]
         return [*found, kept.laws, kept.bodies_i, kept.bodies_f]
 
     def begin_log(self, t: float) -> Any:
-        """Start counting and logging, and return the present phases as changes at t."""
+        """Start counting and logging, and return the current phases as changes at t."""
         names = "fallbacks", "calmed", "overflows", "logged", "cuts", "crowded", "residual", "depth"
         for name in (*names, "strayed", "chains"):
             self.tally[name] = 0
@@ -288,7 +293,7 @@ ENVELOPE = 150  # entries a freedom of the contact solver's matrix: wider island
 
 
 def islands(rows: Ints, nv: int, blocks: int) -> Islands:
-    """Scratch of the contact solver for as many blocks."""
+    """Allocate buffers in the contact solver for the given number of blocks."""
     from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only where something touches
 
     n, room = len(rows), min(nv * (nv + 1) // 2, ENVELOPE * nv)
@@ -328,7 +333,7 @@ MOST_CHANGES = 4096  # room for changes of phases between two readings
 
 
 def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None:
-    """Return the tables of these contacts and of the joints' limits, None without both."""
+    """Return the tables for these contacts and the joint limits, or None if there are neither."""
     if not active and not packed.model.limited:
         return None
     from ..contact.tables import tables
@@ -337,7 +342,7 @@ def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None
 
 
 def stepped_tables(packed: Packed, contacts: Tables | None, drives: Drives) -> Tables | None:
-    """Return these tables with the friction of joints, for time stepping."""
+    """Return these tables with joint friction added, for time stepping."""
     if not rubs(drives):
         return contacts
     from ..contact.tables import tables, with_friction
@@ -346,7 +351,7 @@ def stepped_tables(packed: Packed, contacts: Tables | None, drives: Drives) -> T
 
 
 def rubs(drives: Drives) -> bool:
-    """True if a joint or tendon has friction."""
+    """Return True if a joint or tendon has friction."""
     return bool((drives.table["friction"] > 0.0).any())
 
 
@@ -357,7 +362,7 @@ def _extended(own: Blocks, contacts: Tables) -> Blocks:
 
 
 def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array, v: Array) -> Array:
-    """(n, nb, 6) [torque, force] of the wrenches and springs in `forces` on the bodies.
+    """Return (n, nb, 6) [torque, force] on the bodies from the wrenches and springs in `forces`.
 
     In n states at times t (n,), at the bodies' origins, world axes: `external` of these states.
     """
@@ -379,7 +384,7 @@ def workspace(
     active: Ints,
     contacts: Tables | None,
 ) -> Workspace:
-    """Workspace of the constraint kernels, for as many rows as may be active at once."""
+    """Allocate the constraint kernels' workspace for the maximum number of active rows."""
     count, n, m = len(blocks.blocks_i), len(rows), 0
     for i in active.tolist():
         m += int(blocks.blocks_i[blocks.first[i] : blocks.first[i + 1], at.B_SIZE].sum())
@@ -408,7 +413,7 @@ def workspace(
 
 
 def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
-    """Most degrees of freedom that a block's two paths to the ground have."""
+    """Return the maximum number of degrees of freedom on a block's two paths to the ground."""
     if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
         return nv
     depth = [0] * len(rows)

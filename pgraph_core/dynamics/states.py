@@ -1,4 +1,4 @@
-"""States: motion of bodies, readings of sensors, distances, and states of edited models."""
+"""States: body motion, sensor readings, distances, and states of edited models."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..rotation import unit
 
 
 class Carried(NamedTuple):
-    """A state of one mechanism as a state of another."""
+    """A state transferred from one mechanism to another."""
 
     q: Array  # (nq,)
     v: Array  # (nv,)
@@ -30,7 +30,7 @@ class Carried(NamedTuple):
 
 
 def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
-    """Return the state (q, v) of `old` as one of `new`, with new joints at home."""
+    """Transfer the state (q, v) from `old` to `new`, with new joints at home."""
     new_q, new_v = new.system.q.copy(), new.system.v.copy()
     theirs, reset = old.joints, []
     for name, joint in new.joints.items():
@@ -44,7 +44,8 @@ def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
 
 
 def angles(p: Array, q: Array) -> Array:
-    """Angles between unit quaternions [rad], |p - q| = 2 sin(a/4): exact for small ones too.
+    """Return the angles between unit quaternions [rad] from |p - q| = 2 sin(a/4), accurate if
+    small.
 
     p and -p are the same rotation.
     """
@@ -53,7 +54,8 @@ def angles(p: Array, q: Array) -> Array:
 
 
 def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
-    """((n,) largest rotation [rad], (n,) largest translation [m]) from motion q to `other`.
+    """Return ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
+    `other`.
 
     Motions are (n, nq), `rows` those of the mechanism's joints. Attitudes differ by an angle.
     """
@@ -70,7 +72,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
 
 
 def size_of_motion(rows: Ints, q: Array, length: float) -> float:
-    """The farthest that a joint turns or moves from where it starts, in a motion q (n, nq).
+    """Return the largest rotation or translation of any joint from its start in a motion q (n, nq).
 
     What moves by less than rounding shows, of the mechanism's length, is at rest.
     """
@@ -82,7 +84,7 @@ def size_of_motion(rows: Ints, q: Array, length: float) -> float:
 
 
 class BodyMotion(NamedTuple):
-    """Motion of all bodies in world axes at their origins, one row per body by number."""
+    """The motion of all bodies in world axes at their origins, with one row per body number."""
 
     pose: Array  # (..., nb, 7) x y z [m], w x y z
     velocity: Array  # (..., nb, 6) angular [rad/s], linear [m/s]
@@ -90,7 +92,7 @@ class BodyMotion(NamedTuple):
     force: Array  # (..., nb, 6) torque [N m], force [N] that each joint passes on to its body
 
     def __eq__(self, other: object) -> bool:
-        """Compare the arrays, with nan equal to nan."""
+        """Compare the arrays, treating nan as equal to nan."""
         return isinstance(other, tuple) and same(tuple(self), other)
 
     def __ne__(self, other: object) -> bool:
@@ -100,7 +102,9 @@ class BodyMotion(NamedTuple):
 
 
 def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array) -> BodyMotion:
-    """Body motion and joint forces (checklist B18) of n states under wrenches (n, nb, 6)."""
+    """Compute body motion and joint forces (checklist B18) for n states under wrenches (n, nb,
+    6).
+    """
     n, nb = len(q), len(system.bodies_i) - 1
     position, rotation = np.empty((n, nb, 3)), np.empty((n, nb, 9))
     velocity, acceleration, force = (np.empty((n, nb, 6)) for _ in range(3))
@@ -114,7 +118,7 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
 
 
 def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Array, Array, Array]:
-    """Masses, centres of mass, their velocities, and angular momenta I ω of bodies by number."""
+    """Return masses, centres of mass, their velocities, and angular momenta I ω by body number."""
     mass = np.array([b.mass for b in bodies])
     turn = motion.pose[:, 3:]
     arm = turned(turn, np.array([b.com for b in bodies]).reshape(-1, 3))
@@ -127,23 +131,25 @@ def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Arra
 
 
 def shifted(wrench: Array, arm: Array) -> Array:
-    """(..., 6) φᵀ F, eq. (12): wrenches [torque, force] at the ends of arms (..., 3) from here."""
+    """Return φᵀ F (..., 6), eq. (12), for wrenches [torque, force] at the ends of arms (..., 3)."""
     force = wrench[..., 3:]
     return np.concatenate((wrench[..., :3] + np.cross(arm, force), force), axis=-1)
 
 
 def turned(q: Array, x: Array) -> Array:
-    """(..., 3) the vector x turned by unit quaternions (..., 4) [w, x, y, z]."""
+    """Rotate the vectors x (..., 3) by unit quaternions (..., 4) [w, x, y, z]."""
     w, u = q[..., :1], q[..., 1:]
     cross = np.cross(u, x)
     return x + 2 * (w * cross + np.cross(u, cross))
 
 
 class Sensors:
-    """The outputs of a model as a table for the kernel."""
+    """The outputs of a model as a kernel table."""
 
     def __init__(self, packed: Packed, model: Model):
-        """Set `loads` if any output reads joint forces, and `moves` if any reads bodies."""
+        """Build the table. Set `loads` if any output reads joint forces, and `moves` if any reads
+        bodies.
+        """
         wanted, sites = model.outputs, {s.name: s for s in model.sites}
         self.gravity = np.array(model.gravity)
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0
@@ -163,18 +169,18 @@ class Sensors:
         self.loads = any(o.kind in OF_LOAD for o in wanted)
 
     def read(self, q: Array, v: Array, motion: BodyMotion) -> Array:
-        """(n, width) in n states (n, nq), (n, nv)."""
+        """Return the readings (n, width) in n states (n, nq), (n, nv)."""
         out = np.empty((len(q), self.width))
         sensors.read_sensors(self.table, self.gravity, q, v, *motion, out)
         return out
 
     def by_name(self, read: Array) -> dict[str, Any]:
-        """{name: (...,), (..., 3) or (..., 4)} of what was read, (..., width)."""
+        """Return {name: (...,), (..., 3) or (..., 4)} from the readings (..., width)."""
         return {name: read[..., a] if b == a + 1 else read[..., a:b] for name, a, b in self._spans}
 
 
 def _entry(packed: Packed, model: Model, o: Output) -> int:
-    """Return the index in q or v of a coordinate of a joint."""
+    """Return the index of a joint coordinate in q or v."""
     joint = packed.joints[o.at]
     if o.kind == "joint_velocity":
         return joint.v.start + o.coordinate
@@ -184,5 +190,5 @@ def _entry(packed: Packed, model: Model, o: Output) -> int:
 
 
 def no_motion(n: int) -> BodyMotion:
-    """Return the motion of no bodies in n states, for outputs of joints alone."""
+    """Return an empty body motion for n states, for outputs that only read joints."""
     return BodyMotion(np.empty((n, 0, 7)), *(np.empty((n, 0, 6)) for _ in range(3)))

@@ -1,4 +1,4 @@
-"""Forces besides gravity: a file a kind, with all that the kind is.
+"""Forces besides gravity. Each file defines one kind completely.
 
 A file holds the description (its fields, what they are, what is refused), how it is packed for the
 kernels, its law and its energy. A new kind on bodies is a file with a `LOAD`, and its lines here.

@@ -1,4 +1,4 @@
-"""Base of the kinds of force, and the interface of a load to the kernels."""
+"""The base class for forces, and the interface between loads and kernels."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ Array = npt.NDArray[np.float64]
 def over_time(
     value: float | Table | str | Mapping[str, npt.ArrayLike],
 ) -> Number | Table | Expression:
-    """A number, a table over time, or an expression of time and of the motion."""
+    """Accept a number, a table over time, or an expression in time and the motion."""
     return value  # type: ignore[return-value]
 
 
 def vector_over_time(
     value: npt.ArrayLike | VectorTable | Sequence[float | str] | Mapping[str, Any],
 ) -> Entries3 | VectorTable:
-    """Three numbers or expressions, or a table of vectors over time."""
+    """Accept three numbers or expressions, or a table of vectors over time."""
     return value  # type: ignore[return-value]
 
 
@@ -60,40 +60,40 @@ class Force(OfKinds):
     body: Text = field("the name of a body", label="Body")
 
     def __init__(self, /, **data: Any):
-        """A force of the given kind. Raises ModelError."""
+        """Create a force of the given kind. Raises ModelError."""
         super().__init__(**data)
 
     @property
     def _idle(self) -> str:
-        """Return the reason why it does nothing in any motion, or ""."""
+        """Return the reason why the force has no effect in any motion, or ""."""
         return ""
 
 
 def ends_of(f: Force) -> tuple[float | None, float | None]:
-    """Return the least and greatest length that a force allows [m, rad], or None."""
+    """Return the minimum and maximum length allowed by a force [m, rad], or None."""
     return getattr(f, "low", None), getattr(f, "high", None)
 
 
 def refuse_crossed_ends(f: Force) -> None:
-    """Refuse a least length above the greatest."""
+    """Reject a minimum length that exceeds the maximum."""
     low, high = ends_of(f)
     if low is not None and high is not None and low > high:
         refuse([("low", f"must be at most high, {shown(high)}; given {shown(low)}")])
 
 
 class Places(Protocol):
-    """Poses and rows of the bodies of a mechanism, for packing."""
+    """Poses and rows for the bodies of a mechanism, used for packing."""
 
     def home(self, name: str) -> Array:
         """Return the home orientation (3, 3) of a body."""
         ...
 
     def in_row(self, name: str, point: npt.ArrayLike) -> Array:
-        """Return a point in a body's axes as one in the home axes of its row (3,) [m]."""
+        """Convert a point from a body's axes to the home axes of its row (3,) [m]."""
         ...
 
     def at_start(self, name: str, point: npt.ArrayLike) -> Array:
-        """Return where a point of a body is in the initial state (3,) [m]."""
+        """Return the position of a point on a body in the initial state (3,) [m]."""
         ...
 
     def turn_at_start(self, name: str) -> Array:
@@ -106,13 +106,13 @@ class Places(Protocol):
 
 
 class OnBody(Force):
-    """Acts on `body` itself."""
+    """A force acting on `body` itself."""
 
     SCALES: ClassVar[tuple[str, ...]] = ()  # fields; if all are zero, it exerts nothing
 
     @property
     def _exerts(self) -> bool:
-        """Return whether it may act in a run."""
+        """Return True if the force may act in a run."""
         values = (getattr(self, name) for name in self.SCALES)
         return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
 
@@ -124,7 +124,7 @@ class OnBody(Force):
 
 
 class Between(WithOther, OnBody):
-    """Acts between `body` and `other`."""
+    """A force acting between `body` and `other`."""
 
     PASSIVE: ClassVar[bool] = True
 
@@ -140,7 +140,7 @@ HEADER = {
 
 
 def row(**fields: Any) -> np.dtype[Any]:
-    """Return the record type of a kind of load: what it acts on, its knots, and its own fields.
+    """Return the record type for a kind of load: bodies acted on, knots and its own fields.
 
     Points and directions are in the home axes of their rows.
     """
@@ -152,7 +152,7 @@ def _always(table: Any) -> bool:
 
 
 class Load(NamedTuple):
-    """A kind of force on bodies, as kernels take it.
+    """A kind of force on bodies, in kernel form.
 
     `pack(f, one, at)` writes the numbers of a force into its row, and returns its knots or None.
     `law(one, knots, work, linear, t)` returns (p, torque, force, end, power put in, power lost):
@@ -170,5 +170,5 @@ class Load(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The name of the kind."""
+        """The name of this kind."""
         return self.part.own_kind()

@@ -1,4 +1,4 @@
-"""A bushing: a 6 by 6 stiffness and damping between two frames, as of rubber."""
+"""A bushing: a 6 by 6 stiffness and damping between two frames, such as a rubber mount."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Row6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 def _square(value: Any) -> Any:
-    """Return a matrix, also from six numbers as its diagonal."""
+    """Return a 6 by 6 matrix. Six numbers are taken as its diagonal."""
     value = listed(value)
     flat = isinstance(value, tuple) and not any(isinstance(x, tuple) for x in value)
     if flat and len(value) == 6:
@@ -39,12 +39,12 @@ NOTHING: Mat6 = ((0.0,) * 6,) * 6  # type: ignore[assignment]
 
 
 def square(value: npt.ArrayLike) -> Mat6:
-    """(6, 6) numbers, or the (6,) of its diagonal."""
+    """Accept a (6, 6) matrix, or its diagonal (6,)."""
     return _square(value)
 
 
 class Bushing(AtPoint, Between):
-    """Rubber between a frame of `body` and one of `other`.
+    """A rubber element between a frame on `body` and one on `other`.
 
     With e the displacement of the body's frame in the axes of the other's, and its turn against it
     as a rotation vector of less than half a turn, it stores e K e / 2 and exerts the slope of that
@@ -105,7 +105,7 @@ class Bushing(AtPoint, Between):
 
 
 def pack(f: Bushing, one: Any, at: Places) -> None:
-    """Write both frames, in the home axes of their rows, and the matrices."""
+    """Write both frames, in the home axes of their rows, and the two matrices."""
     point = at.body(f.body).tip_point if f.point is None else f.point
     own = turn_of(unit(f.rotation))
     other, turn = f.other_point, at.turn_at_start(f.other)
@@ -122,21 +122,22 @@ def pack(f: Bushing, one: Any, at: Places) -> None:
 
 @part
 def row_times(k, i, x, y):
-    """Row i of a 6 by 6 matrix times (x, y)."""
+    """Multiply row i of a 6 by 6 matrix by (x, y)."""
     of_x = k[6 * i] * x[0] + k[6 * i + 1] * x[1] + k[6 * i + 2] * x[2]
     return of_x + k[6 * i + 3] * y[0] + k[6 * i + 4] * y[1] + k[6 * i + 5] * y[2]
 
 
 @part
 def times(k, x, y):
-    """A 6 by 6 matrix times (x, y), as two vectors."""
+    """Multiply a 6 by 6 matrix by (x, y), and return two vectors."""
     first = (row_times(k, 0, x, y), row_times(k, 1, x, y), row_times(k, 2, x, y))
     return first, (row_times(k, 3, x, y), row_times(k, 4, x, y), row_times(k, 5, x, y))
 
 
 @part
 def displaced(one, work):
-    """(p, axes of B's frame in the world, displacement and rotation vector in them, n, θ / tan).
+    """Return (p, axes of B's frame in the world, displacement and rotation vector in them, n, θ /
+    tan).
 
     The rotation vector is θ n. The last number is (θ / 2) / tan(θ / 2), of the slope of θ n.
     """
@@ -157,7 +158,7 @@ def displaced(one, work):
 
 @part
 def law(one, knots, work, linear, t):
-    """The slope of the stored energy, and the damping."""
+    """Compute the elastic force from the energy gradient, plus the damping force."""
     a = one.row_a
     b = one.row_b
     p, axes, d, turn, n, share = displaced(one, work)
@@ -176,7 +177,7 @@ def law(one, knots, work, linear, t):
 
 @part
 def energy(one, knots, work):
-    """e K e / 2."""
+    """Return the stored energy e K e / 2."""
     _, _, d, turn, _, _ = displaced(one, work)
     force, torque = times(one.stiffness, d, turn)
     return 0.5 * (dot(force, d) + dot(torque, turn))

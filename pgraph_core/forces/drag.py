@@ -1,4 +1,4 @@
-"""The drag of a fluid on a box: Stokes and pressure, as MuJoCo's inertia boxes."""
+"""Fluid drag on a box: Stokes and pressure drag, as in MuJoCo's inertia box model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .base import KIND, Load, OnBody, Places, row
 
 
 class Drag(OnBody):
-    """The drag of a fluid at rest on a box fixed in `body`, viscous and by its pressure.
+    """Viscous and pressure drag from a fluid at rest on a box fixed to `body`.
 
     Along an edge a: -3 pi d viscosity u - density b c |u| u / 2; about it: -pi d^3 viscosity w -
     density a (b^4 + c^4) |w| w / 64; d the mean edge, u and w the velocity of the middle and the
@@ -61,7 +61,7 @@ class Drag(OnBody):
 
 
 def pack(f: Drag, one: Any, at: Places) -> None:
-    """Write the box, and the fluid around it."""
+    """Write the box and the properties of the surrounding fluid."""
     point = at.body(f.body).com if f.point is None else f.point
     one["point_a"] = at.in_row(f.body, point)
     one["axes"] = (at.home(f.body) @ turn_of(unit(f.rotation))).ravel()
@@ -70,7 +70,9 @@ def pack(f: Drag, one: Any, at: Places) -> None:
 
 @part
 def drag_of(one, turn, spin, speed):
-    """(torque, force) of a fluid on a box that turns at `spin` and whose middle has `speed`."""
+    """Return the (torque, force) on a box with angular velocity `spin` and centre velocity
+    `speed`.
+    """
     x, y, z = xyz(one.box)
     mean = (x + y + z) / 3.0
     axes = matrix(one.axes)
@@ -96,7 +98,7 @@ def drag_of(one, turn, spin, speed):
 
 @part
 def law(one, knots, work, linear, t):
-    """Against the velocity of the box's middle, and against its spin."""
+    """Compute a drag opposing the velocity of the box's centre and its angular velocity."""
     a = one.row_a
     p = point_of(xyz(one.point_a), work, a)
     speed = point_velocity(work, linear, a, p)
@@ -106,7 +108,7 @@ def law(one, knots, work, linear, t):
 
 
 def linear(table: Any) -> bool:
-    """Return whether no drag is by pressure, which is quadratic in speeds."""
+    """Return True if no load has pressure drag, which is quadratic in speed."""
     return not (table["density"] > 0).any()
 
 

@@ -1,4 +1,4 @@
-"""Drives: motors, servos and actuators, on a coordinate of a joint or on a sum of coordinates."""
+"""Motors, servos and actuators that drive a joint coordinate or a sum of coordinates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .base import KIND, Force, over_time
 
 
 class OnJoint(Force, OfSums):
-    """Acts on a coordinate of the joint of `body`, or on a sum of coordinates of joints.
+    """A drive acting on a coordinate of the joint of `body`, or on a sum of joint coordinates.
 
     Its length is gear x q, or gear x the sum of coefficients x q; what it gives acts on each
     coordinate times that factor. One field is its input, which runs and steppers can give.
@@ -120,7 +120,9 @@ class OnJoint(Force, OfSums):
         return self
 
     def _no_state_of(self) -> list[tuple[str, str]]:
-        """What cannot vary beside a lag or integral, which are integrated exactly over time."""
+        """Return problems with varying fields beside a lag or integral, which is integrated
+        exactly.
+        """
         given = getattr(self, self.INPUT)
         found: dict[str, Any] = {self.INPUT: given} if isinstance(given, str) else {}
         if not self.law.kp and not isinstance(self.law.torque, float):
@@ -129,7 +131,7 @@ class OnJoint(Force, OfSums):
         return [(x, text + (y if isinstance(y, str) else "a table")) for x, y in found.items()]
 
     def _state_problems(self) -> list[tuple[str, str]]:
-        """Return the problem of the bounds of the integral."""
+        """Return the problems with the bounds on the integral."""
         low, high = self.states
         if not self.integrates:
             given = [
@@ -144,7 +146,9 @@ class OnJoint(Force, OfSums):
         return []
 
     def _dim_of(self, name: str) -> Dim:
-        """The dimension of a field: bounds of the input, and its integral, go by the input."""
+        """Return the dimension of a field. Bounds on the input and on its integral follow the
+        input.
+        """
         acts = super()._dim_of(self.INPUT)
         if name in ("start", "state_low", "state_high"):
             return acts
@@ -154,17 +158,17 @@ class OnJoint(Force, OfSums):
 
     @property
     def has_state(self) -> bool:
-        """Return whether the force follows its input over time."""
+        """Return True if the force has a lag or integrates its input over time."""
         return bool(self.lag) or self.integrates
 
     @property
     def states(self) -> tuple[float, float]:
-        """Least and greatest value of the integral of the input."""
+        """The minimum and maximum of the input's integral."""
         low, high = self.state_low, self.state_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     def input_problem(self, value: float | Table | str) -> str:
-        """Return the reason why a value or table is not a valid input, or ""."""
+        """Return the reason why a value or table is invalid as an input, or ""."""
         low, high = self.inputs
         if isinstance(value, str):  # held within them while it runs
             return ""
@@ -174,19 +178,19 @@ class OnJoint(Force, OfSums):
 
     @property
     def inputs(self) -> tuple[float, float]:
-        """Least and greatest value of the input."""
+        """The minimum and maximum of the input."""
         low, high = self.input_low, self.input_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     @property
     def torques(self) -> tuple[float, float]:
-        """Least and greatest torque, before the gear [N m, N]."""
+        """The minimum and maximum torque, before the gear [N m, N]."""
         most = math.inf if self.torque_limit is None else self.torque_limit
         return (-most if self.torque_low is None else self.torque_low), most
 
     @property
     def terms(self) -> tuple[tuple[str, int, float], ...]:
-        """(body, degree of freedom, factor) of each coordinate that it acts on."""
+        """The (body, degree of freedom, factor) of each coordinate that is driven."""
         if not self.coefficients:
             return ((self.body, self.coordinate, self.gear),)
         return tuple((name, k, self.gear * x) for name, k, x in super().terms)
@@ -194,11 +198,11 @@ class OnJoint(Force, OfSums):
     @property
     @abstractmethod
     def law(self) -> Law:
-        """Its torque at an input u: torque + gain u - kp length - kd rate."""
+        """The torque at an input u: torque + gain u - kp length - kd rate."""
 
 
 class Law(NamedTuple):
-    """torque + gain u - kp length - kd rate, u the input."""
+    """The drive law torque + gain u - kp length - kd rate, with input u."""
 
     gain: float
     torque: float | Table | str
@@ -207,7 +211,7 @@ class Law(NamedTuple):
 
 
 class Motor(OnJoint):
-    """`torque` on a coordinate of the joint of `body` (a force where it is a translation)."""
+    """A motor that applies `torque` to a joint coordinate of `body` (a force for translations)."""
 
     ABOUT: ClassVar[str] = "a torque or force on a joint"
 
@@ -229,7 +233,7 @@ class Motor(OnJoint):
 
 
 class Servo(OnJoint):
-    """`torque` + kp (target - q) - kd v on a coordinate of the joint of `body`."""
+    """A servo that applies `torque` + kp (target - q) - kd v to a joint coordinate of `body`."""
 
     ABOUT: ClassVar[str] = "holds or drives a joint at a target: kp, kd"
     INPUT: ClassVar[str] = "target"
@@ -260,7 +264,7 @@ class Servo(OnJoint):
 
 
 class SpeedServo(OnJoint):
-    """`torque` + kd (speed - v) on a coordinate of the joint of `body`."""
+    """A servo that applies `torque` + kd (speed - v) to a joint coordinate of `body`."""
 
     ABOUT: ClassVar[str] = "drives a joint at a speed: kd"
     INPUT: ClassVar[str] = "speed"
@@ -289,7 +293,7 @@ class SpeedServo(OnJoint):
 
 
 class Actuator(OnJoint):
-    """`torque` + gain x input - kp q - kd v on a coordinate of the joint of `body`.
+    """An actuator with `torque` + gain x input - kp q - kd v on a joint coordinate of `body`.
 
     The general linear drive; gains may have any sign. Motors and servos are cases of it.
     """

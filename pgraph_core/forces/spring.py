@@ -1,4 +1,4 @@
-"""A straight spring and damper between two points, with limits of its length."""
+"""A linear spring and damper between two points, with limits on its length."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .base import KIND, Between, Load, Places, refuse_crossed_ends, row
 
 
 class BetweenPoints(AtPoint, Between):
-    """Acts between a point of `body` and one of `other`, along the straight line."""
+    """A force between a point on `body` and one on `other`, along the line joining them."""
 
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; left out: its origin",
@@ -30,7 +30,7 @@ class BetweenPoints(AtPoint, Between):
 
 
 def points_of(f: BetweenPoints, body: Any) -> tuple[Sequence[float], Sequence[float]]:
-    """Return its points in the axes of its bodies [m]: by default a tip, and the other's origin.
+    """Return both points in their bodies' axes [m]. Defaults to a tip, and to the other's origin.
 
     `body` is the description of its first body.
     """
@@ -45,7 +45,7 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
 
 
 class Spring(BetweenPoints):
-    """Spring and damper between two points, whose distance stays within `low` and `high`."""
+    """A spring and damper between two points, with their distance limited by `low` and `high`."""
 
     ABOUT: ClassVar[str] = "pulls two points together, with damper and limits of its length"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
@@ -74,7 +74,7 @@ class Spring(BetweenPoints):
 
 
 def pack(f: Spring, one: Any, at: Places) -> None:
-    """Write its points, stiffness, damping and length at rest."""
+    """Write the points, stiffness, damping and rest length."""
     apart = pack_points(f, one, at)
     one["stiffness"], one["damping"] = f.stiffness, f.damping
     one["rest"] = apart if f.rest is None else f.rest
@@ -82,7 +82,7 @@ def pack(f: Spring, one: Any, at: Places) -> None:
 
 @part
 def along(p, end):
-    """(unit vector from `end` to p, distance)."""
+    """Return (unit vector from `end` to p, distance)."""
     apart = sub(p, end)
     length = math.sqrt(dot(apart, apart) + TINY)
     return scale(1.0 / length, apart), length
@@ -90,7 +90,9 @@ def along(p, end):
 
 @part
 def line_of(one, work, linear):
-    """(p on A, point on B, unit vector from B's to A's, length, its rate) of a straight load."""
+    """Return (p on A, point on B, unit vector from B's to A's, length, its rate) for a straight
+    load.
+    """
     p = point_of(xyz(one.point_a), work, one.row_a)
     end = point_of(xyz(one.point_b), work, one.row_b)
     d, length = along(p, end)
@@ -102,7 +104,7 @@ def line_of(one, work, linear):
 
 @part
 def length_of(one, work):
-    """The length of a straight load."""
+    """Return the length of a straight load."""
     p = point_of(xyz(one.point_a), work, one.row_a)
     _, length = along(p, point_of(xyz(one.point_b), work, one.row_b))
     return length
@@ -110,7 +112,7 @@ def length_of(one, work):
 
 @part
 def law(one, knots, work, linear, t):
-    """-stiffness (length - rest) - damping x its rate, along the line."""
+    """Compute the force -stiffness (length - rest) - damping x rate along the line."""
     p, end, d, length, speed = line_of(one, work, linear)
     damping = one.damping * speed
     pull = one.stiffness * (length - one.rest) + damping
@@ -119,7 +121,7 @@ def law(one, knots, work, linear, t):
 
 @part
 def energy(one, knots, work):
-    """½ stiffness (length - rest)²."""
+    """Return the stored energy ½ stiffness (length - rest)²."""
     return 0.5 * one.stiffness * (length_of(one, work) - one.rest) ** 2
 
 

@@ -1,4 +1,4 @@
-"""A strut: a spring and a damper by tables over length and speed, with a bump stop."""
+"""A strut: a spring and damper tabulated over length and speed, with a bump stop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .spring import BetweenPoints, length_of, line_of, pack_points
 
 
 class Lines(Frozen):
-    """Straight lines between knots, extended beyond the first and the last one."""
+    """A piecewise linear curve, extrapolated beyond its first and last knots."""
 
     x: Numbers = field("ascending numbers, at least one", converter=several)
     value: Numbers = field("one finite number for each x", converter=several)
@@ -34,7 +34,7 @@ class Lines(Frozen):
 
 
 class Strut(BetweenPoints):
-    """`spring` over length and `damper` over its rate pull two points together.
+    """A strut pulling two points together, with `spring` over length and `damper` over its rate.
 
     Where the length is less than `bump_length` by d, and falls at the speed u, a stop pushes them
     apart by bump_stiffness d (1 + bump_damping u), and never pulls (Hunt and Crossley, 1975).
@@ -71,7 +71,9 @@ class Strut(BetweenPoints):
 
 
 def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
-    """Return (x, value, slope) of the first line, and (n, 2) of each bend: x, change of slope."""
+    """Return (x, value, slope) for the first segment, and (x, change of slope) for each bend as (n,
+    2).
+    """
     if lines is None:
         return (0.0, 0.0, 0.0), np.zeros((0, 2))
     x, value = np.array(lines.x), np.array(lines.value)
@@ -81,7 +83,7 @@ def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
 
 
 def pack(f: Strut, one: Any, at: Places) -> Array:
-    """Write its points, first lines and stop, and return the bends of both tables."""
+    """Write the points, first segments and stop, and return the bends in both tables."""
     pack_points(f, one, at)
     one["spring"], springs = bends(f.spring)
     one["damper"], dampers = bends(f.damper)
@@ -93,7 +95,7 @@ def pack(f: Strut, one: Any, at: Places) -> Array:
 
 @part
 def value_of(line, knots, first, end, x):
-    """A table of straight lines at x: its first line, and a ramp from each bend."""
+    """Evaluate a piecewise linear table at x, as its first segment plus a ramp from each bend."""
     y = line[1] + line[2] * (x - line[0])
     for n in range(first, end):
         y += knots[n, 1] * max(x - knots[n, 0], 0.0)
@@ -102,7 +104,7 @@ def value_of(line, knots, first, end, x):
 
 @part
 def integral_of(line, knots, first, end, x):
-    """The integral of a table of straight lines from its first knot to x."""
+    """Integrate a piecewise linear table from its first knot to x."""
     from_first = x - line[0]
     y = (line[1] + 0.5 * line[2] * from_first) * from_first
     for n in range(first, end):
@@ -113,7 +115,7 @@ def integral_of(line, knots, first, end, x):
 
 @part
 def law(one, knots, work, linear, t):
-    """The pull of spring and damper less the push of the stop, along the line."""
+    """Compute the pull of spring and damper minus the push of the stop, along the line."""
     p, end, d, length, rate = line_of(one, work, linear)
     first = one.first_knot
     middle = first + one.springs
@@ -127,7 +129,7 @@ def law(one, knots, work, linear, t):
 
 @part
 def energy(one, knots, work):
-    """The integral of the spring's pull from its first knot, and of the stop's push."""
+    """Return the spring's energy, integrated from its first knot, plus the energy in the stop."""
     length = length_of(one, work)
     first = one.first_knot
     deep = max(one.bump_length - length, 0.0)
@@ -136,7 +138,7 @@ def energy(one, knots, work):
 
 
 def linear(table: Any) -> bool:
-    """Return whether no strut has a damper with bends or a damped stop."""
+    """Return True if no strut has a damper with bends or a damped stop."""
     straight = table["knots"] == table["springs"]
     return bool((straight & (table["bump_damping"] == 0.0)).all())
 

@@ -1,4 +1,4 @@
-"""A tendon along joints: spring, damper, friction and limits of a sum of their coordinates."""
+"""A tendon along joints: spring, damper, friction and limits on a sum of joint coordinates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .base import KIND, Force, refuse_crossed_ends
 
 
 class Tendon(OnSum, Force):
-    """A tendon along joints: its length is the sum of `coefficients` x q.
+    """A tendon along joints, with length equal to the sum of `coefficients` x q.
 
     Spring, damper and friction pull it to the length `rest`; it gets no shorter than `low` and no
     longer than `high`. Passive, as springs and dampers of joints.

@@ -1,4 +1,4 @@
-"""A torsion spring and damper: turns two bodies back to an angle about an axis."""
+"""A torsion spring and damper that restores the angle between two bodies about an axis."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from .base import KIND, Between, Load, Places, row
 
 
 class Torsion(Between):
-    """-stiffness (angle - rest) - damping x its rate turn `body` about `axis` against `other`."""
+    """A torque -stiffness (angle - rest) - damping x rate on `body` about `axis` against
+    `other`.
+    """
 
     ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
@@ -44,7 +46,7 @@ class Torsion(Between):
 
 
 def pack(f: Torsion, one: Any, at: Places) -> None:
-    """Write its axis, stiffness, damping and angle at rest."""
+    """Write the axis, stiffness, damping and rest angle."""
     axis = at.home(f.body) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
     one["axis"] = axis
     # at q = 0 all rows have the world's axes
@@ -54,7 +56,7 @@ def pack(f: Torsion, one: Any, at: Places) -> None:
 
 @part
 def twist(one, work):
-    """(angle of A from its rest about its axis, the angle's gradient), angle within ±π.
+    """Return (angle of A from rest about its axis, within ±π, gradient of the angle).
 
     The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
     while both share it; elsewhere it makes the torque the slope of ½ k angle².
@@ -75,7 +77,7 @@ def twist(one, work):
 
 @part
 def law(one, knots, work, linear, t):
-    """-stiffness angle - damping x its rate, along the angle's gradient."""
+    """Compute the torque -stiffness angle - damping x rate along the angle's gradient."""
     angle, axis = twist(one, work)
     rate = dot(axis, sub(spin_of(work, one.row_a), spin_of(work, one.row_b)))
     damping = one.damping * rate

@@ -1,4 +1,4 @@
-"""A force and a torque on a body, constant or over time."""
+"""A force and torque on a body, constant or varying over time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .base import KIND, Array, Load, OnBody, Places, row, vector_over_time
 
 
 class Wrench(OnBody):
-    """`torque` and `force` on `body` at `point`."""
+    """A wrench with `torque` and `force`, applied to `body` at `point`."""
 
     ABOUT: ClassVar[str] = "a force and a torque on a body"
     SCALES: ClassVar[tuple[str, ...]] = ("torque", "force")
@@ -48,7 +48,7 @@ class Wrench(OnBody):
 
 
 def _over(t: Array, value: Any) -> Array:
-    """(n, 3) a vector, or a table of vectors, at times t."""
+    """Evaluate a vector, or a table of vectors, at times t as an (n, 3) array."""
     if not isinstance(value, VectorTable):
         numbers = [0.0 if isinstance(x, str) else x for x in value]  # what varies comes later
         return np.tile(np.array(numbers), (len(t), 1))
@@ -57,7 +57,7 @@ def _over(t: Array, value: Any) -> Array:
 
 
 def pack(f: Wrench, one: Any, at: Places) -> Array:
-    """Write its point, and return time [s], torque and force at its knots."""
+    """Write the point, and return time [s], torque and force at the knots."""
     one["point_a"] = at.in_row(f.body, f.point or (0.0, 0.0, 0.0))
     one["in_body"] = f.frame == "body"
     parts = (f.torque, f.force)
@@ -69,7 +69,7 @@ def pack(f: Wrench, one: Any, at: Places) -> Array:
 
 @part
 def between(knots, first, count, t, column):
-    """Three columns of a table at time t: straight lines between knots, constant outside them."""
+    """Interpolate three table columns linearly at time t, constant outside the knots."""
     last = first + count - 1
     if t <= knots[first, 0]:
         return load(knots, first, column)
@@ -84,7 +84,7 @@ def between(knots, first, count, t, column):
 
 @part
 def law(one, knots, work, linear, t):
-    """Torque and force over time."""
+    """Evaluate the torque and force over time."""
     a = one.row_a
     p = point_of(xyz(one.point_a), work, a)
     torque = between(knots, one.first_knot, one.knots, t, 1)

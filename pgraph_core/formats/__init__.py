@@ -1,4 +1,4 @@
-"""Reading and writing of model files by suffix: URDF, MJCF and our JSON."""
+"""Read and write model files by suffix: URDF, MJCF and our JSON."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def load(
     roots: Iterable[str | Path] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Return the model in a file of any format: JSON of Pgraph, URDF, xacro or MJCF, by its suffix.
+    """Load the model from a file in Pgraph JSON, URDF, xacro or MJCF format, chosen by its suffix.
 
     Its mesh files are found from the file's folder on; others are refused unless they lie in one of
     `roots`. `notices` of the model name what is omitted or doubtful; `pg.read_urdf` and
@@ -49,7 +49,7 @@ def read_model(
     roots: Iterable[str | Path] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> tuple[Model, Report]:
-    """(model, report) of a file, by its suffix. Raises FileError, ModelError or InputError.
+    """Read (model, report) from a file, by its suffix. Raises FileError, ModelError or InputError.
 
     URDF and MJCF are both XML, and many files have the suffix of the other: the first element of
     the file decides between them.
@@ -70,7 +70,7 @@ def read_model(
 
 
 def write_model(model: Model, path: str | Path) -> Report:
-    """Write a model in the format of the suffix. Raises FileError or ModelError."""
+    """Write a model in the format given by the suffix. Raises FileError or ModelError."""
     suffix = Path(path).suffix.lower()
     if writer := WRITERS.get(suffix):
         return writer(model, path)
@@ -88,7 +88,7 @@ HEAD = 65536  # bytes of a file in which its first element stands
 
 
 def first_element(head: bytes) -> bytes:
-    """Return the name of the first element in the head of an XML file, or b""."""
+    """Return the name of the first element at the start of an XML file, or b""."""
     found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head[:HEAD], flags=re.DOTALL))
     return found[1] if found else b""
 

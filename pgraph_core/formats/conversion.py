@@ -1,4 +1,4 @@
-"""Report on a file: read, converted, approximated and omitted parts, with their places."""
+"""A report on a file: parts read, converted, approximated and omitted, with their locations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "
 
 
 def named(path: str | Path, *suffixes: str) -> Path:
-    """A path to write to, which has one of the suffixes. Raises FileError."""
+    """Return an output path after checking that it has one of the suffixes. Raises FileError."""
     if Path(path).suffix.lower() not in suffixes:
         text = f"give a name that ends in {' or '.join(suffixes)}"
         raise FileError(Problem(str(path), "", text))
@@ -35,7 +35,7 @@ def named(path: str | Path, *suffixes: str) -> Path:
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of a report."""
+    """A single line in a report."""
 
     kind: Kind
     where: str  # "robot.urdf, line 12, joint 'knee'"
@@ -50,7 +50,7 @@ class Entry:
 @explained
 @dataclass
 class Report:
-    """Report of a reader or writer. `print` shows a list of sentences."""
+    """The report from a reader or writer. `print` shows it as a list of sentences."""
 
     file: str
     entries: list[Entry] = field(default_factory=list[Entry])
@@ -64,28 +64,28 @@ class Report:
         self.entries.append(Entry(kind, where, text, acts, part))
 
     def of(self, kind: Kind) -> Iterator[Entry]:
-        """The lines of one kind."""
+        """Return the lines of one kind."""
         return (entry for entry in self.entries if entry.kind == kind)
 
     @property
     def loaded(self) -> bool:
-        """True if no part that affects the motion is omitted."""
+        """Return True if no part that affects the motion was omitted."""
         return not any(entry.acts for entry in self.of("left out"))
 
     def attached_to(self, model: Model) -> Model:
-        """Return the model with omitted parts that affect the motion as `model.lost`."""
+        """Return the model with the omitted parts that affect the motion as `model.lost`."""
         lost = (f"{e.where}: {e.text}" for e in self.of("left out") if e.acts)
         vars(model)[LOST] = tuple(lost)  # no field: models are equal without it
         return model
 
     def noted(self, model: Model) -> Model:
-        """Return the model with omissions and doubts as its `notices`."""
+        """Return the model with omissions and warnings as its `notices`."""
         worth = (str(e) for e in self.entries if e.kind in ("left out", "warning"))
         vars(model)["notices"] = tuple(worth)
         return model
 
     def repaired(self, model: Model, *names: str) -> Model:
-        """The model with the inertias in `repairs`: of these bodies, or of all.
+        """Return the model with the inertias from `repairs`, for these bodies or for all.
 
         Raises InputError for a body that needs no repair.
         """
@@ -99,7 +99,7 @@ class Report:
         return model
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields by name, for JSON."""
+        """Return the fields as a dictionary, for JSON."""
         entries = [
             {"kind": e.kind, "where": e.where, "text": e.text, "acts": e.acts, "part": e.part}
             for e in self.entries
@@ -141,7 +141,9 @@ class Report:
 
 
 def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
-    """Warn of each gear (and its place) that ties joints which others tie to each other already."""
+    """Warn about each gear (and its location) that connects joints already connected by other
+    gears.
+    """
     tied: dict[tuple[str, int], tuple[tuple[str, int], float, float]] = {}  # q = factor x q' + at
     for gear, where in gears:
         own, other = (gear.body, gear.coordinate), (gear.other, gear.other_coordinate)
@@ -173,13 +175,13 @@ MOST_INERTIA = float(np.finfo(float).max ** 0.5) / 10  # [kg m^2] squares of it 
 
 
 def why_unphysical(inertia: np.ndarray) -> str:
-    """Return the reason why no rigid body has this inertia, or ""."""
+    """Return the reason why no rigid body can have this inertia, or ""."""
     rows = tuple(tuple(row) for row in inertia.tolist())
     return "; ".join(text for _, text in inertia_problems(rows))
 
 
 def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
-    """The inertia of a rigid body nearest to a symmetric matrix, in the Frobenius norm.
+    """Return the rigid-body inertia nearest to a symmetric matrix, in the Frobenius norm.
 
     A body has the second moments S = tr(I)/2 - I, which must be positive semidefinite; the
     nearest such in the eigenvectors of I is a projection of its three eigenvalues [Wensing, Kim
@@ -193,7 +195,7 @@ def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
 
 
 def _nearest_moments(moments: np.ndarray) -> np.ndarray:
-    """The moments that meet the triangle inequalities, nearest to these (Dykstra's projections)."""
+    """Project moments onto the set satisfying the triangle inequalities (Dykstra's algorithm)."""
     faces = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, -1]]) / np.sqrt(3)
     x, kept = moments.copy(), np.zeros((3, 3))
     for _ in range(200):
@@ -208,7 +210,7 @@ def _nearest_moments(moments: np.ndarray) -> np.ndarray:
 def unphysical(
     report: Report, where: str, name: str, mass: float, inertia: np.ndarray
 ) -> dict[str, Any]:
-    """Return fields of a body that keep an impossible inertia, and report it with a repair.
+    """Return body fields that keep an unphysical inertia, and report it together with a repair.
 
     Raises FileError for an inertia that overflows.
     """
@@ -236,7 +238,7 @@ TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
 
 
 def suspect_units(report: Report, model: Model, reach: float) -> None:
-    """Warn of numbers that look like millimetres, grams or degrees, from the `reach` [m]."""
+    """Warn about numbers that look like millimetres, grams or degrees, using the `reach` [m]."""
     if reach > TALL:
         text = f"bodies are up to {reach:.4g} m apart: are the lengths in millimetres?"
         report.add("warning", report.file, text)
@@ -256,7 +258,7 @@ def suspect_units(report: Report, model: Model, reach: float) -> None:
 
 
 class MeshSize(NamedTuple):
-    """Size of a mesh in the model."""
+    """The size of a mesh in the model."""
 
     where: str  # place in the file
     body: str
@@ -265,7 +267,7 @@ class MeshSize(NamedTuple):
 
 
 def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[MeshSize]) -> None:
-    """Warn of meshes of bodies that move, whose size is nearer to the robot's in millimetres.
+    """Warn about meshes on moving bodies with sizes that suggest millimetres.
 
     The size of the robot is the `reach` of its joints [m], or the largest radius of gyration.
     """
@@ -291,7 +293,7 @@ def suspect_meshes(report: Report, model: Model, reach: float, meshes: Iterable[
 
 
 def reach_of(bodies: Mapping[str, tuple[float, float, float]]) -> float:
-    """Largest extent of a set of points [m]."""
+    """Return the largest extent of a set of points [m]."""
     points = np.array([*bodies.values()]) if bodies else np.zeros((1, 3))
     return float(np.max(points.max(axis=0) - points.min(axis=0), initial=0.0))
 
@@ -303,7 +305,7 @@ MANIFEST = "package.xml"
 
 
 class Folders:
-    """The folders in which the files of one model lie."""
+    """The folders that contain the files of a model."""
 
     def __init__(self, file: Path, roots: Iterable[str | Path] = ()):
         self.here = file.parent.absolute()
@@ -312,21 +314,23 @@ class Folders:
         self.allowed = [*given, self.package or self.here]
 
     def _package(self) -> Path | None:
-        """The nearest folder with a package.xml, from the file's own on upwards."""
+        """Return the nearest folder with a package.xml, searching upwards from the file's own
+        folder.
+        """
         for folder in (self.here, *self.here.parents):
             if (folder / MANIFEST).is_file():
                 return folder
         return None
 
     def holds(self, path: Path) -> bool:
-        """True if a path, with links resolved, is in one of the folders."""
+        """Return True if a path lies in one of the folders after resolving links."""
         try:
             return self._inside(path.resolve())
         except (OSError, RuntimeError, ValueError):
             return False
 
     def find(self, name: str) -> tuple[Path | None, str]:
-        """(path, "") of a file that a model names, or (None, why not)."""
+        """Return (path, "") for a file named by a model, or (None, reason)."""
         if "\0" in name or not name:
             return None, "its name is empty or holds a NUL"
         for scheme in ("package://", "model://"):
@@ -340,14 +344,16 @@ class Folders:
         return self._checked(found if not Path(name).is_absolute() else [Path(name)])
 
     def package_called(self, name: str) -> Path | None:
-        """The folder of a package: one of this name above the file, in a root, or a root itself."""
+        """Return a package's folder: by name above the file, by name in a root, or a root
+        itself.
+        """
         tries = [root for root in self.allowed if root.name == name]
         tries += [root / name for root in self.allowed]
         tries += [folder for folder in self.here.parents if folder.name == name]
         return next((folder for folder in tries if folder.is_dir()), None)
 
     def _packaged(self, rest: str) -> tuple[Path | None, str]:
-        """Find "name/path/in/it" in a folder of that name above the file or in a root."""
+        """Find "name/path/in/it" in a folder with that name above the file or in a root."""
         package, _, inside = rest.partition("/")
         tries: list[Path] = []
         for root in self.allowed:

@@ -1,4 +1,4 @@
-"""MJCF in: MuJoCo reads and compiles, what it compiled becomes a model.
+"""MJCF import: MuJoCo reads and compiles the file, and the result is converted to a model.
 
 So defaults, includes, orientations, degrees, inertias from geoms are MuJoCo's own work. A body's
 origin is put at the anchor of its hinges; hinges of one body at several places become bodies
@@ -51,7 +51,7 @@ INITIAL = "initial state"  # a keyframe of this name is that
 
 @explained
 def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
-    """Read an MJCF file by means of MuJoCo.
+    """Read an MJCF file using MuJoCo.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
 
 
 def _usable(compiled: Any, path: Path) -> None:
-    """Refuse numbers that overflowed or vanished in MuJoCo's compiler. Raises FileError."""
+    """Reject numbers that overflowed or vanished in MuJoCo's compiler. Raises FileError."""
     m = compiled
     of_bodies = (m.body_mass[:, None], m.body_pos, m.body_quat, m.body_ipos, m.body_iquat)
     of_geoms = (m.geom_pos, m.geom_quat, m.geom_size)
@@ -106,25 +106,25 @@ def _usable(compiled: Any, path: Path) -> None:
 
 
 def _copied(element: Element, inside: bool) -> int:
-    """Return the number of elements that `element` and its subtree make by replication."""
+    """Count the elements created by replication from `element` and its subtree."""
     inside = inside or element.tag == "replicate"
     below = sum(_copied(child, inside) for child in element.children) + inside
     return below * (_whole(element.get("count")) if element.tag == "replicate" else 1)
 
 
 def _whole(text: str) -> int:
-    """Parse a whole number, or return 1 for other text, which MuJoCo refuses or ignores."""
+    """Parse a whole number. Return 1 for any other text, which MuJoCo rejects or ignores."""
     text = text.strip()
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 1
 
 
 def slashed(path: str) -> str:
-    """Return a path with slashes: MuJoCo takes a backslash for one on every system."""
+    """Replace backslashes with slashes, since MuJoCo treats both alike on every system."""
     return path.replace("\\", "/")
 
 
 def _readable(path: Path) -> Element:
-    """Return the root of an XML file, in an encoding that MuJoCo reads. Raises FileError.
+    """Return the root of an XML file with an encoding that MuJoCo can read. Raises FileError.
 
     MuJoCo reads bytes, whatever encoding the file declares. In an encoding of several bytes, part
     of a letter can look like a quote, so that MuJoCo would open another file than the one checked.
@@ -137,7 +137,7 @@ def _readable(path: Path) -> Element:
 
 
 class _Files:
-    """The file and what it includes, looked through before MuJoCo opens anything."""
+    """The file and its includes, checked before MuJoCo opens anything."""
 
     def __init__(self, path: Path, folders: Folders):
         self.folders, self.lines = folders, dict[tuple[str, str], str]()
@@ -165,7 +165,7 @@ class _Files:
                 self._look(file.name, element)
 
     def spec(self, mujoco: Any) -> Any:
-        """Return MuJoCo's description of the file, read as text if MuJoCo knows no such suffix."""
+        """Return MuJoCo's spec for the file, read as text if MuJoCo does not know the suffix."""
         path = self.roots[0][0].absolute()
         if path.suffix.lower() in (".xml", ".urdf"):
             return mujoco.MjSpec.from_file(str(path))
@@ -175,7 +175,7 @@ class _Files:
         return spec
 
     def _include(self, file: Path, top: Element) -> None:
-        """Read what a file includes, and the models that it attaches."""
+        """Read the files included by a file, and the models that it attaches."""
         for element in top.inside():
             if element.tag not in ("include", "model") or "file" not in element.attributes:
                 continue
@@ -202,7 +202,7 @@ class _Files:
         self.directories.append(path)
 
     def _look(self, file: str, element: Element) -> None:
-        """Note where an element stands, and refuse files that lie outside."""
+        """Record the location of an element, and reject files outside the permitted folders."""
         attributes = element.attributes
         if name := attributes.get("name"):
             self.lines.setdefault((element.tag, name), f"{file}, line {element.line}")
@@ -213,7 +213,7 @@ class _Files:
                 raise FileError(Problem(f"{file}, line {element.line}, {element.tag}", key, why))
 
     def _wrong(self, element: Element, key: str, given: str) -> str:
-        """Return a reason to refuse an attribute that MuJoCo would take, else ""."""
+        """Return the reason to reject an attribute that MuJoCo would accept, or ""."""
         if key == "nrow" and _whole(given) * _whole(element.get("ncol")) > MOST_HEIGHTS:
             return f"nrow times ncol must be at most {MOST_HEIGHTS}; give a coarser one"
         if key == "quat" and given and not given.strip("0+-.eE \t\n"):
@@ -245,16 +245,16 @@ class _Reader:
             self.freedoms[group.name] = count
 
     def where(self, tag: str, name: str) -> str:
-        """'robot.xml, line 12, joint 'knee''."""
+        """Return the location of an element, such as 'robot.xml, line 12, joint 'knee''."""
         line = self.files.lines.get((tag, name), self.path.name)
         return f"{line}, {tag} {shown(name)}" if name else f"{line}, {tag}"
 
     def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
-        """Report an element that a model cannot hold."""
+        """Report an element that has no equivalent in a model."""
         self.report.add("left out", self.where(tag, name), text, acts=acts)
 
     def result(self) -> tuple[Model, Report]:
-        """The model and the report."""
+        """Return the model and the report."""
         m, mujoco = self.m, needed("mujoco", "mjcf")
         for where, key in self.files.newer:
             text = f"attribute '{key}', which is newer than this reader"
@@ -299,7 +299,7 @@ class _Reader:
         return self.report.attached_to(model), self.report
 
     def _start(self, fields: dict[str, Any]) -> None:
-        """A keyframe of this name is how the model starts."""
+        """Use the keyframe called "initial state" as the model's initial state."""
         start = next((s for s in fields["scenarios"] if s.name == INITIAL), None)
         if start is None:
             return
@@ -327,7 +327,7 @@ class _Reader:
     # -- bodies ----------------------------------------------------------------------------------
 
     def _grouped(self, b: int) -> list[Group]:
-        """The joints of a body, those about one place together."""
+        """Group a body's joints by anchor position."""
         m = self.m
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
         anchored: list[tuple[int, tuple[float, ...]]] = []
@@ -357,7 +357,7 @@ class _Reader:
         ]  # fmt: skip
 
     def _between(self, name: str, k: int) -> str:
-        """Return a free name for a body without mass before body `name`."""
+        """Return an unused name for a massless body inserted before body `name`."""
         found = f"{name}/{k}"
         while found in self.taken:
             found += "'"
@@ -365,7 +365,9 @@ class _Reader:
         return found
 
     def _repeats(self, j: int, before: int) -> bool:
-        """Return whether a joint moves along the axis of the joint before it, as backlash does."""
+        """Return True if a joint moves along the same axis as the preceding one, as for
+        backlash.
+        """
         m = self.m
         if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
             return False
@@ -454,7 +456,7 @@ class _Reader:
             self.left_out("joint", self.m.joint(j).name, "the limit of a ball joint")
 
     def _odd(self, j: int, dof: int) -> dict[str, Any]:
-        """Report properties that ball and free joints cannot have here."""
+        """Report properties that are not supported for ball and free joints."""
         m = self.m
         for values, what in (
             (m.jnt_stiffness[j], "stiffness"),
@@ -496,7 +498,7 @@ class _Reader:
     # -- shapes ----------------------------------------------------------------------------------
 
     def shapes(self, b: int) -> Iterator[dict[str, Any]]:
-        """The geoms of a body as shapes."""
+        """Convert the geoms of a body to shapes."""
         m = self.m
         for g in range(m.body_geomadr[b], m.body_geomadr[b] + m.body_geomnum[b]):
             if g not in self.planes and (found := self.solid(g, b)):
@@ -540,7 +542,7 @@ class _Reader:
         return shape
 
     def _field(self, k: int) -> dict[str, Any]:
-        """Return a heightfield, whose rows run along y in the file and along x here."""
+        """Convert a heightfield. Its rows run along y in the file and along x here."""
         m = self.m
         x, y, top, below = (float(s) for s in m.hfield_size[k])
         first, shape = int(m.hfield_adr[k]), (int(m.hfield_nrow[k]), int(m.hfield_ncol[k]))
@@ -549,7 +551,9 @@ class _Reader:
         return {"kind": "heightfield", "size": size, "heights": heights.tolist()}
 
     def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
-        """(shape, shift, turn): compiled vertices are turnᵀ (vertices of the file - shift)."""
+        """Return (shape, shift, turn), where compiled vertices are turnᵀ (vertices in the file -
+        shift).
+        """
         m = self.m
         k = int(m.geom_dataid[g])
         name = m.mesh(k).name
@@ -573,14 +577,14 @@ class _Reader:
         return shape, m.mesh_pos[k].copy(), (w, -i, -j, -l_)
 
     def _of_file(self, file: Path, acts: bool) -> dict[str, Any]:
-        """The fields of a mesh shape."""
+        """Return the fields of a mesh shape."""
         hull = {"hull": "convex"} if acts else {}
         return {"kind": "mesh", "file": str(file), **hull}
 
     def _inline(
         self, k: int, name: str, acts: bool
     ) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
-        """A mesh whose vertices stand in the file, as MuJoCo compiled it: kept as an OBJ file."""
+        """Save a mesh with inline vertices, as compiled by MuJoCo, to an OBJ file."""
         m = self.m
         first, face = int(m.mesh_vertadr[k]), int(m.mesh_faceadr[k])
         vertices = m.mesh_vert[first : first + int(m.mesh_vertnum[k])]

@@ -1,4 +1,4 @@
-"""MuJoCo's compiled model as the readers of an MJCF file look at it."""
+"""MuJoCo's compiled model, as seen by the MJCF readers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GREY = (0.5, 0.5, 0.5, 1.0)  # the colour that MuJoCo gives a geom without one
 
 
 class Geom(NamedTuple):
-    """The numbers of a geom that make a shape."""
+    """The numbers in a geom that define a shape."""
 
     kind: int
     group: int
@@ -28,7 +28,7 @@ class Geom(NamedTuple):
 
 
 class Compiled:
-    """MuJoCo's compiled model. Each table is looked up once, since a look-up makes a new array."""
+    """MuJoCo's compiled model. Each table is cached, since every look-up creates a new array."""
 
     def __init__(self, model: Any):
         self.model = model
@@ -38,7 +38,7 @@ class Compiled:
 
     @cached_property
     def home(self) -> Any:
-        """MuJoCo's data with places and axes in the initial pose of the file."""
+        """MuJoCo's data with positions and axes in the file's initial pose."""
         mujoco = needed("mujoco", "mjcf")
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
@@ -46,7 +46,7 @@ class Compiled:
 
     @cached_property
     def geoms(self) -> list[Geom]:
-        """The geoms by their numbers."""
+        """The geoms, indexed by number."""
         plain = (self.geom_rgba == np.array(GREY, np.float32)).all(axis=1)
         own, material = np.clip(self.geom_rgba, 0.0, 1.0), self.geom_matid
         of_material = plain & (material >= 0)
@@ -61,7 +61,7 @@ class Compiled:
 
     @cached_property
     def textured(self) -> dict[int, Array]:
-        """The mean colour (3,) of the texture of each material that has one."""
+        """The mean texture colour (3,) for each material with a texture."""
         role = int(needed("mujoco", "mjcf").mjtTextureRole.mjTEXROLE_RGB)
         found: dict[int, Array] = {}
         for k, t in enumerate(self.mat_texid[:, role].tolist()):
@@ -77,20 +77,20 @@ class Compiled:
 
     @cached_property
     def touching(self) -> list[bool]:
-        """For each geom, True if it may touch anything, by its masks or as part of a pair."""
+        """A flag for each geom that is True if it may touch anything, by its masks or in a pair."""
         able = (self.geom_contype != 0) | (self.geom_conaffinity != 0)
         for geoms in (self.pair_geom1, self.pair_geom2):
             able[geoms[self.pair_dim > 0]] = True
         return able.tolist()
 
     def set_in(self, table: str) -> Array:
-        """Numbers of the entries that are not zero of a table that some versions lack."""
+        """Return the indices of nonzero entries in a table that some MuJoCo versions lack."""
         rows = getattr(self, table, np.zeros(0))
         return np.flatnonzero(rows.any(axis=tuple(range(1, rows.ndim))))
 
 
 class Group(NamedTuple):
-    """Joints of one body about one place: a body of ours."""
+    """Joints of one MuJoCo body with a common anchor, which form one body here."""
 
     name: str
     joints: tuple[int, ...]
@@ -99,7 +99,7 @@ class Group(NamedTuple):
 
 
 class Reading(Protocol):
-    """Interface of the reader of the bodies."""
+    """The interface of the body reader."""
 
     m: Compiled
     path: Path
@@ -112,13 +112,13 @@ class Reading(Protocol):
     freedoms: dict[str, int]  # degrees of freedom of the joint of each body
 
     def where(self, tag: str, name: str) -> str:
-        """Return the place of an element in its file."""
+        """Return the location of an element in its file."""
         ...
 
     def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
-        """Say that an element has no place."""
+        """Report that an element has no equivalent."""
         ...
 
     def solid(self, g: int, b: int) -> dict[str, Any] | None:
-        """A geom as a shape of body b."""
+        """Convert a geom to a shape on body b."""
         ...

@@ -1,4 +1,4 @@
-"""Contacts of an MJCF file: the ground, walls, and the pairs of bodies that may touch."""
+"""Contacts in an MJCF file: the ground, walls, and the pairs of bodies that may touch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HALF_EDGE = 50.0  # m: of the box that stands for a plane without end that is no
 
 
 class Law(NamedTuple):
-    """Friction of a pair: sliding, spinning, rolling."""
+    """The friction of a pair: sliding, spinning and rolling."""
 
     sliding: float
     spinning: float
@@ -29,7 +29,7 @@ class Law(NamedTuple):
 
 
 class Contacts:
-    """Contacts of a model by MuJoCo's rules on which geoms may touch.
+    """The contacts of a model, following MuJoCo's rules for which geoms may touch.
 
     `filters` says that a body and its parent do not touch, which is MuJoCo's default.
     """
@@ -42,7 +42,7 @@ class Contacts:
         self._body_of = self.m.geom_bodyid.tolist()
 
     def _planes(self) -> tuple[list[int], list[int]]:
-        """Planes of the world that are the ground, and others."""
+        """Return the world planes that form the ground, and the other ones."""
         m = self.m
         floors: list[int] = []
         walls: list[int] = []
@@ -62,12 +62,12 @@ class Contacts:
         return floors, walls
 
     def _placed(self) -> list[tuple[Array, Array]]:
-        """Place and axes of each geom in the world, in the file's initial pose."""
+        """Return the position and axes of each geom in the world, in the file's initial pose."""
         home = self.m.home
         return list(zip(home.geom_xpos, home.geom_xmat.reshape(-1, 3, 3), strict=True))
 
     def world(self) -> list[dict[str, Any]]:
-        """A body on the ground with the solids of the world, if there are any."""
+        """Return a body fixed to the ground with the world's solids, if there are any."""
         shapes = [shape for g in self.walls for shape in self._wall(g)]
         shapes += self._solids_of_the_world()
         if not shapes:
@@ -82,7 +82,9 @@ class Contacts:
                 yield shape
 
     def _wall(self, g: int) -> Iterator[dict[str, Any]]:
-        """Boxes whose face is a plane: one that touches, and where it has a size one to look at."""
+        """Yield boxes with a face on a plane: one for collisions, and a visual one if the plane has
+        a size.
+        """
         m = self.m
         drawn = [float(s) for s in m.geom_size[g][:2]]
         place, axes = self.placed[g]
@@ -103,7 +105,9 @@ class Contacts:
                 }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """Yield contacts by MuJoCo's rules, all pairs with one law as one contact of '*'."""
+        """Yield contacts by MuJoCo's rules. If all pairs share one law, they become one contact of
+        '*'.
+        """
         solid = {
             b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
         }
@@ -126,7 +130,7 @@ class Contacts:
             yield _contact(f"{body}, {other}", body, other, law)
 
     def _all_pairs(self, solid: set[str]) -> set[tuple[str, str]]:
-        """The pairs that '*' and '*' mean: all but what a joint or a weld ties."""
+        """Return the pairs covered by '*' and '*', excluding those connected by a joint or weld."""
         m, names = self.m, self.reader.names
         found: set[tuple[str, str]] = set()
         for b in range(1, m.nbody):
@@ -137,7 +141,7 @@ class Contacts:
         return found
 
     def _laws(self) -> dict[tuple[str, str], Law]:
-        """Return the friction of all pairs (body, other), with one ground for all planes."""
+        """Return the friction for all pairs (body, other), treating all planes as one ground."""
         m = self.m
         excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
         excluded |= {(b, a) for a, b in excluded}
@@ -195,21 +199,21 @@ class Contacts:
         return {pair: max(laws) for pair, laws in found.items()}
 
     def _rules(self) -> list[Any]:
-        """Per geom, the properties that decide what it touches, and with which friction."""
+        """Return, for each geom, the properties that determine its contacts and their friction."""
         m = self.m
         tables = (m.geom_contype, m.geom_conaffinity, m.geom_condim, m.geom_priority)
         rows = np.column_stack((m.geom_bodyid, *tables, m.geom_friction))
         return [*map(tuple, rows.tolist())]
 
     def _masks(self, g: int, h: int) -> bool:
-        """Return whether the masks of two geoms let them touch."""
+        """Return True if the masks of two geoms allow contact."""
         m = self.m
         return bool(
             m.geom_contype[g] & m.geom_conaffinity[h] or m.geom_contype[h] & m.geom_conaffinity[g]
         )
 
     def _listed(self) -> dict[tuple[int, int], Law]:
-        """Return the friction of each pair of geoms that the file lists."""
+        """Return the friction for each geom pair listed in the file."""
         m, found = self.m, dict[tuple[int, int], Law]()
         for p in np.flatnonzero(m.pair_dim):
             one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
@@ -218,11 +222,11 @@ class Contacts:
         return found
 
     def _keys(self, these: list[int], those: list[int]) -> set[tuple[int, int]]:
-        """All pairs of geoms of two classes."""
+        """Return all pairs of geoms from two classes."""
         return {self._geoms(g, h) for g in these for h in those}
 
     def _pair(self, g: int, h: int) -> tuple[str, str] | None:
-        """Return (body, other) of two geoms, or None if neither can move."""
+        """Return (body, other) for two geoms, or None if neither can move."""
         m = self.m
         a, b = int(m.geom_bodyid[g]), int(m.geom_bodyid[h])
         if m.body_weldid[a] == m.body_weldid[b]:
@@ -231,19 +235,21 @@ class Contacts:
         return (other, body) if body == GROUND else (body, other)
 
     def _owner(self, g: int) -> str:
-        """Return the name of the body that holds a geom here: the ground, "world" or a body."""
+        """Return the name of the body that owns a geom here: the ground, "world" or a body."""
         if g in self.floors:
             return GROUND
         b = self._body_of[g]
         return "world" if b == 0 or g in self.walls else self.reader.names[b]
 
     def _geoms(self, g: int, h: int) -> tuple[int, int]:
-        """Return two geoms in order, with all planes of the ground as the first one."""
+        """Return two geoms in order, with all ground planes represented by the first one."""
         one, two = sorted(self.floors[0] if x in self.floors else x for x in (g, h))
         return one, two
 
     def _related(self, a: int, b: int) -> bool:
-        """True if MuJoCo excludes a pair: welded, or parent and child other than the world."""
+        """Return True if MuJoCo excludes a pair: welded, or parent and child other than the
+        world.
+        """
         m = self.m
         one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
         if one == two:

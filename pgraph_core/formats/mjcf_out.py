@@ -1,4 +1,4 @@
-"""MJCF out: the tree, simple loops as equalities of sites, contacts, motors and servos."""
+"""MJCF export: the tree, simple loops as site equalities, contacts, motors and servos."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class _Writer:
         return "\n".join([*root.lines(), ""])
 
     def _free(self, kind: str, name: str) -> str:
-        """The name, or another that no other element of this kind has."""
+        """Return the name, made unique among the elements of this kind."""
         while (kind, name) in self.taken:
             name += "'"
         self.taken.add((kind, name))
@@ -173,7 +173,9 @@ class _Writer:
     # -- bodies ----------------------------------------------------------------------------------
 
     def _body(self, body: Body) -> Iterator[Tag]:
-        """Yield the element of a body with its subtree. Several joints in a row may be one body."""
+        """Yield the element for a body and its subtree. Consecutive joints may be merged into one
+        body.
+        """
         if body.name == WORLD and body.parent == GROUND and body.joint == "weld":
             yield from self._geoms(body)  # the world's own solids
             for child in self.children.get(body.name, ()):
@@ -211,7 +213,7 @@ class _Writer:
         yield own
 
     def _inertia(self, body: Body) -> dict[str, Any]:
-        """Return the inertia. MuJoCo refuses moving bodies without one, such as thin rods."""
+        """Return the inertia. MuJoCo rejects moving bodies without one, such as thin rods."""
         inertia = np.array(body.inertia)
         moments, axes = np.linalg.eigh(inertia)
         least = max(ROUNDING * float(np.abs(moments).max()), 10 * MINVAL)
@@ -226,7 +228,7 @@ class _Writer:
         return {"diaginertia": np.maximum(moments, least), "quat": turn}
 
     def _carried(self, body: Body) -> Body | None:
-        """The one child of a body without mass or content: both are one body in MJCF."""
+        """Return the only child of a massless, empty body. MJCF represents both as one body."""
         children = self.children.get(body.name, ())
         empty = not (body.mass or any(map(any, body.inertia)) or body.shapes)
         if (
@@ -316,14 +318,18 @@ class _Writer:
         return name
 
     def _law(self, name: str) -> tuple[float, float, float]:
-        """Friction of a body's geoms: of two that touch MuJoCo takes the larger one."""
+        """Return the friction for a body's geoms. MuJoCo uses the larger value for two touching
+        geoms.
+        """
         mine = [self._friction(c) for c in self.touch if {name, EVERY} & {*c.touches}]
         if self.of_ground is None:
             mine += [self._friction(c) for n, c in self.floor.items() if n in (name, EVERY)]
         return min(mine, default=(0.0, 0.0, 0.0))
 
     def _ground_law(self) -> tuple[float, float, float] | None:
-        """Friction of the ground's plane, where all contacts with it have one, the largest."""
+        """Return the ground plane's friction if all its contacts share one value, which is the
+        largest.
+        """
         laws = {self._friction(c) for c in self.floor.values()}
         others = [self._friction(c) for c in self.touch]
         if len(laws) != 1:
@@ -332,7 +338,7 @@ class _Writer:
         return law if all(x <= y for other in others for x, y in zip(other, law)) else None
 
     def _still(self, name: str) -> bool:
-        """True if a body cannot move."""
+        """Return True if a body cannot move."""
         while name != GROUND:
             body = self.model.body(name)
             if body.joint != "weld":
@@ -345,7 +351,7 @@ class _Writer:
         return mu, c.spinning_friction or 0.0, c.rolling_friction or 0.0
 
     def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
-        """Pairs of bodies that would touch in MuJoCo and do not here."""
+        """Yield exclusions for pairs of bodies that would touch in MuJoCo but do not touch here."""
         solid = [b.name for b in bodies if b.touching]
         for c in (*self.floor.values(), *self.touch):
             if c.points:
@@ -361,7 +367,9 @@ class _Writer:
                     yield Tag("exclude", body1=other, body2=name)
 
     def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
-        """Yield pairs with a friction other than the larger of two geoms, or of neighbours."""
+        """Yield pairs of neighbours, and pairs whose friction is not the larger of the two
+        geoms'.
+        """
         for k, body in enumerate(solid):
             mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
             if floor is not None and not self._still(body.name):
@@ -377,14 +385,16 @@ class _Writer:
                     yield OddPair(other, body, self._friction(c))
 
     def _apart(self, one: str, two: str) -> bool:
-        """True if two bodies are neighbours in MuJoCo, which touch only as a named pair."""
+        """Return True if two bodies are neighbours in MuJoCo, which only touch as an explicit
+        pair.
+        """
         still = self._still(one), self._still(two)
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
         return tied or all(still)
 
     def _between(self, one: str, two: str) -> Contact | None:
-        """Return the contact of two bodies, preferring one that names both."""
+        """Return the contact between two bodies, preferring one that names both."""
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = parent[0] == two or parent[1] == one  # these touch only where both are named
 
@@ -398,7 +408,7 @@ class _Writer:
         return min(found, key=lambda c: (c.body, c.other).count(EVERY), default=None)
 
     def _paired(self) -> Iterator[Tag]:
-        """Pairs of geoms with a friction of their own."""
+        """Yield geom pairs that have their own friction."""
         for body, other, law in self.pairs:
             others = ["ground"] if other is None else [_geom(other, k) for k in _touching(other)]
             sliding, spin, roll = law
@@ -493,7 +503,7 @@ class _Writer:
         self._along(f.name, f, f"force '{f.name}'", **given)
 
     def _along(self, name: str, part: Any, where: str, **fields: Any) -> str:
-        """Return the name of a tendon along the joints of a part, or "" if one is a ball."""
+        """Return the name of a tendon along a part's joints, or "" if one of them is a ball."""
         name = self._free("tendon", name)
         tag = Tag("fixed", name=name, **fields)
         for body, k, factor in part.terms:
@@ -506,7 +516,7 @@ class _Writer:
         return name
 
     def _joint(self, body: str, coordinate: int) -> str:
-        """Return the name of the hinge or slide of a degree of freedom, or "" for a ball."""
+        """Return the name of the hinge or slide for a degree of freedom, or "" for a ball."""
         first = 0
         for k, (kind, _) in enumerate(self.model.body(body).motions):
             if kind in ("rotate", "translate") and coordinate == first:
@@ -693,7 +703,7 @@ FRICTIONLESS: Law = (0.0, 0.0, 0.0)
 
 
 class OddPair(NamedTuple):
-    """Two bodies, or one and the ground, and the friction with which they touch."""
+    """A pair of bodies, or a body and the ground, with the friction between them."""
 
     body: Body
     other: Body | None
@@ -701,7 +711,7 @@ class OddPair(NamedTuple):
 
 
 def _touching(body: Body) -> Iterator[int]:
-    """The numbers of its shapes that may touch and that are written."""
+    """Yield the indices of the body's collision shapes that are exported."""
     for k, shape in enumerate(body.shapes):
         mesh = shape.kind == "mesh" and Path(shape.file or "").suffix.lower() in MESHES
         if shape.role != "visual" and (mesh or shape.kind in SOLIDS):
@@ -709,19 +719,19 @@ def _touching(body: Body) -> Iterator[int]:
 
 
 def _geom(body: Body, k: int) -> str:
-    """The name of the geom of a shape."""
+    """Return the geom name for a shape."""
     return f"{body.name} shape {k + 1}"
 
 
 class _Ungeared:
-    """The sum that a force acts on, without its gear."""
+    """The sum on which a force acts, without its gear."""
 
     def __init__(self, f: OnJoint):
         self.terms = tuple((name, k, x / f.gear) for name, k, x in f.terms)
 
 
 def _own_box(f: Drag, body: Body) -> bool:
-    """True if a drag is that of MuJoCo's inertia box of its body."""
+    """Return True if a drag matches MuJoCo's inertia box for its body."""
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
     turn = matrix(unit(f.rotation))
@@ -731,7 +741,7 @@ def _own_box(f: Drag, body: Body) -> bool:
 
 
 def _between(low: float | None, high: float | None) -> tuple[float, float]:
-    """A range as MuJoCo takes it: of finite ends that differ."""
+    """Return a range that MuJoCo accepts, with finite and distinct ends."""
     least = -NO_LIMIT if low is None else max(low, -NO_LIMIT)
     most = NO_LIMIT if high is None else min(high, NO_LIMIT)
     apart = SOLVED * max(1.0, abs(least))
@@ -739,7 +749,7 @@ def _between(low: float | None, high: float | None) -> tuple[float, float]:
 
 
 def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
-    """Yield for each motion whether its coordinates differ from those of q = 0."""
+    """Yield for each motion whether its coordinates differ from the zero position."""
     i = 0
     for kind, _ in body.motions:
         size = SIZE[kind][0]
@@ -753,7 +763,7 @@ def _condim(law: tuple[float, float, float]) -> str:
 
 
 def _z_to(normal: np.ndarray) -> np.ndarray:
-    """(3, 3) a rotation that takes z to this direction."""
+    """Return a (3, 3) rotation that maps z to this direction."""
     least = np.eye(3)[int(np.argmin(np.abs(normal)))]
     x = np.cross(least, normal)
     x /= np.linalg.norm(x)
