@@ -1,9 +1,10 @@
-"""The running app: a model on a page at an address, and the layout of that page."""
+"""The running app: a page that serves a model at an address, and the layout of the page."""
 
 from __future__ import annotations
 
 import gc
 import threading
+import time
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -30,9 +31,11 @@ from .session.autosave import Autosave, left_behind
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT
 
+AGAIN = 0.2  # s, how often a server that waits asks whether it is to stop
+
 
 class Server:
-    """A page on which people edit and simulate one shared model."""
+    """A server whose page lets people edit and simulate one shared model."""
 
     def __init__(
         self,
@@ -65,12 +68,17 @@ class Server:
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:
-        """Queue an event, from any thread."""
+        """Queue an event. May be called from any thread."""
         self.store.send(event)
 
-    def wait(self, until: threading.Event) -> None:
-        """Stop once `until` is set."""
-        until.wait()
+    def wait(self, until: Callable[[], bool]) -> None:
+        """Stop once `until` is true.
+
+        It polls, because a lock may sleep on: a signal that another thread receives does not wake
+        the main thread, which alone runs handlers.
+        """
+        while not until():
+            time.sleep(AGAIN)
         self.stop()
 
     def stop(self) -> None:
@@ -93,7 +101,7 @@ def serve(
     keep: Path | None = None,
     token: str = "auto",
 ) -> Server:
-    """Serve `model` at `http://host:port`, or on the next free port where that one is taken.
+    """Serve `model` at `http://host:port`, or on the next free port if that one is in use.
 
     With `token` "on" the address has a secret in it, and other requests are refused; "auto" is "on"
     for hosts other than this machine's own, which any of its users can reach. Edits are kept in
@@ -113,13 +121,13 @@ def serve(
 
 
 def _open(url: str) -> None:
-    """Open the browser at an address."""
+    """Open an address in the browser."""
     if not webbrowser.open(url):
         print("No browser could be opened; open the address yourself.", flush=True)
 
 
 def built_in() -> dict[str, str]:
-    """The text of every built-in model, by name."""
+    """Return the text of every built-in model by name."""
     return {name: pgraph_models.path(name).read_text("utf-8") for name in pgraph_models.names()}
 
 
@@ -130,7 +138,7 @@ GONE = 20  # pages that leave between two collections of garbage
 
 
 class Page:
-    """All views on a viser server, and the pages that come and go."""
+    """All views on a viser server, and the handling of pages that connect and disconnect."""
 
     def __init__(self, bridge: Bridge, send: Callable[[Event], None]):
         server = bridge.server

@@ -56,9 +56,7 @@ def test_a_model_with_too_many_formulas_is_refused(entries):
         pg.Model(bodies=[{"name": "a", "com": ["=1"] * entries}])
 
 
-@pytest.mark.parametrize(
-    "text", ["=1if", "=0x1for", "=1or 2", '="\\d"', "=1_0in", "=.5and", "=1is"]
-)
+@pytest.mark.parametrize("text", ["=1if", "=0x1for", "=1or", '="\\d"', "=1_0in", "=.5and", "=1is"])
 def test_no_formula_makes_python_warn(text):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

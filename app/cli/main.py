@@ -8,7 +8,6 @@ import os
 import signal
 import socket
 import sys
-import threading
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -156,8 +155,8 @@ def start(args: Namespace) -> None:
 
     built_in = args.model in pgraph_models.names()
     given = args.model if built_in else str(model_path(args.model).resolve())
-    stopped = threading.Event()  # no exception in the middle of the set-up
-    signal.signal(signal.SIGINT, lambda *_: stopped.set())
+    stopped: list[int] = []  # no exception in the middle of the set-up
+    signal.signal(signal.SIGINT, lambda number, _: stopped.append(number))
     server = serve(
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
         given=given, keep=state_folder(), token=args.token,
@@ -166,7 +165,7 @@ def start(args: Namespace) -> None:
         server.send(Simulate(0))  # ready to play when the page is seen
     gc.collect()
     gc.freeze()  # later garbage collections skip the objects that exist by now
-    server.wait(stopped)
+    server.wait(lambda: bool(stopped))
 
 
 def _log_to(path: str) -> None:
