@@ -179,7 +179,7 @@ class DragBody(FromPage):
 
 @on(DragBody)
 def body_dragged(state: State, event: DragBody) -> State:
-    """The pose nearest to it, with loops closed and limits kept."""
+    """Return the nearest pose that closes all loops and respects the limits."""
     if event.body not in state.model.row:
         return state
     try:
@@ -192,7 +192,9 @@ def body_dragged(state: State, event: DragBody) -> State:
 
 @dataclass(frozen=True)
 class Pull(FromPage):
-    """The mouse pulls on a body's `point`, in its axes, towards `target`, in the world's [m]."""
+    """A pull of the mouse on `point` of a body, in body axes, towards `target` in world axes
+    [m].
+    """
 
     body: Text
     point: Vector

@@ -1,4 +1,4 @@
-"""The coordinates of the joints as sliders, on the pages that have them in view."""
+"""Joint coordinates as sliders, on the pages that have them in view."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class JointsView:
 
 
 def joints(state: State, selection: str | None, display: Display | None = None) -> Payload:
-    """Sliders in number order, and what there is to say."""
+    """Return the sliders in numerical order, with the hint to show next to them."""
     d, names = state.derived, None
     display = display or Display()
     kinds: dict[str, Quantity] = {"rad": "angle", "m": "length"}
@@ -77,7 +77,7 @@ def joints(state: State, selection: str | None, display: Display | None = None) 
 
 
 def hint(state: State, rows: list[Payload]) -> str:
-    """Return the hint for missing sliders."""
+    """Return the hint that explains missing sliders."""
     if state.derived.dof > MOST and rows:
         return "Showing the joints from the ground to the selection."
     if state.derived.dof > MOST:
@@ -86,7 +86,7 @@ def hint(state: State, rows: list[Payload]) -> str:
 
 
 def path(state: State, selection: str | None) -> frozenset[str]:
-    """Names from the selected body down to the ground."""
+    """Return the names on the path from the selected body to the ground."""
     names, parent = state.derived.names, state.derived.parent
     k, found = state.derived.number.get(selection or "", 0), []
     while k > 0:
@@ -101,7 +101,7 @@ WORD = {"link": "joint", "com": "centre of mass", "rotation": "orientation"}
 
 
 class Gizmo(NamedTuple):
-    """A gizmo of one page, in the frame of its vector."""
+    """The gizmo of one page, in the frame of its vector."""
 
     body: str
     what: str
@@ -111,7 +111,7 @@ class Gizmo(NamedTuple):
 
 
 class Gizmos:
-    """Gizmos that follow each page's selection and report drags and releases."""
+    """The gizmos, which follow each page's selection and report drags and releases."""
 
     def __init__(self, server: viser.ViserServer, send: Callable[[Event], None]):
         self._server = server
@@ -119,7 +119,7 @@ class Gizmos:
         self._drawn: dict[int, Gizmo] = {}  # by client
 
     def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, rebuilt: bool) -> None:
-        """Draw the gizmos of pages for bodies at these poses, all again if `rebuilt`."""
+        """Draw the gizmos of all pages for these body poses. Redraw every one if `rebuilt`."""
         for client in self._drawn.keys() - state.clients.keys():
             del self._drawn[client]
         for client, page in state.clients.items():
@@ -168,7 +168,7 @@ class Gizmos:
 def _place(
     drawn: Gizmo, state: State, page: Client, positions: np.ndarray, wxyz: np.ndarray
 ) -> None:
-    """The frame where its body is, and the numbers next to the handle."""
+    """Return the frame of the gizmo at its body, and the numbers shown next to the handle."""
     number = state.derived.number[drawn.body]
     k = number if drawn.what == "com" else state.derived.parent[number - 1]
     if k > 0:

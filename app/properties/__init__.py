@@ -1,1 +1,1 @@
-"""Properties of the selected bodies, of the model and its parameters."""
+"""Properties of the selected bodies, the model and its parameters."""

@@ -1,4 +1,4 @@
-"""Cells of a body: fields as shown, and typed text as an edit.
+"""Property cells of a body: displayed fields, and typed text as an edit.
 
 Values are SI, formulas are shown as text. Some fields are shown in another form than stored: an
 orientation as angles, an inertia about the frame's origin, a shape by its parts.
@@ -40,13 +40,13 @@ Z_TO = ((HALF, 0.0, HALF, 0.0), (HALF, -HALF, 0.0, 0.0), NO_TURN)  # turns of z 
 
 
 def of_shape(field: str) -> tuple[int, str]:
-    """(0, "size") of "shape_size", (2, "size") of "shape_2_size"."""
+    """Split a field name: "shape_size" gives (0, "size"), "shape_2_size" gives (2, "size")."""
     _, at, *name = field.split("_")
     return (int(at), "_".join(name)) if at.isdigit() else (0, "_".join((at, *name)))
 
 
 def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
-    """Return the quantity of a cell, which selects the page's unit."""
+    """Return the quantity of a cell, which determines its unit on the page."""
     name = of_shape(field)[1] if field.startswith("shape_") else field
     if field == "mass":
         return "mass"
@@ -59,7 +59,7 @@ def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
 
 
 def shows(field: str) -> About:
-    """Return the description of a field of a body, or of its shapes (shape_..., shape_1_...)."""
+    """Return the description of a field of a body or its shapes (shape_..., shape_1_...)."""
     of_a_shape = field.startswith("shape_")
     name = of_shape(field)[1] if of_a_shape else field
     if name in ("rotation_euler", "rotation_axis"):
@@ -77,7 +77,7 @@ def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
 
 
 def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
-    """Return the content of a field's cells."""
+    """Return the content of the cells of a field."""
     match field:
         case "rotation_euler":
             return euler_of(body.rotation)
@@ -112,7 +112,9 @@ def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Conten
 def edit_of(
     model: pg.Model, body: pg.Body, field: str, entries: Sequence[Entry], display: Display
 ) -> dict[str, Any]:
-    """The arguments of `model.edit` that put typed text into cells of a field. Raises Refusal."""
+    """Return the `model.edit` arguments that store typed text in a field's cells. Raises
+    Refusal.
+    """
     if field.startswith("shape_"):
         at, name = of_shape(field)
         if at > len(body.shapes) or (at == len(body.shapes) and name != "kind"):
@@ -149,7 +151,7 @@ def edit_of(
 
 
 def letter_of(axis: Sequence[Any]) -> str:
-    """Return "x" or "-z" for an axis along one of the frame's, "" for another."""
+    """Return "x" or "-z" for an axis along a frame axis, or "" for any other axis."""
     for k, letter in enumerate("xyz"):
         for sign, name in ((1.0, letter), (-1.0, f"-{letter}")):
             if tuple(axis) == tuple(sign * (i == k) for i in range(3)):
@@ -158,7 +160,7 @@ def letter_of(axis: Sequence[Any]) -> str:
 
 
 def direction(text: str, display: Display) -> tuple[Any, ...]:
-    """Return the axis typed as "x", "-z" or three numbers. Raises Refusal."""
+    """Return an axis typed as "x", "-z" or three numbers. Raises Refusal."""
     typed = text.strip().lower()
     if re.fullmatch(r"[+-]?[xyz]", typed):
         sign = -1.0 if typed[0] == "-" else 1.0
@@ -172,7 +174,7 @@ def direction(text: str, display: Display) -> tuple[Any, ...]:
 def kept(
     model: pg.Model, body: pg.Body, field: str, value: Content, display: Display
 ) -> dict[str, Any]:
-    """The fields of a body that hold what its cells say."""
+    """Return the body fields that store the content of its cells."""
     match field:
         case "rotation_euler":
             return {"rotation": from_euler(_numbers(value, "an angle"))}
@@ -192,7 +194,7 @@ def kept(
 
 
 def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:
-    """Return the fields of a shape, those of the first one with formulas."""
+    """Return the fields of a shape. Those of the first shape include formulas."""
     shape = model.cells(body)["shape"] if at == 0 else body.shapes[at]
     return dict(shape) if isinstance(shape, dict) else shape.model_dump()
 
@@ -207,7 +209,9 @@ def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any])
 def _between_its_ends(
     body: pg.Body, shape: pg.Shape, kept: dict[str, Any], change: dict[str, Any]
 ) -> dict[str, Any]:
-    """Extend `change` so that a capsule from joint to tip keeps its ends with a new radius."""
+    """Extend `change` so that a capsule from joint to tip keeps its ends when its radius
+    changes.
+    """
     radius, length = change.get("radius"), kept.get("length")
     if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
         return change
@@ -217,7 +221,7 @@ def _between_its_ends(
 
 
 def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
-    """The shapes with one in place of another, or without it (None)."""
+    """Return the shapes with one of them replaced, or removed if the new one is None."""
     if at == 0 and len(body.shapes) < 2:
         return {"shape": shape}
     new = () if shape is None else (shape,)
@@ -225,7 +229,7 @@ def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
 
 
 def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
-    """Another kind of a shape, one more, or one less."""
+    """Change the kind of a shape, add a shape or remove one."""
     one = body.unchecked_copy({"shape": body.shapes[at] if at < len(body.shapes) else None})
     shape = _shape(one, kind)
     if shape is not None and at < len(body.shapes):
@@ -236,12 +240,12 @@ def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
 
 
 def hexadecimal(colour: Sequence[float] | None) -> str:
-    """Return "#rrggbb", or "" for a shape with the colour of its body."""
+    """Return "#rrggbb", or "" for a shape that has the colour of its body."""
     return "" if colour is None else "#" + "".join(f"{round(255 * c):02x}" for c in colour)
 
 
 def following(body: pg.Body, what: str) -> dict[str, Any]:
-    """Return fields that derive `what` from the shapes, or from a rod if there are none.
+    """Return the fields that derive `what` from the shapes, or from a rod if there are none.
 
     The density is chosen so that a derived mass keeps its value.
     """
@@ -259,7 +263,7 @@ def following(body: pg.Body, what: str) -> dict[str, Any]:
 
 
 def rod_of(body: pg.Body) -> pg.Shape:
-    """The rod along a body that has no shape."""
+    """Return the rod along a body that has no shape."""
     return pg.Shape(**(_shape(body, "capsule") or {}))
 
 
@@ -273,7 +277,9 @@ def _numbers(value: Sequence[Any], what: str) -> list[float]:
 
 
 def euler_of(q: Sequence[float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), pitch within ±π/2."""
+    """Return roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), pitch within
+    ±π/2.
+    """
     R = matrix(q)
     level = math.hypot(R[2, 1], R[2, 2])
     # at 90 degrees of pitch roll and yaw turn about one line: all of it is yaw
@@ -284,7 +290,7 @@ def euler_of(q: Sequence[float]) -> tuple[float, float, float]:
 
 
 def from_euler(angles: Sequence[float]) -> tuple[float, ...]:
-    """The quaternion of roll, pitch, yaw [rad]."""
+    """Return the quaternion for roll, pitch and yaw [rad]."""
     (a, b, c), (i, j, k) = ([f(x / 2) for x in angles] for f in (math.cos, math.sin))
     return (
         a * b * c + i * j * k,
@@ -295,7 +301,9 @@ def from_euler(angles: Sequence[float]) -> tuple[float, ...]:
 
 
 def axis_of(q: Sequence[float]) -> tuple[float, float, float, float]:
-    """Return the axis x, y, z and the angle from 0 to π [rad], z without a rotation."""
+    """Return the axis x, y, z and the angle from 0 to π [rad]. The axis is z if there is no
+    rotation.
+    """
     w, x, y, z = unit(q)
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
@@ -306,7 +314,7 @@ def axis_of(q: Sequence[float]) -> tuple[float, float, float, float]:
 
 
 def from_axis(value: Sequence[float]) -> tuple[float, ...]:
-    """The quaternion of an axis of any length and an angle [rad]. Raises Refusal."""
+    """Return the quaternion for an axis of any length and an angle [rad]. Raises Refusal."""
     *axis, angle = value
     length = math.hypot(*axis)
     if not 1e-9 < length < 1e9:
@@ -320,20 +328,22 @@ def from_axis(value: Sequence[float]) -> tuple[float, ...]:
 def shifted(
     inertia: Content, mass: float, com: Sequence[float], sign: float
 ) -> tuple[tuple[float, ...], ...]:
-    """Steiner's theorem: about the origin from about the centre of mass (+1), and back (-1)."""
+    """Shift an inertia from the centre of mass to the origin (+1) or back (-1) by Steiner's
+    theorem.
+    """
     c = np.asarray(com)
     new = np.asarray(inertia, float) + sign * mass * (c @ c * np.eye(3) - np.outer(c, c))
     return tuple(tuple(float(x) for x in row) for row in new)
 
 
 def moments(inertia: Content) -> tuple[float, float, float]:
-    """Principal moments, ascending [kg m²]."""
+    """Return the principal moments in ascending order [kg m²]."""
     a, b, c = np.linalg.eigvalsh(np.asarray(inertia, float))
     return float(a), float(b), float(c)
 
 
 def possible(inertia: Content) -> tuple[tuple[float, ...], ...]:
-    """The inertia of a body nearest to an impossible one: no mass is spread less than not at all.
+    """Return the possible inertia nearest to an impossible one, with no negative spread of mass.
 
     tr(I)/2 - I is how the mass is spread along each axis; what is negative of it becomes zero,
     which is the triangle inequality and all that follows from it.
@@ -348,7 +358,7 @@ def possible(inertia: Content) -> tuple[tuple[float, ...], ...]:
 
 
 def mended(body: pg.Body, field: str, change: dict[str, Any]) -> dict[str, Any] | None:
-    """The nearest edit that a body can take, where a field has one: what a repair would do."""
+    """Return the nearest valid edit for use as a repair, if the field has one."""
     value: Any = change.get(field)
     match field:
         case "inertia" if not any(isinstance(x, str) for row in value for x in row):
@@ -366,7 +376,7 @@ def mended(body: pg.Body, field: str, change: dict[str, Any]) -> dict[str, Any] 
 
 
 def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
-    """A shape of that kind about as large as the body was, where it was."""
+    """Return a shape of this kind with about the size and position of the body's old one."""
     if kind == NO_SHAPE:
         return None
     if kind not in SHAPES:
@@ -391,7 +401,7 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
 
 
 def _edges(shape: pg.Shape | None) -> tuple[float, ...] | None:
-    """Return the edges of a box or an ellipsoid along its axes (3,), None for other shapes."""
+    """Return the edges (3,) of a box or an ellipsoid along its axes, or None for other shapes."""
     if shape is None or shape.radii is None:
         return None if shape is None else shape.size
     return tuple(2 * x for x in shape.radii)
@@ -400,7 +410,7 @@ def _edges(shape: pg.Shape | None) -> tuple[float, ...] | None:
 def extent(
     body: pg.Body,
 ) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
-    """(length along z, radius, middle, quaternion) of a rod that stands for a body."""
+    """Return (length along z, radius, middle, quaternion) of a rod that represents a body."""
     shape = body.shape
     if shape is not None and (edges := _edges(shape)) is not None:
         k = max((2, 0, 1), key=lambda i: edges[i])
@@ -420,7 +430,7 @@ def extent(
 
 
 def _motions(body: pg.Body, entries: Sequence[Entry]) -> tuple[Any, ...]:
-    """A compound joint's motions with one replaced, added or removed."""
+    """Return the motions of a compound joint with one replaced, added or removed."""
     motions: list[Any] = list(body.motions)
     for index, text in entries:
         i = index[0] if index else len(motions)  # without: one more

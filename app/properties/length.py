@@ -1,4 +1,4 @@
-"""The length of a body as one number: what it is, and the body stretched to another (pure)."""
+"""The length of a body as a single number, and stretching a body to a new length (pure)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ PARTS = ("constraints", "contacts", "forces")
 
 
 def end_of(body: pg.Body) -> np.ndarray:
-    """(3,) from the joint to the far end: the tip, or twice the way to the centre of mass [m]."""
+    """Return the vector (3,) from the joint to the tip, or to twice the centre of mass [m]."""
     return np.asarray(body.tip if body.tip is not None else 2 * np.asarray(body.com), float)
 
 
 def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Model:
-    """The model with bodies stretched along their length, with what hangs at their tips.
+    """Return the model with bodies stretched along their length. Whatever is at their tips moves
+    along.
 
     A shape along the body gets longer, others beyond its middle move with the tip; the joints of
     children and the points of constraints, contacts and forces at the tip go with it. Mass stays,
@@ -68,7 +69,7 @@ def _own(body: pg.Body, u: np.ndarray, old: float, new: float) -> dict[str, Any]
 
 
 def _shape(shape: pg.Shape, u: np.ndarray, old: float, new: float) -> pg.Shape:
-    """A shape of a body that gets longer."""
+    """Return a stretched shape."""
     more, place = new - old, np.asarray(shape.position)
     axes = matrix(shape.rotation)
     k = int(np.argmax(np.abs(u @ axes)))
@@ -93,7 +94,7 @@ def _shape(shape: pg.Shape, u: np.ndarray, old: float, new: float) -> pg.Shape:
 
 
 def _points_moved(model: pg.Model, moved: dict[str, tuple[np.ndarray, np.ndarray]]) -> pg.Model:
-    """Points of constraints, contacts and forces that were at a tip, at it again."""
+    """Move points of constraints, contacts and forces that were at an old tip to the new one."""
     for part in PARTS:
         items, any_moved = [], False
         for item in getattr(model, part):

@@ -1,4 +1,4 @@
-"""Properties of bodies, one or several at once, and mass from shapes (pure)."""
+"""Properties of one or several bodies, and mass computed from shapes (pure)."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ FurtherShape = Annotated[
 
 @dataclass(frozen=True)
 class Typed(OfBodies):
-    """Text typed into cells of one field, for one body or several."""
+    """Text typed into the cells of one field, for one or several bodies."""
 
     serial: int
     bodies: Chosen
@@ -62,7 +62,7 @@ class Typed(OfBodies):
 
 @dataclass(frozen=True)
 class EditBodies(Typed):
-    """The cells were left, or Enter was pressed."""
+    """An edit of cells, committed by leaving them or by pressing Enter."""
 
 
 @on_edit(EditBodies, offer=lambda state, event: _offer(state, event))
@@ -72,12 +72,12 @@ def bodies_edited(state: State, event: EditBodies) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class Check(Typed):
-    """Check text while it is typed, without changing anything."""
+    """A check of text while it is being typed, which changes nothing."""
 
 
 @on(Check)
 def checked(state: State, event: Check) -> State:
-    """Report the problem of half-typed cells and a repair. Unfinished numbers are accepted."""
+    """Report the problem with partly typed cells and a repair. Unfinished numbers are accepted."""
     problem = offer = ""
     try:
         _edited(state, event)
@@ -90,7 +90,7 @@ def checked(state: State, event: Check) -> State:
 
 @dataclass(frozen=True)
 class Mend(Typed):
-    """The nearest values that the bodies can take: the offer next to a refusal."""
+    """Replace refused entries by the nearest values that the bodies accept."""
 
 
 @on_edit(Mend)
@@ -151,7 +151,7 @@ def _stretched(state: State, event: Typed) -> pg.Model:
 
 
 def _offer(state: State, event: Typed) -> str:
-    """Return the label of a repair of the refused entries, or ""."""
+    """Return the label of the repair for refused entries, or "" if there is none."""
     if event.field == LENGTH:
         return ""
     try:
@@ -175,7 +175,7 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
 
 @dataclass(frozen=True)
 class FillFromShape(OfBodies):
-    """Mass, centre of mass and inertia from the shapes and a typed density."""
+    """Derive mass, centre of mass and inertia from the shapes and a typed density."""
 
     serial: int
     bodies: Chosen
@@ -184,7 +184,7 @@ class FillFromShape(OfBodies):
 
 @on(FillFromShape)
 def filled(state: State, event: FillFromShape) -> State:
-    """Mass properties from the shapes: at once, or by an errand where a mesh has to be read."""
+    """Set the mass properties from the shapes, in a background task if a mesh must be read."""
     try:
         density = cells.number(event.density)
         if density <= 0:
@@ -209,7 +209,7 @@ def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
 
 @dataclass(frozen=True)
 class UploadMesh(OfBodies):
-    """A mesh file, read by the page, as the shape of these bodies."""
+    """Use a mesh file that the page has read as the shape of these bodies."""
 
     bodies: Chosen
     name: Text
@@ -218,7 +218,7 @@ class UploadMesh(OfBodies):
 
 @on(UploadMesh)
 def uploaded(state: State, event: UploadMesh) -> State:
-    """An errand that keeps and reads the file."""
+    """Start a background task that stores and reads the mesh file."""
 
     work = partial(shaped, event.bodies, event.name)
     leaves = partial(_place_of, event.name)
@@ -240,7 +240,7 @@ def _place_of(file: str, content: bytes) -> Path:
 
 
 def shaped(bodies: tuple[str, ...], file: str, content: bytes, _: Any = None) -> Found:
-    """The uploaded file kept, and made the shape of these bodies.
+    """Store the uploaded file and use it as the shape of these bodies.
 
     Raises PgraphError, Refusal, OSError.
     """
@@ -272,7 +272,7 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes, _: Any = None) ->
 
 
 def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
-    """Return fields that derive mass, centre of mass and inertia of bodies from their shapes.
+    """Return the fields that derive mass, centre of mass and inertia of bodies from their shapes.
 
     A body without a shape gets the rod as which it is drawn.
     Raises PgraphError, Refusal.

@@ -1,4 +1,4 @@
-"""The properties of the selected bodies, or of the model where none is selected."""
+"""Properties of the selected bodies, or of the model if no body is selected."""
 
 from __future__ import annotations
 
@@ -82,12 +82,12 @@ class PropertiesView:
 
 
 def chosen(client: Client) -> tuple[str, ...]:
-    """The bodies that a page has selected."""
+    """Return the bodies selected on a page."""
     return client.selected
 
 
 def properties(state: State, names: tuple[str, ...], display: Display | None = None) -> Payload:
-    """Return the properties of these bodies, or of the model without any."""
+    """Return the properties of these bodies, or of the model if there are none."""
     display = display or Display()
     known = [name for name in names if name in state.derived.number]
     if not known:
@@ -114,7 +114,7 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
 
 
 def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
-    """The fields in the order a person builds a body: the joint, the mass, the initial state."""
+    """Return the fields in the order of building a body: joint, mass, initial state."""
     form = _Form(model, body, display)
     turn, names = ROTATIONS[display.turn]
     joint = [
@@ -157,7 +157,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
 
 
 class _Form:
-    """The fields of one body as they are shown on one page."""
+    """The fields of one body as displayed on one page."""
 
     def __init__(self, model: pg.Model, body: pg.Body, display: Display):
         self.model, self.body, self.display = model, body, display
@@ -169,7 +169,7 @@ class _Form:
         return field(name, shows(name).label, [cell((), self.body.name)], kind="text")
 
     def cells(self, name: str, names: tuple[str, ...] = ()) -> list[Payload]:
-        """Return one cell per number, with names for components other than x, y, z."""
+        """Return one cell per number, with names for components other than x, y and z."""
         value = self.value(name)
         if not isinstance(value, (tuple, list)):
             return [cell((), self.shown(value, name, ()))]
@@ -185,7 +185,7 @@ class _Form:
         return shown(value, quantity_of(self.body, name, index), self.display)
 
     def unit(self, name: str) -> str:
-        """Return the units of a field's cells, which follow the motions of a joint."""
+        """Return the units of a field's cells, which depend on the motions of the joint."""
         given = shows(name).unit
         turning, _, sliding = given.partition(", ")
         if sliding:
@@ -203,7 +203,7 @@ class _Form:
         return ", ".join(dict.fromkeys(found))
 
     def _as_displayed(self, unit: str) -> str:
-        """Return a unit such as "rad/s" with the page's angle or length in place of rad or m."""
+        """Return a unit such as "rad/s" with rad or m replaced by the page's unit."""
         head, slash, rest = unit.partition("/")
         names = {"rad": self.display.angle, "m": self.display.length}
         return names.get(head, head) + slash + rest
@@ -217,7 +217,7 @@ class _Form:
         return field(name, label, cells, unit=self.unit(name), help=about.help, pick=pick)
 
     def motions(self) -> list[Payload]:
-        """Return a row for each axis, or for each selectable motion of a compound joint."""
+        """Return one row per axis, or per selectable motion of a compound joint."""
         body = self.body
         if body.joint != "compound":
             several = len(body.axes) > 1
@@ -277,7 +277,9 @@ class _Form:
                      help=shows("limits").help, columns=2)  # fmt: skip
 
     def follows(self, row: Payload) -> Payload:
-        """A row of the mass with a badge where it follows from the shapes, else a way to that."""
+        """Return a mass row with a badge if it follows from the shapes, or else a button to derive
+        it.
+        """
         name = row["field"]
         if name in self.body.derived:
             note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
@@ -291,7 +293,7 @@ class _Form:
         return {**row, "buttons": [*row["buttons"], derive]}
 
     def shape(self, at: int) -> list[Payload]:
-        """The kind, the sizes that it has, where it is, and what follows from it."""
+        """Return the kind, sizes and pose of a shape, and the fields that follow from it."""
         shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
@@ -327,7 +329,7 @@ class _Form:
         return found
 
     def length(self) -> Payload:
-        """From the joint to the tip, as one number that stretches the body."""
+        """Return the length from joint to tip as one number. Editing it stretches the body."""
         length = float(np.linalg.norm(end_of(self.body)))
         cells = [cell((), shown(length, "length", self.display))] if length > 1e-9 else []
         help = (
@@ -337,7 +339,7 @@ class _Form:
         return field("body_length", "Length", cells, unit=self.display.unit("length"), help=help)
 
     def material(self) -> Payload:
-        """The density that the mass follows from, by number or by material."""
+        """Return the density from which the mass follows, as a number or by material."""
         value = "" if self.body.density is None else self.body.density
         help = (
             "mass, centre of mass and inertia of a body that fills its shapes evenly; they follow "
@@ -351,7 +353,7 @@ SLIM, WIDE = 0.02, 1.5  # radius of gyration over the body's length: beyond, it 
 
 
 def implausible(body: pg.Body) -> str:
-    """Return the remark on a radius of gyration that does not fit the body's length."""
+    """Return a remark if the radius of gyration does not fit the body's length."""
     ends = [body.tip_point, body.com, *(s.position for s in body.shapes)]
     sizes = [s.size or ((s.length or 0.0) + 2 * (s.radius or 0.0),) for s in body.shapes]
     length = max([math.hypot(*end) for end in ends] + [math.hypot(*size) for size in sizes])
@@ -366,14 +368,16 @@ NOISE = 1e-12  # rounding of a zero relative to the largest entry
 
 
 def without_noise(rows: Any) -> Any:
-    """Return a matrix with 0 in place of rounding errors, keeping formulas."""
+    """Return a matrix with rounding errors replaced by 0. Formulas are kept."""
     numbers = [abs(x) for row in rows for x in row if not isinstance(x, str)]
     least = NOISE * max(numbers, default=0.0)
     return [[x if isinstance(x, str) or abs(x) > least else 0.0 for x in row] for row in rows]
 
 
 def physical(body: pg.Body) -> str:
-    """The live check of an inertia in words: principal moments, and how far from impossible."""
+    """Describe the validity of an inertia: principal moments and distance from an impossible
+    one.
+    """
     a, b, c = moments(body.inertia)
     if c == 0.0:
         return "a point mass: no inertia of its own"

@@ -1,4 +1,4 @@
-"""The properties of the model itself, shown where no body is selected: name, ground, ..."""
+"""Properties of the model itself (name, ground, ...), shown if no body is selected."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ AXES = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}  # those that are not
 
 
 def world(state: State, display: Display) -> Payload:
-    """The form that is shown where no body is selected."""
+    """Return the form that is shown if no body is selected."""
     return {
         "title": state.model.name,
         "subtitle": "Model; click a body to edit it",
@@ -94,7 +94,7 @@ def _ground(state: State, display: Display) -> Payload:
 
 
 def _parameters(state: State) -> Payload:
-    """Each parameter with its value and how many cells use it, and an empty row for a new one."""
+    """Return each parameter with its value and number of uses, and an empty row for a new one."""
     model = state.model
     used = dict.fromkeys(model.parameters, 0)
     texts = [f.text for f in model.formulas]
@@ -131,7 +131,7 @@ STEP = ("low", "low", "high", "high", "height")  # fields of the numbers of a gr
 
 @dataclass(frozen=True)
 class EditWorld(FromPage):
-    """Text typed into cells of one field of the model."""
+    """Text typed into the cells of one model field."""
 
     serial: int
     field: WorldField
@@ -181,14 +181,14 @@ def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
 
 
 def _numbers(vector: Any, entries: Entries) -> Any:
-    """A vector with what was typed in its cells."""
+    """Return a vector with the numbers typed into its cells."""
     for index, text in entries:
         vector = cells.replaced(vector, index, cells.number(text))
     return vector
 
 
 def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[str, Any]]:
-    """Steps with numbers typed in, one added or one taken out."""
+    """Return the ground's steps with numbers edited, or with a step added or removed."""
     steps = [step.model_dump() for step in ground.steps]
     for index, text in entries:
         if not index:
@@ -210,7 +210,7 @@ def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[s
 
 @dataclass(frozen=True)
 class EditParameter(FromPage):
-    """Edit the value of the parameter in a row, or add one without a row."""
+    """Edit the value of the parameter in a row, or add a parameter if there is no row."""
 
     serial: int
     name: Text
@@ -241,7 +241,7 @@ def renamed(state: State, event: RenameParameter) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class DeleteParameter(FromPage):
-    """Cells that use it keep their numbers."""
+    """Delete a parameter. Cells that use it keep their numbers."""
 
     name: Text
 
@@ -252,7 +252,7 @@ def deleted(state: State, event: DeleteParameter) -> tuple[pg.Model, str]:
 
 
 def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:
-    """The model with a parameter's value, which may be a sum of others. Raises Refusal."""
+    """Set a parameter's value, which may be an expression of others. Raises Refusal."""
     others = {key: x for key, x in model.parameters.items() if key != name}
     try:
         formula = text.lstrip().startswith("=")
@@ -263,7 +263,7 @@ def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:
 
 
 def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
-    """The model with a parameter's other name in every formula. Raises Refusal, PgraphError."""
+    """Rename a parameter in all formulas of the model. Raises Refusal, PgraphError."""
     if new in model.parameters and new != old:
         raise Refusal(f"another parameter is named '{new}'; choose another name")
     if not new or not new.isidentifier():

@@ -1,4 +1,4 @@
-"""Reports: error against run time, and the stability map."""
+"""Reports: error versus run time, and the stability map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..run import Request
 
 @dataclass(frozen=True)
 class ReportRequest:
-    """Settings of a report."""
+    """The settings of a report."""
 
     target: float = 1e-6  # target error
     t_end: float | None = None  # [s] duration, None for that of the run
@@ -21,7 +21,7 @@ class ReportRequest:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A report under way."""
+    """A report in progress."""
 
     id: int
     kind: str  # precision or stability
@@ -34,7 +34,7 @@ class Analysis:
 
 @dataclass(frozen=True)
 class Report:
-    """A report, the model it is of, and the last one of the other kind."""
+    """A report and its model, together with the latest report of the other kind."""
 
     kind: str
     model: pg.Model
@@ -44,14 +44,14 @@ class Report:
 
 
 def latest(report: Report | None, kind: str) -> Report | None:
-    """The last report of a kind."""
+    """Return the latest report of a kind."""
     if report is None or report.kind == kind:
         return report
     return report.other
 
 
 def advised(report: Report | None) -> Request | None:
-    """Return the method, step or tolerance that a report recommends, or None."""
+    """Return the method, step or tolerance recommended by a report, or None."""
     row = None if report is None else report.result.advised()
     if row is None:
         return None

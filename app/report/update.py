@@ -1,4 +1,4 @@
-"""Reports: their settings, and measuring in the background (pure)."""
+"""Report settings and background measurements (pure)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred ti
 
 @dataclass(frozen=True)
 class SetReport(FromPage):
-    """A setting of the report."""
+    """Change a setting of the report."""
 
     serial: int
     field: Literal["target", "axis", "t_end"]
@@ -48,7 +48,7 @@ def _value(field: str, text: str) -> float | str | None:
 
 @dataclass(frozen=True)
 class Analyse(FromPage):
-    """Measure, in the background."""
+    """Start measuring in the background."""
 
     kind: Literal["precision", "stability"]
 
@@ -66,7 +66,7 @@ def analyse(state: State, event: Analyse) -> State:
 
 @dataclass(frozen=True)
 class CancelAnalysis(FromPage):
-    """Stop measuring and keep the results so far."""
+    """Stop measuring and keep the results obtained so far."""
 
 
 @on(CancelAnalysis)
@@ -95,7 +95,7 @@ class NotMeasured(Event):
 
 @on_news("analysis", Measuring, Measured, NotMeasured)
 def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis) -> State:
-    """News of the report under way."""
+    """Handle progress messages from the report in progress."""
     match event:
         case Measuring(_, fraction):
             return replace(state, analysis=replace(now, fraction=fraction))
@@ -111,7 +111,7 @@ def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis
 
 @dataclass(frozen=True)
 class UseAdvised(FromPage):
-    """Simulate from now on by the method, and at the step or tolerance, that a report advises."""
+    """Use the method and the step or tolerance recommended by a report for all further runs."""
 
     kind: Literal["precision", "stability"] = "precision"
 
@@ -127,7 +127,7 @@ def use_advised(state: State, event: UseAdvised) -> State:
 
 @dataclass(frozen=True)
 class DownloadReport(FromPage):
-    """A report as a page of its own."""
+    """Download a report as a standalone page."""
 
     kind: Literal["precision", "stability"] = "precision"
 

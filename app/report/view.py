@@ -1,4 +1,4 @@
-"""The reports: settings, progress, and the figure with its rows."""
+"""The reports tab: settings, progress, and the figure with its rows."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class ReportsView:
 
 
 def page(report: Report) -> str:
-    """The report as a page of its own."""
+    """Return the report as a standalone page."""
     return report.result.html()
 
 
 def drawn(state: State) -> dict[str, list[str]]:
-    """The figures of the last reports of each kind: for the width of the tab, and enlarged."""
+    """Return the figures of the latest report of each kind, at tab width and enlarged."""
     found = {kind: latest(state.report, kind) for kind in KINDS}
     return {
         kind: [] if one is None else [one.result.figure(narrow=narrow) for narrow in (True, False)]
@@ -61,7 +61,7 @@ def drawn(state: State) -> dict[str, list[str]]:
 
 
 def reports(state: State) -> Payload:
-    """Everything but the figure."""
+    """Return the content of the reports tab, except the figure."""
     asked, now, newest = state.reporting, state.analysis, state.report
     both = (newest, newest and newest.other)
     return {
@@ -77,7 +77,7 @@ def reports(state: State) -> Payload:
 
 
 def result(report: Report, current: bool) -> Payload:
-    """Return the result in words and rows."""
+    """Return the result as text and rows."""
     found = (precision if report.kind == "precision" else stability)(report.result)
     if report.result.t_end < report.asked * (1 - 1e-9):
         found["title"] += f" of {report.asked:g} s"
@@ -89,7 +89,7 @@ def result(report: Report, current: bool) -> Payload:
 
 
 def precision(study: Any) -> Payload:
-    """The answer first, then every run that reached its end, by its error."""
+    """Return the conclusion first, then all runs that reached their end, sorted by error."""
     done = [row for row in study.rows if row.error and row.time]
     rows = [
         [row.method, str(row.setting), f"{row.error:.1e}", f"{1e3 * row.time:.3g} ms"]
@@ -109,7 +109,7 @@ def precision(study: Any) -> Payload:
 
 
 def stability(found: Any) -> Payload:
-    """Return the problems, a line for each method and verdict."""
+    """Return the problems, with one line per method and verdict."""
     axis, rows = found.axis.replace("_", " "), []
     for (method, verdict), cells in found.troubles().items():
         first = cells[0]
@@ -128,7 +128,7 @@ def stability(found: Any) -> Payload:
 
 
 def compared_with(references: Sequence[str]) -> list[str]:
-    """Return one line per source of references with its accuracy."""
+    """Return one line per source of reference solutions, with its accuracy."""
     groups: dict[str, list[str]] = {}
     for text in references:
         source, _, known = text.rpartition(KNOWN)

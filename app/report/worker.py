@@ -1,4 +1,4 @@
-"""Measures reports in a thread: follows the state like a view, and answers with events."""
+"""Background measurement for reports: a thread that follows the state and sends events."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HORIZON = 1.0  # [s] limit on the motion of a map, which makes hundreds of runs
 
 
 class Analyst:
-    """Runs the state's analysis in a thread, once the kernels are there, until it is cancelled."""
+    """Runs the state's analysis in a thread once the kernels are ready, until it is cancelled."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -68,7 +68,7 @@ def settings(now: Analysis) -> dict[str, Any]:
 
 
 def precision(now: Analysis, progress: Callable[[float], bool]) -> object:
-    """Error against run time of all methods that suit."""
+    """Measure error versus run time for all suitable methods."""
     mech = pg.Mechanism(now.model)
     return pg.work_precision(
         mech, rounds=ROUNDS, longest=LONGEST, progress=progress, **settings(now)
@@ -76,7 +76,7 @@ def precision(now: Analysis, progress: Callable[[float], bool]) -> object:
 
 
 def stability(now: Analysis, progress: Callable[[float], bool]) -> object:
-    """Which methods hold where, over the first part of the run."""
+    """Test the stability of the methods over the first part of the run."""
     given = settings(now)
     given["t_end"] = now.reporting.t_end or min(given["t_end"], HORIZON)
     return pg.stability_map(now.model, axis=now.reporting.axis or None, progress=progress, **given)

@@ -1,4 +1,4 @@
-"""Simulation on the page: the request, the progress and the result of a run."""
+"""Simulation on the page: request, progress and result of a run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FREE_RUN = ""  # the scenario of a run that has none
 
 @dataclass(frozen=True)
 class Request:
-    """Settings of a run: a named scenario with its own settings, or a free run with these."""
+    """Settings of a run, either a named scenario with its own settings or a free run with these."""
 
     scenario: str = FREE_RUN
     t_end: float = 2.0  # [s]
@@ -46,7 +46,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Run:
-    """A finished simulation and the model it is of."""
+    """A finished simulation and its model."""
 
     model: pg.Model
     request: Request
@@ -56,12 +56,12 @@ class Run:
 
     @cached_property
     def falls(self) -> tuple[Change, ...]:
-        """Changes of its feet."""
+        """The foot contact changes during the run."""
         return changes(self.result) if self.walked is None else self.walked
 
     @cached_property
     def usual_force(self) -> float:
-        """The largest force [N] of constraints and contacts, but for the shortest impacts.
+        """Return the largest force [N] of constraints and contacts, ignoring the shortest impacts.
 
         Of the frames with a force 98 % have none above it: the impact of a fall is a hundred
         times what a foot carries, which would not be seen next to it.
@@ -74,7 +74,7 @@ class Run:
 
     @cached_property
     def size(self) -> float:
-        """Return the size of all drawn bodies at the first frame [m]."""
+        """Return the overall size of the drawn bodies in the first frame [m]."""
         pose, top = np.asarray(self.result.body_pose), pg.Topology.of(self.model)
         drawn = [self.model.body(name) for name in top.names]
         parent = tuple(top.parent.tolist())
@@ -84,7 +84,9 @@ class Run:
 
     @cached_property
     def travels(self) -> np.ndarray:
-        """(3,) 1 for each axis along which the bodies' middle goes TRAVELS times `size`, else 0."""
+        """Return (3,) 1 for each axis along which the centre travels TRAVELS times `size`, else
+        0.
+        """
         pose = np.asarray(self.result.body_pose)
         if not pose.size:
             return np.zeros(3)
@@ -94,7 +96,7 @@ class Run:
 
 @dataclass(frozen=True)
 class KeptRun:
-    """An earlier run by its name, shown together with the present one."""
+    """An earlier run, kept by name and shown together with the current one."""
 
     id: int
     name: str
@@ -103,7 +105,7 @@ class KeptRun:
 
 @dataclass(frozen=True)
 class Live:
-    """A run that plays while it is computed, of whatever the model is by then."""
+    """A live run, which plays while it is computed and follows edits of the model."""
 
     id: int
     request: Request
@@ -118,14 +120,14 @@ class Live:
     ended: str = ""  # description of the end
 
     def part_at(self, time: float) -> Any:
-        """The part that holds `time`, else the last."""
+        """Return the part that contains `time`, or the last one."""
         k = bisect.bisect_left(self.parts, time, key=lambda part: part.t[-1])
         return self.parts[min(k, len(self.parts) - 1)]
 
 
 @dataclass(frozen=True)
 class Exporting:
-    """A run to be sent to one page as a file."""
+    """A pending export of a run to one page as a file."""
 
     client: int
     what: str
@@ -136,7 +138,7 @@ class Exporting:
 
 @dataclass(frozen=True)
 class Kernels:
-    """Progress of the compilation: `done` of `total`, with `name` in progress."""
+    """Progress of the compilation: `done` of `total` kernels, with `name` in progress."""
 
     done: int = 0
     total: int = 0
@@ -146,7 +148,7 @@ class Kernels:
 
 
 def first_request(model: pg.Model) -> Request:
-    """Return the initial request: the model's first scenario, or a free run."""
+    """Return the initial request: the model's first scenario, or a free run if it has none."""
     if not model.scenarios:
         return Request()
     s = model.scenarios[0]

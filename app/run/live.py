@@ -1,4 +1,4 @@
-"""A live run: parts of a few steps, paced by the clock, each of the model as it is by then."""
+"""Live runs, computed in short parts at the pace of the clock with the current model."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MOST_WAITING = 3  # parts that the store has not taken yet: then the run waits f
 
 
 class LiveRunner:
-    """Computes the state's live run in a thread, following the model, the speed and the pause."""
+    """Computes the live run in a thread, following changes of model, speed and pause."""
 
     def __init__(self, send: Callable[[Event], None]):
         self._send = send
@@ -57,7 +57,7 @@ class LiveRunner:
             _begin(self._run, live.id)
 
     def _wanted(self, id: int) -> tuple[State, Live] | None:
-        """The state, as long as this live run goes on in it."""
+        """Return the state as long as this live run continues in it."""
         state = self._state
         if state is None or state.going is None or state.going.id != id:
             return None
@@ -119,7 +119,7 @@ NEVER = 10**9
 
 @contextmanager
 def only_young_garbage() -> Iterator[None]:
-    """No collection of all garbage meanwhile.
+    """Suspend full garbage collections inside the context.
 
     It goes through every object of the process and holds Python's lock all the time: 0.1 s of
     processor time, in which nobody is answered, and seconds where others keep the processor busy.
@@ -136,7 +136,7 @@ def _begin(work: Callable[[Any], None], of: Any) -> None:
 
 
 class Share:
-    """Share of a processor that this thread gets, as a mean of the last parts.
+    """Fraction of a processor available to this thread, averaged over the latest parts.
 
     On a busy processor, many short parts would block Python's lock for the other threads, because a
     thread keeps it while it is preempted.
@@ -155,19 +155,19 @@ class Share:
 
     @property
     def least(self) -> float:
-        """The shortest part [s]."""
+        """The minimum duration of a part [s]."""
         return CALM if self._mean < CROWDED else 0.0
 
 
 class Clock:
-    """Clock of the motion that is due."""
+    """A clock that computes how much motion is due."""
 
     def __init__(self) -> None:
         self._start: tuple[float, float, float] | None = None  # wall, motion, speed
         self.pace = 1.0
 
     def due(self, reached: float, speed: float) -> float:
-        """Return the seconds of motion that are due. Far behind, the clock waits."""
+        """Return the seconds of motion that are due. The clock waits if the run is far behind."""
         now = time.perf_counter()
         if self._start is None or self._start[2] != speed:
             self._start = now, reached, speed
@@ -181,7 +181,7 @@ class Clock:
 
 
 class Motion:
-    """The state of a live run, taken on part by part."""
+    """The state of a live run, advanced part by part."""
 
     def __init__(self, start: tuple[float, np.ndarray, np.ndarray] | None = None) -> None:
         self.time = start[0] if start else 0.0
@@ -196,12 +196,14 @@ class Motion:
         self._stepped: tuple[Any, ...] = ()  # arguments of the stepper
 
     def step(self, live: Live) -> float:
-        """Width of a step [s], or of a picture where the method chooses its steps."""
+        """Return the step size [s], or the frame interval if the method chooses its steps."""
         chosen = live.request.rtol is not None and live.request.step is None
         return 1 / PICTURES if chosen else live.request.step or USUAL_STEP
 
     def least(self, live: Live) -> float:
-        """The shortest part [s]: a step, or a picture where parts find again what touches."""
+        """Return the minimum part [s]: a step, or a frame if each part must detect contacts
+        anew.
+        """
         return 1 / PICTURES if self._touches else self.step(live)
 
     def advanced(
@@ -212,7 +214,7 @@ class Motion:
         pull: Pull | None = None,
         walking: Walking | None = None,
     ) -> pg.Result:
-        """Advance by about `due` seconds in whole steps on `model`, with the mouse's pull."""
+        """Advance by about `due` seconds in whole steps on `model`, including the mouse's pull."""
         self._follow(model)
         walking = walking or Walking()
         step = self.step(live)
@@ -232,7 +234,7 @@ class Motion:
         return part
 
     def over(self, part: pg.Result) -> str | None:
-        """Return the reason why the run cannot continue, or None."""
+        """Return the reason why the run cannot continue, or None if it can."""
         if not part.status.ok:
             return f"The live run stopped: {part.message}."
         fell = self.fell
@@ -242,7 +244,7 @@ class Motion:
 
     @property
     def fell(self) -> float | None:
-        """When it fell [s]."""
+        """The time of the fall [s]."""
         return self._walker.fell if self._walker is not None else None
 
     def _simulated(self, live: Live, step: float, span: float, pull: Pull | None) -> pg.Result:
@@ -271,7 +273,7 @@ class Motion:
         return part
 
     def _stepper_after(self, part: pg.Result, step: float) -> pg.Stepper | None:
-        """Return the stepper of the next parts, or None for a method that needs whole runs."""
+        """Return the stepper for the next parts, or None if the method requires whole runs."""
         header = part.header
         try:
             stepper = pg.Stepper(
@@ -289,12 +291,12 @@ class Motion:
             return None
 
     def _torque(self, pull: Pull | None) -> np.ndarray | None:
-        """Return Jᵀ F (nv,) of the mouse's pull, eq. (24), or None."""
+        """Return the generalised force Jᵀ F (nv,) of the mouse's pull, eq. (24), or None."""
         grip = self._grip(pull)
         return None if grip is None else grip[0].T @ grip[1]
 
     def _grip(self, pull: Pull | None) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return (Jacobian (3, nv), force (3,) [N]) of the mouse's pull, or None."""
+        """Return (Jacobian (3, nv), force (3,) [N]) for the mouse's pull, or None."""
         if pull is None or pull.target is None or pull.body not in self._mech.names:
             return None
         mech = self._mech
@@ -306,7 +308,9 @@ class Motion:
         return J, pull_force(at, J @ v, np.asarray(pull.target), mass)
 
     def _follow(self, model: pg.Model) -> None:
-        """Another model: bodies of the same name keep their joints' positions and velocities."""
+        """Switch to another model. Bodies of the same name keep their joint positions and
+        velocities.
+        """
         if model is self._model:
             return
         mech = pg.Mechanism(model)
@@ -321,7 +325,7 @@ GRAZE = 5e-3  # [s]: what is over sooner than this after a part begins is no cha
 
 
 class Seam:
-    """Takes parts one after the other and gives them as parts of one motion."""
+    """Joins successive parts into one continuous motion."""
 
     def __init__(self) -> None:
         self._before: pg.Result | None = None
@@ -330,7 +334,9 @@ class Seam:
         ] = {}  # just before the last part ended: perhaps no flight
 
     def sewn(self, part: pg.Result) -> pg.Result:
-        """`part` with contacts, accelerations and phases that go on from the one before."""
+        """Return `part` with contacts, accelerations and phases continued from the previous
+        part.
+        """
         before = self._before
         if len(part.t) and part.contacts.force:
             record = part.contacts
@@ -342,7 +348,9 @@ class Seam:
         return part
 
     def _continued(self, was: ContactRecord, now: ContactRecord, t: np.ndarray) -> ContactRecord:
-        """Phases and events in which no foot changes because the part begins."""
+        """Return phases and events without the foot changes that are artefacts of a part's
+        beginning.
+        """
         phases, events = dict(now.phases), list(now.events)
         for name, phase in now.phases.items():
             known = str(was.phases[name][-1]) if name in was.phases else str(phase[0])
@@ -366,7 +374,7 @@ class Seam:
         return replace(now, phases=phases, events=tuple(sorted(events, key=lambda e: e.t)))
 
     def _held_back(self, record: ContactRecord, t: np.ndarray) -> ContactRecord:
-        """Without flights that began just now: the next part says whether they are."""
+        """Hold back flights that have just begun until the next part confirms them."""
         phases, events = dict(record.phases), list(record.events)
         last = {event.contact: event for event in events}
         self._lifted = {
@@ -381,7 +389,7 @@ class Seam:
 
 
 def _begun_as(before: pg.Result, part: pg.Result) -> pg.Result:
-    """`part` whose first frame has the contacts and accelerations of the last of `before`."""
+    """Copy the last contacts and accelerations of `before` into the first frame of `part`."""
     was, now = before.contacts, part.contacts
     wrench = now.wrench
     if wrench.shape[1:] == was.wrench.shape[1:] and len(wrench) and len(was.wrench):
@@ -412,6 +420,6 @@ def _event(t: float, name: str, body: str, before: str, after: str) -> list[Cont
 
 
 def _body(name: str, *records: ContactRecord) -> str:
-    """Return the body of a contact from its events, or "" without any."""
+    """Return the body of a contact from its events, or "" if there are none."""
     events = (event for record in records for event in record.events)
     return next((event.body for event in events if event.contact == name), "")

@@ -1,4 +1,4 @@
-"""Trust in a run: a verdict in three levels, and all lines of its outcome."""
+"""Trust in a run: a verdict in three levels and the lines of its outcome."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Line = tuple[str, str, bool]  # label, value, True if it is good
 def trust(
     state: State, job: Payload | None, kernels: Payload | None, live: Payload | None
 ) -> Payload:
-    """Return level, sentence, reason, lines and progress for the right of the time panel."""
+    """Return level, sentence, reason, lines and progress for the right side of the time panel."""
     if state.job is not None:
         job, waits = job or {}, kernels is not None
         said = "Preparing" if waits else "Computing"
@@ -61,7 +61,8 @@ def _told(
 
 
 def verdict(run: Run) -> tuple[str, str, str]:
-    """(level, sentence, reason) of a run: "good", "rough", "unknown" or "failed".
+    """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
+    "failed".
 
     The level is that of the worst fact.
     """
@@ -87,18 +88,20 @@ def verdict(run: Run) -> tuple[str, str, str]:
 
 
 def _until(result: Any) -> str:
-    """'until 0.396 s': the last time at which the error is known."""
+    """Return the last time at which the error is known, such as 'until 0.396 s'."""
     known = np.flatnonzero(np.isfinite(result.error_at))
     return f"until {float(result.t[known[-1] if len(known) else 0]):.3g} s"
 
 
 def percent(part: float) -> str:
-    """'4.9 %', or "none" if it is not known."""
+    """Return a percentage such as '4.9 %', or "none" if it is unknown."""
     return "none" if math.isnan(part) else f"{float(f'{100 * part:.2g}'):g} %"
 
 
 def felt(run: Run) -> str:
-    """The error estimate in lengths and angles: "about 3 mm, 0.2°", "within 1 µm"."""
+    """Return the error estimate in lengths and angles, such as "about 3 mm, 0.2°" or "within 1
+    µm".
+    """
     kinds = {motion.kind for body in run.model.bodies for motion in body.sequence}
     error = float(run.result.error_estimate)
     turns, slides = kinds - {"translate"}, kinds & {"translate", "free"}
@@ -114,13 +117,13 @@ def felt(run: Run) -> str:
 
 
 def length(metres: float) -> str:
-    """A length with one digit, in m, mm or µm."""
+    """Return a length with one digit in m, mm or µm."""
     scale, unit = next(u for u in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")) if metres >= 0.95 * u[0])
     return f"{float(f'{metres / scale:.0e}'):g} {unit}"
 
 
 def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
-    """(what, short value, whether it is good, all of it) of the three lines below the verdict."""
+    """Return (label, short value, ok, full text) for the three lines below the verdict."""
     result, lines = run.result, {what: (value, good) for what, value, good in summary(run)}
     error = float(result.error_estimate)
     short = "none" if math.isnan(error) else f"{error:.2g} rad or m"
@@ -142,7 +145,7 @@ def _lines(run: Run) -> list[tuple[str, str, bool, str]]:
 
 
 def outcome(state: State) -> list[Line] | None:
-    """Return the lines on the last run, which may be one of an earlier model."""
+    """Return the lines about the last run, which may belong to an earlier model."""
     if state.live is not None or state.plotted is None:
         return None
     if state.earlier is None:
@@ -152,7 +155,7 @@ def outcome(state: State) -> list[Line] | None:
 
 
 def summary(run: Run) -> list[Line]:
-    """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
+    """Return lines (label, value, ok) about the end, accuracy and cost of a run."""
     result = run.result
     drift, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
     estimated = not math.isnan(estimate)
@@ -176,12 +179,12 @@ def summary(run: Run) -> list[Line]:
 
 
 def why(error: float) -> str:
-    """Return the advice on a large error or drift, or ""."""
+    """Return advice for a large error or drift, or "" if both are small."""
     return "" if error < POOR else f": above {POOR:g}; a smaller step makes it smaller"
 
 
 def cost(result: Any) -> str:
-    """'250 steps, 1000 evaluations, 12.3 ms'."""
+    """Return the cost of a run, such as '250 steps, 1000 evaluations, 12.3 ms'."""
     counters = dict(result.counters).items()
     counts = [f"{int(n)} {WORDS.get(name, name.replace('_', ' '))}" for name, n in counters if n]
     seconds = sum(float(s) for s in dict(result.timing).values())

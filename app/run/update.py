@@ -1,4 +1,4 @@
-"""Simulating: settings, the run in the background, the live run, the compiler (pure)."""
+"""Simulation settings, background runs, live runs and the compiler (pure)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SetScenario(FromPage):
 
 @on_typed(SetScenario)
 def scenario_chosen(state: State, event: SetScenario) -> State:
-    """A scenario with its own settings, or a free run with ours."""
+    """Choose a scenario with its own settings, or a free run with the current settings."""
     name = event.scenario
     scenario = next((s for s in state.model.scenarios if s.name == name), None)
     if scenario is not None:
@@ -50,7 +50,7 @@ def scenario_chosen(state: State, event: SetScenario) -> State:
 
 @dataclass(frozen=True)
 class SetRun(FromPage):
-    """Another duration, step, tolerance or method."""
+    """Change the duration, step, tolerance or method."""
 
     serial: int
     field: Literal["t_end", "step", "rtol", "method"]
@@ -89,18 +89,22 @@ def _value(field: str, text: str) -> float | str | None:
 
 
 def idle(state: State) -> bool:
-    """True if no simulation is running."""
+    """Return True if no simulation is running."""
     return state.job is None and state.going is None
 
 
 @dataclass(frozen=True)
 class Simulate(FromPage):
-    """Simulate the model as it stands. (`gait/update.py` handles it: it may walk.)"""
+    """Simulate the current model. `gait/update.py` handles this event because the model may
+    walk.
+    """
 
 
 @dataclass(frozen=True)
 class Continue(FromPage):
-    """Go on from the end of the run for as long again. (`gait/update.py` handles it too.)"""
+    """Continue from the end of the run for the same duration again. `gait/update.py` handles it
+    too.
+    """
 
 
 def asked(state: State, before: Any, gait: pg.Gait | None = None) -> State:
@@ -145,7 +149,7 @@ class Failed(Event):
 
 @on_news("job", Progress, Simulated, Failed)
 def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State:
-    """News of the current job."""
+    """Handle news about the current job."""
     match event:
         case Progress(_, fraction):
             return replace(state, job=replace(job, fraction=fraction))
@@ -172,7 +176,7 @@ def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State
 
 @dataclass(frozen=True)
 class KeepRun(FromPage):
-    """Keep the run by a name, to show it with the coming ones."""
+    """Keep the run under a name to compare it with later ones."""
 
 
 @on(KeepRun)
@@ -186,7 +190,7 @@ def run_kept(state: State, event: KeepRun) -> State:
 
 @dataclass(frozen=True)
 class NameRun(FromPage):
-    """Another name for a kept run."""
+    """Rename a kept run."""
 
     serial: int
     kept: int
@@ -204,7 +208,7 @@ def run_named(state: State, event: NameRun) -> State:
 
 @dataclass(frozen=True)
 class DropRun(FromPage):
-    """Keep a run no longer."""
+    """Discard a kept run."""
 
     kept: int
 
@@ -216,7 +220,7 @@ def run_dropped(state: State, event: DropRun) -> State:
 
 @dataclass(frozen=True)
 class Export(FromPage):
-    """The run as a file."""
+    """Export the run as a file."""
 
     what: Literal["csv", "npz", "html", "live", "png", "mp4", "gif"]
 
@@ -231,7 +235,7 @@ def export(state: State, event: Export) -> State:
 
 @dataclass(frozen=True)
 class CancelExport(FromPage):
-    """Stop making the last requested file."""
+    """Cancel the latest requested export."""
 
 
 @on(CancelExport)
@@ -243,7 +247,7 @@ def export_cancelled(state: State, event: CancelExport) -> State:
 
 @dataclass(frozen=True)
 class Compiling(Event):
-    """The compiler has done `done` of `total` kernels."""
+    """Progress report: the compiler has finished `done` of `total` kernels."""
 
     done: int
     total: int
@@ -270,7 +274,8 @@ def compiled(state: State, event: Compiled) -> State:
 
 @dataclass(frozen=True)
 class GoLive(FromPage):
-    """Simulate and play at once, without an end. (`gait/update.py` handles it: it may walk.)
+    """Start simulating and playing at once, without an end time. `gait/update.py` handles this
+    event.
 
     With `here`, it starts at the state of the run that is shown.
     """
@@ -279,7 +284,7 @@ class GoLive(FromPage):
 
 
 def go_live(state: State, here: bool = False) -> State:
-    """Start a live run from the initial state, or from what is shown `here`."""
+    """Start a live run from the initial state, or from the displayed state if `here`."""
     start = None
     if here and (run := state.run) is not None:
         t = np.asarray(run.result.t)
@@ -292,7 +297,7 @@ def go_live(state: State, here: bool = False) -> State:
 
 @dataclass(frozen=True)
 class Advanced(Event):
-    """The live run advanced by a part, with `pace` relative to the requested speed."""
+    """The live run has advanced by one part, at `pace` relative to the requested speed."""
 
     collapses = True
     id: int  # id of the live run
@@ -302,7 +307,9 @@ class Advanced(Event):
 
 @on_news("live", Advanced)
 def advanced(state: State, event: Advanced, live: Live) -> State:
-    """The live run with one more part, unless it is over, or the part empty or of other bodies."""
+    """Append a part to the live run unless the run is over or the part is empty or has other
+    bodies.
+    """
     part = event.part
     if live.over or tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state
@@ -319,7 +326,7 @@ def advanced(state: State, event: Advanced, live: Live) -> State:
 
 
 def grown(live: Live, part: Any) -> tuple[tuple[Any, ...], tuple[int, ...]]:
-    """The parts with one more, and how often each was joined: the end of a run joins few."""
+    """Append a part and count how often each was joined. The latest parts are joined in groups."""
     parts, joined = [*live.parts, part], [*live.joined, 0]
     while joined[-1] < TWICE and joined[-TOGETHER:] == [joined[-1]] * TOGETHER:
         parts[-TOGETHER:] = [pg.joined(parts[-TOGETHER:])]
@@ -332,14 +339,14 @@ def grown(live: Live, part: Any) -> tuple[tuple[Any, ...], tuple[int, ...]]:
 
 
 def at_its_end(state: State, live: Live) -> State:
-    """The live run, shown at its newest time."""
+    """Show the live run at its latest time."""
     time = float(live.parts[-1].t[-1]) if live.parts else 0.0
     return replace(state, live=live, playback=replace(state.playback, time=time))
 
 
 @dataclass(frozen=True)
 class Stuck(Event):
-    """The live run cannot go on."""
+    """The live run cannot continue."""
 
     id: int  # id of the live run
     text: str
@@ -363,7 +370,7 @@ def stop_live(state: State, event: StopLive) -> State:
 
 
 def stopped(state: State, how: str = "stopped by hand") -> State:
-    """The live run is over at once: `joined` tells of it as one, which takes a moment."""
+    """Stop the live run at once. `joined` follows with the joined parts after a moment."""
     live = state.going
     if live is None:
         return state
@@ -373,7 +380,7 @@ def stopped(state: State, how: str = "stopped by hand") -> State:
 
 @dataclass(frozen=True)
 class Joined(Event):
-    """The parts of a finished live run were joined into a run."""
+    """The parts of a stopped live run have been joined into a run."""
 
     id: int  # id of the live run
     run: Run | None
@@ -382,7 +389,7 @@ class Joined(Event):
 
 
 def joined(state: State) -> Joined:
-    """The run of a live run that has just been stopped."""
+    """Store the run that results from a live run that has just been stopped."""
     live = state.live
     assert live is not None
     walked = tuple(since(live.falls, state.t_start))  # seconds of work after a long run

@@ -1,4 +1,4 @@
-"""The run: what to simulate, its progress, and what it was worth."""
+"""The run panel: what to simulate, progress, and quality of the result."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class RunView:
 
 
 def run(state: State) -> Payload:
-    """Everything the panel of the run shows."""
+    """Return the complete content of the run panel."""
     scenarios = [[s.name, f"{s.name} ({s.t_end:g} s)"] for s in state.model.scenarios]
     request = state.request
     return {
@@ -78,7 +78,7 @@ def run(state: State) -> Payload:
 
 
 def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
-    """Return placeholder, value and activity of the step and the tolerance."""
+    """Return placeholder, value and state of the step and tolerance fields."""
     called = METHOD_NAMES[request.method]
     if request.method == AUTO:
         step = "Step size; empty: the method chooses"
@@ -99,7 +99,7 @@ def hints(request: Request) -> dict[str, tuple[str, str, bool]]:
 
 
 def kept(state: State) -> str:
-    """Return the scenario's own settings if the run differs from them."""
+    """Return the scenario's own settings if the run's settings differ from them."""
     request = state.request
     for s in state.model.scenarios:
         own = Request(s.name, s.t_end, s.step, s.method)
@@ -111,7 +111,7 @@ def kept(state: State) -> str:
 
 
 def kernels(state: State) -> Payload | None:
-    """Return the compiler's progress, or None once it is done."""
+    """Return the compiler's progress, or None when it is done."""
     k = state.kernels
     if k.ready:
         if not k.problem:
@@ -135,7 +135,7 @@ def job(state: State) -> Payload | None:
 
 
 def live(state: State) -> Payload | None:
-    """Return the time of the live run, and its speed relative to the clock."""
+    """Return the time of the live run and its speed relative to real time."""
     if state.live is None:
         return None
     if not state.live.parts:
@@ -148,7 +148,7 @@ def live(state: State) -> Payload | None:
 
 
 def compared(state: State) -> Payload:
-    """The kept runs, and rows (what, of each of them, of the run shown)."""
+    """Return the kept runs, and one row of values (kept runs, shown run) per measure."""
     found = [measures(one.run) for one in state.runs]
     if state.plotted is not None:
         found.append(measures(state.plotted))
@@ -160,7 +160,7 @@ def compared(state: State) -> Payload:
 
 
 def measures(run: Run) -> dict[str, str]:
-    """Speed, steps, work and forces of a run, in words."""
+    """Return speed, steps, work and forces of a run as text."""
     result, model = run.result, run.model
     span = float(result.t[-1] - result.t[0])
     found = {"scenario": run.request.scenario or "free run", "duration": f"{span:.4g} s"}
@@ -183,7 +183,7 @@ def measures(run: Run) -> dict[str, str]:
 
 
 class ExportView:
-    """Makes files in a thread and sends them to their pages, one at a time per page."""
+    """Creates files in a thread and sends them to their pages, one at a time per page."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -236,7 +236,7 @@ class ExportView:
 def made(
     asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True
 ) -> tuple[str, bytes]:
-    """Return (suffix, content) of the requested file, without content if it was cancelled."""
+    """Return (suffix, content) of the requested file. There is no content if it was cancelled."""
     match asked.what:
         case "csv":
             return "csv", table(asked.run)
@@ -250,12 +250,12 @@ def made(
 
 
 def table(run: Run) -> bytes:
-    """Everything over time, units in the first line."""
+    """Return a table of all quantities over time, with units in the first line."""
     return run.result.to_csv().encode()
 
 
 def arrays(run: Run) -> tuple[str, bytes]:
-    """(suffix, content): the run with its model, as `pg.Result.load` reads it.
+    """Return (suffix, content) for the run with its model, readable by `pg.Result.load`.
 
     With meshes, a zip of that and them.
     """
@@ -268,7 +268,7 @@ def arrays(run: Run) -> tuple[str, bytes]:
 
 
 def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
-    """One HTML file that plays the run and needs nothing else.
+    """Return a standalone HTML file that plays the run.
 
     Forces, friction cones, footprints and marks of bodies are in it where they are `shown`.
     """
@@ -276,7 +276,7 @@ def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
 
 
 def living(run: Run) -> bytes:
-    """One HTML file in which the reader runs the mechanism.
+    """Return a standalone HTML file in which the reader can run the mechanism.
 
     Masses may be changed there, if the browser can follow them.
     """
@@ -290,7 +290,7 @@ def living(run: Run) -> bytes:
 
 
 def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
-    """A picture of what is shown, or a film of the run, as they are drawn without a page."""
+    """Render a picture of the current view, or a film of the run, without a page."""
     run = asked.run.result
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"run.{asked.what}")
@@ -302,7 +302,7 @@ def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
 
 
 def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:
-    """Draws what is `shown` over the bodies of one picture."""
+    """Draws the overlays in `shown` on top of the bodies of one picture."""
     state = State(run.model, run.request, last_run=run, shown=shown)
     marks, feet = Overlays(server), FootprintsView(server)
 

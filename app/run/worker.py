@@ -1,4 +1,4 @@
-"""Long work in threads: simulations, compiling the kernels, writing files.
+"""Background threads for long work: simulations, compiling the kernels, writing files.
 
 Each follows the state like a view and answers with events.
 """
@@ -67,7 +67,7 @@ class Simulator:
 
 
 def simulated(job: Job, progress: Callable[[float], bool]) -> object:
-    """The result of a job."""
+    """Return the result of a job."""
     request, before = job.request, job.before
     start = 0.0 if before is None else float(before.t[-1])
     mech = pg.Mechanism(job.model)
@@ -87,13 +87,13 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
 
 
 def why_compiled() -> str:
-    """Return the reason why numba must compile kernels of usual runs, or ""."""
+    """Return the reason why numba must compile kernels for usual runs, or ""."""
     found = current()
     return found.problem or next(map(found.why, found.stale()), "")
 
 
 class Compiler:
-    """Compiles kernels in a process of its own, where the package brings none that fit.
+    """Compiles kernels in a separate process if the package contains none that fit.
 
     Where it does, a run loads what it needs by itself, in a second or two at the first start.
     """
@@ -139,7 +139,7 @@ class Compiler:
 
 
 class Files:
-    """Writes the model for a page, which must confirm that a foreign file is replaced."""
+    """Writes the model for a page, which must confirm before a foreign file is replaced."""
 
     def __init__(self, send: Send):
         self._send = send
@@ -168,7 +168,7 @@ class Files:
         self._send(Saved(saving.client, saving.serial, shown, problem, offer))
 
     def _refused(self, path: Path, replace: bool) -> tuple[str, str]:
-        """Return the reason why a model is not written to a path, and a remedy, or ""."""
+        """Return the reason why a model is not written to a path, with a remedy, or ""."""
         if path.exists() and not path.is_file():
             return f"{path} is not an ordinary file; give the name of a new one.", ""
         if path.suffix != ".json":

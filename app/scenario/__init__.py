@@ -1,4 +1,4 @@
-"""The scenario chosen for the run: initial state, forces, switches and edits (pure)."""
+"""The scenario chosen for the run: its initial state, forces, switches and edits (pure)."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ ON, OFF = "on", "off"
 
 
 def first_name(model: pg.Model) -> str:
-    """A name that no scenario has."""
+    """Return a scenario name that is not yet in use."""
     return free_name("scenario", [s.name for s in model.scenarios])
 
 
 def made(model: pg.Model, request: Request) -> tuple[pg.Model, str]:
-    """A model with a scenario that runs as the free run does, and its name."""
+    """Return a model with a new scenario equivalent to the free run, and the scenario's name."""
     name = first_name(model)
     new = pg.Scenario(name=name, t_end=request.t_end, step=request.step, method=request.method)
     return model.add(new), name
 
 
 def copied(model: pg.Model, name: str) -> tuple[pg.Model, str]:
-    """A model with a scenario once more, and the name of the copy. Raises PgraphError."""
+    """Return a model with a copy of a scenario, and the name of the copy. Raises PgraphError."""
     new = free_name(name, [s.name for s in model.scenarios])
     return model.add(model.scenario(name).unchecked_copy({"name": new})), new
 
 
 def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
-    """The model with changed fields of a scenario. Raises PgraphError."""
+    """Return the model with changed fields of a scenario. Raises PgraphError."""
     model.scenario(name)
     return model.edit(name, kind="scenario", **fields)
 
@@ -66,7 +66,7 @@ def quantities(body: pg.Body, field: str) -> list[Quantity]:
 def changed(
     model: pg.Model, name: str, field: str, index: Sequence[int], text: str, display: Display
 ) -> pg.Model:
-    """The model with text typed into a cell of a scenario. Raises Refusal, PgraphError."""
+    """Return the model with text typed into a scenario cell. Raises Refusal, PgraphError."""
     s = model.scenario(name)
     match field:
         case "name":
@@ -95,7 +95,7 @@ def _states(
 
 
 def _with_body(model: pg.Model, s: pg.Scenario, name: str) -> pg.Model:
-    """Initial values of a body's own in the scenario, or none any more where it has some."""
+    """Give a body its own initial values in the scenario, or remove them if it has some."""
     body = model.body(name)
     q, v = dict(s.q), dict(s.v)
     if name in q or name in v:
@@ -109,7 +109,7 @@ def _with_body(model: pg.Model, s: pg.Scenario, name: str) -> pg.Model:
 
 
 def acting(model: pg.Model, s: pg.Scenario, field: str) -> list[tuple[str, bool]]:
-    """Constraints or contacts, and whether each is active at the start."""
+    """Return the constraints or contacts, each with its activity at the start."""
     listed = getattr(s, field)
     return [
         (part.name, part.active if listed is None else part.name in listed)
@@ -120,7 +120,7 @@ def acting(model: pg.Model, s: pg.Scenario, field: str) -> list[tuple[str, bool]
 def _acting(
     model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], on: bool
 ) -> tuple[str, ...] | None:
-    """Return the active parts with one of them on or off, None for the model's own choice."""
+    """Return the active parts with one switched on or off, or None for the model's default."""
     parts = [name for name, _ in acting(model, s, field)]
     if not index or index[0] >= len(parts):
         raise Refusal("has no such row any more")
@@ -134,13 +134,15 @@ def _acting(
 
 
 def as_forces(model: pg.Model, s: pg.Scenario) -> pg.Model:
-    """The model with the forces of a scenario in place of its own, to edit them as those."""
+    """Return the model with its forces replaced by a scenario's, for editing them in the same
+    way.
+    """
     formulas = tuple(f for f in model.formulas if f.part != "forces")
     return model.replace(forces=s.forces, scenarios=(), formulas=formulas)
 
 
 def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
-    """The model with the scenario's forces as they were edited there. Raises Refusal."""
+    """Return the model with the edited forces of the scenario. Raises Refusal."""
     if any(f.part == "forces" for f in drafted.formulas):
         raise Refusal("must be a number: forces of a scenario hold no formulas")
     return put(model, name, forces=drafted.forces)
@@ -150,7 +152,7 @@ def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
 
 
 def names_of(model: pg.Model, what: str) -> list[str]:
-    """Return the names that a condition of that kind may use."""
+    """Return the names that a condition of this kind may use."""
     if what == TIME:
         return []
     known = known_names(
@@ -164,12 +166,12 @@ def names_of(model: pg.Model, what: str) -> list[str]:
 
 
 def waits_of(switch: pg.Switch) -> tuple[str, str]:
-    """(for what a switch waits, its name)."""
+    """Return (the kind of event a switch waits for, its name)."""
     return (TIME, "") if switch.when is None else switch.when.subject
 
 
 def unit_of(model: pg.Model, switch: pg.Switch) -> str:
-    """Return the unit of a condition's value. "angle" and "length" follow the page's units."""
+    """Return the unit of a condition's value. "angle" and "length" follow the units of the page."""
     what, name = waits_of(switch)
     if what != "coordinate":
         return UNITS.get(what, "")
@@ -179,14 +181,14 @@ def unit_of(model: pg.Model, switch: pg.Switch) -> str:
 
 
 def value_of(switch: pg.Switch) -> float | None:
-    """Return the number that a switch waits for, None if it waits for a constraint."""
+    """Return the threshold a switch waits for, or None if it waits for a constraint."""
     if switch.when is None:
         return switch.t
     return switch.when.above if switch.when.above is not None else switch.when.below
 
 
 def side_of(switch: pg.Switch) -> str:
-    """Return "above" or "below" a value, "on" or "off", or "" for a time."""
+    """Return "above" or "below" for a value, "on" or "off" for a constraint, or "" for a time."""
     if switch.when is None:
         return ""
     if switch.when.active is not None:
@@ -197,7 +199,7 @@ def side_of(switch: pg.Switch) -> str:
 def with_switch(
     model: pg.Model, name: str, constraint: str | None, when: tuple[str, str] | None = None
 ) -> pg.Model:
-    """One more switch: the constraint changes over in the middle of the run.
+    """Add a switch that toggles the constraint in the middle of the run.
 
     It does so when a body "touches", "leaves", "passes" or "exceeds", where `when` names them.
     """
@@ -220,7 +222,7 @@ def with_switch(
 
 
 def without_switch(model: pg.Model, name: str, number: int) -> pg.Model:
-    """The scenario without a switch."""
+    """Return the scenario without a switch."""
     switches = model.scenario(name).switches
     return put(model, name, switches=(*switches[:number], *switches[number + 1 :]))
 
@@ -228,7 +230,7 @@ def without_switch(model: pg.Model, name: str, number: int) -> pg.Model:
 def switch_edited(
     model: pg.Model, name: str, number: int, field: str, text: str, display: Display
 ) -> pg.Model:
-    """A switch with one of its cells changed. Raises Refusal, PgraphError."""
+    """Return a switch with one of its cells changed. Raises Refusal, PgraphError."""
     s = model.scenario(name)
     if number >= len(s.switches):
         raise Refusal("The switch is gone.")
@@ -283,13 +285,13 @@ def _of(old: pg.Switch, constraint: str, active: bool, t: Any, when: Any) -> pg.
 
 
 def _when(switch: pg.Switch) -> dict[str, Any]:
-    """The fields of its condition that are given."""
+    """Return the fields of the condition that are set."""
     assert switch.when is not None
     return {key: x for key, x in switch.when.model_dump().items() if x is not None}
 
 
 def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> dict[str, Any]:
-    """A condition to begin with, which may hold. Raises Refusal where there is nothing to watch."""
+    """Return a default condition that can occur. Raises Refusal if there is nothing to watch."""
     names = names_of(model, what)
     if what == "constraint":
         names = [name for name in names if name != switch.constraint]
@@ -312,7 +314,9 @@ def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> dic
 
 
 def _of_body(model: pg.Model, switched: str, active: bool, body: str, what: str) -> dict[str, Any]:
-    """The condition that a body "touches", "leaves", "passes" a value or "exceeds" a force."""
+    """Return the condition that a body "touches", "leaves", "passes" a value or "exceeds" a
+    force.
+    """
     contacts = [c.name for c in model.contacts if body in c.touches]
     places = coordinates({one.name: one for one in model.bodies})
     moves = [name for name, (of, _) in places.items() if of == body]
@@ -333,7 +337,7 @@ def _of_body(model: pg.Model, switched: str, active: bool, body: str, what: str)
 
 
 def _ahead(model: pg.Model, name: str) -> float:
-    """A value of a coordinate that lies ahead of its initial one, within its limit."""
+    """Return a coordinate value ahead of the initial one and within the limit."""
     body_name, k = coordinates({body.name: body for body in model.bodies})[name]
     body = model.body(body_name)
     limit = body.limits[k] if k < len(body.limits) else None

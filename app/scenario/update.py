@@ -1,4 +1,4 @@
-"""The scenario that is chosen for the run, edited by clicks (pure)."""
+"""Editing the scenario chosen for the run by clicks (pure)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def named(state: State, event: Any = None) -> str:
 
 
 def chosen(state: State, name: str) -> State:
-    """Choose that scenario for the next run, with its own settings."""
+    """Choose a scenario, with its own settings, for the next run."""
     s = next((s for s in state.model.scenarios if s.name == name), None)
     if s is None:
         return state
@@ -55,7 +55,7 @@ Edit = Callable[[State, Any, str], pg.Model]
 
 
 def on_scenario(kind: type[FromPage], label: str) -> Callable[[Edit], Edit]:
-    """Makes (state, event, name of the scenario) -> model the edit of these events, an undo step.
+    """Register (state, event, scenario name) -> model as the undoable edit for these events.
 
     `label` says what was done, with fields of the event and `scenario`. The run follows the
     settings that were typed.
@@ -85,7 +85,7 @@ def on_scenario(kind: type[FromPage], label: str) -> Callable[[Edit], Edit]:
 
 @dataclass(frozen=True)
 class NewScenario(FromPage):
-    """A scenario that runs as the run is set now."""
+    """Create a scenario from the current run settings."""
 
 
 @on(NewScenario)
@@ -100,7 +100,7 @@ def _added(state: State, client: int) -> State:
 
 @dataclass(frozen=True)
 class KeepSettings(FromPage):
-    """The chosen scenario runs from now on as the run is set."""
+    """Store the current run settings in the chosen scenario."""
 
 
 @on(KeepSettings)
@@ -117,7 +117,7 @@ def keep_settings(state: State, event: KeepSettings) -> State:
 
 @dataclass(frozen=True)
 class CopyScenario(OfScenario):
-    """The scenario once more."""
+    """Copy the scenario."""
 
 
 @on(CopyScenario)
@@ -131,7 +131,7 @@ def copy_scenario(state: State, event: CopyScenario) -> State:
 
 @dataclass(frozen=True)
 class DeleteScenario(OfScenario):
-    """The model without the scenario."""
+    """Delete the scenario."""
 
 
 @on(DeleteScenario)
@@ -149,7 +149,7 @@ def delete_scenario(state: State, event: DeleteScenario) -> State:
 
 @dataclass(frozen=True)
 class EditScenario(OfScenario):
-    """Cells of one field were typed into."""
+    """Text typed into the cells of one scenario field."""
 
     serial: int
     field: Text
@@ -169,7 +169,7 @@ def scenario_edited(state: State, event: EditScenario, name: str) -> pg.Model:
 
 @dataclass(frozen=True)
 class TakePose(OfScenario):
-    """The pose that is shown becomes the scenario's initial state, or the model's own again."""
+    """Use the displayed pose as the scenario's initial state, or restore the model's own."""
 
     shown: bool
 
@@ -189,7 +189,7 @@ def take_pose(state: State, event: TakePose, name: str) -> pg.Model:
 
 @dataclass(frozen=True)
 class AddDrive(OfScenario):
-    """A force that acts in this scenario only, on a body."""
+    """Add a force on a body that acts in this scenario only."""
 
     kind: Text
     body: Text
@@ -206,7 +206,7 @@ def add_drive(state: State, event: AddDrive, name: str) -> pg.Model:
 
 @dataclass(frozen=True)
 class EditDrive(OfScenario):
-    """Cells of a force of the scenario were typed into."""
+    """Text typed into the cells of a scenario force."""
 
     serial: int
     name: Text
@@ -239,7 +239,7 @@ def delete_drive(state: State, event: DeleteDrive, name: str) -> pg.Model:
 
 @dataclass(frozen=True)
 class AddSwitch(FromPage):
-    """One more switch: of that constraint, or of the first. Without a scenario one is made.
+    """Add a switch for a constraint, by default the first. Creates a scenario if there is none.
 
     It waits for a time, or for what `body` does.
     """
@@ -267,7 +267,7 @@ def add_switch(state: State, event: AddSwitch) -> State:
 
 @dataclass(frozen=True)
 class EditSwitch(OfScenario):
-    """A cell of a switch was set."""
+    """Change a cell of a switch."""
 
     serial: int
     number: Number

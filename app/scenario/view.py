@@ -1,4 +1,4 @@
-"""The scenario tab: the chosen scenario's settings, initial state, forces, switches, events."""
+"""The scenario tab: settings, initial state, forces, switches and events of the chosen scenario."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ScenarioView:
 
 
 def scenario(state: State, display: Display) -> Payload:
-    """Return everything the tab shows, which is little for a free run."""
+    """Return the content of the tab, which is short for a free run."""
     model, name = state.model, state.request.scenario
     listed = [[s.name, s.name] for s in model.scenarios]
     found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
@@ -77,7 +77,7 @@ def scenario(state: State, display: Display) -> Payload:
 
 
 def inner(state: State, s: pg.Scenario, what: str) -> tuple[int, ...]:
-    """The numbers of a scenario's switches or forces."""
+    """Return the indices of a scenario's switches or forces."""
     number = state.rows.named(state.model, "scenarios")[s.name]
     return state.rows.of(("scenarios", number, what), len(getattr(s, what)))
 
@@ -90,7 +90,7 @@ def _settings(s: pg.Scenario) -> Payload:
 
 
 def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
-    """The bodies that start otherwise than the model says, one field for q and one for v."""
+    """Return the bodies whose initial values differ from the model's, with fields for q and v."""
     found = []
     for row, body in enumerate(model.bodies):
         if body.name not in s.q and body.name not in s.v:
@@ -111,7 +111,7 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
 
 
 def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
-    """Return the parts active at the start, [] without constraints and contacts."""
+    """Return the parts active at the start, or [] if there are no constraints and contacts."""
     found = []
     for name in ("constraints", "contacts"):
         own = getattr(s, name) is None
@@ -139,14 +139,14 @@ def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
 
 
 def _without_picking(groups: list[Payload]) -> list[Payload]:
-    """A form without buttons that ask for a click on a body: those are for the model."""
+    """Return a form without its body-picking buttons, which only work on the model."""
     for f in (f for g in groups for f in g["fields"]):
         f["buttons"] = [b for b in f["buttons"] if b["event"] != "Pick"]
     return groups
 
 
 def _switch(model: pg.Model, switch: pg.Switch, display: Display) -> Payload:
-    """One line: which constraint goes on or off, and when."""
+    """Return one row that shows which constraint is switched on or off, and when."""
     what, watched = waits_of(switch)
     unit, value = unit_of(model, switch), value_of(switch)
     of: Any = unit if unit in ("length", "angle") else "number"
@@ -165,7 +165,7 @@ def _switch(model: pg.Model, switch: pg.Switch, display: Display) -> Payload:
 
 
 def events(state: State) -> list[Payload]:
-    """The log of the run that is shown: switches first made this tab, contacts stand there too."""
+    """Return the event log of the shown run, with switches and contacts."""
     if state.live is not None or state.plotted is None:
         return []
     found = state.plotted.result.events[:MOST_EVENTS]

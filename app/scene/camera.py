@@ -1,4 +1,4 @@
-"""The camera of each page: it sees a new model whole, takes named views, and follows an animal."""
+"""The camera of each page, which frames a new model, takes named views and follows an animal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
 
 class CameraView:
-    """Sets a camera only where a person asks, or where the motion would be out of the picture."""
+    """Moves a camera only on request, or if the motion would leave the picture."""
 
     def __init__(self, bridge: Bridge):
         self._server, self._bridge = bridge.server, bridge
@@ -71,7 +71,7 @@ class CameraView:
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
         selected: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        """Set a camera, and again after each change of the view's shape until a person moves it."""
+        """Set a camera, and again after each resize of the view until a person moves the camera."""
         self._views[handle.client_id] = which, selected
         self._followed[handle.client_id] = None  # the page goes along from here on
         self._bridge.send(handle.client_id, "framed", which)
@@ -86,7 +86,7 @@ class CameraView:
             self._bridge.send(client, "follow", at)
 
     def _start(self, state: State) -> None:
-        """Another model: which way is up, and where new pages look from."""
+        """Set the up direction and the initial camera of new pages for another model."""
         up, size = GRID[state.model.up][1], state.derived.size
         self._server.scene.set_up_direction(up)
         start = self._server.initial_camera
@@ -101,7 +101,7 @@ def look(
     handle: viser.ClientHandle, state: State, page: Client, which: str,
     selected: tuple[str, ...] = (),
 ) -> None:  # fmt: skip
-    """Set one page's camera on the model, or on what is selected where `which` is "fit"."""
+    """Point the camera of one page at the model, or at the selection if `which` is "fit"."""
     at, size = handle.camera, state.derived.size
     up = np.array(GRID[state.model.up][1])
     if which in ("fit", "centre"):
@@ -131,7 +131,9 @@ def look(
 
 
 def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
-    """The same direction from above the ground that is drawn: it would hide a model that lies."""
+    """Return a viewpoint raised above the drawn ground, which would otherwise hide a lying
+    model.
+    """
     normal = np.asarray(state.model.ground_normal)
     missing = CLEAR * state.derived.size - state.derived.low - seen.position @ normal
     if missing <= 0 or (seen.position - seen.target) @ normal < -1e-9:
@@ -141,7 +143,7 @@ def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
 
 
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """True if a page shows the whole model, and not from far away."""
+    """Return True if a page shows the whole model from a suitable distance."""
     corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
     if page.aspect is None or not holds(handle, state, page, corners).all():
         return False
@@ -153,14 +155,16 @@ def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
 
 
 def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:
-    """Return (nb,) whether each body is in a page's picture, none along the vertical."""
+    """Return a mask (nb,) of the bodies in a page's picture, all False in vertical views."""
     return holds(handle, state, page, poses(state)[0])
 
 
 def holds(
     handle: viser.ClientHandle, state: State, page: Client, positions: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Return a mask (n,) of positions (n, 3) in a page's picture, all False in vertical views."""
+    """Return a mask (n,) of the positions (n, 3) in a page's picture, all False in vertical
+    views.
+    """
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
@@ -170,13 +174,13 @@ def holds(
 
 
 def viewpoint(state: State, aspect: float) -> Viewpoint:
-    """Positions of the camera and of its target, so that the model fills the view."""
+    """Return positions of the camera and its target for which the model fills the view."""
     up = np.array(GRID[state.model.up][1])
     return stage.fitted(extent(state), up, first_way(state), aspect)
 
 
 def first_way(state: State) -> np.ndarray:
-    """(3,) unit vector to the camera at first: square on to what moves in an upright plane."""
+    """Return the initial unit vector (3,) to the camera, normal to the plane of a planar motion."""
     way, d = stage.towards(state.model.up, "start"), state.derived
     axes = [
         (motion.kind, rotation @ motion.axis)
@@ -198,7 +202,7 @@ def first_way(state: State) -> np.ndarray:
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
-    """(n, 3) corners of what is drawn of these bodies, or of all and of what joins them [m]."""
+    """Return the corners (n, 3) of these bodies as drawn, or of everything that is drawn [m]."""
     d = state.derived
     positions, wxyz = poses(state)
     k = [d.number[name] - 1 for name in names if name in d.number] or list(range(len(d.names)))
@@ -212,7 +216,7 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
 
 
 def passed(state: State) -> np.ndarray:
-    """(n, 3) corners of the bodies at moments of the run, as a camera that goes along sees them."""
+    """Return the corners (n, 3) of the bodies during the run, relative to a following camera."""
     none, found = np.zeros((0, 3)), frames(state)
     if found is None or state.run is None:
         return none
@@ -230,13 +234,15 @@ def passed(state: State) -> np.ndarray:
 
 
 def extremes(at: np.ndarray) -> list[int]:
-    """The frames of positions (nt, nb, 3) at which a body is farther along an axis than ever."""
+    """Return the frames of positions (nt, nb, 3) at which any body reaches an extreme on an
+    axis.
+    """
     axes = np.moveaxis(at, -1, 0)
     return [int(k) for axis in axes for k in (axis.min(axis=1).argmin(), axis.max(axis=1).argmax())]
 
 
 def frames(state: State) -> np.ndarray | None:
-    """Return the (nt, nb, 7) poses of the shown run, or None for a live run or a pose by hand."""
+    """Return the poses (nt, nb, 7) of the shown run, or None for a live run or a manual pose."""
     if state.run is None or state.pose is not None or state.live is not None:
         return None
     found = np.asarray(state.run.result.body_pose)
@@ -244,7 +250,7 @@ def frames(state: State) -> np.ndarray | None:
 
 
 def travelled(state: State) -> np.ndarray:
-    """(3,) 1 for each axis along which a camera goes along, else 0.
+    """Return (3,) 1 for each axis along which the camera follows the motion, else 0.
 
     Nobody knows how far a live run will go: over the ground, if a body is free.
     """
@@ -257,5 +263,5 @@ def travelled(state: State) -> np.ndarray:
 
 
 def middle(state: State) -> np.ndarray:
-    """(3,) the mean of the bodies' origins as they are drawn."""
+    """Return the mean (3,) of the origins of the bodies as drawn."""
     return np.asarray(poses(state)[0]).mean(axis=0)

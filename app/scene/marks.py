@@ -1,4 +1,4 @@
-"""Marks over the bodies, as points and solids in their frames or in world axes (pure)."""
+"""Marks on the bodies, as points and solids in body frames or in world axes (pure)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi
 
 
 class Placed(NamedTuple):
-    """Solids on bodies: each a unit solid, scaled, at a place in its body's frame."""
+    """Solids on bodies: each is a scaled unit solid at a pose in its body's frame."""
 
     owner: np.ndarray  # (n,) numbers of the bodies
     position: np.ndarray  # (n, 3) [m]
@@ -37,7 +37,7 @@ class Placed(NamedTuple):
 
 
 class Push(NamedTuple):
-    """A force of the run at its time, where it acts."""
+    """A force of the run at the displayed time, with its point of action."""
 
     at: np.ndarray  # (3,) world [m]
     force: np.ndarray  # (3,) world [N]
@@ -47,7 +47,7 @@ class Push(NamedTuple):
 
 
 def showable(state: State) -> tuple[tuple[str, str], ...]:
-    """Return the overlays of this scene: names in events, and labels."""
+    """Return the overlays available in this scene, as names in events and labels."""
     model = state.model
     touching = bool(model.contacts)
     held = bool(model.constraints) or touching or any(s.forces for s in model.scenarios)
@@ -87,7 +87,7 @@ def _joined(model: pg.Model) -> bool:
 
 
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
-    """Return the looks of the bodies by number."""
+    """Return the appearance of the bodies by number."""
     d = state.derived
     drawn = [state.model.body(name) for name in d.names]
     colors = [shapes.COATS[shapes.hue_of(branch)] for branch in d.branches]
@@ -115,7 +115,7 @@ def axes(state: State) -> Local:
 
 
 def links(state: State) -> Local:
-    """From each body's origin to where its children hang on it."""
+    """Return lines from each body's origin to the points where its children are attached."""
     d = state.derived
     return {
         k: np.array([(np.zeros(3), state.model.body(d.names[child - 1]).link) for child in below])
@@ -125,7 +125,7 @@ def links(state: State) -> Local:
 
 
 def spine(state: State) -> Local:
-    """`links`, and a line to the tip of each body without children: a large model from afar."""
+    """Return `links` with a line to the tip of each leaf body, for large models seen from afar."""
     d, found = state.derived, links(state)
     found.pop(0, None)
     for k, below in enumerate(d.children):
@@ -141,13 +141,13 @@ def coms(state: State) -> Local:
 
 
 def frames(state: State) -> Local:
-    """Three lines from each body's origin along its axes."""
+    """Return three lines from each body's origin along its axes."""
     triad = np.stack((np.zeros((3, 3)), 0.11 * state.derived.grain * np.eye(3)), axis=1)
     return dict.fromkeys(range(1, len(state.derived.names) + 1), triad)
 
 
 def sites(state: State) -> Local:
-    """Three lines along the axes of each site."""
+    """Return three lines along the axes of each site."""
     found: dict[int, list[Any]] = defaultdict(list)
     for site in state.model.sites:
         at, R = np.asarray(site.point), shapes.to_matrix(np.asarray(site.rotation))
@@ -158,7 +158,7 @@ def sites(state: State) -> Local:
 
 
 def points(state: State) -> Local:
-    """Points of contacts and constraints on their bodies."""
+    """Return the points of contacts and constraints on their bodies."""
     found: dict[int, list[Any]] = defaultdict(list)
     model, number = state.model, state.derived.number
     for contact in model.contacts:
@@ -172,7 +172,9 @@ def points(state: State) -> Local:
 
 
 def ellipsoids(state: State) -> Placed:
-    """The solid ellipsoid of each body's mass and inertia, about its centre of mass."""
+    """Return the equivalent ellipsoid for each body's mass and inertia, about its centre of
+    mass.
+    """
     owner, size, turned, at = [], [], [], []
     for k, name in enumerate(state.derived.names, 1):
         body = state.model.body(name)
@@ -190,13 +192,13 @@ def ellipsoids(state: State) -> Placed:
 
 
 def world(local: Local, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """All points in world axes, in the order of `local`."""
+    """Return all points in world axes, in the order of `local`."""
     placed = [p if k == 0 else positions[k - 1] + p @ R[k - 1].T for k, p in local.items()]
     return np.concatenate(placed) if placed else np.zeros((0, 3))
 
 
 def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(n, 3) positions and (n, 4) orientations of solids, in world axes."""
+    """Return the positions (n, 3) and orientations (n, 4) of solids in world axes."""
     k = solids.owner - 1
     R = shapes.to_matrix(wxyz)[k]
     at = positions[k] + np.einsum("nij,nj->ni", R, solids.position)
@@ -207,7 +209,7 @@ def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.
 
 
 class Joining(NamedTuple):
-    """Springs and rods between two points, as unit solids along z from one to the other."""
+    """Springs and rods between two points, as unit solids along z from one point to the other."""
 
     ends: np.ndarray  # (n, 2, 3) world [m]
     at: np.ndarray  # (n, 3) their middles, world [m]
@@ -225,7 +227,7 @@ def forces_of(state: State) -> tuple[pg.Force, ...]:
 def joinings(
     state: State, positions: np.ndarray, R: np.ndarray
 ) -> tuple[Joining, Joining, Joining]:
-    """Springs, rods (constraints that keep a distance), and brackets of pivots on the ground."""
+    """Return springs, rods (distance constraints) and brackets of pivots on the ground."""
     model = state.model
     pairs = [
         (f, f.point or model.body(f.body).tip_point)
@@ -242,7 +244,7 @@ def joinings(
 
 
 def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
-    """Joints and constraints that hold a point of a body on the ground and let it turn.
+    """Return the joints and constraints that fix a point of a body to the ground and let it rotate.
 
     Not the feet of what is free: they stand on the ground, which carries no bearing for them.
     """
@@ -254,7 +256,7 @@ def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
 
 
 def pivots(state: State) -> Joining:
-    """A bracket at each pivot on the ground, on the side where the body is not, along its axis."""
+    """Return a bracket along the axis of each ground pivot, on the side away from the body."""
     d, model = state.derived, state.model
     up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
     ends, turns = [], []
@@ -297,14 +299,14 @@ def _between(
 
 
 def _at(number: int, point: Any, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """A point of a body, or of the ground, in world axes."""
+    """Return a point of a body or the ground in world axes."""
     if number == 0:
         return np.asarray(point, float)
     return positions[number - 1] + R[number - 1] @ np.asarray(point)
 
 
 def loads(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) arrows of the forces applied to bodies, the largest half the model long."""
+    """Return arrows (n, 2, 3) for the applied forces, the largest half as long as the model."""
     found = []
     for f in forces_of(state):
         if not isinstance(f, pg.Wrench) or f.body not in state.derived.number:
@@ -323,7 +325,7 @@ def loads(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 
 def _now(value: Any, time: float) -> np.ndarray:
-    """A vector, or a table of vectors at a time."""
+    """Return a vector, interpolated at a time if it is a table."""
     if not hasattr(value, "t"):
         return np.asarray(_numbers(value), float)
     table = np.asarray(value.value, float)
@@ -331,7 +333,7 @@ def _now(value: Any, time: float) -> np.ndarray:
 
 
 def _numbers(value: Any) -> list[float]:
-    """A vector whose expressions, which a run alone evaluates, count as zero."""
+    """Return a vector with its expressions, which only a run evaluates, replaced by zero."""
     return [0.0 if isinstance(x, str) else x for x in value]
 
 
@@ -344,7 +346,7 @@ def _largest(value: Any) -> float:
 
 
 def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
-    """Forces of constraints and contacts of the run at its time."""
+    """Return the constraint and contact forces of the run at the displayed time."""
     if state.run is None:
         return []
     result, d, model = state.run.result, state.derived, state.model
@@ -368,7 +370,7 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
 
 
 def _touches(state: State) -> Iterator[tuple[pg.Contact, tuple[str, ...], np.ndarray]]:
-    """Contacts, the bodies that touch, and (n, 6) wrenches about the origin of the first."""
+    """Return contacts, touching bodies, and wrenches (n, 6) about the origin of the first body."""
     assert state.run is not None
     for key, wrench in state.run.result.contact_force.items():
         for contact in state.model.contacts:
@@ -382,7 +384,7 @@ def _touches(state: State) -> Iterator[tuple[pg.Contact, tuple[str, ...], np.nda
 
 
 def _place(wrench: np.ndarray, origin: np.ndarray, normal: np.ndarray | None) -> np.ndarray:
-    """Return the point on the line of a wrench about `origin`, on the ground if given."""
+    """Return the point on the line of action of a wrench about `origin`, on the ground if given."""
     torque, force = wrench[:3], wrench[3:]
     square = float(force @ force)
     if square == 0.0:
@@ -398,7 +400,9 @@ def _friction(model: pg.Model, contact: pg.Contact) -> float:
 
 
 def scale(state: State) -> float:
-    """Metres of arrow a newton, so that the run's usual largest force is half the model long."""
+    """Return the arrow length per newton that makes the run's usual maximum half the model's
+    length.
+    """
     if state.run is None:
         return 0.0
     largest = state.run.usual_force
@@ -415,7 +419,9 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
 
 
 def values(state: State, found: list[Push], selected: Collection[str]) -> list[list[Any]]:
-    """The forces on selected bodies, else the largest: [x, y, z of the head, text, part, name]."""
+    """Return forces on selected bodies, else the largest, as [x, y, z of the head, text, part,
+    name].
+    """
     found = [push for push in found if push.force.any()]
     own = [push for push in found if not set(selected).isdisjoint(push.bodies)]
     found, most = (own, len(own)) if own else (found, MOST_VALUES)
@@ -430,8 +436,9 @@ def values(state: State, found: list[Push], selected: Collection[str]) -> list[l
 
 
 def cones(found: list[Push], per_newton: float, normal: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(n, 3) apexes and (n, 3) sizes of friction cones along `normal`, where the ground is touched:
-    a force that sticks has its arrow within its cone."""
+    """Return apexes (n, 3) and sizes (n, 3) of friction cones along `normal` at ground contacts.
+    The arrow of a sticking force lies within its cone.
+    """
     there = [push for push in found if push.friction and push.force @ normal > 0]
     tall = np.array([max(per_newton * float(push.force @ normal), 1e-9) for push in there])
     wide = 2 * tall * np.array([push.friction for push in there])

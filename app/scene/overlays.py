@@ -1,4 +1,4 @@
-"""Overlays of the bodies: axes, links, masses, names, frames, points and forces."""
+"""Overlays on the bodies: axes, links, masses, names, frames, points and forces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
 class Overlays:
-    """Overlays as children of the bodies' nodes, or in large models as one node per kind.
+    """Overlays as children of the body nodes, or one node per kind in large models.
 
     Children move with their bodies. Hidden overlays cost nothing.
     """
@@ -37,7 +37,7 @@ class Overlays:
         self._attached = True  # the nodes hang on those of bodies
 
     def clear(self, attached: bool) -> None:
-        """Nothing drawn: the bodies are about to be redrawn.
+        """Remove all overlays before the bodies are redrawn.
 
         Lines that hang on no body stay, to be moved where they have to be.
         """
@@ -48,7 +48,7 @@ class Overlays:
     def render(
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray = NOWHERE
     ) -> None:
-        """Draw what `state.shown` asks for, bodies at these poses, all moved back by `gone`."""
+        """Draw the overlays in `state.shown` for these body poses, all shifted back by `gone`."""
         large = "shapes" in state.shown and len(state.derived.names) > SEPARATE
         for kind in LOCAL:
             if kind in state.shown or (kind == "spine" and large):
@@ -60,7 +60,7 @@ class Overlays:
         self._forces(state, positions, wxyz, gone)
 
     def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        """An arrow from where the mouse pulls on a body to where it pulls it."""
+        """Draw an arrow from the point where the mouse pulls a body to the target."""
         self._remove("pull")
         if (pull := state.pull) is None or pull.body not in state.derived.number:
             return
@@ -98,7 +98,7 @@ class Overlays:
     def _joining(
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
     ) -> None:
-        """Springs, rods, brackets of pivots, and arrows of what loads the bodies."""
+        """Draw springs, rods, brackets of pivots, and arrows for the applied forces."""
         on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
         springs, rods, pivots = marks.joinings(state, positions, R) if on else NOTHING
         for kind, solid, found, color in (
@@ -112,7 +112,7 @@ class Overlays:
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
 
     def _arrows(self, kind: str, arrows: np.ndarray, size: float, color: shapes.Color) -> None:
-        """Draw arrows of one kind in their node, which is hidden without any."""
+        """Draw arrows of one kind in their node, which is hidden if there are none."""
         drawn = self._nodes.get(kind)
         if not drawn:
             self._nodes[kind] = _arrows(self._scene, f"/{kind}", arrows, size, color)
@@ -125,7 +125,7 @@ class Overlays:
         self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any,
         shadow: bool = False,
     ) -> None:  # fmt: skip
-        """Draw solids of one kind in their node, which is hidden without any."""
+        """Draw solids of one kind in their node, which is hidden if there are none."""
         if drawn := self._nodes.get(kind):
             node = drawn[0]
             if len(at):
@@ -198,7 +198,7 @@ def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, 
 
 
 def _spine(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
-    """Lines in the bodies' colours: what is thinner than a pixel is still seen."""
+    """Draw lines in the bodies' colours, so that parts thinner than a pixel remain visible."""
     owners = [n for n, lines in marks.spine(state).items() for _ in lines]
     hues = [shapes.HUES[shapes.hue_of(state.derived.branches[n - 1])] for n in owners]
     colors = np.array(hues, np.uint8)

@@ -1,4 +1,4 @@
-"""Contents of the 3D view, and problems with mesh files (pure)."""
+"""Contents of the 3D view and problems with mesh files (pure)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Showable = Literal[
 
 @dataclass(frozen=True)
 class Show(FromPage):
-    """Switch an overlay of the 3D view. "follow", the camera, belongs to one page."""
+    """Toggle an overlay of the 3D view. "follow", the camera, belongs to one page."""
 
     what: Showable
     on: bool
@@ -34,7 +34,7 @@ def show(state: State, event: Show) -> State:
 
 @dataclass(frozen=True)
 class View(FromPage):
-    """A page's camera on what is selected, or all ("fit"), or on all from a named direction.
+    """Point a page's camera at the selection or the whole model ("fit"), or use a named direction.
 
     "centre" keeps direction and distance: the selection, or all, comes to the middle, about which
     the view turns.
@@ -54,7 +54,7 @@ def viewed(state: State, event: View) -> State:
 
 @dataclass(frozen=True)
 class Viewport(FromPage):
-    """The page's 3D view has this width over height."""
+    """The aspect ratio (width over height) of a page's 3D view has changed."""
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
     turned: bool = False  # whether a person moved the camera since it was set
@@ -72,7 +72,7 @@ def viewport(state: State, event: Viewport) -> State:
 
 @dataclass(frozen=True)
 class Unreadable(Event):
-    """Mesh files that cannot be drawn, a sentence each."""
+    """Mesh files that cannot be drawn, with one message each."""
 
     sentences: tuple[str, ...]
 

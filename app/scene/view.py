@@ -1,4 +1,4 @@
-"""The 3D view: the stage, bodies at their poses, the ground, and each page's selection."""
+"""The 3D view: stage, bodies at their poses, ground, and each page's selection."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class SceneView:
             self._draw(old, new, rebuilt, moved)
 
     def _draw(self, old: State, new: State, rebuilt: bool, moved: bool) -> None:
-        """Bodies and what is over them, as far as they changed."""
+        """Draw the bodies and their overlays, as far as they have changed."""
         at = poses(new)
         pages = new.clients is not old.clients
         if rebuilt or moved or pages:
@@ -97,7 +97,7 @@ class SceneView:
             self._send(Select(client, self._names[number - 1]))
 
     def _dragged(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
-        """A drag on a body: its grip is fixed where the drag begins, in the body's axes."""
+        """Handle a drag on a body. Its grip is fixed in body axes where the drag begins."""
         state = self._state
         pulls = event.modifier == PULLING
         if state is None or number > len(self._names) or (state.going and not pulls):
@@ -145,7 +145,7 @@ class SceneView:
                 frame.position, frame.wxyz = positions[k], wxyz[k]
 
     def _select(self, old: State, new: State, rebuilt: bool) -> None:
-        """Draw the selection of a page, filled, on that page only."""
+        """Draw the selection of a page as filled bodies, on that page only."""
         for client in self._selected.keys() - new.clients.keys():
             del self._selected[client]
             self._made_from.pop(client, None)
@@ -167,7 +167,7 @@ class SceneView:
                 ]
 
     def _drawn_of(self, state: State, name: str) -> Any:
-        """All that a fill is made from."""
+        """Return everything on which the fill depends."""
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
         branch = d.branches[d.number[name] - 1]
@@ -176,7 +176,7 @@ class SceneView:
     def _fill(
         self, client: viser.ClientHandle, state: State, name: str, at: int
     ) -> viser.FrameHandle:
-        """Over one body in its branch's hue, fainter where others stand before it; an outline."""
+        """Fill one body in its branch's hue, fainter if occluded by others, and outline it."""
         d = state.derived
         size, k = d.grain, d.number[name] - 1
         solid = shapes.mesh(self._looks[k].pieces)
@@ -198,7 +198,7 @@ class SceneView:
 
 
 def _filled(page: Client) -> tuple[str, ...]:
-    """The bodies that a page has selected, the last one first."""
+    """Return the bodies selected on a page, the last one first."""
     last = page.selection
     if last is None:
         return ()
@@ -209,7 +209,7 @@ COLOR, OPACITY = (120, 128, 140), 0.28
 
 
 class GhostView:
-    """The run that was kept last, as a ghost."""
+    """The most recently kept run, drawn as a ghost."""
 
     def __init__(self, server: viser.ViserServer):
         self._server = server
@@ -251,7 +251,7 @@ class GhostView:
 
 
 class ForceView:
-    """The values of the forces at the heads of their arrows, while nothing moves."""
+    """Force values at the heads of the arrows, shown while nothing moves."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -271,7 +271,7 @@ class ForceView:
 
 
 class StageView:
-    """Draw light, canvas and floor of each page in its theme, and the steps of the ground."""
+    """Draws light, canvas and floor of each page in its theme, and the steps of the ground."""
 
     def __init__(self, server: viser.ViserServer):
         self._server = server
@@ -306,7 +306,7 @@ class StageView:
 
 
 class ShowView:
-    """Draw the switches for each kind of drawing in the scene, and the choice of the gizmo."""
+    """Draws the switches for each kind of overlay in the scene, and the choice of gizmo."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -324,7 +324,7 @@ class ShowView:
 
 
 def switches(state: State, page: Client) -> Payload:
-    """The switches there are, which are on, and what this page's gizmo moves."""
+    """Return the available switches, those that are on, and the quantity that the gizmo moves."""
     listed = [
         {
             "what": what,

@@ -1,4 +1,4 @@
-"""Open pages: coming and going, selecting, saving, autosave."""
+"""Open pages: connecting, selecting, saving and autosave."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Saving:
-    """A file to be written for one page."""
+    """A pending write of a file for one page."""
 
     client: int
     serial: int

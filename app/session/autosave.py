@@ -1,4 +1,4 @@
-"""Autosave: every edit is in a file before it is acknowledged, so that a killed server loses none.
+"""Autosave: each edit is written before it is acknowledged, so a killed server loses none.
 
 A session is one run of the server, with a random id. Each model that is opened in it (a document)
 has a file of its own, `ID-DOCUMENT.json`, which no other session writes. A lock on `ID.lock`, which
@@ -51,7 +51,9 @@ class Session:
     ended: bool  # the server was stopped, not killed
 
     def kept(self, path: Path) -> Kept:
-        """Return what the page shows. Raises KeyError, TypeError, ValueError: not a model."""
+        """Return the content shown on the page. Raises KeyError, TypeError, ValueError if not a
+        model.
+        """
         name = json.loads(self.text)["name"]
         return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended, str(name))
 
@@ -72,7 +74,7 @@ def left_behind(folder: Path) -> tuple[Kept, ...]:
 
 
 def _over(lock: Path, rest: Iterable[Path]) -> bool:
-    """True if no process holds the lock of a session. Then the rest of its files is removed."""
+    """Return True if no process holds the lock of a session. In that case its files are removed."""
     with contextlib.suppress(OSError), lock.open("rb") as file:
         if not _locked(file, shared=True):
             return False
@@ -95,7 +97,7 @@ def _locked(file: IO[bytes], *, shared: bool) -> bool:
 
 
 class Autosave:
-    """Writes the models of this session at each edit."""
+    """Writes the models of this session at every edit."""
 
     def __init__(
         self,
@@ -142,7 +144,7 @@ class Autosave:
             self._changed.notify()
 
     def stop(self) -> None:
-        """Mark the files as those of a session that was stopped, not killed."""
+        """Mark the files as belonging to a session that was stopped, not killed."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
@@ -169,7 +171,7 @@ class Autosave:
                 _flush(path)
 
     def _write_due(self, *, ended: bool = False) -> None:
-        """Write the files that are due. Handed to the system, they outlive a death of ours."""
+        """Write all files that are due. They survive the end of this process."""
         problem = ""
         try:
             for document in sorted(self._due):
@@ -188,7 +190,7 @@ class Autosave:
         self._failed = problem
 
     def _write(self, document: int, ended: bool) -> None:
-        """Replace the file of a document, or remove it where nothing is at risk."""
+        """Replace the file of a document, or remove it if nothing is at risk."""
         model = self._models[document]
         away = document != self._current and model is self._opened.get(document)
         if away or model is self._elsewhere.get(document):
@@ -205,7 +207,9 @@ class Autosave:
         self._files[document] = path
 
     def _begin(self) -> None:
-        """Choose an id and lock it. Another start may remove the lock file before it is locked."""
+        """Choose an id and lock it. Another process may remove the lock file before it is
+        locked.
+        """
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         while self._lock is None:
             self._id = secrets.token_hex(8)
@@ -218,6 +222,6 @@ class Autosave:
 
 
 def _flush(path: Path) -> None:
-    """Flush a file to the disk, where a loss of power does not harm it."""
+    """Flush a file to disk, so that it survives a loss of power."""
     with contextlib.suppress(OSError), path.open("rb") as file:
         os.fsync(file.fileno())

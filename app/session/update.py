@@ -1,4 +1,4 @@
-"""Open pages: coming and going, selecting, what each shows, saving (pure)."""
+"""Open pages: connecting, selecting, display settings and saving (pure)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def connected(state: State, event: Connected) -> State:
 
 @dataclass(frozen=True)
 class Hello(FromPage):
-    """A page says which it is and what it shows: it may have been here before."""
+    """A page identifies itself and its display. It may be a reconnection."""
 
     serial: int
     page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
@@ -49,7 +49,7 @@ class Hello(FromPage):
 
 @on(Hello)
 def greeted(state: State, event: Hello) -> State:
-    """A page as it was before its connection was lost, as far as that is known."""
+    """Restore a page to its state before the connection was lost, as far as that is known."""
     client = event.client
     if client not in state.clients:
         return state
@@ -90,7 +90,7 @@ def disconnected(state: State, event: Disconnected) -> State:
 
 @dataclass(frozen=True)
 class Sees(FromPage):
-    """A view that works only in sight came in sight of a page, or went out of it."""
+    """A view that works only while visible came into sight on a page, or went out of sight."""
 
     view: Literal["joints", "constraints", "reports", "scenario", "events"]
     on: bool
@@ -110,14 +110,14 @@ def sees(state: State, event: Sees) -> State:
 
 @dataclass(frozen=True)
 class Select(FromPage):
-    """A body was clicked, None for nothing or Escape."""
+    """A body was clicked, or None for the background or the Escape key."""
 
     body: Text | None
 
 
 @on(Select)
 def select(state: State, event: Select) -> State:
-    """Select a body, or take it as the picked body of a constraint."""
+    """Select a body, or use it as the picked body of a constraint."""
     if constraints.picking_of(state, event.client) is not None:
         return constraints.picked(state, event.client, event.body)
     if event.body is None and (page := state.clients.get(event.client)):
@@ -145,7 +145,7 @@ def select_bodies(state: State, event: SelectBodies) -> State:
 
 @dataclass(frozen=True)
 class ToggleBody(FromPage):
-    """A body joins those that are selected, or leaves them.
+    """Add a body to the selection, or remove it.
 
     Clicks may be quicker than answers: what is selected by then is known here alone.
     """
@@ -174,7 +174,7 @@ class Theme(FromPage):
 
 @dataclass(frozen=True)
 class SetDisplay(FromPage):
-    """The unit or form in which a page shows a kind of quantity."""
+    """Set the unit or format in which a page displays a quantity."""
 
     what: Literal["angle", "length", "turn", "about"]
     value: Literal["rad", "deg", "m", "mm", "quaternion", "euler", "axis", "com", "origin"]
@@ -200,7 +200,7 @@ def displayed(state: State, event: SetDisplay) -> State:
 
 @dataclass(frozen=True)
 class Save(FromPage):
-    """Write the model to a path on the server's machine."""
+    """Write the model to a path on the server."""
 
     serial: int
     path: Text
@@ -217,7 +217,7 @@ def save(state: State, event: Save) -> State:
 
 @dataclass(frozen=True)
 class Saved(Event):
-    """The outcome of a Save: no problem if it was written."""
+    """The outcome of a Save, without a problem if the file was written."""
 
     client: int
     serial: int
@@ -241,7 +241,7 @@ def saved(state: State, event: Saved) -> State:
 
 @dataclass(frozen=True)
 class NotKept(Event):
-    """Autosave failed, or works again where there is no problem."""
+    """Autosave failed, or works again if there is no problem."""
 
     problem: str
 
@@ -254,6 +254,6 @@ def not_kept(state: State, event: NotKept) -> State:
 
 
 def unkept(problem: str) -> Notice | None:
-    """Return the notice of all pages while edits cannot be saved automatically, or None."""
+    """Return the notice for all pages while edits cannot be saved automatically, or None."""
     text = f"{problem} Save the model yourself; it is tried again."
     return Notice("Autosave does not work", text, bad=True) if problem else None

@@ -1,4 +1,4 @@
-"""Messages to single pages: selection, theme, answers, notices and downloads."""
+"""Messages to individual pages: selection, theme, answers, notices and downloads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")
 
 
 class SessionView:
-    """Drawn last: an answer to a cell comes after the value it is about."""
+    """Drawn last, so that the answer to a cell follows the value it refers to."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
@@ -36,7 +36,7 @@ class SessionView:
             self._bridge.send(client, "renamed", new.renamed)  # after what shows the new names
 
     def _others(self, old: State, new: State) -> None:
-        """Send each page the selections of the others, if they changed."""
+        """Send each page the selections of the other pages if they have changed."""
         for client in new.clients:
             told = None if client not in old.clients else others(old, client)
             if told != (now := others(new, client)):
@@ -76,7 +76,7 @@ class SessionView:
 
 
 def others(state: State, client: int) -> Payload:
-    """Colours of the other pages that have a body selected, by body."""
+    """Return the colours of the other pages that have a body selected, by body."""
     found: dict[str, list[str]] = {}
     for other, page in state.clients.items():
         if other != client:

@@ -1,4 +1,4 @@
-"""Lines of a spreadsheet as rows of the table (pure)."""
+"""Spreadsheet lines as rows of the table (pure)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Rod = Callable[[pg.Model, str, str], pg.Body]
 def rows_of(
     model: pg.Model, text: str, rows: Sequence[str], column: int, under: str | None, rod: Rod
 ) -> tuple[pg.Model, tuple[str, ...], str]:
-    """The model with the pasted lines, the bodies they are, and what is not as it was typed.
+    """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
     Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
     names are made free where `rows` is empty. Raises Refusal or PgraphError, naming the line.
@@ -81,7 +81,7 @@ def rows_of(
 
 
 def copied(model: pg.Model, names: Sequence[str]) -> str:
-    """Rows as lines of a spreadsheet, below headings, with all that the bodies carry."""
+    """Return rows as spreadsheet lines below headings, with all data of the bodies."""
     found = [_carried(model.body(name)) for name in names]
     columns = [field for field in FIELDS if any(field in row for row in found)]
     lines = [columns, *([_written(row.get(field, "")) for field in columns] for row in found)]
@@ -91,7 +91,7 @@ def copied(model: pg.Model, names: Sequence[str]) -> str:
 
 
 def _carried(body: pg.Body) -> dict[str, Any]:
-    """Return the fields of a body that do not follow from others, defaults included."""
+    """Return the fields of a body that do not follow from others, including defaults."""
     follows = {*body.derived, "axes" if body.joint == "compound" else "motions"}
     data = body.model_dump(mode="json")
     follows.add("shapes" if len(data["shapes"]) < 2 else "shape")
@@ -106,17 +106,19 @@ def _carried(body: pg.Body) -> dict[str, Any]:
 
 
 def _says(value: Any) -> bool:
-    """True for a list with a nonzero entry, or any other nonempty value."""
+    """Return True for a list with a nonzero entry, or for any other nonempty value."""
     return any(map(_says, value)) if isinstance(value, list) else value not in (0, None, "")
 
 
 def _written(value: Any) -> str:
-    """Return the text of a value's cell: words and numbers unchanged, lists as JSON."""
+    """Return the cell text of a value. Words and numbers are unchanged, lists are JSON."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
 def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], list[list[str]]]:
-    """Fields and units by column, from the headings if there are any, and the lines of cells."""
+    """Return fields and units by column, from the headings if there are any, and the lines of
+    cells.
+    """
     try:
         mark = _separator(text.strip("\r\n"))
         found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter=mark, strict=False))
@@ -142,7 +144,7 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], li
 
 
 def _separator(text: str) -> str:
-    """Return the separator of cells: a tab from a spreadsheet, or the mark of a .csv file.
+    """Return the cell separator: a tab for a spreadsheet, or the separator of a .csv file.
 
     The headings decide, because a name may contain a comma.
     """
@@ -156,7 +158,7 @@ def _separator(text: str) -> str:
 
 
 def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:
-    """Refuses a line of headings of which some name no field. Raises Refusal."""
+    """Reject a line of headings in which some name is not a field. Raises Refusal."""
     known = [field for field in fields if field]
     if len(known) < 3 or "name" not in known:
         return
@@ -165,7 +167,7 @@ def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:
 
 
 def _field(heading: str) -> str | None:
-    """Return the field that a heading names, or None."""
+    """Return the field named by a heading, or None."""
     text = heading.strip().lower()
     return text if VECTOR.fullmatch(text) or text in FIELDS else HEADINGS.get(text)
 
@@ -180,7 +182,7 @@ def _cell(line: Sequence[str], columns: Sequence[str], field: str) -> str:
 
 
 def _places(model: pg.Model, count: int) -> tuple[str, ...]:
-    """Names that new rows have until they get their own."""
+    """Return placeholder names for new rows until they get their own."""
     blank = "new row "
     while any(name.startswith(blank) for name in model.row):
         blank = f"a {blank}"
@@ -188,7 +190,7 @@ def _places(model: pg.Model, count: int) -> tuple[str, ...]:
 
 
 def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: Rod) -> pg.Model:
-    """A rod on a hinge for each new row, on the ground for now."""
+    """Add a rod on a hinge for each new row, attached to the ground for now."""
     if not places:
         return model
     chain = pg.Model.serial(1)
@@ -201,7 +203,7 @@ def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: R
 
 
 def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[tuple[str, str]]:
-    """(typed, used) name of each new row: the next number where none is typed."""
+    """Return (typed, used) names for each new row. Untyped names are the next free numbers."""
     used, found = set(model.row), []
     for name in wanted:
         free = name if name and as_typed else free_name(name or str(len(used) + 1), used)
@@ -213,7 +215,7 @@ def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[
 def _change(
     model: pg.Model, body: pg.Body, line: dict[str, tuple[str, str]], number: int
 ) -> dict[str, Any]:
-    """Return the fields of a body that a line changes, without those of empty cells.
+    """Return the body fields that a line changes, ignoring empty cells.
 
     The line is (text, unit) by field.
     """
@@ -249,7 +251,7 @@ def _typed(model: pg.Model, body: pg.Body, field: str, text: str, unit: str) -> 
 
 
 def _number(text: str, unit: str, of: cells.Quantity) -> float:
-    """The SI value of a cell, in the unit of its heading or in its own. Raises Refusal."""
+    """Return the SI value of a cell, in the unit of its heading or its own unit. Raises Refusal."""
     known = cells.UNITS[of]
     if unit and known and unit not in known:
         raise Refusal(f"has the unit {cells.quoted(unit)}; use {' or '.join(known)}")
@@ -260,7 +262,7 @@ def _number(text: str, unit: str, of: cells.Quantity) -> float:
 
 
 def _value(field: str, text: str, unit: str) -> Any:
-    """A field that is no single number: JSON, or numbers or words with blanks between them."""
+    """Parse a field that is not a single number: JSON, or blank-separated numbers or words."""
     if text.lower() == NONE:
         return None
     if text[0] in '[{"' or text in ("true", "false"):
@@ -293,7 +295,7 @@ def _value(field: str, text: str, unit: str) -> Any:
 
 
 def _unit_vector(axis: str) -> tuple[float, ...]:
-    """Return the direction of '-y'."""
+    """Return the direction for text such as '-y'."""
     sign = -1.0 if axis[0] == "-" else 1.0
     return tuple(sign if letter == axis[-1].lower() else 0.0 for letter in "xyz")
 
@@ -317,7 +319,7 @@ def _joint(body: pg.Body, text: str) -> dict[str, Any]:
 
 
 def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
-    """Return {}, because the column follows from the lists. Refuses unknown names."""
+    """Return {}, because the column follows from the lists. Raises Refusal for unknown names."""
     named = {c.name for c in (*model.constraints, *model.contacts)}
     known = {"holonomic", "limits", CONTACT, *named}
     for name in (part.strip() for part in text.split(",")):
@@ -330,14 +332,14 @@ def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
 
 
 def _renamed(names: Sequence[tuple[str, str]]) -> str:
-    """Return a sentence that lists the bodies whose typed names were taken."""
+    """Return a message that lists the bodies whose typed names were already in use."""
     changed = [f"'{old}' became '{new}'" for old, new in names if old and old != new]
     more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
     return f"Names are unique: {', '.join(changed[:5])}{more}." if changed else ""
 
 
 def _left_out(columns: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """A sentence where lines name constraints, which are not pasted."""
+    """Return a message if lines name constraints, which are not pasted."""
     named = (_cell(line, columns, "constraint") for line in lines)
     if any(text not in ("", "holonomic") for text in named):
         return "Without constraints: that column is filled from the list of constraints."

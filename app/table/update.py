@@ -1,4 +1,4 @@
-"""Rows of the table, also several at once: each event is one undo step (pure)."""
+"""Edits of one or several table rows, where each event is one undo step (pure)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class AddBody(FromPage):
-    """Add a body as child of `parent`, None for the ground."""
+    """Add a body as child of `parent`, or on the ground if it is None."""
 
     parent: Text | None
 
@@ -41,7 +41,7 @@ def add(state: State, event: AddBody) -> State:
 
 @dataclass(frozen=True)
 class Duplicate(FromPage):
-    """Copy the bodies, as branches with all that they carry."""
+    """Copy the bodies together with the branches that they carry."""
 
     bodies: Bodies
     subtree: bool
@@ -59,7 +59,7 @@ def duplicate(state: State, event: Duplicate) -> State:
 
 @dataclass(frozen=True)
 class MirrorBranch(FromPage):
-    """The branches of bodies, each reflected about the plane normal to an axis of its parent."""
+    """Mirror branches of bodies about the plane normal to an axis of each parent."""
 
     body: Text
     plane: Literal["x", "y", "z"]
@@ -81,7 +81,7 @@ def mirror(state: State, event: MirrorBranch) -> State:
 
 
 def _inboard(model: pg.Model, name: str) -> list[str]:
-    """The bodies on the way from a body to the ground."""
+    """Return the bodies on the path from a body to the ground."""
     found = []
     while (name := model.body(name).parent) in model.row:
         found.append(name)
@@ -90,7 +90,7 @@ def _inboard(model: pg.Model, name: str) -> list[str]:
 
 @dataclass(frozen=True)
 class DeleteBodies(FromPage):
-    """Their children are attached to the remaining bodies, or deleted too."""
+    """Delete bodies. Their children are reattached to the remaining bodies or deleted too."""
 
     bodies: Bodies
     children: Literal["attach", "delete"]
@@ -104,7 +104,7 @@ def delete(state: State, event: DeleteBodies) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class MoveRows(FromPage):
-    """Move the rows before a body, None for the end."""
+    """Move the rows before a body, or to the end if it is None."""
 
     bodies: Bodies
     before: Text | None
@@ -152,7 +152,7 @@ def count(state: State, event: CountBodies) -> State:
 
 @dataclass(frozen=True)
 class Paste(FromPage):
-    """Paste lines of a spreadsheet into `rows` from `column` on, and further lines as new rows.
+    """Paste spreadsheet lines into `rows` starting at `column`. Further lines become new rows.
 
     Without `rows` all become new rows, children of `under` unless they name another parent.
     """
@@ -166,7 +166,7 @@ class Paste(FromPage):
 
 @on(Paste)
 def paste(state: State, event: Paste) -> State:
-    """All lines, or none and the reason."""
+    """Paste all lines, or none of them and give the reason."""
     client, serial = event.client, event.serial
     try:
         model, names, notice = pasting.rows_of(
@@ -186,7 +186,7 @@ def paste(state: State, event: Paste) -> State:
 
 @dataclass(frozen=True)
 class NewFromLines(FromPage):
-    """Lines of a spreadsheet in place of a number of bodies: a new model of them alone."""
+    """Create a new model from spreadsheet lines alone, instead of from a number of bodies."""
 
     serial: int
     text: Annotated[str, Field(max_length=1_000_000)]
@@ -194,7 +194,7 @@ class NewFromLines(FromPage):
 
 @on(NewFromLines)
 def new_from_lines(state: State, event: NewFromLines) -> State:
-    """All lines, or none and the reason."""
+    """Create the model from all lines, or refuse and give the reason."""
     client, serial = event.client, event.serial
     try:
         empty = pg.Model(bodies=())
@@ -210,7 +210,7 @@ def new_from_lines(state: State, event: NewFromLines) -> State:
 
 
 def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """Attempt an edit and select its new bodies. Refuses too many bodies."""
+    """Attempt an edit and select its new bodies. Raises Refusal if there are too many bodies."""
 
     def limited() -> pg.Model:
         model = make()
@@ -225,7 +225,7 @@ def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -
 
 
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
-    """Return a slender rod at the tip of `parent`. The first on the ground has a free joint."""
+    """Return a slender rod at the tip of `parent`. The first rod on the ground has a free joint."""
     root, new = pg.Model.serial(2).bodies
     if not model.bodies:
         free = pg.Model(bodies=(root,)).edit(root.name, joint="free").bodies[0]
@@ -235,13 +235,13 @@ def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
 
 
 def free_number(taken: Iterable[str]) -> str:
-    """The next unused whole number as a name."""
+    """Return the next unused whole number as a name."""
     names = set(taken)
     return next(str(k) for k in range(len(names) + 1, 2 * len(names) + 2) if str(k) not in names)
 
 
 def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the bodies that no other of them carries."""
+    """Return the bodies that are not carried by another body in the list."""
     chosen = set(names)
 
     def carried(name: str) -> bool:
@@ -258,7 +258,9 @@ def _label(bodies: tuple[str, ...]) -> str:
 
 
 def sized(model: pg.Model, n: int) -> pg.Model:
-    """`model` with n bodies: more in a row on the last one, or without the last ones."""
+    """Return `model` with n bodies, by extending a chain at the last one or removing the last
+    ones.
+    """
     if n < len(model.bodies):
         return model.remove([b.name for b in model.bodies[n:]])
     rows, names = list(model.bodies), set(model.row)

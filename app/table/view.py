@@ -1,4 +1,4 @@
-"""The table of bodies: rows in the model's order."""
+"""The table of bodies, with rows in the order of the model."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def table(state: State) -> Payload:
 
 
 def held(names: tuple[str, ...], kinds: dict[str, set[str]]) -> str:
-    """'closes a loop, has contacts': the kinds that occur among the names."""
+    """Return the kinds that occur among the names, such as 'closes a loop, has contacts'."""
     return ", ".join(text for text, of in kinds.items() if not of.isdisjoint(names))
 
 

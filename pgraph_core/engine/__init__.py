@@ -1,4 +1,4 @@
-"""Compiled code only: it knows arrays, no models. `layout` names their columns."""
+"""Compiled code only, which operates on arrays without models. `layout` names their columns."""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -30,7 +30,7 @@ def every_kernel() -> list[Any]:
 
 
 def warm_up(every: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Load or compile the kernels that most runs need, yielding (i, n, name) after each."""
+    """Load or compile the kernels that most runs need, yielding (i, n, name) after each one."""
     for module in MODULES:
         import_module(f"{__name__}.{module}")
     kernels = every_kernel() if every else list(jit.KERNELS.values())

@@ -1,4 +1,4 @@
-"""`python -m pgraph_core.engine`: load the kernels that most runs need, one line `i n name` each.
+"""`python -m pgraph_core.engine`: load the usual kernels, printing a line `i n name` for each.
 
 With `--with-parent` it ends as soon as its standard input is closed, however its parent died. With
 `--all` it loads the others too. `--archive` makes the archive of kernels from the sources, and
@@ -14,7 +14,7 @@ from . import warm_up
 
 
 def main() -> None:
-    """Do what the words of the command ask for, and say what is done."""
+    """Run the commands given on the command line and report the result."""
     words = sys.argv[1:]
     if "--with-parent" in words:
         threading.Thread(target=_end_with_parent, daemon=True).start()

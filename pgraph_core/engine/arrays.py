@@ -1,4 +1,4 @@
-"""The scene as kernels take it: named tuples of arrays, and their kinds.
+"""The scene in the form passed to kernels: named tuples of arrays, and their kinds.
 
 A *scene* is what never changes during a run, and the workspaces, in one tuple behind one address
 (`compiler.address`), so that every method takes the same, and a sweep one argument instead of all
@@ -92,7 +92,7 @@ class Drives(NamedTuple):
 
 
 class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signals"])):
-    """Forces between two bodies, or on one: (table, knots) of each kind, by its name.
+    """Forces between two bodies or on one body, as (table, knots) for each kind by name.
 
     The last member is (code, targets) of the expressions in them and in the drives.
     """
@@ -139,7 +139,7 @@ class Workspace(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Addresses of a scene's contacts and of kernels for some scenes, 0 for none."""
+    """Addresses of a scene's contacts and of kernels that only some scenes need, 0 if absent."""
 
     contacts: Any = 0
     find: Any = 0
@@ -188,7 +188,7 @@ class Frames(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """Shapes that can touch."""
+    """Shapes for collision detection."""
 
     shapes: Any  # records of SHAPE
     vertices: Any  # (nv, 3) in the shape's frame [m]
@@ -201,14 +201,14 @@ class Geometry(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """A plane, and rectangles of it at another height."""
+    """The ground: a plane, and rectangles at other heights."""
 
     plane: Any  # one PLANE
     patches: Any  # records of PATCH
 
 
 class Candidates(NamedTuple):
-    """Shapes that may touch."""
+    """Candidate shapes for contact."""
 
     on_ground: Any  # records of GROUND_PAIR
     pairs: Any  # records of SHAPE_PAIR
@@ -217,7 +217,7 @@ class Candidates(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Scratch of the search for contact points."""
+    """Scratch space for the search for contact points."""
 
     room: Any  # records of CANDIDATE
     bounds: Any  # records of BOUNDS
@@ -226,7 +226,7 @@ class Search(NamedTuple):
 
 
 class Islands(NamedTuple):
-    """Scratch of the contact solver: islands, the order of one of them, its Newton matrix."""
+    """Scratch space for the contact solver: islands, the order of one island, its Newton matrix."""
 
     tree: Any  # (nv,) the tree of every freedom, by its first row
     root: Any  # (n + 1,) the tree of every row
@@ -254,7 +254,7 @@ class Islands(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts of a scene, with what they remember from step to step."""
+    """The contacts of a scene, with the state kept from step to step."""
 
     geometry: Any
     ground: Any
@@ -279,7 +279,7 @@ class Contacts(NamedTuple):
 
 
 class Guard(NamedTuple):
-    """Proximity guard of a run that starts without contacts, limits and conditions."""
+    """The proximity guard of a run that starts without contacts, limits and conditions."""
 
     geometry: Any
     ground: Any
@@ -294,7 +294,7 @@ class Guard(NamedTuple):
 
 
 class EventLinks(NamedTuple):
-    """Addresses of the kernels and scenes that a scene with points is made of."""
+    """Addresses of the kernels and scenes that make up a scene with contact points."""
 
     tree: Any  # the equations of motion without points
     bare: Any  # the same scene without active blocks
@@ -306,7 +306,7 @@ class EventLinks(NamedTuple):
 
 
 class EventContacts(NamedTuple):
-    """Contact points and limits in phases, of which k slide."""
+    """Contact points and limits with their phases, of which k slide."""
 
     links: Any
     points: Any  # records of POINT
@@ -318,14 +318,14 @@ class EventContacts(NamedTuple):
 
 
 class EventData(NamedTuple):
-    """A scene with points. `opened` returns the scene alone."""
+    """A scene with contact points. `opened` returns the scene alone."""
 
     scene: Any
     contact: Any
 
 
 class RunLinks(NamedTuple):
-    """Addresses of the kernels of a run, 0 for none."""
+    """Addresses of the kernels of a run, 0 if absent."""
 
     accelerate: Any
     project: Any
@@ -337,7 +337,7 @@ class RunLinks(NamedTuple):
 
 
 class Tableau(NamedTuple):
-    """Coefficients of a Runge-Kutta method, see `integrators.Tableau`."""
+    """The coefficients of a Runge-Kutta method, see `integrators.Tableau`."""
 
     a: Any
     b: Any
@@ -347,7 +347,7 @@ class Tableau(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A run under way: its scene, its method, its times, its state, its frames."""
+    """A run in progress: scene, method, times, state and frames."""
 
     scene: Any  # address
     links: Any

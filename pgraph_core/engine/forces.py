@@ -1,4 +1,4 @@
-"""Springs, dampers, friction and drives of joints, and tables over time."""
+"""Springs, dampers, friction and joint drives, and tables over time."""
 
 import math
 
@@ -10,7 +10,7 @@ from .records import CREEP
 
 @part
 def knot_after(knots, first, count, t, rate):
-    """Return the first knot after t in the table, with usually `rate` knots per second."""
+    """Return the first knot after t in a table with typically `rate` knots per second."""
     n = first + 1 + int((t - knots[first, 0]) * rate)
     n = min(n, first + count - 1)
     while t < knots[n - 1, 0]:
@@ -22,7 +22,7 @@ def knot_after(knots, first, count, t, rate):
 
 @part
 def lookup(knots, first, count, t):
-    """Value of a table at time t: straight lines between knots, constant outside them."""
+    """Return the value of a table at time t: linear between knots, constant outside them."""
     last = first + count - 1
     if t <= knots[first, 0]:
         return knots[first, 1]
@@ -34,7 +34,8 @@ def lookup(knots, first, count, t):
 
 @part
 def follow(y, u, rise, lags):
-    """y of y' = (u + slope s - y) / lag after s = `lags` lag, in which u has risen by `rise`.
+    """Return y of y' = (u + slope s - y) / lag after s = `lags` lag, during which u has risen by
+    `rise`.
 
     Each form is used where nothing cancels in it: with z = lags, (1 - e^-z) / z = 1 - late, and
     late = (z - 1 + e^-z) / z = z (1/2! - z/3! + ...).
@@ -57,7 +58,9 @@ def followed(y, u, rise, lags):
 
 @part
 def piece_of(knots, first, count, t):
-    """(the last knot that is not later than t, the slope after it): a table of lines at time t."""
+    """Return (last knot not later than t, slope after it) for a piecewise linear table at time
+    t.
+    """
     n = first + count - 1
     if t < knots[n, 0]:
         n = knot_after(knots, first, count, t, knots[n, 2]) - 1
@@ -67,7 +70,7 @@ def piece_of(knots, first, count, t):
 
 @part
 def acting(one, knots, first, count, t):
-    """Return the active value at time t of input u: u, y of y' = (u - y) / lag, or y of y' = u.
+    """Return the effective value of input u at time t: u, y of y' = (u - y) / lag, or y of y' = u.
 
     Both integrals are exact. y of y' = u stays within its bounds.
     """
@@ -86,7 +89,8 @@ def acting(one, knots, first, count, t):
 
 @sweep
 def lag_width(drives, t, order):
-    """Return the step from t that resolves inputs with a lag [s], infinite without them.
+    """Return the time step from t that resolves inputs with a lag [s], or infinity without such
+    inputs.
 
     Of the input's size, x exp(-s / lag) remains to be followed. A step w of a method of order p
     integrates it with an error of x (w / lag)^(p + 1), which is no larger than that of half a lag
@@ -114,7 +118,7 @@ def lag_width(drives, t, order):
 
 @part
 def own_torque(one, knots, t):
-    """Return the torque that a motor or servo adds, which is the input without a target."""
+    """Return the torque that a motor or servo adds, which is the input if it has no target."""
     if one.coordinate < 0:
         return acting(one, knots, one.first_torque, one.torques, t)
     return lookup(knots, one.first_torque, one.torques, t)
@@ -122,7 +126,7 @@ def own_torque(one, knots, t):
 
 @part
 def along_terms(table, terms, n, column, x):
-    """Return Σ coefficient x of the coordinates of drive n, x = v (`column` 0) or q (1)."""
+    """Return Σ coefficient x over the coordinates of drive n, with x = v (`column` 0) or q (1)."""
     first = table[n].first_term
     total = terms[first, 2] * x[int(terms[first, column])]
     for i in range(first + 1, first + table[n].terms):
@@ -132,7 +136,7 @@ def along_terms(table, terms, n, column, x):
 
 @part
 def stretch_of(table, terms, n, q):
-    """Return the stretch of drive n: its coordinate, or the sum of its terms."""
+    """Return the stretch of drive n, which is its coordinate or the sum of its terms."""
     if table[n].terms > 0:
         return along_terms(table, terms, n, 1, q)
     return q[table[n].coordinate]
@@ -140,7 +144,7 @@ def stretch_of(table, terms, n, q):
 
 @part
 def speed_of(table, terms, n, v):
-    """The rate of `stretch_of`."""
+    """Return the rate of `stretch_of`."""
     if table[n].terms > 0:
         return along_terms(table, terms, n, 0, v)
     return v[table[n].velocity]
@@ -148,7 +152,7 @@ def speed_of(table, terms, n, v):
 
 @part
 def at_its_limit(drives, n, t, q, v):
-    """True if motor or servo n is at its least or largest torque."""
+    """Return True if motor or servo n is at its minimum or maximum torque."""
     table, knots, _, terms = drives
     torque = -table[n].damping * speed_of(table, terms, n, v)
     if table[n].coordinate >= 0:
@@ -160,7 +164,7 @@ def at_its_limit(drives, n, t, q, v):
 
 @sweep
 def drive(drives, t, q, v, given, tau):
-    """Compute τ of all drives and given torques. Returns (power put in, dissipated) [W]."""
+    """Compute τ of all drives and given torques. Returns (power supplied, dissipated) [W]."""
     table, knots, passive, terms = drives
     put_in = 0.0
     dissipated = 0.0
@@ -199,7 +203,7 @@ def drive(drives, t, q, v, given, tau):
 
 @sweep
 def elastic(drives, q):
-    """Energy of the joints' springs [J]."""
+    """Return the elastic energy of the joint springs [J]."""
     table, knots, passive, terms = drives
     energy = 0.0
     for n in range(passive):

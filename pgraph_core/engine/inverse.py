@@ -1,4 +1,4 @@
-"""Torques of least weighted norm that give v' with the active constraints, in one pass.
+"""Torques of minimum weighted norm that yield v' with the active constraints, in one pass.
 
 τ = r - Jᵀλ with r = M v' + C - passive of the tree, and Σ w τ² is least where J W Jᵀ λ = J W r.
 Redundant rows stay at rest in proximal steps λ += (J W Jᵀ + ρ)⁻¹ J W (r - Jᵀλ) ([Carpentier,
@@ -39,7 +39,7 @@ VECTORS = 7  # rows of the workspace
 
 @part
 def add_path(data, i, k, p, sign, turned):
-    """Add to Jᵀ the effect of the freedoms from row k to the ground on block i at p."""
+    """Add to Jᵀ the effect on block i at p of the degrees of freedom from row k to the ground."""
     rows, const, work, place = data.rows, data.const, data.work, data.space.place
     first, kind = first_of(data.space.slots, i), type_of(data.blocks.blocks_i, i)
     turns = kind == T_ALIGN or kind == T_TURN
@@ -56,7 +56,7 @@ def add_path(data, i, k, p, sign, turned):
 
 @sweep
 def set_jacobian(scene, m, turned):
-    """Jᵀ (nv, m) of the active rows, after `located`."""
+    """Compute Jᵀ (nv, m) of the active rows, after `located`."""
     data = opened(scene)
     blocks_i, _, terms_i, terms_f, _, active = data.blocks
     place = data.space.place
@@ -109,7 +109,7 @@ def set_factor(turned, weight, m, gram):
 
 @sweep
 def solve_factor(gram, m, x):
-    """(L Lᵀ)⁻¹ x in place."""
+    """Compute (L Lᵀ)⁻¹ x in place."""
     for r in range(m):
         for k in range(r):
             x[r] -= gram[r, k] * x[k]
@@ -127,7 +127,7 @@ def solve_factor(gram, m, x):
     later=True,
 )  # fmt: skip
 def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, gram, vectors, tau):
-    """Compute τ (nv,). Returns 0, or 1 if input is bad or rows may be redundant.
+    """Compute τ (nv,). Returns 0, or 1 if the input is bad or rows may be redundant.
 
     `length` [m] multiplies rows of angles, `passive` (nv,) are the passive forces, `cost` (nv,) the
     weights, 0 for joints without a motor. `turned`, `gram` and `vectors` are workspace.

@@ -1,4 +1,4 @@
-"""The columns of the packed arrays: the glossary of the kernels, with shapes and units.
+"""Columns of the packed arrays, a glossary for the kernels with shapes and units.
 
 A *row* is one elementary motion. A body whose joint has several motions has several rows, all
 but the last without mass; a welded body has none: it is merged into the row that carries it.

@@ -1,4 +1,4 @@
-"""Linear algebra: factors of 3x3 blocks of balls and 6x6 blocks of free motions, dense systems.
+"""Linear algebra: factors of 3x3 ball blocks and 6x6 free-joint blocks, and dense systems.
 
 The 6x6 block is the inertia of a row in `work`, factored in place as L diag(d) Lᵀ.
 """
@@ -10,7 +10,7 @@ from .layout import SOLVED as X
 
 @part
 def factor3(j):
-    """(1/d0, 1/d1, 1/d2, l10, l20, l21) of j = L diag(d) Lᵀ."""
+    """Return (1/d0, 1/d1, 1/d2, l10, l20, l21) of j = L diag(d) Lᵀ."""
     d0 = 1.0 / j[0]
     l10 = j[3] * d0
     l20 = j[4] * d0
@@ -61,7 +61,7 @@ def factor6(work, k):
 
 @sweep
 def restore6(work, k):
-    """The 6x6 inertia in the place of its factor."""
+    """Restore the 6x6 inertia from its factor, in place."""
     for r in range(5, -1, -1):
         ir = IA + r * (r + 1) // 2
         for c in range(r, -1, -1):
@@ -74,7 +74,7 @@ def restore6(work, k):
 
 @part
 def forward6(work, k):
-    """L⁻¹ x in place, x the six numbers that are solved for."""
+    """Compute L⁻¹ x in place, where x is the right-hand side of six numbers."""
     for r in range(1, 6):
         ir = IA + r * (r + 1) // 2
         for c in range(r):
@@ -83,7 +83,7 @@ def forward6(work, k):
 
 @part
 def backward6(work, k):
-    """L⁻ᵀ x in place."""
+    """Compute L⁻ᵀ x in place."""
     for r in range(4, -1, -1):
         for c in range(r + 1, 6):
             work[k, X + r] -= work[k, IA + c * (c + 1) // 2 + r] * work[k, X + c]
@@ -91,7 +91,7 @@ def backward6(work, k):
 
 @part
 def transposed6(work, k, x, i):
-    """Lᵀ of six numbers of x from i on, in their place."""
+    """Compute Lᵀ x in place for six entries of x starting at i."""
     for r in range(5):
         for c in range(r + 1, 6):
             x[i + r] += work[k, IA + c * (c + 1) // 2 + r] * x[i + c]
@@ -99,14 +99,14 @@ def transposed6(work, k, x, i):
 
 @part
 def diagonal6(work, k):
-    """diag(1/d) x in place."""
+    """Compute diag(1/d) x in place."""
     for r in range(6):
         work[k, X + r] *= work[k, IA + r * (r + 1) // 2 + r]
 
 
 @part
 def forward_free(work, k, moment, force):
-    """L⁻¹ of a wrench of numbers or triples: six of them."""
+    """Return L⁻¹ of a wrench of numbers or triples, as six entries."""
     y0, y1, y2 = moment
     y3, y4, y5 = force
     y1 -= work[k, IA + 1] * y0
@@ -121,7 +121,7 @@ def forward_free(work, k, moment, force):
 
 @part
 def pivots6(work, k):
-    """1/d of the six freedoms: (angular, linear)."""
+    """Return 1/d for the six degrees of freedom as (angular, linear)."""
     a = (work[k, IA], work[k, IA + 2], work[k, IA + 5])
     return a, (work[k, IA + 9], work[k, IA + 14], work[k, IA + 20])
 
@@ -131,7 +131,7 @@ def pivots6(work, k):
 
 @part
 def cabs1(x):
-    """|Re x| + |Im x|, by which pivots are compared (LAPACK's `cabs1`).
+    """Return |Re x| + |Im x|, which is used to compare pivots (LAPACK's `cabs1`).
 
     The absolute value would need `hypot` of the C library, whose bits differ between platforms.
     """
@@ -182,7 +182,7 @@ def factor(a, n, pivots):
 
 @part
 def row_times(a, k, first, last, x):
-    """Σ a[k, c] x[c] from `first` to `last`, in four sums that need not wait for each other."""
+    """Return Σ a[k, c] x[c] from `first` to `last`, in four independent partial sums."""
     y0 = y1 = y2 = y3 = 0.0 * x[0]
     c = first
     while c + 4 <= last:
@@ -199,7 +199,7 @@ def row_times(a, k, first, last, x):
 
 @sweep
 def substitute(a, n, pivots, x):
-    """a⁻¹ x in the place of x, after `factor`."""
+    """Compute a⁻¹ x in place, after `factor`."""
     for k in range(n):
         row = int(pivots[k])
         y = x[row]

@@ -1,4 +1,4 @@
-"""Loads on bodies and between two: loops over the kinds of `forces`, made when they are compiled.
+"""Loads on bodies and between pairs: loops over the kinds in `forces`, generated at compile time.
 
 Each kind has a table of its own, so that nothing asks for the kind of a row while a kernel runs.
 """
@@ -33,7 +33,7 @@ def _applying(kind):
 
     @sweep
     def all_of(own, work, linear, t):
-        """Apply the loads of one kind, and return the powers supplied and dissipated [W]."""
+        """Apply the loads of one kind. Returns the powers supplied and dissipated [W]."""
         table, knots = own
         put_in = 0.0
         dissipated = 0.0
@@ -65,7 +65,7 @@ def _collecting(kind):
 
 @part
 def collect(b, bodies_i, bodies_f, work, p, sign, torque, force, external):
-    """Add a wrench at p, times a sign, to that of body b at its origin."""
+    """Add a wrench at p, times a sign, to the wrench on body b at its origin."""
     if b > 0:
         k = carrier_of(bodies_i, b)
         origin = add(origin_of(work, k), mul(rotation_of(work, k), offset_of(bodies_f, b)))
@@ -79,7 +79,7 @@ def _storing(kind):
 
     @sweep
     def all_of(own, work):
-        """Energy of the loads of one kind [J]."""
+        """Return the energy of the loads of one kind [J]."""
         table, knots = own
         total = 0.0
         for i in range(table.shape[0]):
@@ -158,7 +158,8 @@ elastic_loads = _stores(0)
 
 @sweep
 def torque_of_loads(rows, const, loads, work, linear, tau):
-    """τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and `velocities`.
+    """Compute τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and
+    `velocities`.
 
     P is used up.
     """

@@ -1,4 +1,4 @@
-"""Equations of motion of a scene: v' of the driven, loaded, constrained system, and energies.
+"""Equations of motion of a scene: v' with drives, loads and constraints, and energies.
 
 Methods call these kernels by address.
 """
@@ -45,7 +45,7 @@ call_settle = caller(SETTLE)
 
 @kernel(void(I1, plain(SCENE)))
 def save_scene(buffer, scene):
-    """Keep a scene's tuple where `opened` finds it."""
+    """Store a scene's tuple where `opened` finds it."""
     save(buffer, scene)
 
 
@@ -72,7 +72,7 @@ user_torque = of_numbers(torque_of_numbers)  # no function of a user's takes dua
 
 @part
 def follow(data, t, q, v):
-    """Evaluate the expressions of a scene, if any. Returns False where one is not finite."""
+    """Evaluate the expressions in a scene, if any. Returns False if one is not finite."""
     if data.loads.signals[1].shape[0] == 0:
         return True
     return follow_signals(data.loads.signals, data.drives, data.loads, t, q, v) == 0
@@ -80,13 +80,13 @@ def follow(data, t, q, v):
 
 @kernel(i8(i8, f8, F1, F1), later=True)
 def signal(scene, t, q, v):
-    """Evaluate the expressions of a scene. Returns 0, or -1 where one is not finite."""
+    """Evaluate the expressions in a scene. Returns 0, or -1 if one is not finite."""
     return 0 if follow(opened(scene), t, q, v) else -1
 
 
 @kernel(ACCELERATION, nogil=True)
 def acceleration(scene, t, q, v, tau, vdot, flow):
-    """Compute v' and the joints' own forces `tau`. Returns the first row without inertia, or 0.
+    """Compute v' and the joint forces `tau`. Returns the first row without inertia, or 0.
 
     `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
     """
@@ -122,7 +122,9 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
 
 @kernel(CONSTRAIN, nogil=True)
 def constrain(scene, t, q, v, vdot, flow):
-    """Add the active constraints' v', their power to flow[0] and iterations to flow[2]."""
+    """Add the v' due to active constraints, their power to flow[0] and the iterations to
+    flow[2].
+    """
     data = opened(scene)
     blocks, space = data.blocks, data.space
     flow[2] = impose(scene, t, q, v, vdot)
@@ -132,7 +134,7 @@ def constrain(scene, t, q, v, vdot, flow):
 
 @kernel(i8(i8, i8, f8, F1, F1, F1, F1, F1, F2))
 def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
-    """Compute v' and the wrenches of blocks. Returns 0, -1 if not finite, or a singular row."""
+    """Compute v' and block wrenches. Returns 0, -1 if not finite, or a singular row."""
     data = opened(scene)
     rows, blocks, work, space, kept = data.rows, data.blocks, data.work, data.space, data.given
     for j in range(given.shape[0]):
@@ -149,13 +151,15 @@ def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
 
 @kernel(PROJECTION, nogil=True)
 def projection(scene, t, q, v, rounds):
-    """Project q and v onto the active constraints. Returns the rounds, -1 on failure."""
+    """Project q and v onto the active constraints. Returns the number of iterations, or -1 on
+    failure.
+    """
     return project(scene, t, q, v, rounds)
 
 
 @kernel(void(i8, f8, F1, F1, F1, F1))
 def residuals(scene, t, q, v, gap, speed):
-    """Compute g and g' of the active blocks, leaving their places in the workspace."""
+    """Compute g and g' of the active blocks, leaving their positions in the workspace."""
     data = opened(scene)
     outboard(data.rows, data.const, data.work, q, v)
     located(scene, v, True)
@@ -165,7 +169,7 @@ def residuals(scene, t, q, v, gap, speed):
 
 @kernel(RECORD, nogil=True)
 def record(scene, accelerate, t, q, v, flow, ledger, i, out):
-    """Record state, v', wrenches, energies, ledger, residuals. Returns False if not finite."""
+    """Record state, v', wrenches, energies, ledger and residuals. Returns False if not finite."""
     data = opened(scene)
     rows, const, drives, loads = data.rows, data.const, data.drives, data.loads
     blocks, work, space = data.blocks, data.work, data.space
@@ -191,7 +195,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
 
 @kernel(group(*[f8] * 2)(i8, F1, F1))
 def energy(scene, q, v):
-    """(kinetic, potential) energy, springs included [J]."""
+    """Return the (kinetic, potential) energy, including springs [J]."""
     data = opened(scene)
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)
@@ -213,7 +217,7 @@ def load_wrenches(scene, bodies_i, bodies_f, t, q, v, external):
 
 @kernel(void(i8, F1, F1, F1))
 def drive_torque(scene, q, v, tau):
-    """τ of springs, dampers, motors, servos and given torques at t = 0."""
+    """Compute τ of springs, dampers, motors, servos and given torques at t = 0."""
     data = opened(scene)
     drives, given = data.drives, data.given
     follow(data, 0.0, q, v)
@@ -222,7 +226,7 @@ def drive_torque(scene, q, v, tau):
 
 @kernel(void(i8, F1, F1, F1))
 def load_torque(scene, q, v, tau):
-    """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
+    """Compute τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
     data = opened(scene)
     rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
     follow(data, 0.0, q, v)
@@ -234,5 +238,5 @@ def load_torque(scene, q, v, tau):
 
 @kernel(void(I2, F1, F1, f8))
 def move(rows, q, v, h):
-    """q moved along v for the time h."""
+    """Move q along v for the time h."""
     advance(rows, q, v, h)

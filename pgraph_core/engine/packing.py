@@ -1,4 +1,4 @@
-"""From a table of bodies to the packed arrays of a mechanism: O(n) in any order of the table.
+"""Conversion of a body table to the packed arrays of a mechanism, O(n) in any row order.
 
 `pack` numbers the table depth-first. Motions become rows, and welds merge.
 """
@@ -47,7 +47,7 @@ TABLE_MOTION = 10
 
 @part
 def depth_first(parent, bodies_i):
-    """Number the table in pre-order, upper row first.
+    """Number the table in pre-order, upper rows first.
 
     `parent[i - 1]` is the row of row i's parent, from 1, 0 = ground. Fills BODY_PARENT and TABLE
     by number, NUMBER, CHILD and NEXT by row of `bodies_i`, which is zero before.
@@ -164,7 +164,7 @@ def _ground(body, rows, const, bodies_i, bodies_f):
 
 @part
 def _turned(base, body, i):
-    """Return the home orientation of row i's body, quickly if it has no rotation."""
+    """Return the home orientation of row i's body, with a shortcut if it has no rotation."""
     w = body[i, ROTATION]
     x, y, z = load(body, i, ROTATION + 1)
     if w == 1.0 and x == 0.0 and y == 0.0 and z == 0.0:
@@ -174,13 +174,13 @@ def _turned(base, body, i):
 
 @part
 def places(bodies_i):
-    """First motion, q and v of each row's joint, in the table's order."""
+    """Return the first motion, q and v of each row's joint, in table order."""
     return bodies_i[:, at.FIRST_MOTION], bodies_i[:, at.FIRST_Q], bodies_i[:, at.FIRST_V]
 
 
 @part
 def _places(body, motion, bodies_i):
-    """Compute the first motion and coordinate of each row in the table's order. Returns nq."""
+    """Compute the first motion and coordinate of each row in table order. Returns nq."""
     first_motion, first_q, first_v = places(bodies_i)
     m = 0
     qi = 0
@@ -199,7 +199,7 @@ def _places(body, motion, bodies_i):
 
 @part
 def has_spring(motion, m):
-    """1 where the motion has a spring, a damper or friction, else 0."""
+    """Return 1 if the motion has a spring, a damper or friction, or else 0."""
     return (
         1
         if motion[m, STIFFNESS] != 0.0 or motion[m, DAMPING] != 0.0 or motion[m, FRICTION] != 0.0
@@ -216,7 +216,7 @@ def copy(x, first, y, begin, end):
 
 @part
 def orthonormal(r):
-    """r (3 - rᵀr) / 2: what rounding has bent is straight again, or long chains would add it up."""
+    """Return r (3 - rᵀr) / 2, which corrects rounding before it accumulates along long chains."""
     s = mat_mul(transpose(r), r)
     return mat_mul(
         r,
@@ -236,7 +236,7 @@ def orthonormal(r):
 
 @part
 def merge(const, k, mass, com, inertia):
-    """Add a rigid body to row k: mass, centre of mass, inertia about the common centre."""
+    """Add a rigid body to row k: mass, centre of mass, and inertia about the common centre."""
     m, c, own = mass_of(const, k)
     share = mass / (m + mass) if mass > 0.0 else 0.0
     apart = sub(com, c)

@@ -1,4 +1,4 @@
-"""The tables of the kernels: every record type, field by field, with its unit.
+"""Tables used by the kernels: every record type, field by field, with units.
 
 A kernel takes a table as an array of records and reads `point.force`; Python builds the same
 array with `table(POINT, n)` and reads `points["force"]`. Records are aligned, so that compiled
@@ -18,7 +18,7 @@ REAL, INTEGER = np.float64, np.int64
 
 
 class Uncompiled(np.record):  # pyright: ignore[reportIncompatibleVariableOverride]
-    """A record of kernels that run as Python: fields come before attributes of NumPy's."""
+    """A record for kernels run as Python, in which fields take precedence over NumPy attributes."""
 
     def __getattribute__(self, name: str) -> Any:
         if not name.startswith("_") and name in np.record.__getattribute__(self, "dtype").names:
@@ -30,19 +30,19 @@ class Uncompiled(np.record):  # pyright: ignore[reportIncompatibleVariableOverri
 
 
 def record(**fields: Any) -> np.dtype[Any]:
-    """Return an aligned record type, whose fields are types, or types with shapes."""
+    """Return an aligned record type. Fields are types, or types with shapes."""
     split = {name: kind if isinstance(kind, tuple) else (kind,) for name, kind in fields.items()}
     kind = np.dtype([(name, *kind) for name, kind in split.items()], align=True)
     return kind if JIT else np.dtype((Uncompiled, kind))
 
 
 def table(kind: np.dtype[Any], *shape: int) -> Any:
-    """An array of records, all zero."""
+    """Return an array of records, initialised to zero."""
     return np.zeros(shape, kind)
 
 
 def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
-    """An array of records from rows of numbers."""
+    """Return an array of records built from rows of numbers."""
     found = table(kind, len(rows))
     for one, row in zip(found, rows):
         for name, value in zip(kind.names or (), row):
@@ -51,7 +51,7 @@ def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
 
 
 def by_name(one: Any) -> dict[str, Any]:
-    """A record as Python numbers by their names."""
+    """Return a record as Python numbers by field name."""
     return dict(zip(one.dtype.names, one.item()))
 
 

@@ -1,4 +1,4 @@
-"""A row of the tree: its place, its constants and its part of the workspace, by name.
+"""Named access to a row of the tree: its indices, its constants and its part of the workspace.
 
 The columns of `rows`, `const` and `work` are in `layout`; no kernel of the tree counts them. All
 parts are inlined, take numbers or lanes, and cost what an index costs. What a sweep leaves in a
@@ -26,13 +26,13 @@ def kind_of(rows, k):
 
 @part
 def q_of(rows, k):
-    """First index into q."""
+    """Return the first index into q."""
     return rows[k, at.QI]
 
 
 @part
 def v_of(rows, k):
-    """First index into v."""
+    """Return the first index into v."""
     return rows[k, at.VI]
 
 
@@ -46,13 +46,13 @@ def set_row(rows, k, parent, kind, q, v):
 
 @part
 def nv_of(kind):
-    """Degrees of freedom of a row."""
+    """Return the number of degrees of freedom of a row."""
     return 1 if kind <= TRANSLATE else 3 if kind == BALL else 6
 
 
 @part
 def nq_of(kind):
-    """Coordinates of a row: those of a turn are a quaternion."""
+    """Return the number of coordinates of a row, with spatial rotations as quaternions."""
     return 1 if kind <= TRANSLATE else 4 if kind == BALL else 7
 
 
@@ -66,13 +66,15 @@ def home_axis(const, k):
 
 @part
 def home_link(const, k):
-    """From the parent row's origin [m]."""
+    """Return the vector from the parent row's origin [m]."""
     return load(const, k, at.LINK)
 
 
 @part
 def home_base(const, k):
-    """Orientation of the parent body: the axes of a ball's or free motion's q and v."""
+    """Return the parent body's orientation, which defines the axes of a ball's or free motion's q
+    and v.
+    """
     return load9(const, k, at.BASE)
 
 
@@ -98,7 +100,7 @@ def armature_of(const, k):
 
 @part
 def mass_of(const, k):
-    """(mass, centre of mass from the row's origin, inertia about that centre)."""
+    """Return (mass, centre of mass from the row's origin, inertia about that centre)."""
     return const[k, at.MASS], load(const, k, at.COM), load6(const, k, at.INERTIA)
 
 
@@ -145,7 +147,7 @@ def set_axis(work, k, h):
 
 @part
 def link_of(work, k):
-    """From the parent row's origin, displacement included [m]."""
+    """Return the vector from the parent row's origin, including displacement [m]."""
     return load(work, k, at.L)
 
 
@@ -167,7 +169,7 @@ def set_spin(work, k, w):
 
 @part
 def origin_of(work, k):
-    """Position [m], after `positions`."""
+    """Return the position of the origin [m], after `positions`."""
     return load(work, k, at.X)
 
 
@@ -178,7 +180,7 @@ def set_origin(work, k, x):
 
 @part
 def coriolis_of(work, k):
-    """a of eq. (8): (angular, linear)."""
+    """Return a of eq. (8) as (angular, linear)."""
     return load(work, k, at.A), load(work, k, at.A + 3)
 
 
@@ -190,7 +192,7 @@ def set_coriolis(work, k, angular, linear):
 
 @part
 def sine_cosine_of(work, k):
-    """Return sine and cosine of a rotation's angle, valid until the inboard sweep."""
+    """Return the sine and cosine of a rotation's angle, valid until the inboard sweep."""
     return work[k, at.ANGLE], work[k, at.ANGLE + 1]
 
 
@@ -202,7 +204,7 @@ def set_sine_cosine(work, k, sine, cosine):
 
 @part
 def bias_of(work, k):
-    """b of eq. (12), articulated after the inboard sweep: (moment, force)."""
+    """Return b of eq. (12) as (moment, force), articulated after the inboard sweep."""
     return load(work, k, at.BIAS), load(work, k, at.BIAS + 3)
 
 
@@ -220,7 +222,9 @@ def add_bias(work, k, moment, force):
 
 @part
 def acceleration_of(work, k):
-    """Return V' of eq. (8) with gravity's -g as (angular, linear), stored in the bias's place."""
+    """Return V' of eq. (8) with gravity's -g as (angular, linear), which shares storage with the
+    bias.
+    """
     return load(work, k, at.ACCELERATION), load(work, k, at.ACCELERATION + 3)
 
 
@@ -232,7 +236,7 @@ def set_acceleration(work, k, angular, linear):
 
 @part
 def force_of(work, k):
-    """F of eq. (12) that the joint transmits: (moment, force)."""
+    """Return F of eq. (12), transmitted by the joint, as (moment, force)."""
     return load(work, k, at.FORCE), load(work, k, at.FORCE + 3)
 
 
@@ -250,7 +254,7 @@ def add_force(work, k, moment, force):
 
 @part
 def velocity_of(work, k):
-    """Velocity of the origin [m/s], where a sweep has left it."""
+    """Return the velocity of the origin [m/s], as stored by a sweep."""
     return load(work, k, at.VELOCITY)
 
 
@@ -261,7 +265,7 @@ def set_velocity(work, k, velocity):
 
 @part
 def projected_of(work, k):
-    """U = I h of a rotation or translation, I articulated: (angular, linear)."""
+    """Return U = I h of a rotation or translation, with articulated I, as (angular, linear)."""
     return load(work, k, at.PROJECTED), load(work, k, at.PROJECTED + 3)
 
 
@@ -278,19 +282,19 @@ def set_pitch(work, k, pitch):
 
 @part
 def inverse_pivot_of(work, k):
-    """1 / (hᵀ U + armature) of a rotation or translation."""
+    """Return 1 / (hᵀ U + armature) for a rotation or translation."""
     return work[k, at.D]
 
 
 @part
 def left_of(work, k):
-    """u = τ - hᵀ b of a rotation or translation."""
+    """Return u = τ - hᵀ b for a rotation or translation."""
     return work[k, at.LEFT]
 
 
 @part
 def set_hinge(work, k, angular, linear, pivot, left):
-    """U, 1 / (hᵀ U + armature) and u."""
+    """Store U, 1 / (hᵀ U + armature) and u."""
     store(work, k, at.PROJECTED, angular)
     store(work, k, at.PROJECTED + 3, linear)
     work[k, at.D] = pivot
@@ -299,7 +303,7 @@ def set_hinge(work, k, angular, linear, pivot, left):
 
 @part
 def ball_of(work, k):
-    """(factor of the 3x3 block, u in world axes) of a ball."""
+    """Return (factor of the 3x3 block, u in world axes) for a ball."""
     return load6(work, k, at.FACTOR3), load(work, k, at.LEFT)
 
 
@@ -312,7 +316,7 @@ def set_ball(work, k, factor, left):
 
 @part
 def solved_of(work, k):
-    """Return the solution of a free motion's factor as (angular, linear)."""
+    """Return the solution from a free motion's factor as (angular, linear)."""
     return load(work, k, at.SOLVED), load(work, k, at.SOLVED + 3)
 
 
@@ -383,7 +387,7 @@ def add_inertia(work, k, j, b, m):
 
 @part
 def traces_of(work, k):
-    """(angular, linear) sizes of the inertia: what its rounding is relative to."""
+    """Return the (angular, linear) magnitudes of the inertia, to which its rounding is relative."""
     i = at.IA
     angular = work[k, i] + work[k, i + 2] + work[k, i + 5]
     return angular, work[k, i + 9] + work[k, i + 14] + work[k, i + 20]
@@ -394,25 +398,25 @@ def traces_of(work, k):
 
 @part
 def carrier_of(bodies_i, b):
-    """The row that carries body b."""
+    """Return the row that carries body b."""
     return bodies_i[b, at.ROW]
 
 
 @part
 def offset_of(bodies_f, b):
-    """From the carrying row's origin to the body's [m]."""
+    """Return the vector from the carrying row's origin to the body's origin [m]."""
     return load(bodies_f, b, at.OFFSET)
 
 
 @part
 def home_of(bodies_f, b):
-    """Home orientation of body b."""
+    """Return the home orientation of body b."""
     return load9(bodies_f, b, at.HOME)
 
 
 @part
 def body_mass_of(bodies_f, b):
-    """(mass, centre of mass from the body's origin, inertia about that centre)."""
+    """Return (mass, centre of mass from the body's origin, inertia about that centre)."""
     return bodies_f[b, at.B_MASS], load(bodies_f, b, at.B_COM), load6(bodies_f, b, at.B_INERTIA)
 
 
@@ -431,11 +435,11 @@ def set_body(bodies_f, b, offset, home, mass, com, inertia):
 
 @part
 def point_of(local, work, k):
-    """A point that is fixed in row k, in the world."""
+    """Return the world position of a point fixed in row k."""
     return add(origin_of(work, k), mul(rotation_of(work, k), local))
 
 
 @part
 def point_velocity(work, linear, k, p):
-    """Velocity of the material point of row k that is at p."""
+    """Return the velocity of the material point of row k at p."""
     return add_cross(load(linear, k, 0), spin_of(work, k), sub(p, origin_of(work, k)))

@@ -1,4 +1,4 @@
-"""Expressions as programs, which one loop evaluates: nothing is generated for a model.
+"""Expressions compiled to programs that a single loop evaluates, without model-specific code.
 
 A program is a table of instructions, two rows each. The first row is the operation, its operands
 a, b, c (numbers of earlier instructions, or an index into q or v) and a number; the second one
@@ -23,7 +23,7 @@ OWNER, FAILED, TARGET = 5, 6, 7
 
 @sweep
 def evaluate(code, first, count, t, q, v):
-    """Evaluate `count` instructions from row `first` on."""
+    """Evaluate `count` instructions starting at row `first`."""
     for i in range(first, first + 2 * count, 2):
         op = int(code[i, 0])
         if op == NUMBER:
@@ -43,7 +43,7 @@ def evaluate(code, first, count, t, q, v):
 
 @part
 def value_of(op, a, b, c):
-    """The value of an operation."""
+    """Return the value of an operation."""
     if op == ADD:
         return a + b
     if op == SUB:
@@ -71,7 +71,7 @@ def value_of(op, a, b, c):
 
 @sweep
 def function_of(op, a, b):
-    """The value of an elementary function, not a number where it has none."""
+    """Return the value of an elementary function, or nan outside its domain."""
     if op == SIN:
         return sin(a)
     if op == COS:
@@ -93,7 +93,7 @@ def function_of(op, a, b):
 
 @sweep
 def differentiate(code, first, count):
-    """First and second derivatives in time of a program of time alone, after `evaluate`."""
+    """Compute first and second time derivatives of a program of time alone, after `evaluate`."""
     for i in range(first, first + 2 * count, 2):
         op = int(code[i, 0])
         rate = 1.0 if op == TIME else 0.0
@@ -109,7 +109,7 @@ def differentiate(code, first, count):
 
 @part
 def rates_of(op, a, b, c, x):
-    """(x', x'') of an operation whose value is x, on operands (value, rate, second rate)."""
+    """Return (x', x'') of an operation with value x and operands (value, rate, second rate)."""
     if op == ADD:
         return a[1] + b[1], a[2] + b[2]
     if op == SUB:
@@ -135,7 +135,7 @@ def rates_of(op, a, b, c, x):
 
 @part
 def rates_of_power(a, b, x):
-    """(x', x'') of x = a^b."""
+    """Return (x', x'') of x = a^b."""
     if b[1] == 0.0 and b[2] == 0.0:
         n = b[0]
         slope = n * power(a[0], n - 1.0) if n != 0.0 else 0.0
@@ -150,7 +150,7 @@ def rates_of_power(a, b, x):
 
 @part
 def slopes_of(op, a, x):
-    """First and second derivative of a function of one number a, whose value is x."""
+    """Return the first and second derivative of a function of a single number a, with value x."""
     if op == ABS:
         return (1.0 if a >= 0.0 else -1.0), 0.0
     if op == SQRT:
@@ -175,7 +175,7 @@ def slopes_of(op, a, x):
 
 @sweep
 def follow_signals(signals, drives, loads, t, q, v):
-    """Put the values of all expressions where drives and wrenches read them.
+    """Write the values of all expressions to the inputs of drives and wrenches.
 
     Returns 0, or -1 where one of them is not finite: a bound would hide it.
     """

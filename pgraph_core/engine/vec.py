@@ -55,7 +55,7 @@ def store9(a, i, j, x):
 
 @part
 def xyz(field):
-    """A field of three numbers."""
+    """Return a field of three numbers."""
     return (field[0], field[1], field[2])
 
 
@@ -75,7 +75,7 @@ def add_xyz(field, x):
 
 @part
 def matrix(field):
-    """A field of nine numbers."""
+    """Return a field of nine numbers."""
     return (
         field[0],
         field[1],
@@ -112,7 +112,7 @@ def scale(s, x):
 
 @part
 def add_scaled(x, s, y):
-    """x + s y."""
+    """Return x + s y."""
     return (x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2])
 
 
@@ -128,7 +128,7 @@ def cross(x, y):
 
 @part
 def add_cross(a, x, y):
-    """a + x × y."""
+    """Return a + x × y."""
     return (
         a[0] + x[1] * y[2] - x[2] * y[1],
         a[1] + x[2] * y[0] - x[0] * y[2],
@@ -138,7 +138,7 @@ def add_cross(a, x, y):
 
 @part
 def mul(m, x):
-    """m x for a 3x3 matrix."""
+    """Return m x for a 3x3 matrix."""
     return (
         m[0] * x[0] + m[1] * x[1] + m[2] * x[2],
         m[3] * x[0] + m[4] * x[1] + m[5] * x[2],
@@ -148,7 +148,7 @@ def mul(m, x):
 
 @part
 def mul_t(m, x):
-    """mᵀ x for a 3x3 matrix."""
+    """Return mᵀ x for a 3x3 matrix."""
     return (
         m[0] * x[0] + m[3] * x[1] + m[6] * x[2],
         m[1] * x[0] + m[4] * x[1] + m[7] * x[2],
@@ -182,7 +182,7 @@ def add9(a, b):
 
 @part
 def add_outer(s, x, y):
-    """s + x yᵀ for a symmetric result."""
+    """Return s + x yᵀ for a symmetric result."""
     return (
         s[0] + x[0] * y[0],
         s[1] + x[1] * y[1],
@@ -195,7 +195,7 @@ def add_outer(s, x, y):
 
 @part
 def add_outer9(m, x, y):
-    """m + x yᵀ for a 3x3 matrix."""
+    """Return m + x yᵀ for a 3x3 matrix."""
     return (
         m[0] + x[0] * y[0], m[1] + x[0] * y[1], m[2] + x[0] * y[2],
         m[3] + x[1] * y[0], m[4] + x[1] * y[1], m[5] + x[1] * y[2],
@@ -205,19 +205,19 @@ def add_outer9(m, x, y):
 
 @part
 def rows_of(m):
-    """The rows of a 3x3 matrix."""
+    """Return the rows of a 3x3 matrix."""
     return (m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8])
 
 
 @part
 def columns_of(m):
-    """The columns of a 3x3 matrix."""
+    """Return the columns of a 3x3 matrix."""
     return (m[0], m[3], m[6]), (m[1], m[4], m[7]), (m[2], m[5], m[8])
 
 
 @part
 def cross_sym(x, s):
-    """x× s for a symmetric matrix: 3x3."""
+    """Return x× s as a 3x3 matrix, for a symmetric s."""
     a = cross(x, (s[0], s[3], s[4]))
     b = cross(x, (s[3], s[1], s[5]))
     c = cross(x, (s[4], s[5], s[2]))
@@ -231,7 +231,7 @@ def transpose(m):
 
 @part
 def sym_mul(s, x):
-    """s x for a symmetric matrix."""
+    """Return s x for a symmetric matrix."""
     return (
         s[0] * x[0] + s[3] * x[1] + s[4] * x[2],
         s[3] * x[0] + s[1] * x[1] + s[5] * x[2],
@@ -260,7 +260,7 @@ def rotate_sym(r, s):
 
 @part
 def about_origin(s, m, c):
-    """Inertia about a point c away from the centre of mass: s + m (c² 1 - c cᵀ)."""
+    """Return the inertia about a point c away from the centre of mass, s + m (c² 1 - c cᵀ)."""
     x, y, z = m * c[0], m * c[1], m * c[2]
     return (
         s[0] + y * c[1] + z * c[2],
@@ -274,7 +274,9 @@ def about_origin(s, m, c):
 
 @part
 def rodrigues(u, s, c):
-    """Rot(u, θ) = I + (u×) s + (u×)² (1 - c) for a unit axis, s = sin θ, c = cos θ, Fig. 7."""
+    """Return Rot(u, θ) = I + (u×) s + (u×)² (1 - c) for a unit axis, s = sin θ, c = cos θ, Fig.
+    7.
+    """
     t = 1.0 - c
     tx, ty, tz = t * u[0], t * u[1], t * u[2]
     sx, sy, sz = s * u[0], s * u[1], s * u[2]
@@ -293,7 +295,9 @@ def rodrigues(u, s, c):
 
 @part
 def quaternion_matrix(w, x, y, z):
-    """Rotation matrix of a quaternion of any length but zero: only its direction counts."""
+    """Return the rotation matrix of a quaternion of any nonzero length. Only its direction
+    matters.
+    """
     s = 2.0 / (w * w + x * x + y * y + z * z)
     return (
         1.0 - s * (y * y + z * z),
@@ -327,7 +331,7 @@ def store3(x, i, value):
 
 @part
 def finite(x):
-    """True if every number of a vector is finite."""
+    """Return True if every entry of a vector is finite."""
     n = x.shape[0]
     even = 0.0
     odd = 0.0
@@ -341,7 +345,7 @@ def finite(x):
 
 @part
 def largest(x, m):
-    """Return the largest magnitude of the first m numbers, nan if one is nan."""
+    """Return the largest magnitude of the first m numbers, or nan if one is nan."""
     size = 0.0
     for r in range(m):
         if not abs(x[r]) <= size:

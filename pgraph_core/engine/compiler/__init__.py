@@ -1,1 +1,1 @@
-"""Numba's internals: the disk cache, addresses of scenes and kernels, SIMD types."""
+"""Interface to numba's internals: disk cache, addresses of scenes and kernels, SIMD types."""

@@ -1,4 +1,4 @@
-"""Scenes and kernels as addresses: one number in the place of forty arrays, or of a function.
+"""Scenes and kernels as addresses: one number instead of forty arrays or a function.
 
 A kernel that takes a scene by address is called from Python in the time of three arguments, and
 from other kernels without a copy. A method that calls the equations of motion by address does
@@ -21,7 +21,7 @@ _KEPT: dict[int, Any] = {}  # objects by their "addresses" when nothing is compi
 
 
 def unnamed(value: Any) -> Any:
-    """A named tuple as kernels are given it."""
+    """Return a named tuple in the form passed to kernels."""
     if not JIT:
         return value
     members = list(value)
@@ -32,7 +32,7 @@ def unnamed(value: Any) -> Any:
 
 
 def stored(kind: Group, of_duals: Group | None = None) -> tuple[Any, Any]:
-    """(save, opened) of a named tuple: `save(buffer, value)`, `opened(address)` of a buffer.
+    """Return (save, opened) for a named tuple: `save(buffer, value)` and `opened(address)`.
 
     What is saved is `unnamed`, what is opened has names. A tuple can be opened as its first member.
     At an address `of_duals` is what its members are there.
@@ -46,7 +46,7 @@ def stored(kind: Group, of_duals: Group | None = None) -> tuple[Any, Any]:
 
 
 def caller(signature: Signature) -> Any:
-    """`call(address, (arguments))` of a function with this signature: a kernel's, or C's."""
+    """Return `call(address, (arguments))` for kernels or C functions with this signature."""
     return late("address", "caller", lambda address, args: _KEPT[address](*args), signature)
 
 
@@ -64,7 +64,7 @@ def address_of_function(function: Any) -> int:
 
 
 def address_of_array(array: Any) -> int:
-    """Return the address of a buffer of `stored`."""
+    """Return the address of a buffer for `stored`."""
     return array.ctypes.data if JIT else id(array)
 
 
@@ -78,5 +78,5 @@ def _keep(array: Any, value: Any) -> None:
 
 
 def _named(value: Any, wanted: type) -> Any:
-    """The value, or its first member, that is of the named tuple wanted."""
+    """Return the value, or its first member, that is an instance of the wanted named tuple."""
     return value if isinstance(value, wanted) else _named(value[0], wanted)

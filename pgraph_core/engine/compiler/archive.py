@@ -1,4 +1,4 @@
-"""The archive of kernels that comes with the package: a file of bitcode.
+"""The archive of kernels shipped with the package, a file of bitcode.
 
 A file begins with the SHA-256 digest of the rest. Then follow the length of an index in JSON, the
 index, and sections, each compressed. Pieces of bitcode are named by the hash of their content.
@@ -27,16 +27,16 @@ COMMAND = "python -m pgraph_core.engine --archive"
 
 
 def key(*parts: str) -> str:
-    """A name in the cache."""
+    """The name of an entry in the cache."""
     return " ".join(parts)
 
 
 class Unusable(Exception):
-    """A file that is no archive for this program, with the reason."""
+    """Raised for a file that is not an archive for this program, with the reason."""
 
 
 def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
-    """The bytes of a file."""
+    """Return the bytes of an archive file."""
     packed = {
         name: lzma.compress(data, preset=9 | lzma.PRESET_EXTREME) for name, data in sections.items()
     }
@@ -50,7 +50,7 @@ def written(index: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
 
 
 class File:
-    """A file that was read. Raises Unusable."""
+    """An archive file opened for reading. Raises Unusable."""
 
     def __init__(self, path: Path):
         try:
@@ -70,7 +70,7 @@ class File:
         self._sections: dict[str, bytes] = {}
 
     def part(self, section: str, begin: int = 0, size: int | None = None) -> bytes:
-        """Return a section, or `size` of its bytes."""
+        """Return a section, or `size` bytes of it."""
         if section not in self._sections:
             at, length = self.index["sections"][section]
             at += self._start
@@ -116,7 +116,7 @@ class Archive:
         return self._index["kernels"][name]["symbol"]
 
     def why(self, name: str) -> str:
-        """Why a kernel is not taken from here, as a part of a sentence."""
+        """Return the reason why a kernel is not taken from the archive, as part of a sentence."""
         if self.problem:
             return self.problem
         if name not in self._index["kernels"]:
@@ -124,19 +124,19 @@ class Archive:
         return "the archive of kernels is older than their sources"
 
     def stale(self) -> list[str]:
-        """The names of the kernels that are older than their sources."""
+        """Return the names of the kernels that are older than their sources."""
         return [name for name in self._index["kernels"] if self.pieces(name) is None]
 
     def names(self) -> list[str]:
-        """The names of all its kernels."""
+        """Return the names of all kernels in the archive."""
         return list(self._index["kernels"])
 
     def all_pieces(self, *sections: str) -> list[str]:
-        """The names of all pieces of sections."""
+        """Return the names of all pieces in the given sections."""
         return [name for name, place in self._index["pieces"].items() if place[0] in sections]
 
     def bitcode(self, piece: str) -> bytes:
-        """The bitcode of a piece."""
+        """Return the bitcode of a piece."""
         return self._file.part(*self._index["pieces"][piece])
 
 
@@ -148,5 +148,5 @@ def _changed(name: str, digest: str, code: str) -> bool:
 
 @cache
 def current() -> Archive:
-    """The archive of this package."""
+    """Return the archive of this package."""
     return Archive()

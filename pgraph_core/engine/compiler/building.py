@@ -1,4 +1,4 @@
-"""From numba's code to optimised modules, and all kernels into one archive.
+"""Build optimised modules from numba's code, and the archive of all kernels.
 
 Kernels of the archive are merged into one module before they are optimised, so that what several
 of them call is there once. The optimised module is taken apart again: the functions that the same
@@ -37,7 +37,7 @@ ALLOWED = {"memcpy", "memmove", "memset", "sqrt"}  # C functions that kernels ma
 
 
 def build(path: Path = archive.FILE) -> Iterator[str]:
-    """Make the archive, yielding a line per kernel. Takes some minutes on two processors."""
+    """Build the archive, yielding a line per kernel. It takes a few minutes on two processors."""
     parts: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         running = []
@@ -61,7 +61,7 @@ def build(path: Path = archive.FILE) -> Iterator[str]:
 
 
 def _joined(parts: list[dict[str, Any]]) -> bytes:
-    """The file of what several processes have made."""
+    """Return the file that joins the results of several processes."""
     groups: list[list[str]] = []
     described: dict[str, Any] = {}
     pieces: dict[str, tuple[str, int, int]] = {}
@@ -91,7 +91,7 @@ def _joined(parts: list[dict[str, Any]]) -> bytes:
 
 
 def machine_code() -> Iterator[str]:
-    """Write machine code of the archive for the usual processors, yielding a line for each."""
+    """Write machine code from the archive for the usual processors, yielding a line for each."""
     for name, level in loading.LEVELS.items():
         path = archive.FILE.with_suffix(f".{name}")
         path.write_bytes(machine_code_of(level))
@@ -99,7 +99,7 @@ def machine_code() -> Iterator[str]:
 
 
 def machine_code_of(level: loading.Level) -> bytes:
-    """Return a file of machine code of the archive: a section for each piece."""
+    """Return a file of machine code from the archive, with one section per piece."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     target = loading.machine_for(f"{level.arch}-unknown-linux-gnu", level.cpu, "")
@@ -110,7 +110,7 @@ def machine_code_of(level: loading.Level) -> bytes:
 
 
 def make_pieces(out: Path, lanes_alone: bool) -> Iterator[str]:
-    """Compile kernels and write their pieces, those for lanes in a separate module."""
+    """Compile kernels and write their pieces. Those for lanes go into a separate module."""
     found: dict[str, Any] = {"kernels": {}, "pieces": {}}
     all_ = every_kernel()
     files = set().union(*(sources.sources(loading.file_of(one)) for one in all_))
@@ -128,7 +128,7 @@ def make_pieces(out: Path, lanes_alone: bool) -> Iterator[str]:
 
 
 class Lowered(NamedTuple):
-    """A kernel in LLVM's language."""
+    """A kernel in LLVM IR."""
 
     name: str
     symbol: str
@@ -138,7 +138,7 @@ class Lowered(NamedTuple):
 
 
 def lowered_kernels(chosen: list[Kernel], section: str) -> Iterator[Lowered]:
-    """Compile kernels by numba, not optimised, in one process so that helper names differ."""
+    """Compile kernels to unoptimised LLVM IR, in one process so that helper names differ."""
     i = 0
     for one in chosen:
         files = sorted(map(sources.name_of, sources.sources(loading.file_of(one))))
@@ -150,7 +150,7 @@ def lowered_kernels(chosen: list[Kernel], section: str) -> Iterator[Lowered]:
 
 
 def take_apart(lowered: list[Lowered], section: str, found: dict[str, Any]) -> None:
-    """Merge kernels, optimise them, and add their pieces to what was found."""
+    """Merge and optimise kernels, and add their pieces to `found`."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     whole: Any = None
@@ -184,7 +184,7 @@ LINKAGE = re.compile(r"^define (internal |private |external )?(dso_local )?")
 def split(
     text: str, roots: dict[str, tuple[str, ...]], prefix: str
 ) -> tuple[dict[str, bytes], dict[str, list[str]]]:
-    """({piece: bitcode}, {kernel: its pieces}) of an optimised module."""
+    """Return ({piece: bitcode}, {kernel: its pieces}) for an optimised module."""
     bodies = {NAME.search(body)[1]: body for body in FUNCTION.findall(text)}  # type: ignore[index]
     calls = {
         name: {other for other in NAME.findall(body) if other in bodies and other != name}

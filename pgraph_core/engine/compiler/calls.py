@@ -1,4 +1,4 @@
-"""From Python into machine code: one function for all kernels, which reads their signatures.
+"""Calls from Python into machine code: one function that reads the signature of any kernel.
 
 A kernel's own function takes its arguments as words of 8 bytes. `enter` is a function of CPython's
 convention METH_FASTCALL. It finds in its `self`, a bytes object of words, what the kernel takes,
@@ -58,7 +58,7 @@ ENTER = "pgraph_enter"
 
 
 class _Code:
-    """A function of LLVM under construction."""
+    """A function in LLVM IR under construction."""
 
     def __init__(self, module: ir.Module, name: str, result: Any, arguments: tuple[Any, ...]):
         self.module = module
@@ -66,19 +66,19 @@ class _Code:
         self.builder = ir.IRBuilder(self.function.append_basic_block())
 
     def python(self, name: str, *args: Any) -> Any:
-        """Call a function of Python."""
+        """Call a function of the Python C API."""
         result, kinds = PYTHON[name]
         known = self.module.globals.get(name)
         known = known or ir.Function(self.module, ir.FunctionType(result, kinds), name)
         return self.builder.call(known, args)
 
     def data(self, name: str) -> Any:
-        """The address of an object of Python."""
+        """Return the address of an object of the Python C API."""
         known = self.module.globals.get(name)
         return known or ir.GlobalVariable(self.module, BYTE, name)
 
     def exception(self, name: str) -> Any:
-        """A class of exceptions."""
+        """Return an exception class of Python."""
         return self.builder.load(self.builder.bitcast(self.data(name), OBJECT.as_pointer()))
 
     def word(self, words: Any, at: Any) -> Any:
@@ -94,11 +94,11 @@ class _Code:
         return self.builder.load(self.builder.inttoptr(address, kind.as_pointer()))
 
     def pointer(self, word: Any) -> Any:
-        """A word as the address of an object."""
+        """Return a word as the address of an object."""
         return self.builder.inttoptr(word, OBJECT)
 
     def loop(self, count: Any, body: Callable[[Any], None]) -> None:
-        """`body(i)` for i from 0 to count - 1."""
+        """Emit `body(i)` for i from 0 to count - 1."""
         b = self.builder
         head, inside, after = (b.append_basic_block() for _ in range(3))
         before = b.block
@@ -115,14 +115,15 @@ class _Code:
 
 
 def module() -> str:
-    """The text of the module that holds `enter`."""
+    """Return the text of the module that contains `enter`."""
     made = ir.Module()
     _enter(made, _Take(made).function)
     return str(made)
 
 
 class _Take:
-    """take(object, &description, &words, head, ndarray): 1 where it fits and is laid out.
+    """take(object, &description, &words, head, ndarray): returns 1 if the object fits and is laid
+    out.
 
     `wrong` is where the function returns 0. Each kind of argument has a method, which ends its
     block of the switch.
@@ -154,13 +155,13 @@ class _Take:
         self.b.ret(HALF(0))
 
     def must(self, good: Any) -> None:
-        """Go to `wrong` unless it is true."""
+        """Branch to `wrong` unless the condition is true."""
         block = self.b.append_basic_block()
         self.b.cbranch(good, block, self.wrong)
         self.b.position_at_end(block)
 
     def done(self, kinds: int, count: Any) -> None:
-        """Return 1 after so many words of the description and of the arguments."""
+        """Return 1 after consuming this many words of the description and the arguments."""
         self.b.store(self.code.place(self.kind, kinds), self.at_kind)
         self.b.store(self.code.place(self.words, count), self.at_word)
         self.b.ret(HALF(1))
@@ -170,7 +171,7 @@ class _Take:
         self.b.store(value, self.code.place(self.words, at))
 
     def is_a(self, wanted: Any) -> Any:
-        """Return whether the object is of a type or of a subtype."""
+        """Return whether the object is an instance of a type or a subtype."""
         b = self.b
         same = b.icmp_unsigned("==", self.type, wanted)
         with b.if_else(same) as (then, other):
@@ -186,7 +187,7 @@ class _Take:
         return result
 
     def number(self, value: Any, suspicious: Any) -> None:
-        """Lay out a number, and ask Python about an error if the number is suspicious."""
+        """Lay out a number, and check for a Python error if the number is suspicious."""
         with self.b.if_then(suspicious, likely=False):
             failed = self.code.python("PyErr_Occurred")
             self.must(self.b.icmp_unsigned("==", failed, OBJECT(None)))
@@ -199,7 +200,7 @@ class _Take:
         self.number(value, self.b.icmp_signed("==", value, WORD(-1)))
 
     def unsigned(self) -> None:
-        """An unsigned integer, such as an address."""
+        """Lay out an unsigned integer, such as an address."""
         index = self.code.python("PyNumber_Index", self.given)
         self.must(self.b.icmp_unsigned("!=", index, OBJECT(None)))
         value = self.code.python("PyLong_AsUnsignedLongLong", index)
@@ -207,13 +208,15 @@ class _Take:
         self.number(value, self.b.icmp_signed("==", value, WORD(-1)))
 
     def real(self) -> None:
-        """Lay out a float. An array of one number is refused."""
+        """Lay out a float. Arrays with a single number are rejected."""
         self.must(self.b.not_(self.is_a(self.code.pointer(self.ndarray))))
         value = self.code.python("PyFloat_AsDouble", self.given)
         self.number(value, self.b.fcmp_ordered("==", value, DOUBLE(-1.0)))
 
     def array(self) -> None:
-        """An array: its kind has the axes, NumPy's description, bytes of an entry, flags."""
+        """Lay out an array. Its kind has the axes, NumPy's description, bytes per entry, and
+        flags.
+        """
         b, code = self.b, self.code
         self.must(self.is_a(code.pointer(self.ndarray)))
         start = b.add(b.ptrtoint(self.given, WORD), self.head)
@@ -253,7 +256,7 @@ class _Take:
         self.done(5, b.add(WORD(5), b.add(axes, axes)))
 
     def members(self) -> None:
-        """A tuple: its kind has the number of members, then their kinds."""
+        """Lay out a tuple. Its kind has the number of members, followed by their kinds."""
         b, code = self.b, self.code
         self.must(self.is_a(code.data("PyTuple_Type")))
         count = code.word(self.kind, 1)
@@ -269,13 +272,13 @@ class _Take:
         b.ret(HALF(1))
 
     def none(self) -> None:
-        """Lay out None, which takes no word."""
+        """Lay out None, which needs no word."""
         self.must(self.b.icmp_unsigned("==", self.given, self.code.data("_Py_NoneStruct")))
         self.done(1, 0)
 
 
 def _enter(made: ir.Module, take: Any) -> None:
-    """enter(self, arguments, their number), by METH_FASTCALL."""
+    """enter(self, arguments, number of arguments), called by METH_FASTCALL."""
     code = _Code(made, ENTER, OBJECT, (OBJECT, OBJECT.as_pointer(), WORD))
     b, (own, given, number) = code.builder, code.function.args
     table = b.bitcast(code.python("PyBytes_AsString", own), WORDS)
@@ -369,7 +372,7 @@ ALIVE: list[Any] = []  # objects whose addresses machine code holds
 
 
 def function(name: str, signature: Signature, nogil: bool, enter: int, address: int) -> Any:
-    """Return the function that Python calls. The kernel reads its words at `address`."""
+    """Return the function that Python calls. The kernel reads its argument words at `address`."""
     results = signature.result
     members = results.members if isinstance(results, Group) else (results,)
     out = [OF_SCALAR[one.code] for one in members if getattr(one, "code", "") != "void"]
@@ -399,14 +402,14 @@ def function(name: str, signature: Signature, nogil: bool, enter: int, address: 
 
 
 def _text(message: str) -> int:
-    """The address of a text."""
+    """Return the address of a string."""
     kept = ctypes.create_string_buffer(message.encode())
     ALIVE.append(kept)
     return ctypes.addressof(kept)
 
 
 def _described(kind: Kind) -> tuple[list[int], int]:
-    """(the words that describe a kind, how many words it takes)."""
+    """Return (the words that describe a kind, the number of words its values need)."""
     if isinstance(kind, Array):
         ALIVE.append(kind.dtype)
         flags = ORDERED if kind.read else ORDERED | WRITEABLE
@@ -423,7 +426,7 @@ def _described(kind: Kind) -> tuple[list[int], int]:
 
 
 def in_words(kind: Kind) -> str:
-    """Describe the required argument."""
+    """Describe the required argument in words."""
     if isinstance(kind, Array):
         entries = "records" if kind.dtype.names else kind.dtype.name
         how = "C-contiguous" if kind.read else "C-contiguous, writeable"
@@ -442,7 +445,7 @@ FITTING: dict[str, Any] = {
 
 
 def fits(signature: Signature, args: tuple[Any, ...]) -> bool:
-    """True if a signature accepts the arguments."""
+    """Return True if a signature accepts the arguments."""
     kinds = signature.arguments
     return len(kinds) == len(args) and all(map(_fits, kinds, args))
 

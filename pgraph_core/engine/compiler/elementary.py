@@ -1,4 +1,4 @@
-"""Elementary functions from sums, products and quotients alone: the same bits on every processor.
+"""Elementary functions from sums, products and quotients, bit-identical on every processor.
 
 The C library rounds them as its version and the processor have it. Here each is plain
 floating-point source, within one unit in the last place; atan2, and powers that are very large or
@@ -50,13 +50,13 @@ float_of: Any = late(
 
 @part
 def power_of_two(n):
-    """2ⁿ for -1022 <= n <= 1023."""
+    """Return 2ⁿ for -1022 <= n <= 1023."""
     return float_of((n + 1023) << 52)
 
 
 @part
 def scaled(x, n):
-    """x 2ⁿ, rounded once: results may be subnormal or overflow."""
+    """Return x 2ⁿ, rounded once. The result may be subnormal or overflow."""
     if n > 1023:
         return x * power_of_two(1023) * power_of_two(min(n - 1023, 1023))
     if n < -1022:
@@ -66,7 +66,7 @@ def scaled(x, n):
 
 @part
 def two_sum(a, b):
-    """(a + b, what its rounding has taken off)."""
+    """Return (a + b, its rounding error)."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
@@ -74,7 +74,7 @@ def two_sum(a, b):
 
 @part
 def halves(x):
-    """x as two numbers of 26 bits [Dekker 1971]."""
+    """Split x into two numbers of 26 bits [Dekker 1971]."""
     t = 134217729.0 * x
     high = t - (t - x)
     return high, x - high
@@ -82,7 +82,7 @@ def halves(x):
 
 @part
 def two_product(a, b):
-    """(a b, what its rounding has taken off)."""
+    """Return (a b, its rounding error)."""
     p = a * b
     a0, a1 = halves(a)
     b0, b1 = halves(b)
@@ -111,7 +111,7 @@ HALF_PI = (1.5707963267948966, 6.123233995736766e-17)
 
 @sweep
 def reduced(x):
-    """(n mod 4, r, low): x = n π/2 + r + low for FAR <= |x|, |r| <= π/4 [Payne, Hanek 1983].
+    """Return (n mod 4, r, low): x = n π/2 + r + low for |x| >= FAR, |r| <= π/4 [Payne, Hanek 1983].
 
     x = m 2ᵉ times the digits of 2/π that do not only add multiples of four.
     """
@@ -175,7 +175,7 @@ def _cosine_near_zero(r, low):
 
 @sweep
 def _far(x):
-    """Return (sin x, cos x) for |x| >= FAR, nan if x is not finite."""
+    """Return (sin x, cos x) for |x| >= FAR, or nan if x is not finite."""
     if not abs(x) < math.inf:
         return math.nan, math.nan
     n, r, low = reduced(x)
@@ -318,7 +318,7 @@ def _atan(x):
 
 @part
 def _quotient_arc(y, x):
-    """atan(y / x) for x > 0, and what the quotient's rounding takes off made good."""
+    """Return atan(y / x) for x > 0, corrected for the rounding error of the quotient."""
     q = y / x
     if not (1e-140 < x < 1e140 and 1e-140 < abs(q) < 1e140):
         return _atan(q)
@@ -366,7 +366,7 @@ ASIN_BELOW = (
 
 @part
 def _asin_rest(z):
-    """(asin x - x) / x for z = x², x up to 1/2."""
+    """Return (asin x - x) / x for z = x², x up to 1/2."""
     p = ASIN[0]
     for c in ASIN[1:]:
         p = p * z + c
@@ -378,7 +378,7 @@ def _asin_rest(z):
 
 @part
 def _upper(x):
-    """2 asin √((1 - x) / 2) for x from 1/2 to 1: acos x."""
+    """Return acos x = 2 asin √((1 - x) / 2) for x from 1/2 to 1."""
     z = 0.5 * (1.0 - x)
     s = math.sqrt(z)
     high = float_of(bits_of(s) & -4294967296)
@@ -437,7 +437,7 @@ LOG = (
 
 @sweep
 def _exp(x, more):
-    """exp(x + more), `more` within the rounding of x."""
+    """Return exp(x + more), where `more` is within the rounding error of x."""
     if not x < 709.8:
         return math.inf if x >= 709.8 else x
     if x < -745.2:
@@ -460,7 +460,7 @@ def _exp_of(x):
 
 @sweep
 def _log(x):
-    """(log x, what its rounding has taken off) for 0 < x < ∞."""
+    """Return (log x, its rounding error) for 0 < x < ∞."""
     n = 0
     if x < 2.2250738585072014e-308:
         x *= 18014398509481984.0

@@ -1,4 +1,4 @@
-"""Decorators of kernels: `kernel` for calls from Python, `part`, `sweep`, `inlined` for helpers.
+"""Kernel decorators: `kernel` for calls from Python, `part`, `sweep`, `inlined` for helpers.
 
 The decorators import no compiler. A kernel gets its machine code from `loading` at its first call.
 If there is none for these sources, `lowering` compiles it with numba, to which helpers are
@@ -25,7 +25,7 @@ tools: Any = None  # the module `tools`, which the package `engine` sets here
 
 
 class Late:
-    """Stand-in for `lowering.MODULE.NAME`, resolved when a kernel is compiled.
+    """A placeholder for `lowering.MODULE.NAME`, resolved when a kernel is compiled.
 
     With arguments it stands for the value that the function returns for them. Python calls `plain`.
     """
@@ -39,7 +39,7 @@ class Late:
 
     @cached_property
     def made(self) -> Any:
-        """The function that numba knows."""
+        """Return the function known to numba."""
         found = tools.lowering(*self._where)
         return found(*self._given) if self._given else found
 
@@ -49,12 +49,12 @@ class Late:
 
 
 def late(module: str, name: str, plain: Any = None, *given: Any) -> Any:
-    """A function of `lowering`, or `plain` where nothing is compiled."""
+    """Return a placeholder for a function of `lowering`, or `plain` if compilation is disabled."""
     return Late(module, name, plain, *given) if JIT else plain
 
 
 class Helper:
-    """A function that kernels call, turned into numba's form when a kernel is compiled."""
+    """A function called by kernels, turned into numba's form when a kernel is compiled."""
 
     def __init__(self, function: Callable[..., Any], how: str):
         self.py_func, self._how = function, how
@@ -71,7 +71,7 @@ class Helper:
 
     @property
     def targetoptions(self) -> Any:
-        """Options of numba's form, from which numba learns that a stage is inlined."""
+        """Return the options of numba's form, which mark a stage as inlined."""
         return self.made.targetoptions
 
     @property
@@ -80,7 +80,7 @@ class Helper:
 
 
 class Kernel(Helper):
-    """A compiled function that Python calls: for its signatures alone, others raise TypeError.
+    """A compiled function for calls from Python. Other signatures than its own raise TypeError.
 
     Python code can then try a call with what it was given, and look closer only if it fails.
     """
@@ -119,24 +119,24 @@ class Kernel(Helper):
         return self._first(*args)
 
     def code(self, variant: int = 0) -> Any:
-        """The machine code of a signature, loaded or compiled."""
+        """Return the machine code for a signature, loading or compiling it."""
         with LOCK:
             if variant not in self._codes:
                 self._codes[variant] = tools.code_of(self, variant)
             return self._codes[variant]
 
     def ready(self) -> Callable[..., Any]:
-        """The function that Python calls, loaded or compiled."""
+        """Return the function that Python calls, loading or compiling it."""
         self._enter = self.code().call
         return self._enter
 
     @property
     def is_ready(self) -> bool:
-        """True if its machine code is loaded."""
+        """Return True if its machine code is loaded."""
         return bool(self._codes)
 
     def close(self) -> None:
-        """Let calls raise TypeError until it is made ready."""
+        """Make calls raise TypeError until the kernel is made ready."""
         if not self._codes:
             self._enter = self._refuse
 
@@ -145,24 +145,24 @@ class Kernel(Helper):
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """A small helper, always inlined."""
+    """Mark a small helper that is always inlined."""
     return Helper(function, "part") if JIT else function
 
 
 def sweep(function: Callable[..., Any]) -> Any:
-    """A helper that loops over rows: called, so that a kernel holds its code only once."""
+    """Mark a helper that loops over rows. It is not inlined, so a kernel contains its code once."""
     return Helper(function, "sweep") if JIT else function
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """A stage of one kernel, merged into it before anything is compiled."""
+    """Mark a stage of one kernel, merged into it before compilation."""
     return Helper(function, "inlined") if JIT else function
 
 
 def kernel(
     *signatures: Signature, nogil: bool = False, later: bool = False, lanes: bool = False
 ) -> Callable[[Callable[..., Any]], Any]:
-    """A compiled function that Python calls, for one signature or one of several.
+    """Compile a function for calls from Python, with one or several signatures.
 
     `later` keeps it out of the warm-up: it is loaded where something asks for it. `lanes` says that
     it is compiled for the width of vectors here.
@@ -182,7 +182,7 @@ def kernel(
 
 
 def register(kernels: dict[str, Any], made: Any) -> None:
-    """Keep a kernel under its name. Raises RuntimeError where another module has that name."""
+    """Register a kernel under its name. Raises RuntimeError if another module uses that name."""
     name, home = made.__name__, made.__module__
     for known in (KERNELS, LATER):
         if name in known and known[name].__module__ != home:
@@ -191,19 +191,19 @@ def register(kernels: dict[str, Any], made: Any) -> None:
 
 
 def ready(one: Any) -> Any:
-    """A kernel as Python calls it, loaded or compiled first."""
+    """Return a kernel as a Python callable, loading or compiling it first."""
     return one.ready() if JIT else one
 
 
 def closed(one: Any) -> Any:
-    """A kernel that a call does not load: until it is `ready`, every call raises TypeError."""
+    """Keep calls from loading a kernel: until it is `ready`, every call raises TypeError."""
     if JIT:
         one.close()
     return one
 
 
 def made_by_numba(function: Any) -> bool:
-    """True if a user's function was compiled by `numba.njit`."""
+    """Return True if a user's function was compiled by `numba.njit`."""
     module = sys.modules.get("numba.core.dispatcher")  # without it there is no such function
     return JIT and module is not None and isinstance(function, module.Dispatcher)
 

@@ -1,4 +1,4 @@
-"""The types of what kernels take and return, for signatures: `void(i8[:, ::1], f8)`.
+"""Argument and return types of kernels, for signatures such as `void(i8[:, ::1], f8)`.
 
 They describe memory alone. What the compiler makes of them is in `lowering.kinds`, so that a
 kernel with its signature costs no import of a compiler.
@@ -24,12 +24,12 @@ class Kind:
 
 @dataclass(frozen=True)
 class Scalar(Kind):
-    """A number by its NumPy code, "none" for a missing one, "void" for no result."""
+    """A number by its NumPy code, "none" for a missing one, or "void" for no result."""
 
     code: str
 
     def __getitem__(self, axes: slice | tuple[slice, ...]) -> Array:
-        """Return the kind of a C-contiguous array, with an axis for each slice."""
+        """Return the kind of a C-contiguous array with one axis per slice."""
         return Array(np.dtype(self.code), len(axes) if isinstance(axes, tuple) else 1)
 
 
@@ -52,7 +52,7 @@ class Group(Kind):
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The names of the members."""
+        """Return the names of the members."""
         return self.names._fields
 
     def but(self, **members: Kind) -> Group:
@@ -63,7 +63,7 @@ class Group(Kind):
 
 @dataclass(frozen=True)
 class Signature:
-    """Types of the result and the arguments of a function."""
+    """The types of the result and the arguments of a function."""
 
     result: Kind
     arguments: tuple[Kind, ...]
@@ -75,7 +75,7 @@ of_duals = Scalar("of_duals")  # address of a scene or run whose numbers carry d
 
 
 def group(*members: Kind) -> Group:
-    """Return the kind of a tuple without names."""
+    """Return the kind of an unnamed tuple."""
     return Group(members)
 
 
@@ -90,7 +90,7 @@ def array_of(record: np.dtype[Any], dimensions: int = 1) -> Array:
 
 
 def read(kind: Array) -> Array:
-    """Return the kind of an array that a kernel does not write."""
+    """Return the kind of an array that a kernel only reads."""
     return replace(kind, read=True)
 
 
@@ -105,7 +105,7 @@ def carrying(kind: Any) -> Any:
 
 
 def plain(kind: Kind) -> Kind:
-    """Return the kind of a tuple without names."""
+    """Return the kind of an unnamed tuple."""
     return Group(tuple(map(plain, kind.members))) if isinstance(kind, Group) else kind
 
 

@@ -1,4 +1,4 @@
-"""Names of lanes and triples for kernels. `lowering.lane` defines them.
+"""Names of lanes and triples for kernels, defined by `lowering.lane`.
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. A triple is three
 numbers in one register, or three lanes. A wrench whose components are triples is three wrenches,
@@ -16,7 +16,7 @@ from .jit import late
 
 
 def _width() -> int:
-    """Doubles in a lane: as a vector register of this processor has, and 4 where that has fewer."""
+    """Return the doubles per lane: the size of a vector register on this processor, at least 4."""
     chosen = os.environ.get("PGRAPH_LANE_WIDTH")  # set while an archive is built
     if chosen:
         return int(chosen)
@@ -33,7 +33,7 @@ def _store_plain(a: Any, i: int, j: int, x: Any) -> None:
 
 
 def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
-    """A function of (rows, work, q): the one or the other, as the entries of q are lanes or not."""
+    """Return a function of (rows, work, q) that selects one of two, by whether q contains lanes."""
     return late("lane", "by_lanes", of_lanes, of_lanes, of_numbers)
 
 

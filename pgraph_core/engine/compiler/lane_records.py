@@ -1,4 +1,4 @@
-"""Records of many instances: what a kernel reads as `leg.offset` of one, it reads as a lane of W.
+"""Records for many instances: a kernel reads `leg.offset` as a lane of W instead of one number.
 
 An array of records in lanes is a C-contiguous float64 array (records, words, W), a word for each
 number of the record; see `lowering.lane_records`.
@@ -12,10 +12,10 @@ from .jit import late
 
 
 def in_lanes_of(kind: Any) -> Any:
-    """A function of a float64 array (records, words, W): the records in lanes over its memory."""
+    """Return a function that views a float64 array (records, words, W) as records in lanes."""
     return late("lane_records", "in_lanes_of", None, kind)
 
 
 def in_each(function: Any) -> Any:
-    """A compiled function of one number as one of a number or a lane, place after place."""
+    """Apply a compiled function of one number to each element of a lane, or to a number."""
     return late("lane_records", "in_each", function, function)

@@ -1,4 +1,4 @@
-"""Sources of a kernel's machine code, and its loading with llvmlite alone.
+"""Sources of kernel machine code, and loading it with llvmlite alone.
 
 The archive holds kernels in pieces. A piece has the functions that the same kernels reach. Its
 machine code comes from the package (in wheels), else from the user's cache, else it is generated
@@ -87,7 +87,7 @@ def kept(key: str) -> bytes | None:
 
 
 def keep(key: str, code: bytes) -> None:
-    """Keep machine code for this processor, if that can be written."""
+    """Cache machine code for this processor if the cache is writable."""
     path = _file(key)
     if path is None:
         return
@@ -103,7 +103,7 @@ def keep(key: str, code: bytes) -> None:
 
 @cache  # once per process, which adds little
 def _tidy(folder: Path) -> None:
-    """Remove the entries used longest ago until the cache holds at most LARGEST_CACHE."""
+    """Remove the least recently used entries until the cache holds at most LARGEST_CACHE."""
     found = [(one.stat(), one.path) for one in os.scandir(folder) if one.is_file()]
     found.sort(key=lambda entry: entry[0].st_mtime, reverse=True)
     total = 0
@@ -119,7 +119,7 @@ def _tidy(folder: Path) -> None:
 
 @cache
 def processor() -> str:
-    """The processor, its features and the code generator: what machine code is made for and by."""
+    """Return the processor, its features and the code generator, which identify machine code."""
     return f"{llvm.get_process_triple()} {_name()} {_features()} llvmlite {version('llvmlite')}"
 
 
@@ -133,7 +133,7 @@ def _features() -> str:
 
 @cache
 def machine() -> Any:
-    """The code generator for this processor."""
+    """Return the code generator for this processor."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return machine_for(llvm.get_process_triple(), _name(), _features())
@@ -151,7 +151,7 @@ def machine_for(triple: str, cpu: str, features: str) -> Any:
 
 
 class Level(NamedTuple):
-    """A kind of processor for which wheels bring machine code."""
+    """A processor level for which wheels contain machine code."""
 
     arch: str  # the first word of its triple
     cpu: str  # its name in LLVM
@@ -159,7 +159,7 @@ class Level(NamedTuple):
     lanes: int  # doubles in a lane
 
     def runs_here(self) -> bool:
-        """True if the code can run on this processor."""
+        """Return True if the code can run on this processor."""
         arch, *_, system = llvm.get_process_triple().split("-", 2)
         here = llvm.get_host_cpu_features()
         return (
@@ -181,7 +181,7 @@ LEVELS = {  # {end of the name of its file: what its code needs}
 
 @cache
 def _brought() -> archive.File | None:
-    """Return the machine code that came with the package for this processor, or None."""
+    """Return the machine code shipped with the package for this processor, or None."""
     if os.environ.get("PGRAPH_PROCESSOR"):
         return None
     for name, level in LEVELS.items():
@@ -195,7 +195,7 @@ def _brought() -> archive.File | None:
 
 
 def brought(piece: str) -> bytes | None:
-    """Return the machine code of a piece that came with the package, or None."""
+    """Return the machine code of a piece shipped with the package, or None."""
     found = _brought()
     return found.part(piece) if found and piece in found.index["sections"] else None
 
@@ -204,7 +204,7 @@ def brought(piece: str) -> bytes | None:
 
 
 class _Engine:
-    """All machine code of this process."""
+    """All machine code loaded in this process."""
 
     def __init__(self) -> None:
         empty = llvm.parse_assembly("")
@@ -227,7 +227,7 @@ class _Engine:
         return found
 
     def has(self, key: str) -> bool:
-        """True if the machine code is loaded."""
+        """Return True if the machine code is loaded."""
         return key in self._loaded
 
     def add(self, key: str, code: bytes) -> None:
@@ -243,19 +243,19 @@ class _Engine:
 
 @cache
 def engine() -> _Engine:
-    """The one of this process."""
+    """Return the engine of this process."""
     return _Engine()
 
 
 def object_of(module: Any, target: Any = None) -> bytes:
-    """Machine code of a module as an object file."""
+    """Return the machine code of a module as an object file."""
     target = target or machine()
     module.triple, module.data_layout = target.triple, str(target.target_data)
     return target.emit_object(module)
 
 
 def code_of(kernel: Kernel, variant: int) -> Code:
-    """A kernel's machine code, loaded."""
+    """Load and return a kernel's machine code."""
     name = name_of(kernel, variant)
     found = archive.current()
     pieces = found.pieces(name)
@@ -276,26 +276,26 @@ def code_of(kernel: Kernel, variant: int) -> Code:
 
 
 def name_of(kernel: Kernel, variant: int) -> str:
-    """A kernel's name in caches and archives."""
+    """Return a kernel's name in caches and archives."""
     module = kernel.__module__.split("pgraph_core.")[-1]
     width = f"@{LANE_WIDTH}" if kernel.lanes else ""
     return f"{module}.{kernel.__name__}:{variant}{width}"
 
 
 def file_of(kernel: Kernel) -> Path:
-    """The file that a kernel is written in."""
+    """Return the file that defines a kernel."""
     return Path(kernel.py_func.__code__.co_filename)
 
 
 def _generated(piece: str) -> bytes:
-    """Machine code from the archive's bitcode, which is kept."""
+    """Generate machine code from the archive's bitcode and cache it."""
     found = object_of(llvm.parse_bitcode(archive.current().bitcode(piece)))
     keep(piece, found)
     return found
 
 
 def _compiled(kernel: Kernel, variant: int, symbol: str, key: str) -> bytes:
-    """Machine code by numba, which is kept."""
+    """Compile machine code with numba and cache it."""
     why = archive.current().why(name_of(kernel, variant))
     if find_spec("numba") is None:
         text = (
@@ -315,7 +315,7 @@ _SAYING = threading.Lock()
 
 
 def _say(why: str) -> None:
-    """Print a sentence, once for all kernels that it is about."""
+    """Print a message once for all kernels concerned."""
     with _SAYING:
         if why in _SAID:
             return

@@ -1,4 +1,4 @@
-"""Decisions in lanes: a mask is a lane of ones and zeros, chosen by, and never branched on.
+"""Decisions in lanes: a mask is a lane of ones and zeros, used for selection without branches.
 
 Lanes that are done wait for the others: loops go on while `any_of` a mask is set. Each lane takes
 the operations of a single instance, in their order, and so has its bits. Of numbers they are the

@@ -1,4 +1,4 @@
-"""From numba's code to one optimised module."""
+"""Build one optimised module from numba's code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .lowering.dispatch import lowered
 
 
 def module_of(kernel: Kernel, variant: int, symbol: str, target: Any) -> Any:
-    """One kernel as an optimised module."""
+    """Return one kernel as an optimised module."""
     text, around = lowered(kernel, variant, symbol)
     whole = parsed(text)
     whole.link_in(parsed(str(around)))
@@ -22,14 +22,14 @@ def module_of(kernel: Kernel, variant: int, symbol: str, target: Any) -> Any:
 
 
 def parsed(text: str) -> Any:
-    """A module of numba's for any processor."""
+    """Parse a numba module for any processor."""
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
     # numba's environments, which nothing reads
     return llvm.parse_assembly(text.replace("= common ", "= linkonce_odr "))
 
 
 def optimise(whole: Any, exports: Iterable[str], target: Any) -> None:
-    """Inline and optimise a module that exports only these functions, as numba does."""
+    """Inline and optimise a module as numba does, exporting only these functions."""
     outside = set(exports)
     whole.triple, whole.data_layout = target.triple, str(target.target_data)
     for one in (*whole.functions, *whole.global_variables):

@@ -1,4 +1,4 @@
-"""Which files a kernel is compiled from, and hashes that change where their code does."""
+"""Source files of kernels, and hashes that change if the code in them does."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for ev
 
 @cache
 def imported(module: Path) -> tuple[Path, ...]:
-    """The files that a module imports by `from .x import y`, the only form in the engine.
+    """Return the files that a module imports by `from .x import y`, the only form in the engine.
 
     Of a module of forces these are files of the engine and of forces: no kernel is compiled from
     what a description imports.
@@ -54,7 +54,7 @@ def imported(module: Path) -> tuple[Path, ...]:
 
 @cache
 def sources(module: Path) -> frozenset[Path]:
-    """A module's file, those of all that it imports, directly or not, and `lowering`."""
+    """Return the files of a module, all its direct and indirect imports, and `lowering`."""
     found, new = {module, *LOWERING}, [module, *LOWERING]
     while new:
         more = set(imported(new.pop())) - found
@@ -64,7 +64,7 @@ def sources(module: Path) -> frozenset[Path]:
 
 
 def hash_of(files: Iterable[Path]) -> str:
-    """Hash of what files compile to, and of where they are in the package."""
+    """Return the hash of the code in files and of their paths in the package."""
     parts = sorted((name_of(path), code_hash(path)) for path in files)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
@@ -88,7 +88,7 @@ CODE_OF: dict[str, str] = {}  # {hash of bytes: hash of code} as far as they are
 
 @cache
 def code_hash(path: Path) -> str:
-    """Hash of a file's code, without comments and docstrings."""
+    """Return the hash of a file's code, without comments and docstrings."""
     digest = digest_of(path)
     if digest not in CODE_OF:
         text = code_of(text_of(path))
@@ -97,7 +97,7 @@ def code_hash(path: Path) -> str:
 
 
 def text_of(path: Path) -> str:
-    """Return a source. A force's source is reduced to the parts that its kernels use."""
+    """Return the source of a file. A force's source is reduced to the parts used by its kernels."""
     text = path.read_text(encoding="utf-8")
     if path.parent != FORCES:
         return text
@@ -111,7 +111,7 @@ def text_of(path: Path) -> str:
 
 
 def code_of(source: str) -> str:
-    """A source without what changes no code: comments, docstrings, spaces."""
+    """Return a source without comments, docstrings and spaces, which do not affect the code."""
     parts: list[str] = []
     begins, said = True, False  # a statement begins, a docstring came before
     for token in tokenize.generate_tokens(io.StringIO(source).readline):

@@ -1,4 +1,4 @@
-"""Kernels as an object file for WebAssembly, made from what numba makes of them for this machine.
+"""Kernels as an object file for WebAssembly, made from numba's code for this machine.
 
 Numba's unoptimised LLVM code names members of structs and not their places: given the data layout
 of wasm32 before anything is optimised, it takes pointers of 4 bytes.
@@ -26,7 +26,7 @@ BYTE = ir.IntType(8).as_pointer()
 
 
 def object_of(kernels: Sequence[Kernel]) -> tuple[bytes, list[str]]:
-    """(object file, the names that it exports) of kernels.
+    """Return (object file, exported names) for kernels.
 
     The process is of no other use afterwards: its kernels are compiled for WebAssembly.
     """
@@ -36,7 +36,7 @@ def object_of(kernels: Sequence[Kernel]) -> tuple[bytes, list[str]]:
 
 
 def compiled(kernels: Sequence[Kernel]) -> tuple[Any, list[str]]:
-    """Return one module of all kernels, not optimised, and the names that it exports."""
+    """Return one unoptimised module of all kernels, and the names that it exports."""
     libraries: tuple[Any, ...] = (CPUCodeLibrary, Library)
     for library in libraries:
         library._optimize_functions = library._optimize_final_module = _as_it_is
@@ -61,11 +61,11 @@ def compiled(kernels: Sequence[Kernel]) -> tuple[Any, list[str]]:
 
 
 def _as_it_is(library: Any, *_: Any) -> None:
-    """In the place of numba's own passes, which put this machine's offsets into the code."""
+    """Replace numba's own passes, which insert offsets for this machine into the code."""
 
 
 def portable(text: str) -> Any:
-    """A module of numba's as one for wasm32."""
+    """Convert a numba module to a module for wasm32."""
     text = re.sub(r'target triple = ".*"', f'target triple = "{TRIPLE}"', text)
     text = re.sub(r'target datalayout = ".*"', f'target datalayout = "{LAYOUT}"', text)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
@@ -74,7 +74,7 @@ def portable(text: str) -> Any:
 
 
 def optimised(whole: Any, exports: list[str]) -> bytes:
-    """The module as an object file."""
+    """Return the optimised module as an object file."""
     for one in (*whole.functions, *whole.global_variables):
         if not one.is_declaration:
             one.linkage = "external" if one.name in exports else "internal"

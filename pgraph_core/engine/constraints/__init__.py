@@ -1,1 +1,1 @@
-"""Constraint rows, their Delassus matrix, rank-safe solution and projection."""
+"""Constraint rows, their Delassus matrix, and its rank-safe solution and projection."""

@@ -1,4 +1,4 @@
-"""Constraint blocks: where their rows act, and their residuals of position, speed, acceleration.
+"""Constraint blocks: points of action, and residuals of position, velocity and acceleration.
 
 A row between bodies is a force along d, or a torque about t, on A at a point p, and its opposite
 on B at the same point. A whole point (three rows) acts along the world's axes at both its ends.
@@ -48,26 +48,26 @@ def type_of(blocks_i, i):
 
 @part
 def size_of(blocks_i, i):
-    """Number of rows, 1 to 3."""
+    """Return the number of rows, 1 to 3."""
     return blocks_i[i, at.B_SIZE]
 
 
 @part
 def ends_of(blocks_i, i):
-    """Return the rows of A and B, 0 for the ground."""
+    """Return the tree rows of bodies A and B, 0 for the ground."""
     return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
 
 
 @part
 def terms_of(blocks_i, i):
-    """Return the first and the end index of the terms of a coordinate row."""
+    """Return the first and the end index of the terms in a coordinate row."""
     first = blocks_i[i, at.B_TERM]
     return first, first + blocks_i[i, at.B_TERMS]
 
 
 @part
 def value_of(blocks_f, i):
-    """Length, radius [m], offset [rad, m] or velocity [rad/s, m/s]."""
+    """Return the length, radius [m], offset [rad, m] or velocity [rad/s, m/s] of a block."""
     return blocks_f[i, at.VALUE]
 
 
@@ -102,19 +102,19 @@ def set_along(place, i, r, d):
 
 @part
 def first_of(slots, i):
-    """First row of an active block among all rows."""
+    """Return the index of the first row of an active block among all rows."""
     return slots[i, at.FIRST]
 
 
 @part
 def joints_of(slots, i):
-    """Number of joints on a block's paths."""
+    """Return the number of joints on a block's paths."""
     return slots[i, at.SLOTS]
 
 
 @part
 def joint_of(slots, i, s):
-    """Index into v of joint s on a block's paths."""
+    """Return the index into v of joint s on a block's paths."""
     return slots[i, at.SLOT + s]
 
 
@@ -123,7 +123,7 @@ def joint_of(slots, i, s):
 
 @part
 def velocities(rows, const, work, v, linear):
-    """Velocities of all origins, eq. (5)."""
+    """Compute the velocities of all origins, eq. (5)."""
     for k in range(1, rows.shape[0]):
         before = load(linear, parent_of(rows, k), 0)
         store(linear, k, 0, linear_velocity(rows, const, work, v, k, before))
@@ -131,25 +131,25 @@ def velocities(rows, const, work, v, linear):
 
 @part
 def along_coordinates(kind):
-    """True if a block's row is over coordinates, not between bodies."""
+    """Return True if a block constrains coordinates instead of bodies."""
     return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT or kind == T_FRICTION
 
 
 @part
 def one_sided(kind):
-    """True if a block is unilateral: a contact, a limit, or the limit of a length."""
+    """Return True if a block is unilateral: a contact, a limit, or a bound on a length."""
     return kind == T_CONTACT or kind == T_LIMIT or kind == T_SPAN
 
 
 @part
 def dry(kind):
-    """True if a block resists within bounds: torsional friction, or friction of a joint."""
+    """Return True if a block is bounded friction: torsional friction or joint friction."""
     return kind == T_TURN or kind == T_FRICTION
 
 
 @part
 def slack_of(blocks_i, blocks_f, i):
-    """The speed at which the gap of a one-sided block may close in this step [m/s]."""
+    """Return the speed at which the gap of a unilateral block may close in this step [m/s]."""
     kind = type_of(blocks_i, i)
     if kind == T_CONTACT:
         return value_of(blocks_f, i)
@@ -158,7 +158,7 @@ def slack_of(blocks_i, blocks_f, i):
 
 @part
 def span(blocks_f, i, work, a, b):
-    """(gap of a bound of a length, its point on A, from B's point to it, length or its negative).
+    """Return (gap to the length bound, point on A, vector to it from B's point, signed length).
 
     The length is negative where it may be at most the bound.
     """
@@ -172,44 +172,44 @@ def span(blocks_f, i, work, a, b):
 
 @part
 def direction_a(blocks_f, i, r, work, a):
-    """Direction r of block i that is fixed in A, in world axes."""
+    """Return direction r of block i, fixed in A, in world axes."""
     return mul(rotation_of(work, a), load(blocks_f, i, at.AIM + 3 * r))
 
 
 @part
 def direction_b(blocks_f, i, r, work, b):
-    """Direction r of block i that is fixed in B, in world axes."""
+    """Return direction r of block i, fixed in B, in world axes."""
     return mul(rotation_of(work, b), load(blocks_f, i, at.DIR + 3 * r))
 
 
 @part
 def point_a(blocks_f, i, work, a):
-    """The point of block i that is fixed in A, in the world."""
+    """Return the point of block i fixed in A, in world coordinates."""
     return fixed_point(blocks_f, i, at.PA, work, a)
 
 
 @part
 def point_b(blocks_f, i, work, b):
-    """The point of block i that is fixed in B, in the world."""
+    """Return the point of block i fixed in B, in world coordinates."""
     return fixed_point(blocks_f, i, at.PB, work, b)
 
 
 @part
 def fixed_point(table, i, column, work, k):
-    """A point in row i of a table, fixed in row k of the tree, in the world."""
+    """Return a point in row i of a table, fixed in row k of the tree, in world coordinates."""
     return add(origin_of(work, k), mul(rotation_of(work, k), load(table, i, column)))
 
 
 @part
 def lean(e, n):
-    """(m, |m|): what is left of the plane's normal n across a disc's axis e."""
+    """Return (m, |m|), the component of the plane's normal n perpendicular to a disc's axis e."""
     m = add_scaled(n, -dot(n, e), e)
     return m, math.sqrt(dot(m, m))
 
 
 @part
 def to_contact(blocks_i, blocks_f, i, work):
-    """ρ: from a rolling body's centre to where it touches the plane."""
+    """Return ρ, the vector from a rolling body's centre to its contact point on the plane."""
     n = direction_b(blocks_f, i, 0, work, ends_of(blocks_i, i)[1])
     radius = value_of(blocks_f, i)
     if type_of(blocks_i, i) == T_SPHERE:
@@ -221,7 +221,7 @@ def to_contact(blocks_i, blocks_f, i, work):
 
 @part
 def locate(blocks, work, place):
-    """Compute places and directions of the active blocks, except coordinate rows."""
+    """Compute positions and directions of the active blocks, except coordinate rows."""
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -259,13 +259,13 @@ def locate(blocks, work, place):
 
 @part
 def whole_point(blocks_i, i):
-    """True if block i holds a point in all directions."""
+    """Return True if block i fixes a point in all directions."""
     return type_of(blocks_i, i) == T_POINT and size_of(blocks_i, i) == 3
 
 
 @part
 def turns_with_speed(blocks):
-    """True if rows of an active block turn with velocities of points, see `turning`."""
+    """Return True if any active block has rows that rotate with point velocities, see `turning`."""
     blocks_i, active = blocks.blocks_i, blocks.active
     found = False
     for j in range(1, active[0] + 1):
@@ -278,7 +278,7 @@ def turns_with_speed(blocks):
 
 @part
 def row_direction(blocks_i, blocks_f, i, r, work):
-    """d, or t, of row r of a block whose directions are fixed in its bodies."""
+    """Return d, or t, for row r of a block whose directions are fixed in its bodies."""
     kind = type_of(blocks_i, i)
     if kind == T_BLADE:
         return direction_a(blocks_f, i, r, work, ends_of(blocks_i, i)[0])
@@ -321,7 +321,7 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
 
 @part
 def total(blocks_i, terms_i, terms_f, i, column, x):
-    """Σ c x of a coordinate row over entries of q or v."""
+    """Return Σ c x for a coordinate row over entries of q or v."""
     sum_ = 0.0
     first, end = terms_of(blocks_i, i)
     for n in range(first, end):
@@ -359,14 +359,14 @@ def residual(blocks, work, space, t, q, out):
 
 @part
 def slip(blocks_i, i, work, linear, place):
-    """u of a force block: velocity of A's point against B's."""
+    """Return u for a force block: the velocity of A's point relative to B's."""
     mine = point_velocity(work, linear, ends_of(blocks_i, i)[0], place_a(place, i))
     return sub(mine, point_velocity(work, linear, ends_of(blocks_i, i)[1], place_b(place, i)))
 
 
 @part
 def residual_velocity(blocks, work, space, t, v, out):
-    """g' = J v of the active blocks, less what they follow, after `locate` and `velocities`."""
+    """Compute g' = J v less the prescribed rates, after `locate` and `velocities`."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
@@ -389,7 +389,7 @@ def residual_velocity(blocks, work, space, t, v, out):
 
 @part
 def point_acceleration(work, k, p):
-    """V' of row k, left by the sweeps, taken to its material point at p (R6)."""
+    """Return V' of row k from the sweeps, transformed to its material point at p (R6)."""
     r = sub(p, origin_of(work, k))
     w = spin_of(work, k)
     alpha, linear = acceleration_of(work, k)
@@ -399,7 +399,7 @@ def point_acceleration(work, k, p):
 
 @part
 def rolled(blocks_i, blocks_f, i, work):
-    """ρ' of a rolling block: how its contact point moves from the centre's place."""
+    """Return ρ' for a rolling block, the rate of its contact point relative to the centre."""
     a, b = ends_of(blocks_i, i)
     n = direction_b(blocks_f, i, 0, work, b)
     n_dot = cross(spin_of(work, b), n)
@@ -417,7 +417,7 @@ def rolled(blocks_i, blocks_f, i, work):
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """Return (e, s) of a force block with first direction d, except a whole point."""
+    """Return (e, s) for a force block with first direction d, except for a whole point."""
     kind = type_of(blocks_i, i)
     a, b = ends_of(blocks_i, i)
     w_a = spin_of(work, a)
@@ -440,7 +440,7 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
 
 @part
 def residual_acceleration(blocks, work, space, t, vdot, out):
-    """Compute g'' = J v' + J' v of the active blocks, where gravity's offset cancels."""
+    """Compute g'' = J v' + J' v for the active blocks. Gravity's offset cancels."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
@@ -472,7 +472,7 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
 
 @part
 def align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r):
-    """g'' of rows a · b: t = a × b turns with both bodies."""
+    """Compute g'' for rows a · b, where t = a × b rotates with both bodies."""
     k, n = ends_of(blocks_i, i)
     w_a = spin_of(work, k)
     w_b = spin_of(work, n)

@@ -1,4 +1,4 @@
-"""Bilateral constraints: Delassus matrix by the articulated factors, rank-safe solve, projection.
+"""Bilateral constraints: Delassus matrix from articulated factors, rank-safe solve, projection.
 
 λ are the multipliers of the active blocks' rows in turn: forces and torques on `body` (R10).
 `space` is named in `layout`; blocks in `blocks`.
@@ -74,7 +74,7 @@ def number_rows(blocks, slots):
 
 @part
 def unit_responses(rows, const, blocks, work, space):
-    """Y of the active blocks from the articulated factors."""
+    """Compute Y for the active blocks from the articulated factors."""
     blocks_i, active = blocks.blocks_i, blocks.active
     pivots(rows, work, space.vectors[DINV])
     for j in range(1, active[0] + 1):
@@ -87,7 +87,7 @@ def unit_responses(rows, const, blocks, work, space):
 
 @part
 def couplings(blocks, space):
-    """Ω of the active blocks from their Y."""
+    """Compute Ω for the active blocks from Y."""
     blocks_i, active = blocks.blocks_i, blocks.active
     y, slots, omega = space.y, space.slots, space.omega
     where, dinv = space.where, space.vectors[DINV]
@@ -112,7 +112,7 @@ def delassus(rows, const, blocks, work, space, m):
 
 @part
 def couple(blocks_i, i, n, y, slots, where, dinv, omega):
-    """The block of Ω between blocks i and n: joints on both their paths."""
+    """Compute the block of Ω between blocks i and n from the joints on both paths."""
     u = triple(0.0, 0.0, 0.0)
     v, w = u, u
     for s in range(joints_of(slots, n)):
@@ -144,7 +144,7 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
 
 @part
 def respond(rows, const, blocks, work, space):
-    """M⁻¹ Jᵀ λ into STEP."""
+    """Compute M⁻¹ Jᵀ λ and store it in STEP."""
     blocks_i, active = blocks.blocks_i, blocks.active
     y, slots, vectors = space.y, space.slots, space.vectors
     lam = vectors[LAMBDA]
@@ -168,7 +168,7 @@ def respond(rows, const, blocks, work, space):
 
 @sweep
 def located(scene, v, moving):
-    """Compute origins and the active blocks' places from the frames. Returns the rows.
+    """Compute origins and positions of the active blocks from the frames. Returns the rows.
 
     Computes velocities of origins too if `moving`.
     """
@@ -183,7 +183,7 @@ def located(scene, v, moving):
 
 @sweep
 def gaps(scene, t, q, row):
-    """g of the active blocks into a row of `vectors`, after `located`."""
+    """Compute g of the active blocks in a row of `vectors`, after `located`."""
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
     residual(blocks, work, space, t, q, space.vectors[row])
@@ -191,7 +191,7 @@ def gaps(scene, t, q, row):
 
 @sweep
 def speeds(scene, t, v, row):
-    """g' of the active blocks into a row of `vectors`, after `located`."""
+    """Compute g' of the active blocks in a row of `vectors`, after `located`."""
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
     residual_velocity(blocks, work, space, t, v, space.vectors[row])
@@ -199,7 +199,7 @@ def speeds(scene, t, v, row):
 
 @part
 def impose(scene, t, q, v, vdot):
-    """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29), leaving λ in `vectors`.
+    """Add M⁻¹ Jᵀ λ to v' such that J v' + J' v = 0, eqs. (27)-(29). λ remains in `vectors`.
 
     The scene's gains (2,) are Baumgarte's 2α and α², zero without it.
     """
@@ -232,7 +232,7 @@ def impose(scene, t, q, v, vdot):
 
 @part
 def driven_power(blocks, space, v):
-    """Return λ Σ c v of the coordinate rows [W], the power of prescribed motions."""
+    """Return λ Σ c v for the coordinate rows [W], the power of prescribed motions."""
     blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
     terms_f, active = blocks.terms_f, blocks.active
     power = 0.0
@@ -247,7 +247,7 @@ def driven_power(blocks, space, v):
 
 @part
 def remember(vectors, q, mu, count):
-    """Store the state of the present factors for `settle`."""
+    """Store the state of the current factors for `settle`."""
     for i in range(q.shape[0]):
         vectors[PLACED, i] = q[i]
     vectors[FACTORED, 0] = mu
@@ -257,7 +257,7 @@ def remember(vectors, q, mu, count):
 
 @part
 def drift(rows, const, blocks, work, space, t, q, v, out):
-    """Largest |g| and |g'| of the active blocks into out (2,), after `outboard`."""
+    """Compute the largest |g| and |g'| of the active blocks in out (2,), after `outboard`."""
     vectors = space.vectors
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
@@ -271,7 +271,7 @@ def drift(rows, const, blocks, work, space, t, q, v, out):
 
 @part
 def wrenches(rows, blocks, work, space, out):
-    """Compute wrenches on `body` of the active blocks in world axes at PA, 0 for the others.
+    """Compute the wrenches of the active blocks on `body` in world axes at PA, 0 for other blocks.
 
     The wrench of a coordinate row acts on the first body of its terms, at its origin.
     """
@@ -302,7 +302,7 @@ def wrenches(rows, blocks, work, space, out):
 
 @part
 def extent(rows, blocks, work):
-    """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
+    """Return the size of the mechanism's coordinates [m], the scale for rounding in positions."""
     blocks_f = blocks.blocks_f
     x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):
@@ -317,7 +317,8 @@ def extent(rows, blocks, work):
 
 @sweep
 def settle(scene, t, q, v):
-    """Project with the factors of the last acceleration. Returns False, unmoved, if too far off.
+    """Project with the factors of the last acceleration. Returns False, without moving, if too far
+    off.
 
     The relative error of a correction is the distance `moved` from the state of the factors. At the
     end of a step it is negligible, because the last stage was close and the gap is small.
@@ -363,7 +364,8 @@ def settle(scene, t, q, v):
 
 @part
 def project(scene, t, q, v, rounds):
-    """Project q and v onto the constraints in the mass metric. Returns the rounds, -1 on failure.
+    """Project q and v onto the constraints in the mass metric. Returns the rounds, or -1 on
+    failure.
 
     Both corrections use one factorisation, which is repeated while positions move notably. Next to
     a singular position rounding alone moves them, so a gap of the size of rounding counts as zero.
@@ -410,7 +412,7 @@ def project(scene, t, q, v, rounds):
 
 @sweep
 def correct(scene, mu, count, m, enough):
-    """-M⁻¹ Jᵀ Ω⁺ RHS into STEP, to what is `enough` of RHS."""
+    """Compute -M⁻¹ Jᵀ Ω⁺ RHS in STEP, to within `enough` of RHS."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors = space.vectors
@@ -430,7 +432,7 @@ STAGES = 4  # dips within this multiple of the distance of evaluations are one
 
 @sweep
 def watch(scene, t, q, v):
-    """Count dips after a factorisation and keep the deepest place of the first ones."""
+    """Count dips after a factorisation and keep the deepest position of the first ones."""
     space = opened(scene).space
     factor, dips, least, now = space.factor, space.dips, space.vectors[LEAST], space.watch[0]
     deepest = DIP

@@ -1,4 +1,4 @@
-"""Effects of unit multipliers in the joints: wrenches propagated along paths to the ground.
+"""Joint-space responses to unit multipliers: wrenches propagated along paths to the ground.
 
 Propagation by the articulated factors gives Y with Ω = J M⁻¹ Jᵀ = Y diag(1/d) Yᵀ, without a mass
 matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the paths with a nonzero
@@ -62,7 +62,7 @@ from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
 
 @part
 def pivots(rows, work, dinv):
-    """1/d of every degree of freedom: the diagonal between Y and Yᵀ."""
+    """Compute 1/d for every degree of freedom, the diagonal between Y and Yᵀ."""
     for k in range(1, rows.shape[0]):
         i = v_of(rows, k)
         kind = kind_of(rows, k)
@@ -79,7 +79,7 @@ def pivots(rows, work, dinv):
 
 @part
 def unit_wrenches(blocks_i, i, work, place, k, sign):
-    """The block's unit wrenches on row k, at its origin: (moment, force), of triples."""
+    """Return the block's unit wrenches on row k, at its origin, as (moment, force) triples."""
     arm = sub(place_b(place, i) if sign < 0.0 else place_a(place, i), origin_of(work, k))
     size = size_of(blocks_i, i)
     none = (0.0, 0.0, 0.0)
@@ -94,13 +94,13 @@ def unit_wrenches(blocks_i, i, work, place, k, sign):
 
 @part
 def torque_block(blocks_i, i):
-    """True if a block's multipliers are torques, not forces."""
+    """Return True if a block's multipliers are torques, not forces."""
     return type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN
 
 
 @part
 def taxicab(x):
-    """|x| + |y| + |z|."""
+    """Return |x| + |y| + |z|."""
     return abs(x[0]) + abs(x[1]) + abs(x[2])
 
 
@@ -111,7 +111,7 @@ def no_triples():
 
 @part
 def meeting(rows, a, b):
-    """The last row that is on the paths of both rows to the ground."""
+    """Return the last row that lies on the paths of both rows to the ground."""
     if b == 0:
         return b
     while a != b:
@@ -124,7 +124,9 @@ def meeting(rows, a, b):
 
 @part
 def carry(rows, blocks_i, i, work, space):
-    """Y of a block between bodies: from B and from A to where they meet, and on from there."""
+    """Compute Y for a block between bodies, from A and B to their common row and on to the
+    ground.
+    """
     y, slots, place = space.y, space.slots, space.place
     a, b = ends_of(blocks_i, i)
     meet = meeting(rows, a, b)
@@ -157,7 +159,7 @@ def carry(rows, blocks_i, i, work, space):
 
 @part
 def past(rows, work, k, moment, force, reach, y, slots, i, slot):
-    """Propagate three wrenches past joint k, storing the joint's share. Returns the next slot too.
+    """Propagate three wrenches past joint k and store the joint's share. Returns the next slot too.
 
     `reach` is the scale of coordinates in the moments. A joint without a share takes no slot.
     """
@@ -194,14 +196,14 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
 
 @part
 def any_number(x):
-    """True if a number of a triple is not zero in any lane."""
+    """Return True if a number of a triple is nonzero in any lane."""
     a, b, c = numbers(x)
     return any_of(a) or any_of(b) or any_of(c)
 
 
 @part
 def past_ball(work, k, moment, force, y, i, slot):
-    """The force behind a ball."""
+    """Store the share of a ball joint and return the force behind it."""
     _, b, _ = inertia_of(work, k)
     f, _ = ball_of(work, k)
     share = forward3(f, moment)
@@ -212,7 +214,7 @@ def past_ball(work, k, moment, force, y, i, slot):
 
 @part
 def into_free(work, k, moment, force, y, i, slot):
-    """L⁻¹ of wrenches on a free row."""
+    """Store L⁻¹ applied to wrenches on a free row."""
     share = forward_free(work, k, moment, force)
     for n in range(6):
         store_triple(y, i, 3 * (slot + n), share[n])
@@ -220,7 +222,9 @@ def into_free(work, k, moment, force, y, i, slot):
 
 @part
 def carry_coordinates(rows, const, blocks, i, work, space):
-    """Y of a coordinate row: unit torques on the joints of its terms, and back on their parents."""
+    """Compute Y for a coordinate row: unit joint torques on its terms, with reactions on the
+    parents.
+    """
     blocks_i, terms_i, terms_f = blocks.blocks_i, blocks.terms_i, blocks.terms_f
     y, slots, whole = space.y, space.slots, space.carried
     none = (0.0, 0.0, 0.0)
@@ -246,19 +250,19 @@ def carry_coordinates(rows, const, blocks, i, work, space):
 
 @part
 def alone(x):
-    """A vector as the first of three."""
+    """Return a vector as the first of three."""
     return (triple(x[0], 0.0, 0.0), triple(x[1], 0.0, 0.0), triple(x[2], 0.0, 0.0))
 
 
 @part
 def first_of(x):
-    """The first of three vectors."""
+    """Return the first of three vectors."""
     return (numbers(x[0])[0], numbers(x[1])[0], numbers(x[2])[0])
 
 
 @part
 def reaches(whole, k):
-    """True if a wrench reaches row k in any lane."""
+    """Return True if a wrench reaches row k in any lane."""
     found = False
     for n in range(6):
         found = found or any_of(whole[k, n])
@@ -267,7 +271,7 @@ def reaches(whole, k):
 
 @part
 def push(rows, const, work, k, column, size, whole):
-    """Add the wrench pair of a unit joint force in one coordinate of row k, eq. (23)."""
+    """Add the wrench pair for a unit joint force in one coordinate of row k, eq. (23)."""
     p = parent_of(rows, k)
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:
@@ -291,7 +295,7 @@ def push(rows, const, work, k, column, size, whole):
 
 @part
 def unspread(rows, const, work, speeds):
-    """The way back of `spread`, in place: diag(1/d) Yᵀ λ whose response is `speeds`."""
+    """Invert `spread` in place: compute diag(1/d) Yᵀ λ whose response is `speeds`."""
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
@@ -322,7 +326,9 @@ def unspread(rows, const, work, speeds):
 
 @part
 def spread(rows, const, work, step):
-    """M⁻¹ Jᵀ λ from diag(1/d) Yᵀ λ, both in `step`: the response of all joints. Overwrites V'."""
+    """Compute M⁻¹ Jᵀ λ, the response of all joints, from diag(1/d) Yᵀ λ in `step`. Overwrites
+    V'.
+    """
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)

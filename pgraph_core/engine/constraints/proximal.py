@@ -1,4 +1,4 @@
-"""Rank-safe solution of Ω λ = r: a proximal factor, its null directions, refinement.
+"""Rank-safe solution of Ω λ = r with a proximal factor, its null directions and refinement.
 
 (Ω + μI) is factored once and refined, which tends to the multipliers of least norm
 ([Carpentier et al. 2021]). Along a null direction of Ω the right-hand side is only rounding, or
@@ -25,13 +25,13 @@ INVERSE_ITERATIONS = 2  # towards a null direction: each leaves μ/λ of what is
 
 @part
 def whole_blocks(m):
-    """m rounded up to whole blocks of three."""
+    """Return m rounded up to a multiple of the block size three."""
     return (m + 2) // 3 * 3
 
 
 @part
 def load_factor3(factor, i):
-    """The factor of diagonal block i, or the block itself, as `factors` has it."""
+    """Return the factor of diagonal block i, or the block itself, as stored in `factor`."""
     x = load(factor, i, i)
     return (x[0], factor[i + 1, i + 1], factor[i + 2, i + 2], x[1], x[2], factor[i + 1, i + 2])
 
@@ -46,7 +46,7 @@ def store_factor3(factor, i, f):
 
 @part
 def less_block(y, a, i, j, x):
-    """The triple y - Aᵀ x for block (i, j) of a, and entries i to i + 2 of x."""
+    """Return the triple y - Aᵀ x for block (i, j) of a, with entries i to i + 2 of x."""
     more = x[i] * load_triple(a, i, j) + x[i + 1] * load_triple(a, i + 1, j)
     return y - x[i + 2] * load_triple(a, i + 2, j) - more  # y waits for the last two alone
 
@@ -87,7 +87,9 @@ def factor_proximal(omega, factor, nulls, m):
 
 @part
 def eliminate(factor, f, i, j, end):
-    """Eliminate block row i from block row j, storing L's block and Lᵀ's above the diagonal."""
+    """Eliminate block row i from block row j, storing the blocks of L and, above the diagonal,
+    Lᵀ.
+    """
     block = (
         load_triple(factor, i, j), load_triple(factor, i + 1, j), load_triple(factor, i + 2, j),
     )  # fmt: skip
@@ -110,13 +112,13 @@ def eliminate(factor, f, i, j, end):
 
 @part
 def take_rows(factor, j, k, a, u, v, w):
-    """Entries k to k + 2 of row j less a₀ u + a₁ v + a₂ w."""
+    """Subtract a₀ u + a₁ v + a₂ w from entries k to k + 2 of row j."""
     store_triple(factor, j, k, load_triple(factor, j, k) - a[0] * u - a[1] * v - a[2] * w)
 
 
 @part
 def begin_null(factor, f, i, n, x, end):
-    """x = L⁻ᵀ e for pivot n of block i: null but for that pivot over the others."""
+    """Compute x = L⁻ᵀ e for pivot n of block i, which is null except for that pivot."""
     for r in range(end):
         x[r] = 0.0
     pivot = (1.0 if n == 0 else 0.0, 1.0 if n == 1 else 0.0, 1.0 if n == 2 else 0.0)
@@ -131,7 +133,9 @@ def begin_null(factor, f, i, n, x, end):
 
 @sweep
 def refine_null(factor, mu, nulls, n, iterations, m):
-    """Iterate null direction n inversely, orthogonal to earlier ones. Returns 1 if it is null."""
+    """Refine null direction n by inverse iteration, orthogonal to earlier ones. Returns 1 if
+    null.
+    """
     growth = 0.0
     end = whole_blocks(m)
     for _ in range(iterations):
@@ -155,7 +159,7 @@ def inner(x, y, end):
 
 @part
 def normalise(x, end):
-    """Normalise x and return its former length."""
+    """Normalise x in place and return its previous length."""
     size = math.sqrt(inner(x, x, end))
     share = chosen(more(size, 0.0), 1.0 / size, 0.0)
     for r in range(end):
@@ -165,7 +169,7 @@ def normalise(x, end):
 
 @part
 def take_out(nulls, n, x, end):
-    """x less its part along null direction n."""
+    """Remove the component of x along null direction n."""
     along = inner(nulls[n], x, end)
     for r in range(end):
         x[r] -= along * nulls[n, r]
@@ -173,7 +177,7 @@ def take_out(nulls, n, x, end):
 
 @part
 def along_nulls(nulls, count, x, m):
-    """Largest part of x along the null directions."""
+    """Return the largest component of x along the null directions."""
     size = 0.0
     for n in range(count):
         size = max(size, abs(inner(nulls[n], x, whole_blocks(m))))
@@ -182,7 +186,7 @@ def along_nulls(nulls, count, x, m):
 
 @sweep
 def solve_factor(factor, x, m):
-    """Compute (Ω + μI)⁻¹ x in place. Returns the largest magnitude of the result."""
+    """Compute (Ω + μI)⁻¹ x in place. Returns the largest magnitude in the result."""
     end = whole_blocks(m)
     for i in range(3, end, 3):
         y = triple(x[i], x[i + 1], x[i + 2])
@@ -203,7 +207,7 @@ def solve_factor(factor, x, m):
 
 @part
 def remainder(omega, rhs, lam, out, end):
-    """rhs - Ω λ, by the columns of Ω, which is symmetric."""
+    """Compute rhs - Ω λ by the columns of the symmetric matrix Ω."""
     for i in range(0, end, 3):
         y = triple(rhs[i], rhs[i + 1], rhs[i + 2])
         for k in range(0, end, 3):
@@ -213,7 +217,7 @@ def remainder(omega, rhs, lam, out, end):
 
 @sweep
 def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
-    """Solve Ω λ = RHS for λ of least norm by proximal refinement. Returns the iterations.
+    """Solve Ω λ = RHS for the minimum-norm λ by proximal refinement. Returns the iterations.
 
     Corrections shrink by a constant ratio, so the one of the size of rounding is not computed. The
     first solve leaves the residual μ λ and is the last one if that is at most `enough`.

@@ -1,1 +1,1 @@
-"""Collision detection, contact rows, impulses, and the phases of contact points."""
+"""Collision detection, contact rows, impulses and the phases of contact points."""

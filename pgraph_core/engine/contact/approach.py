@@ -1,4 +1,4 @@
-"""Bounds of the next step, so that nothing passes through anything within it.
+"""Bounds on the next step that prevent bodies from passing through each other.
 
 Soft and penalty contacts push only where they are evaluated, so a step that leaps over an overlap
 of two shapes never has a force. It ends where the shapes meet. The next step leads into them by a
@@ -38,7 +38,7 @@ HARD = 10.0  # force of a contact that is not at rest, relative to the weight
 
 @kernel(LOOK_BACK, nogil=True, later=True)
 def bound_step(run):
-    """The widest step from the state in Y into `bound`."""
+    """Store the maximum step size from the state in Y in `bound`."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     nq, nv = size_of_state(run)
@@ -61,7 +61,7 @@ def bound_step(run):
 
 @sweep
 def turn_bound(phased, work):
-    """Time in which no body with a point in the air turns by more than TURN [s]."""
+    """Return the time in which no body with an airborne point rotates by more than TURN [s]."""
     points, blocks = phased.contact.points, phased.scene.blocks
     fastest = 0.0
     for s in range(points.shape[0]):
@@ -76,7 +76,7 @@ def turn_bound(phased, work):
 
 @sweep
 def contact_bound(scene, steps):
-    """Time in which no soft or penalty contact is leapt over [s].
+    """Return the time in which no soft or penalty contact can be skipped [s].
 
     `steps`: their width [s], whether they are given, and their tolerance if not. Given steps do not
     follow forces, so that they are bounded inside contacts too.
@@ -116,7 +116,7 @@ def contact_bound(scene, steps):
 
 @sweep
 def ground_bound(scene, i, pair, steps):
-    """Return `contact_bound` of one shape over the ground."""
+    """Return `contact_bound` for one shape over the ground."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes = contacts.geometry.shapes
@@ -134,7 +134,7 @@ def ground_bound(scene, i, pair, steps):
 
 @sweep
 def pair_bound(scene, i, j, pair, steps):
-    """Return `contact_bound` of two shapes."""
+    """Return `contact_bound` for two shapes."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
@@ -158,7 +158,8 @@ def pair_bound(scene, i, j, pair, steps):
 
 @part
 def one_bound(contacts, pair, gap, rates, thin, steps):
-    """Time in which a gap leads a part of `thin` into a shape, or a step into an impact [s].
+    """Return the time until a gap leads a part of `thin` into a shape, or a step into an impact
+    [s].
 
     `rates`: how fast the gap closes at most, and at the nearest point [m/s].
     """
@@ -201,7 +202,7 @@ def one_bound(contacts, pair, gap, rates, thin, steps):
 
 @part
 def lead_of(law, speed, rtol):
-    """Return the motion of a step across a contact's border [m] whose error is below `rtol`.
+    """Return the motion of a step across a contact boundary [m] whose error is below `rtol`.
 
     The energy of a depth d is a share (d / D)^2.5 of the impact's, D its depth; (d / D)^2 for a
     penalty. Given steps have no tolerance.
@@ -214,14 +215,16 @@ def lead_of(law, speed, rtol):
 
 @part
 def leaving_speed(law, depth):
-    """Speed at which a contact point that is still at a depth leaves, without losses [m/s]."""
+    """Return the speed at which a contact point at rest at some depth separates without losses
+    [m/s].
+    """
     slope = law.stiffness if law.law == PENALTY else 0.8 * law.stiffness * math.sqrt(depth)
     return depth * math.sqrt(slope / law.mass)
 
 
 @part
 def impact_depth(law, speed):
-    """Return the depth of an impact at this speed without losses [m]."""
+    """Return the depth of a lossless impact at this speed [m]."""
     energy = law.mass * speed * speed
     if law.law == PENALTY:
         return math.sqrt(energy / law.stiffness)

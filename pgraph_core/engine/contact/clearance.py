@@ -1,4 +1,4 @@
-"""Clearance between shapes that may touch, and a check whether a step can have used it up.
+"""Clearance between candidate shapes, and a check whether a step may have used it up.
 
 Runs ignore contacts and limits until something comes near, and conditions on coordinates except
 near their bounds. While nothing is faster than twice its last speed, nothing can touch before a
@@ -38,13 +38,15 @@ CLOSED = 4e-9  # search distance from bodies at rest, relative to the reach of s
 
 @kernel(void(I1, plain(GUARD)), later=True)
 def save_guard(buffer, guard):
-    """Keep a guard where `guard_at` finds it."""
+    """Store a guard where `guard_at` finds it."""
     save_guard_tuple(buffer, guard)
 
 
 @part
 def fastest(stages, j, count):
-    """Length of `count` entries of v from j on, the larger one at both ends of the last step."""
+    """Return the norm of `count` entries of v from j on, the larger one of both ends of the last
+    step.
+    """
     before, now = 0.0, 0.0
     for n in range(j, j + count):
         before += stages[at.Y_OLD, n] ** 2
@@ -54,14 +56,14 @@ def fastest(stages, j, count):
 
 @part
 def path_of(stages, i, j, h):
-    """Bound of how far coordinate i, whose speed is entry j, moved over the last step."""
+    """Return a bound on the distance of coordinate i, with velocity entry j, over the last step."""
     speed = max(abs(stages[at.Y_OLD, j]), abs(stages[at.Y, j]))
     return max(abs(stages[at.Y, i] - stages[at.Y_OLD, i]), h * speed)
 
 
 @part
 def path_lengths(rows, stages, nq, h, reach):
-    """Bounds of how far any shape [m] and any coordinate [rad, m] moved over the last step.
+    """Return bounds on the motion of any shape [m] and any coordinate [rad, m] over the last step.
 
     `reach` is of each row.
     """
@@ -109,7 +111,7 @@ def limits_near(run, guard):
 
 @sweep
 def pose(run, guard, row):
-    """Put the shapes where they are in the state in `row`."""
+    """Place the shapes at their poses in the state in `row`."""
     data = opened_run(run)
     scene = opened(data.scene)
     rows, work, stages = scene.rows, scene.work, data.stages
@@ -121,7 +123,9 @@ def pose(run, guard, row):
 
 @sweep
 def clearance(guard, ahead):
-    """Return the motion until a gap equals the margin, at most `ahead` [m], after `pose`."""
+    """Return the motion until a gap equals the margin, at most `ahead` [m], after calling
+    `pose`.
+    """
     may, found, margin = guard.candidates, guard.found, guard.state[0].margin
     n = find_contacts(
         guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
@@ -136,7 +140,7 @@ def clearance(guard, ahead):
 
 @sweep
 def find_reach(run, guard, free):
-    """Compute the reach of carried shapes from each row's origin, after `pose` [m].
+    """Compute the reach of carried shapes from each row's origin, after calling `pose` [m].
 
     The reach runs along the chain of origins, whose lengths rotations do not change and slides
     change by at most `free`.
@@ -165,7 +169,7 @@ def find_reach(run, guard, free):
 
 @sweep
 def may_touch(run, guard, moved):
-    """Return True if something may have touched in the last step, and the clearance now.
+    """Return True if a contact may have occurred in the last step, and the present clearance.
 
     Called after `pose` at its end.
     """
@@ -203,7 +207,7 @@ def may_touch(run, guard, moved):
 
 @kernel(LOOK_BACK, nogil=True, later=True)
 def watch_clearance(run):
-    """Go back to the start of the last step, and stop there, if something may touch in it.
+    """Return to the start of the last step and stop there if a contact may have occurred in it.
 
     What is not needed often is left to `look_again`, which opens the guard itself.
     """
@@ -227,7 +231,7 @@ def watch_clearance(run):
 
 @part
 def forget(guard):
-    """Nothing is known to be free."""
+    """Reset the clearance, so that nothing is known to be free."""
     state = guard.state[0]
     state.free = 0.0 if guard.geometry.shapes.shape[0] > 0 else math.inf
     state.free_turn, state.ahead, state.since, state.rate = 0.0, 0.0, 0.0, 0.0
@@ -237,7 +241,8 @@ def forget(guard):
 
 @part
 def set_clock(control, state, rows, stages, reach, left):
-    """Until when nothing can touch if no coordinate becomes faster than twice the fastest now.
+    """Set the time until which no contact is possible if no coordinate exceeds twice the present
+    maximum speed.
 
     Or faster than what would touch within the time that is left of the run, if that is more.
     """
@@ -267,7 +272,9 @@ def set_clock(control, state, rows, stages, reach, left):
 
 @sweep
 def look_again(run):
-    """Recompute the clearance after a step. Go back if something may touch in it."""
+    """Recompute the clearance after a step, and return to its start if a contact may have
+    occurred.
+    """
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)
@@ -297,7 +304,8 @@ def widest_reach(reach):
 
 @kernel(void(i8, i8, read(F2), F2), later=True)
 def frame_gaps(scene, address, q, gaps):
-    """Smallest gap (n, contact pairs) of every contact pair at the states q (n, nq) [m].
+    """Compute the smallest gap of each contact pair at the states q (n, nq), as (n, contact pairs)
+    [m].
 
     Not of members of one contact of every body with every other: theirs stay as they are.
     """

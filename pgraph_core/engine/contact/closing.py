@@ -1,4 +1,4 @@
-"""Closing speeds of shapes and the thresholds for impacts.
+"""Closing speeds of shapes, and thresholds for impacts.
 
 The module has scales of gaps and depths, speeds of shapes, and bounds of closing speeds.
 """
@@ -22,7 +22,7 @@ SIDEWAYS = 1e-6  # error of a closing speed by a slightly turned normal, relativ
 
 @part
 def smaller_size(contacts, a, b):
-    """Size of the smaller of two shapes, which gaps and depths are judged by [m].
+    """Return the size of the smaller of two shapes, the scale for gaps and depths [m].
 
     b is -1 for the ground. A run that tells the error of another one takes less.
     """
@@ -35,14 +35,14 @@ def smaller_size(contacts, a, b):
 
 @part
 def closed_gap(contacts, a, b, p):
-    """A gap of two shapes at point p that counts as closed [m]."""
+    """Return the largest gap of two shapes at point p that counts as closed [m]."""
     rounding = ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2]))
     return max(NEAR * smaller_size(contacts, a, b), rounding)
 
 
 @part
 def hits(closing, h, size, pull):
-    """True if a closing speed is an impact worth locating in steps of width h."""
+    """Return True if a closing speed is an impact to be located in steps of size h."""
     return closing * h > DEPTH * size and closing > HARD * pull * h
 
 
@@ -57,7 +57,7 @@ def thickness(shape):
 
 @part
 def thinner(contacts, a, b):
-    """Return half the thickness of the thinner of two shapes [m], with b = -1 for the ground.
+    """Return half the thickness of the thinner of two shapes [m]. Use b = -1 for the ground.
 
     Shapes without thickness, points and balls of no radius, are ignored. 0 if none has any.
     """
@@ -71,7 +71,7 @@ def thinner(contacts, a, b):
 
 @part
 def shape_speed(work, linear, shape, pose):
-    """Bound of the speed of a shape's points [m/s]."""
+    """Return an upper bound on the speed of a shape's points [m/s]."""
     u = point_velocity(work, linear, shape.row, xyz(pose.position))
     turn = spin_of(work, shape.row)
     arm = 0.0 if shape.kind == SPHERE else shape.reach
@@ -80,7 +80,7 @@ def shape_speed(work, linear, shape, pose):
 
 @part
 def point_closing(work, linear, contacts, n):
-    """Speed at which the gap of contact point n closes [m/s]."""
+    """Return the speed at which the gap at contact point n closes [m/s]."""
     a, b, _, _, _ = endpoints(contacts, n)
     p = middle(contacts.found[n])
     u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
@@ -89,7 +89,7 @@ def point_closing(work, linear, contacts, n):
 
 @part
 def closing_bound(scene, i, j, normal, left):
-    """Bound of the speed at which any points of two shapes come together along a normal."""
+    """Bound the speed at which any points of two shapes approach along a normal."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
@@ -106,7 +106,9 @@ def closing_bound(scene, i, j, normal, left):
 
 @part
 def motion_of(work, linear, shape, pose):
-    """Return velocity, angular speed and speed of points by it of a shape, 0 for a ball."""
+    """Return a shape's velocity, angular speed and the point speed due to rotation (0 for a
+    ball).
+    """
     k = shape.row
     u = point_velocity(work, linear, k, xyz(pose.position))
     w = spin_of(work, k)
@@ -116,7 +118,7 @@ def motion_of(work, linear, shape, pose):
 
 @part
 def curving_bound(scene, i, j):
-    """Bound of how fast the closing speed of any points of two shapes changes [m/s²].
+    """Bound the rate of change of the closing speed between any points of two shapes [m/s²].
 
     By weight, and by their turning: of the points, and of the normal that they close along. j is -1
     for the ground.

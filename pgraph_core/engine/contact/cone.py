@@ -1,4 +1,4 @@
-"""The impulse of one contact by Signorini's and Coulomb's laws, with all others fixed.
+"""Impulse of a single contact by Signorini's and Coulomb's laws, with all others fixed.
 
 Let u = W λ + f be the contact's three velocities, normal first. A sliding contact has
 u_t = -s λ_t with s ≥ 0 and |λ_t| = μ λ_n. For a given s, three linear equations give the impulse.
@@ -24,7 +24,7 @@ BELOW = 1e-6  # lower bracket of s relative to its upper bound
 
 @sweep
 def contact(own, u, old, mu, here):
-    """Return λ of a contact in lanes `here`, where u is the velocity with the `old` λ.
+    """Return λ of a contact in lanes `here`, where u is the velocity for the `old` λ.
 
     `own` (9,) is its part of Ω. If the contact may either stick or continue to slide, such as a
     body that leans into its slip with large friction, the smaller impulse is the regular one.
@@ -102,5 +102,5 @@ def contact(own, u, old, mu, here):
 
 @sweep
 def only(mask, x):
-    """An impulse where the mask is set, else none."""
+    """Return the impulse where the mask is set, and zero elsewhere."""
     return chosen(mask, x[0], 0.0), chosen(mask, x[1], 0.0), chosen(mask, x[2], 0.0)

@@ -1,4 +1,4 @@
-"""Contacts of a scene: found points as blocks of rows, soft and penalty forces, records."""
+"""Contacts in a scene: contact points as blocks of rows, soft and penalty forces, records."""
 
 import math
 
@@ -44,7 +44,7 @@ ROUNDED = 1e-9  # slip by rounding relative to the closing speed, which counts a
 
 @kernel(void(I1, plain(CONTACTS)))
 def save_contacts(buffer, contacts):
-    """Keep a scene's contacts where `contacts_at` finds them."""
+    """Store a scene's contacts where `contacts_at` finds them."""
     _save(buffer, contacts)
 
 
@@ -54,7 +54,8 @@ _call_find = caller(FIND)
 
 @kernel(FIND, nogil=True)
 def find(scene, margin, placed):
-    """Find contact points within `margin`, after `positions`. Returns their number up to the room.
+    """Find contact points within `margin`, after `positions`. Returns their number, at most the
+    capacity.
 
     `placed` is 1 after `place`.
     """
@@ -76,13 +77,15 @@ def find(scene, margin, placed):
 
 @part
 def touching(scene, margin, placed):
-    """`find`, called by address: shapes are compiled once."""
+    """Call `find` by address, so that the shape code is compiled only once."""
     return _call_find(opened(scene).links.find, (scene, margin, placed))
 
 
 @part
 def endpoints(contacts, n):
-    """Return (row A, row B, body A, body B, contact pair) of contact point n, 0 for the ground."""
+    """Return (row A, row B, body A, body B, contact pair) for contact point n, with 0 for the
+    ground.
+    """
     point, shapes = contacts.found[n], contacts.geometry.shapes
     b = point.shape_b
     row_b = shapes[b].row if b >= 0 else 0
@@ -93,13 +96,13 @@ def endpoints(contacts, n):
 
 @part
 def middle(point):
-    """Return the point of action of a contact, half way between the two surfaces."""
+    """Return the point of action of a contact, midway between the two surfaces."""
     return scale(0.5, add(xyz(point.point_a), xyz(point.point_b)))
 
 
 @part
 def tangents(n):
-    """Two unit vectors that make a right-handed frame with the unit vector n."""
+    """Return two unit vectors that complete a right-handed frame with the unit vector n."""
     t = (0.0, n[2], -n[1]) if abs(n[0]) < 0.6 else (-n[2], 0.0, n[0])
     t = scale(1.0 / math.sqrt(dot(t, t)), t)
     return t, cross(n, t)
@@ -128,7 +131,7 @@ def set_block(contacts, blocks, n, i, slides):
 
 @part
 def set_turn(contacts, blocks, n, i):
-    """Write the torsional friction of contact point n as block i."""
+    """Write the torsional friction at contact point n as block i."""
     set_block(contacts, blocks, n, i, True)
     blocks.blocks_i[i, at.B_TYPE] = at.T_TURN
     blocks.blocks_f[i, at.BOUNCE] = 0.0
@@ -141,7 +144,7 @@ def resists_turning(law):
 
 @part
 def slides_now(contacts, work, linear, n):
-    """True if contact point n slid in the last step, or slides now if it is new."""
+    """Return True if contact point n slid in the last step, or if it is new and slides now."""
     point = contacts.found[n]
     k = kept_place(point, contacts.kept, contacts.tally[0].kept, n)
     if k >= 0:
@@ -155,7 +158,8 @@ def slides_now(contacts, work, linear, n):
 
 @part
 def kept_place(point, kept, count, start):
-    """Return the last step's index of a contact point, searched around `start`, -1 for none.
+    """Return a contact point's index in the last step, searching around `start`, or -1 if not
+    found.
 
     Points keep almost the same order from step to step, so the search is short.
     """
@@ -172,7 +176,7 @@ def kept_place(point, kept, count, start):
 
 @part
 def keep_point(kept, point, value):
-    """Keep a vector of a contact point until the next step."""
+    """Store a vector for a contact point until the next step."""
     set_xyz(kept.value, value)
     kept.shape_a = point.shape_a
     kept.shape_b = point.shape_b
@@ -183,7 +187,7 @@ def keep_point(kept, point, value):
 
 @sweep
 def clear(address):
-    """No contact pushes: at the start of a step, or of a record."""
+    """Reset all contact forces at the start of a step or a record."""
     contacts = contacts_at(address)
     limit_tau = contacts.limit_tau
     none = (0.0, 0.0, 0.0)
@@ -202,7 +206,7 @@ def clear(address):
 
 @sweep
 def note(address, work, n, force, slip):
-    """Add a force on A at contact point n to the wrenches of its bodies, and to its pair."""
+    """Add a force on A at contact point n to the wrenches on its bodies and to its contact pair."""
     contacts = contacts_at(address)
     point, wrenches = contacts.found[n], contacts.wrenches
     a, b, body_a, body_b, k = endpoints(contacts, n)
@@ -224,7 +228,7 @@ def note(address, work, n, force, slip):
 
 @sweep
 def note_turn(address, n, torque):
-    """Add a torque on A at contact point n to its bodies, and to its pair."""
+    """Add a torque on A at contact point n to its bodies and to its contact pair."""
     contacts = contacts_at(address)
     _, _, body_a, body_b, k = endpoints(contacts, n)
     add_xyz(contacts.wrenches[body_a].torque, torque)
@@ -235,7 +239,7 @@ def note_turn(address, n, torque):
 
 @kernel(CONTACT_FORCES, nogil=True)
 def contact_forces(scene, v, tau, flow):
-    """Add forces of contacts to the rows and τ, after `outboard`, and lost power to flow[1].
+    """Add contact forces to the rows and τ, after `outboard`, and the dissipated power to flow[1].
 
     Soft and penalty contacts push by their depth. Rigid ones push with the forces of the last step
     of time stepping if `frozen`.
@@ -289,7 +293,7 @@ def contact_forces(scene, v, tau, flow):
 
 @part
 def compliant_force(contacts, n, law, u, loss):
-    """Return (force on A, slip speed) of a soft or penalty contact that closes with velocity u.
+    """Return (force on A, slip speed) for a soft or penalty contact with closing velocity u.
 
     `loss` is that of `loss_of_touch`, for contacts without a given damping.
     """
@@ -323,7 +327,7 @@ def compliant_force(contacts, n, law, u, loss):
 
 @part
 def stretched(contacts, point, anchor):
-    """Return the tangential displacement of the sticking points of A and B."""
+    """Return the tangential displacement between the sticking points of A and B."""
     normal = xyz(point.normal)
     on_a = carried_by(contacts, point.shape_a, xyz(anchor.value))
     apart = sub(on_a, carried_by(contacts, point.shape_b, xyz(anchor.turn)))
@@ -332,7 +336,7 @@ def stretched(contacts, point, anchor):
 
 @part
 def carried_by(contacts, shape, x):
-    """Return the world position of a point of a shape, or of the ground."""
+    """Return the world position of a point on a shape or on the ground."""
     if shape < 0:
         return x
     pose = contacts.poses[shape]
@@ -341,7 +345,7 @@ def carried_by(contacts, shape, x):
 
 @part
 def fixed_to(contacts, shape, x):
-    """A point of the world in a shape's axes."""
+    """Transform a point from world axes to a shape's axes."""
     if shape < 0:
         return x
     pose = contacts.poses[shape]
@@ -350,7 +354,7 @@ def fixed_to(contacts, shape, x):
 
 @kernel(SETTLE, nogil=True)
 def settle_contacts(scene, t, q, v):
-    """After a step that ends at t: what contacts remember of it, and changes of their phases."""
+    """Update the contact history and the contact phases after a step that ends at t."""
     address = opened(scene).links.contacts
     laws = contacts_at(address).laws
     sticks = False
@@ -364,7 +368,7 @@ def settle_contacts(scene, t, q, v):
 
 @sweep
 def log_phases(address, t):
-    """Log the pairs whose phase has changed, from the forces and slips of the last step."""
+    """Log the pairs whose phase has changed, based on the forces and slips in the last step."""
     contacts = contacts_at(address)
     laws, changes, tally = contacts.laws, contacts.changes, contacts.tally[0]
     for k in range(laws.shape[0]):
@@ -390,7 +394,7 @@ def log_phases(address, t):
 
 @sweep
 def keep_anchors(scene, q, v):
-    """Update the anchors of penalty friction. Sliding anchors follow on the rim."""
+    """Update the anchors for penalty friction. Sliding anchors follow on the rim."""
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space
     contacts = contacts_at(data.links.contacts)
@@ -428,7 +432,7 @@ def keep_anchors(scene, q, v):
 
 @kernel(CONTACT_RECORD, nogil=True)
 def record_contacts(scene, wrenches, pairs, missed):
-    """Record wrenches of contacts on bodies (nb, 6) at their origins, and the contact pairs.
+    """Record contact wrenches on bodies (nb, 6) at their origins, and the contact pairs.
 
     Also record the residuals since the last record: complementarity, cone, penetration.
     """

@@ -1,4 +1,4 @@
-"""Convex solids with corners against each other, and against balls and capsules.
+"""Convex polyhedra against each other and against balls and capsules.
 
 The signed distance of two convex polytopes is the largest separation along the normals of the
 faces of their difference A - B: faces of A, faces of B, and products of edges whose arcs cross on
@@ -47,7 +47,7 @@ PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the
 
 @sweep
 def lay_out(geometry, poses, i, only, origin, room, row):
-    """Write vertices and normals of shape i into `room`. Returns the side and the next row.
+    """Write the vertices and normals of shape i into `room`. Returns the side and the next row.
 
     Of a list of points only point `only` counts, of a heightfield the prism under triangle `only`.
     """
@@ -74,14 +74,15 @@ def lay_out(geometry, poses, i, only, origin, room, row):
 
 @part
 def node(geometry, i, x, y):
-    """A height of a heightfield as a point in its frame."""
+    """Return a node of a heightfield as a point in the shape's frame."""
     shape = geometry.shapes[i]
     return load(geometry.vertices, shape.first_vertex + x * shape.columns + y, 0)
 
 
 @part
 def triangle_nodes(geometry, i, triangle):
-    """(three nodes (x, y) around, how many of the sides after them are sides of the heightfield).
+    """Return (three nodes (x, y) in order, number of the following sides on the heightfield's
+    boundary).
 
     Those come first. A cell has two triangles, which share its diagonal.
     """
@@ -101,7 +102,9 @@ def triangle_nodes(geometry, i, triangle):
 
 @sweep
 def lay_out_prism(geometry, poses, i, triangle, origin, room, row):
-    """Write a prism like `lay_out`: top, three sides, bottom. Only outer sides count."""
+    """Write a prism in the same way as `lay_out`: top, three sides, bottom. Only outer sides
+    count.
+    """
     shape = geometry.shapes[i]
     r = matrix(poses[i].rotation)
     shift = sub(xyz(poses[i].position), origin)
@@ -132,7 +135,7 @@ def set_unit(room, row, x):
 
 @part
 def face_corner(geometry, room, a, face):
-    """The first vertex of a face, and its normal."""
+    """Return the first vertex of a face and the face normal."""
     faces, rings = geometry.faces, geometry.rings
     corner = xyz(room[a.first + rings[faces[a.face + face].first]].place)
     return corner, xyz(room[a.normal + face].place)
@@ -140,7 +143,7 @@ def face_corner(geometry, room, a, face):
 
 @part
 def lowest(room, a, n):
-    """(height, vertex) of side a that is lowest along n."""
+    """Return (height, vertex) for the lowest vertex of side a along n."""
     low = math.inf
     found = 0
     for k in range(a.vertices):
@@ -153,7 +156,7 @@ def lowest(room, a, n):
 
 @sweep
 def face_separation(geometry, room, a, b):
-    """(separation, face of a, deepest vertex of b): the largest over a's faces."""
+    """Return the largest (separation, face of a, deepest vertex of b) over the faces of a."""
     best = -math.inf
     found = 0
     deepest = 0
@@ -170,7 +173,7 @@ def face_separation(geometry, room, a, b):
 
 @part
 def edge_line(geometry, room, a, e):
-    """(start, way) of an edge."""
+    """Return the (start, direction) of an edge."""
     edges = geometry.edges
     start = xyz(room[a.first + edges[a.edge + e].start].place)
     return start, sub(xyz(room[a.first + edges[a.edge + e].end].place), start)
@@ -178,7 +181,7 @@ def edge_line(geometry, room, a, e):
 
 @part
 def edge_normals(geometry, room, a, e):
-    """Normals of the two faces beside an edge."""
+    """Return the normals of the two faces adjacent to an edge."""
     edges = geometry.edges
     f = xyz(room[a.normal + edges[a.edge + e].left].place)
     return f, xyz(room[a.normal + edges[a.edge + e].right].place)
@@ -186,7 +189,7 @@ def edge_normals(geometry, room, a, e):
 
 @part
 def arcs_cross(da, f, g, db, h, k):
-    """True if two edges span a face of A - B: the arc f, g crosses the arc -h, -k."""
+    """Return True if two edges span a face of A - B, so that arc f, g crosses arc -h, -k."""
     hd = -dot(h, da)
     kd = -dot(k, da)
     fd = dot(f, db)
@@ -196,7 +199,8 @@ def arcs_cross(da, f, g, db, h, k):
 
 @sweep
 def edge_separation(geometry, room, a, b, least):
-    """(separation, edge of a, edge of b, direction from a to b), edge -1 if none exceeds `least`.
+    """Return (separation, edge of a, edge of b, direction from a to b), with edge -1 if none
+    exceeds `least`.
 
     The separation is that of all vertices, so it holds whatever rounding did to the direction.
     """
@@ -243,13 +247,14 @@ def edge_separation(geometry, room, a, b, least):
 
 @part
 def feature_of(kind, x, y):
-    """Return a number for a pair of features: kind of touch, two indices, three free bits."""
+    """Encode a pair of features as a number: kind of contact, two indices, three free bits."""
     return (kind << 48) | (x << 26) | (y << 3)
 
 
 @sweep
 def facing(geometry, room, b, deepest, n):
-    """Return the face of b most perpendicular to n at its deepest vertex, -1 without faces.
+    """Return the face at the deepest vertex of b that is most perpendicular to n, or -1 without
+    faces.
 
     It is one of the two faces of the flattest edge there, so that an edge that lies across a face
     belongs to it.
@@ -274,7 +279,8 @@ def facing(geometry, room, b, deepest, n):
 
 @sweep
 def clipped(geometry, room, row, a, face, b, deepest):
-    """(first row, number, smallest height) of b's facing face within the sides of a's face.
+    """Return (first row, number, smallest height) of b's facing face clipped to the sides of a's
+    face.
 
     Heights are over a's face; a segment or a point is its own face.
     """
@@ -306,7 +312,9 @@ def clipped(geometry, room, row, a, face, b, deepest):
 
 @sweep
 def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n):
-    """Write the thinned clipped points over a's face, with the `radii` of a's and b's shape."""
+    """Write the thinned clipped points above a's face, given the `radii` of the shapes of a and
+    b.
+    """
     radius, other_radius = radii
     _, normal = face_corner(geometry, room, a, face)
     kept = 0
@@ -329,7 +337,7 @@ def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, 
 
 @sweep
 def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin, out, n):
-    """Write contact points at a separating face of a. Returns -1 if others are nearest."""
+    """Write contact points at a separating face of a. Returns -1 if other features are nearest."""
     separation, face, deepest = found
     row, m, low = clipped(geometry, room, row, a, face, b, deepest)
     if low > separation + CERTAIN * size:
@@ -344,7 +352,9 @@ def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin,
 
 @sweep
 def by_faces(geometry, room, row, a, b, found, least, below, radii, origin, size, margin, out, n):
-    """`by_face` of the face of a, else of b, whose separation is at least this and below that."""
+    """Try `by_face` for the face of a, then b, if its separation is at least `least` and under
+    `below`.
+    """
     by_a, by_b = found
     written = -1
     if least <= by_a[0] < below:
@@ -361,7 +371,7 @@ def by_faces(geometry, room, row, a, b, found, least, below, radii, origin, size
 
 @sweep
 def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
-    """Write the contact point of two edges. Returns -1 if they are not nearest inside."""
+    """Write the contact point between two edges. Returns -1 if their interiors are not nearest."""
     separation, i, j, way = found
     p, da = edge_line(geometry, room, a, i)
     q, db = edge_line(geometry, room, b, j)
@@ -385,7 +395,7 @@ def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
 
 @sweep
 def ends_of_capsule(p, da, radii, q, db, origin, margin, feature, out, n):
-    """A capsule along an edge: the points of two segments."""
+    """Write the contact points of a capsule along an edge, treating both as segments."""
     start = add(origin, p)
     other = add(origin, q)
     return segment_segment(out, n, start, da, radii[0], other, db, radii[1], margin, feature)
@@ -406,7 +416,8 @@ def measure(room, a, n):
 
 @sweep
 def vertex_to_edge(geometry, room, a, b, way, base, best):
-    """(distance, vertex of a, edge of b, place on it from 0 to 1) below `best`, edge -1 if none.
+    """Return (distance, vertex of a, edge of b, position on it from 0 to 1) below `best`, or edge
+    -1.
 
     `base` is b's extreme height along `way` on a's side: what lies farther than the best cannot be
     nearest, so few pairs are looked at.
@@ -438,7 +449,7 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_at(geometry, room, b, v, d):
-    """The edge of b at vertex v that is most parallel to d."""
+    """Return the edge at vertex v of b that is most parallel to d."""
     edges = geometry.edges
     best = -1.0
     found = 0
@@ -454,7 +465,7 @@ def edge_at(geometry, room, b, v, d):
 
 @sweep
 def edge_number(geometry, room, b, v, n):
-    """The edge at vertex v that is nearest to a right angle with n."""
+    """Return the edge at vertex v that is most nearly perpendicular to n."""
     edges = geometry.edges
     best = 2.0
     found = 0
@@ -470,7 +481,9 @@ def edge_number(geometry, room, b, v, n):
 
 @part
 def edge_at_right_angle(geometry, room, b, v, n):
-    """The unit direction of that edge, and the cosine between the two."""
+    """Return the unit direction of the edge from `edge_number`, and the cosine of its angle to
+    n.
+    """
     _, way = edge_line(geometry, room, b, edge_number(geometry, room, b, v, n))
     way = scale(1.0 / math.sqrt(dot(way, way)), way)
     return way, abs(dot(way, n))
@@ -478,7 +491,7 @@ def edge_at_right_angle(geometry, room, b, v, n):
 
 @part
 def is_over(geometry, room, b, f, n, x):
-    """True if a point is in the prism over a face with normal n."""
+    """Return True if a point lies in the prism above a face with normal n."""
     rings, face = geometry.rings, geometry.faces[b.face + f]
     inside = True
     for k in range(face.corners):
@@ -491,7 +504,9 @@ def is_over(geometry, room, b, f, n, x):
 
 @sweep
 def vertex_to_face(geometry, room, a, b, way, base, best):
-    """Return (distance, vertex of a, face of b below it) below `best`, -1 for no face."""
+    """Return (distance, vertex of a, face of b below it) below `best`, with face -1 if there is
+    none.
+    """
     found_v, found_f = -1, -1
     for k in range(a.vertices):
         if way * (base - room[a.first + k].height) >= best:
@@ -508,7 +523,9 @@ def vertex_to_face(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_to_edge(geometry, room, a, b, best):
-    """Return (distance, edge of a, edge of b, from a to b, on b) below `best`, -1 if none."""
+    """Return (distance, edge of a, edge of b, from a to b, on b) below `best`, or edge -1 if
+    none.
+    """
     edges = geometry.edges
     found_a, found_b, between, on_b = -1, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(a.ridges):
@@ -538,7 +555,8 @@ def edge_to_edge(geometry, room, a, b, best):
 
 @sweep
 def by_any(geometry, room, a, b, low_b, high_a, known):
-    """(distance, from a to b, place on b, feature) of all pairs, nearer than `known` if there are.
+    """Return the nearest (distance, from a to b, position on b, feature) of all pairs, or else
+    `known`.
 
     Heights are measured from a to b; `low_b` and `high_a` are the extreme ones.
     """
@@ -562,7 +580,7 @@ def by_any(geometry, room, a, b, low_b, high_a, known):
 
 @sweep
 def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
-    """Write contact points of a vertex nearest to an edge or vertex, with `way` from a to b."""
+    """Write contact points for a vertex nearest to an edge or vertex, with `way` from a to b."""
     low_b, _ = measure(room, b, way)
     _, high_a = measure(room, a, way)
     best, v, e, t = vertex_to_edge(geometry, room, a, b, 1.0, low_b, math.inf)
@@ -606,7 +624,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
 
 @sweep
 def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append contact points of two shapes within `margin`, one of which has faces."""
+    """Append contact points within `margin` between two shapes, at least one of which has faces."""
     shapes = geometry.shapes
     origin = xyz(poses[i].position)
     a, row = lay_out(geometry, poses, i, only_a, origin, room, 0)

@@ -1,4 +1,4 @@
-"""Cylinders and ellipsoids against each other and everything else that is convex.
+"""Cylinders and ellipsoids against each other and against all other convex shapes.
 
 The signed distance of two convex sets is the largest separation s(n) over unit normals n, where
 s(n) is the least n · (a - b) of points a of A and b of B. First a polytope inside A - B grows
@@ -52,7 +52,7 @@ CURVED = 6  # kind of touch, after those of `convex`
 
 
 class Core(NamedTuple):
-    """A shape without its radius, in places relative to A's origin."""
+    """A shape without its radius, in coordinates relative to A's origin."""
 
     kind: Any
     centre: Any
@@ -63,7 +63,7 @@ class Core(NamedTuple):
 
 @sweep
 def core_of(geometry, poses, i, only, origin, room, row):
-    """Shape i as a core, and the next free row."""
+    """Return shape i as a core, and the next free row."""
     side, row = lay_out(geometry, poses, i, only, origin, room, row)
     shape = geometry.shapes[i]
     centre = sub(xyz(poses[i].position), origin)
@@ -72,7 +72,7 @@ def core_of(geometry, poses, i, only, origin, room, row):
 
 @part
 def support(room, core, d):
-    """The point of a core that is lowest along d."""
+    """Return the support point of a core, which is the lowest along d."""
     if core.kind == ELLIPSOID:
         g = mul_t(core.rotation, d)
         q = (core.half[0] ** 2 * g[0], core.half[1] ** 2 * g[1], core.half[2] ** 2 * g[2])
@@ -89,7 +89,7 @@ def support(room, core, d):
 
 @part
 def bend(core, n, u, v):
-    """u · H v with H the second derivative of max n · x over a core: radii of curvature at n."""
+    """Return u · H v, with H the Hessian of max n · x over a core: radii of curvature at n."""
     if core.kind == ELLIPSOID:
         g, x, y = mul_t(core.rotation, n), mul_t(core.rotation, u), mul_t(core.rotation, v)
         s = (core.half[0] ** 2, core.half[1] ** 2, core.half[2] ** 2)
@@ -110,7 +110,7 @@ def bend(core, n, u, v):
 
 @part
 def between(room, a, b, n):
-    """a - b of the two points that decide the separation along n."""
+    """Return a - b for the two support points that determine the separation along n."""
     return sub(support(room, a, n), support(room, b, scale(-1.0, n)))
 
 
@@ -136,7 +136,7 @@ def corner_at(room, row, k):
 
 @sweep
 def put_face(room, row, face, i, j, k):
-    """Corners i, j, k around as seen from outside."""
+    """Write a face with corners i, j, k, ordered as seen from outside."""
     p = corner_at(room, row, i)
     n = cross(sub(corner_at(room, row, j), p), sub(corner_at(room, row, k), p))
     size = math.sqrt(dot(n, n))
@@ -149,7 +149,7 @@ def put_face(room, row, face, i, j, k):
 
 @part
 def nearest_of_triangle(p, q, r):
-    """The point of a triangle that is nearest to the origin [Ericson 2005, 5.1.5]."""
+    """Return the point on a triangle nearest to the origin [Ericson 2005, 5.1.5]."""
     u, v = sub(q, p), sub(r, p)
     d1, d2 = -dot(u, p), -dot(v, p)
     if d1 <= 0.0 and d2 <= 0.0:
@@ -175,7 +175,7 @@ def nearest_of_triangle(p, q, r):
 
 @sweep
 def first_corners(room, a, b, row):
-    """Find a tetrahedron of support points, oriented with normals outwards."""
+    """Find an initial tetrahedron of support points, with its normals facing outwards."""
     way = sub(a.centre, b.centre)
     n = unit(add_scaled(ASKEW, 1.0 / (math.sqrt(dot(way, way)) + NOTHING), way))
     set_xyz(room[row].place, between(room, a, b, n))
@@ -195,7 +195,7 @@ def first_corners(room, a, b, row):
 
 @sweep
 def set_farthest(room, a, b, row, k, n):
-    """Corner k: of the two support points along ±n the one farther from corner 0."""
+    """Set corner k to the support point along n or -n that is farther from corner 0."""
     p = corner_at(room, row, 0)
     x = between(room, a, b, n)
     y = between(room, a, b, scale(-1.0, n))
@@ -204,7 +204,7 @@ def set_farthest(room, a, b, row, k, n):
 
 @sweep
 def nearest_face(room, row, faces, certain):
-    """(separation, n) of what is nearest to the origin of the polytope's faces.
+    """Return (separation, n) for the point on the polytope's faces that is nearest to the origin.
 
     A place nearer than `certain` [m] has no direction worth having.
     """
@@ -231,7 +231,7 @@ def nearest_face(room, row, faces, certain):
 
 @sweep
 def grow(room, row, corners, faces, x, certain):
-    """Add a corner. Returns the number of face rows, -1 if it is inside or there is no room.
+    """Add a corner. Returns the number of face rows, or -1 if it is inside or the buffer is full.
 
     Faces that are below it by at most `certain` [m] stay.
     """
@@ -270,7 +270,7 @@ def grow(room, row, corners, faces, x, certain):
 
 @sweep
 def coarse_normal(room, a, b, row, size):
-    """(upper bound of the signed distance, n) to about `COARSE` of the size."""
+    """Return (upper bound on the signed distance, n) to about `COARSE` relative to the size."""
     first_corners(room, a, b, row)
     faces = 4
     best = -math.inf
@@ -295,7 +295,7 @@ def coarse_normal(room, a, b, row, size):
 
 @part
 def flat_near(geometry, room, core, n):
-    """The outward normal of a core's flat face that is nearest to -n, and the cosine."""
+    """Return the outward normal of a core's flat face nearest to -n, and the cosine."""
     if core.kind == CYLINDER:
         r = core.rotation
         axis = (r[2], r[5], r[8])
@@ -328,7 +328,7 @@ def edge_near(geometry, room, core, n):
 
 @sweep
 def along_edge(room, a, b, n, e):
-    """The n across direction e with the largest separation, by Newton's method."""
+    """Find the n across direction e with the largest separation by Newton's method."""
     n = unit(add_scaled(n, -dot(n, e), e))
     for _ in range(NEWTON):
         u = cross(e, n)
@@ -345,7 +345,7 @@ def along_edge(room, a, b, n, e):
 
 @sweep
 def freely(room, a, b, n):
-    """The n with the largest separation near n where both are curved, by Newton's method."""
+    """Find the n near n with the largest separation, where both are curved, by Newton's method."""
     for _ in range(NEWTON):
         t, u = tangents(n)
         w = between(room, a, b, n)
@@ -368,14 +368,14 @@ def freely(room, a, b, n):
 
 @sweep
 def better(room, a, b, n, best, found, allowance):
-    """The candidate n if its separation is larger than the best less an allowance."""
+    """Return the candidate n if its separation exceeds the best one less an allowance."""
     s = dot(n, between(room, a, b, n))
     return (s, n) if s > best - allowance else (best, found)
 
 
 @sweep
 def exact_normal(geometry, room, a, b, n, size):
-    """(signed distance, n) near n."""
+    """Refine n locally. Returns (signed distance, n)."""
     best = dot(n, between(room, a, b, n))
     gain, prefer = -GAIN * size, PREFER * size
     for _ in range(ROUNDS):
@@ -407,7 +407,7 @@ def exact_normal(geometry, room, a, b, n, size):
 
 @sweep
 def outline(geometry, room, core, d, row):
-    """Write the feature of a core that faces against d from `row` on: face, rim, edge or point.
+    """Write the feature of a core facing against d, starting at `row`: face, rim, edge or point.
 
     Returns (number of points, cosine between -d and the normal of a face).
     """
@@ -440,7 +440,9 @@ def set_point(room, row, place, tag):
 
 @sweep
 def straight_edge(geometry, room, core, n, row):
-    """Write the ends of the edge of `edge_near` from `row` on. Returns its direction and cosine."""
+    """Write the ends of the edge from `edge_near`, starting at `row`. Returns its direction and
+    cosine.
+    """
     direction, c = edge_near(geometry, room, core, n)
     if c > FLAT:
         return direction, c
@@ -461,7 +463,7 @@ def straight_edge(geometry, room, core, n, row):
 
 @sweep
 def outline_of_cylinder(geometry, room, core, d, row):
-    """The rim of the end that faces against d, or the line along its side."""
+    """Write the rim of the end that faces against d, or the line along the cylinder's side."""
     g = mul_t(core.rotation, d)
     across = math.sqrt(g[0] * g[0] + g[1] * g[1])
     x, y, _ = mul_t(core.rotation, rim_direction(geometry, core.rotation, d))
@@ -490,7 +492,7 @@ OCTAGON = (
 
 @sweep
 def clip_to(room, first, count, n, row, m, spare):
-    """Clip the m points from `row` on to the sides of the face from `first` on.
+    """Clip the m points starting at `row` to the sides of the face starting at `first`.
 
     n is the face's outward normal. Returns (row, number).
     """
@@ -506,7 +508,7 @@ def clip_to(room, first, count, n, row, m, spare):
 
 @sweep
 def clip_to_edge(room, first, row, m, spare):
-    """Clip the m points from `row` on to the range of an edge. Returns (row, number)."""
+    """Clip the m points starting at `row` to the extent of an edge. Returns (row, number)."""
     u, v = corner_at(room, first, 0), corner_at(room, first, 1)
     way = sub(v, u)
     m = clip_polygon(room, row, m, spare, way, dot(way, v), CROSSING)
@@ -516,7 +518,9 @@ def clip_to_edge(room, first, row, m, spare):
 
 @sweep
 def curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append contacts of two shapes within `margin`, one of them a cylinder or an ellipsoid."""
+    """Append contacts within `margin` between two shapes, one of them a cylinder or an
+    ellipsoid.
+    """
     shapes = geometry.shapes
     origin = xyz(poses[i].position)
     a, row = core_of(geometry, poses, i, only_a, origin, room, 0)
@@ -537,14 +541,14 @@ def curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
 
 @part
 def round_by(shapes, i):
-    """The radius that is added to a core."""
+    """Return the radius that is added to a core."""
     solid = shapes[i].faces > 0 or shapes[i].kind in (CYLINDER, ELLIPSOID)
     return 0.0 if solid else shapes[i].radius
 
 
 @sweep
 def touch_points(geometry, room, row, a, b, touch, origin, size, margin, out, count):
-    """Write the contact points of two cores whose separation s is along n, from B to A.
+    """Write the contact points of two cores with separation s along n, from B to A.
 
     `touch` is (radii of both, s, n, whether the deepest point counts where it is beside the face
     that others are clipped to). Where a flat face lies in the contact plane, what faces it is

@@ -1,4 +1,4 @@
-"""Shapes against the ground: exact points and gaps.
+"""Shapes against the ground: exact contact points and gaps.
 
 The ground is a plane through the world's origin, and rectangles of it at another height. What
 stands out, and the rims of pits, touch as boxes on row 0 (`contact/solids.py`); there the plane
@@ -16,13 +16,13 @@ from .shapes import put, rim_direction, vertex
 
 @part
 def normal_of(ground):
-    """The unit normal of the plane."""
+    """Return the unit normal of the plane."""
     return xyz(ground.plane[0].normal)
 
 
 @part
 def patch_under(ground, p):
-    """Return the last patch of the ground under a point, or -1."""
+    """Return the index of the last patch of the ground under a point, or -1 if there is none."""
     x = dot(p, xyz(ground.plane[0].x))
     y = dot(p, xyz(ground.plane[0].y))
     found = -1
@@ -35,21 +35,21 @@ def patch_under(ground, p):
 
 @part
 def height(ground, p):
-    """Return the height of the ground under a point along the normal [m]."""
+    """Return the height of the ground along the normal under a point [m]."""
     k = patch_under(ground, p)
     return ground.patches[k].height if k >= 0 else 0.0
 
 
 @part
 def is_box(ground, p):
-    """True if a box, not the plane, touches under a point."""
+    """Return True if the ground under a point is a box rather than the plane."""
     k = patch_under(ground, p)
     return k >= 0 and ground.patches[k].box == 1
 
 
 @sweep
 def top(ground):
-    """The greatest height that the ground has [m]."""
+    """Return the maximum height of the ground [m]."""
     found = 0.0
     for k in range(ground.patches.shape[0]):
         found = max(found, ground.patches[k].height)
@@ -58,13 +58,13 @@ def top(ground):
 
 @part
 def above(ground, p):
-    """Height of a point over the ground under it."""
+    """Return the height of a point above the ground."""
     return dot(p, normal_of(ground)) - height(ground, p)
 
 
 @part
 def rim_point(geometry, ground, poses, i, k):
-    """Return point k of a cylinder and its feature.
+    """Return point k on a cylinder's rims and its feature.
 
     The first two are the lowest of either rim, the others are quarter turns from there around the
     lower rim.
@@ -87,7 +87,7 @@ def rim_point(geometry, ground, poses, i, k):
 
 @part
 def candidate(geometry, ground, poses, i, k):
-    """(place, radius, feature) of the k-th ball that may touch the ground."""
+    """Return (position, radius, feature) of the k-th ball that may touch the ground."""
     if geometry.shapes[i].kind == CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
@@ -102,7 +102,7 @@ def candidate(geometry, ground, poses, i, k):
 
 @part
 def candidates(shapes, i):
-    """Return the number of candidates."""
+    """Return the number of candidate balls."""
     if shapes[i].kind == CYLINDER:
         return 5
     return 1 if shapes[i].kind == ELLIPSOID else shapes[i].vertices
@@ -110,7 +110,7 @@ def candidates(shapes, i):
 
 @sweep
 def ground_gap(geometry, ground, poses, i):
-    """Signed distance of shape i from the ground [m]."""
+    """Return the signed distance between shape i and the ground [m]."""
     gap = math.inf
     for k in range(candidates(geometry.shapes, i)):
         p, radius, _ = candidate(geometry, ground, poses, i, k)
@@ -121,7 +121,7 @@ def ground_gap(geometry, ground, poses, i):
 
 @part
 def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
-    """Append contacts of shape i within `margin` of the ground. Returns the new number.
+    """Append contacts between shape i and the ground within `margin`. Returns the new number.
 
     Sphere and ellipsoid have 1 point, a capsule 2, a box its vertices, a cylinder up to 5 (the
     lowest of both rims and a square on the lower one), a hull its vertices thinned to 8, points

@@ -1,4 +1,4 @@
-"""Impulses of one instant: bilateral rows, limits and contacts with friction in one solve.
+"""Impulses at one instant: bilateral rows, limits and frictional contacts in a single solve.
 
 Let u = Ω λ + b be the velocities of the rows, and b those without impulses. A limit requires
 0 ≤ λ ⊥ u ≥ 0. A contact (normal first, then two tangents) requires u_n + e u_n⁻ ⊥ λ_n (Signorini)
@@ -58,7 +58,7 @@ GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no round
 
 @sweep
 def solve_impulses(scene, m, first):
-    """Write λ of all active rows into LAMBDA, from b in RHS, starting from the λ given there.
+    """Compute λ of all active rows into LAMBDA from b in RHS, warm-started with the λ found there.
 
     What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
     largest velocity by which a law is missed, over that of its island and by itself, the kinetic
@@ -105,7 +105,8 @@ def solve_impulses(scene, m, first):
 
 @sweep
 def aim(scene, n):
-    """Speeds of joints without impulses into FREE, of island n's rows without these into TARGET.
+    """Write joint speeds without impulses into FREE and the remaining row speeds of island n into
+    TARGET.
 
     Bounces are part of TARGET, and the speed at which a contact point may close the gap that it
     drifted off by, or a length go on to its bound (`slack_of`). Where bodies move fast together,
@@ -154,7 +155,7 @@ def aim(scene, n):
 
 @sweep
 def effects(scene):
-    """diag(1/d) Yᵀ λ of all active blocks into STEP."""
+    """Write diag(1/d) Yᵀ λ of all active blocks into STEP."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     slots, vectors = space.slots, space.vectors
@@ -171,7 +172,7 @@ def effects(scene):
 
 @sweep
 def note_missed(scene, n):
-    """By how much impulses of island n miss complementarity and the cone [N s], into `pushed`.
+    """Write the complementarity and friction cone residuals of island n [N s] into `pushed`.
 
     Normal impulses against what stops or releases them alone, friction against the disc μ λ_n.
     """
@@ -200,7 +201,7 @@ def note_missed(scene, n):
 
 @sweep
 def solve_island(scene, n):
-    """λ of one island, and the speeds w with it in STEP."""
+    """Solve for λ of one island, and write the resulting speeds w into STEP."""
     report = opened(scene).space.vectors[REPORT]
     size = largest_velocity(scene, n)
     if size == 0.0:
@@ -230,14 +231,15 @@ def solve_island(scene, n):
 
 @part
 def note_left(report, left, size):
-    """Record what an island misses of its laws, relative to its largest velocity `size`."""
+    """Record an island's residual, relative to its largest velocity `size`."""
     report[MISSED] = max(report[MISSED], left)
     report[STRAYS] = max(report[STRAYS], left * size)
 
 
 @sweep
 def leaves_alone(scene, n, slack):
-    """True if an impact elsewhere leaves island n unchanged: no residual above `slack` [m/s].
+    """Return True if an impact elsewhere leaves island n unchanged, with no residual above `slack`
+    [m/s].
 
     Velocities of bodies at rest are rounding, to which nothing converges.
     """
@@ -265,7 +267,9 @@ def drop(scene, n):
 
 @sweep
 def largest_velocity(scene, n):
-    """The largest velocity of island n's rows, without impulses or before."""
+    """Return the largest velocity of island n's rows, either without impulses or before the
+    impact.
+    """
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors = data.space.vectors
@@ -283,7 +287,9 @@ def largest_velocity(scene, n):
 
 @sweep
 def gained(scene, n):
-    """(energy that island n's unilateral impulses add [J], the sum of what they turn over)."""
+    """Return (energy added by island n's unilateral impulses [J], total energy that they
+    exchange).
+    """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
@@ -308,7 +314,9 @@ def gained(scene, n):
 
 @part
 def bounces(scene, n):
-    """True if a contact of island n bounces, unless only the step's own forces press on it."""
+    """Return True if a contact in island n bounces, unless only the forces of the step press on
+    it.
+    """
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

@@ -1,4 +1,4 @@
-"""Islands: what blocks of one instant couple, found again at every instant.
+"""Islands of coupled blocks, found anew at every instant.
 
 Two blocks belong together where trees that they act on are the same, or are tied by further
 blocks. Islands share no freedom, so that each is solved alone, at its own size and accuracy.
@@ -70,7 +70,7 @@ def find_islands(scene):
 
 @part
 def plant(rows, islands):
-    """The tree of every freedom, and each tree's rows, the last first."""
+    """Find the tree of each degree of freedom, and the rows of each tree, last row first."""
     tree, chief = islands.tree, islands.chief
     head, below, root = islands.head, islands.below, islands.root
     for k in range(rows.shape[0]):
@@ -89,7 +89,7 @@ def plant(rows, islands):
 
 @part
 def chief_of(chief, k):
-    """The tree that stands for all that are united with tree k."""
+    """Return the representative of all trees united with tree k."""
     while chief[k] != k:
         chief[k] = chief[chief[k]]
         k = chief[k]
@@ -105,7 +105,7 @@ def unite(chief, a, b):
 
 @part
 def connect(islands, edges, a, b):
-    """Note that tree b is next to tree a."""
+    """Record that tree b is adjacent to tree a."""
     islands.edges[edges, 0] = islands.edge[a]
     islands.edges[edges, 1] = b
     islands.edge[a] = edges
@@ -114,7 +114,8 @@ def connect(islands, edges, a, b):
 
 @sweep
 def order_island(scene, n):
-    """Order the elimination of island n and its envelope. Returns (work of a factor, has room).
+    """Order the elimination of island n and its envelope. Returns (cost of a factorisation, whether
+    it fits).
 
     `place` is the position of a freedom. Row p of the envelope extends to column `last[p]`.
     """
@@ -161,14 +162,16 @@ def order_island(scene, n):
 
 @part
 def far_end_first(islands, begin):
-    """Trees of an island into `queue`, breadth first from one that is far from `begin`."""
+    """Write the trees of an island into `queue`, breadth first from one that is far from
+    `begin`.
+    """
     found = breadth_first(islands, begin, 1)
     return breadth_first(islands, islands.queue[found - 1], 2)
 
 
 @part
 def breadth_first(islands, begin, mark):
-    """Write the trees connected with `begin` into `queue`, marked by `mark`."""
+    """Write the trees connected to `begin` into `queue`, marked with `mark`."""
     queue, seen, edges = islands.queue, islands.seen, islands.edges
     queue[0] = begin
     seen[begin] = mark
@@ -189,7 +192,7 @@ def breadth_first(islands, begin, mark):
 
 @part
 def forget_order(islands):
-    """Make room for the next island's order."""
+    """Clear the ordering before the next island."""
     for p in range(islands.size[0]):
         islands.place[islands.freedoms[p]] = NOWHERE
         islands.seen[islands.tree[islands.freedoms[p]]] = 0
@@ -197,7 +200,7 @@ def forget_order(islands):
 
 @sweep
 def unique(scene, n):
-    """True if every block of island n moves as many joints that no other moves as it has rows.
+    """Return True if each block of island n has at least as many joints of its own as it has rows.
 
     Then no two sets of impulses have the same effect, as with the feet of legs.
     """

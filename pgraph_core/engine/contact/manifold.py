@@ -1,4 +1,4 @@
-"""Many candidate points of one touch: clipped to a face, thinned to a few that are spread wide.
+"""Candidate points of one contact, clipped to a face and thinned to a few that are widely spread.
 
 Candidates stand in rows of `room`: a place, a height (the gap there) and a tag.
 """
@@ -31,7 +31,7 @@ def swap(room, i, j):
 
 @part
 def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
-    """Write the intersection of the edge between two candidates with the plane between them."""
+    """Write the point where the edge between two candidates intersects the plane between them."""
     t = d_inner / (d_inner - d_outer)
     p = xyz(room[inner].place)
     set_xyz(room[target].place, add_scaled(p, t, sub(xyz(room[outer].place), p)))
@@ -40,7 +40,7 @@ def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
 
 @sweep
 def clip_polygon(room, source, m, target, plane, offset, tag):
-    """Keep the part plane · x <= offset of a polygon, segment or point. Returns its corners.
+    """Clip a polygon, segment or point to plane · x <= offset. Returns its number of corners.
 
     There are at most m + 1, the most that a plane leaves of a convex polygon, also with rounding.
     """
@@ -93,7 +93,7 @@ def thin(room, first, m, normal):
 
 @part
 def tangents(n):
-    """Two unit directions that span the plane normal to n."""
+    """Return two unit vectors that span the plane normal to n."""
     t = cross(n, (1.0, 0.0, 0.0)) if abs(n[0]) < 0.6 else cross(n, (0.0, 1.0, 0.0))
     t = scale(1.0 / math.sqrt(dot(t, t)), t)
     return t, cross(n, t)

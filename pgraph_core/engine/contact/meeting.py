@@ -1,4 +1,4 @@
-"""When things meet within a step of time stepping.
+"""Location of impacts within a time step.
 
 The gap of two convex shapes over a bound of the speed at which it closes is a time in which they
 cannot touch: conservative advancement ([Mirtich 1996]). The path is that of a step without impulses
@@ -53,7 +53,7 @@ CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the gr
 
 @part
 def closed_limit(blocks, i):
-    """Return the gap of limit i that counts as closed [rad, m], from its range `at.SIZE`."""
+    """Return the gap below which limit i counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, ROUNDING * abs(value))
 
@@ -86,7 +86,7 @@ def is_crowd(contacts):
 
 @sweep
 def look_ahead(scene, h):
-    """Return the closed gap, the search distance [m], and True if something is fast.
+    """Return the closed gap, the search distance [m], and whether anything is fast.
 
     Called after `velocities` at the middle of the step and `place`.
     """
@@ -118,7 +118,7 @@ def look_ahead(scene, h):
 
 @part
 def approach(scene, i, j, left):
-    """Bound the approach of two shapes within `left` [m], with j = -1 for the ground."""
+    """Bound the approach of two shapes within the time `left` [m], with j = -1 for the ground."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, poses = contacts.geometry.shapes, contacts.poses
@@ -130,7 +130,9 @@ def approach(scene, i, j, left):
 
 @part
 def outruns(scene, i, j, left):
-    """True if two shapes may move by their thickness within `left`, j = -1 for the ground."""
+    """Return True if two shapes may move by their thickness within `left`. Use j = -1 for the
+    ground.
+    """
     shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
     thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
     return approach(scene, i, j, left) > thick
@@ -138,7 +140,7 @@ def outruns(scene, i, j, left):
 
 @sweep
 def point_meets(scene, n, h, left):
-    """True if contact point n, at the middle of a sub-step, hits within it.
+    """Return True if contact point n, at the middle of a sub-step, hits within it.
 
     The step is h wide, the sub-step `left`. Called after `velocities`.
     """
@@ -160,7 +162,7 @@ def point_meets(scene, n, h, left):
 
 @part
 def limit_arrival(blocks, i, back, h, left, q, v, vdot):
-    """Return the time until limit i is hit [s]: 0 at once, infinite if not within `left`.
+    """Return the time until limit i is hit [s]: 0 if now, infinite if not within `left`.
 
     The path is that of `state_at`, on which a gap of coordinates is a parabola. It starts a time
     `back` before q, which has moved from there at v. A closed limit is hit at once if its speed
@@ -203,7 +205,7 @@ def first_limit(scene, h, left, q, v, vdot):
 
 @sweep
 def state_at(scene, tau, q, v, start, vdot, speed):
-    """q and the scene's shapes a time τ on from the state `start`."""
+    """Compute q and the scene's shapes at a time τ after the state `start`."""
     data = opened(scene)
     for i in range(q.shape[0]):
         q[i] = start[i]
@@ -217,7 +219,7 @@ def state_at(scene, tau, q, v, start, vdot, speed):
 
 @sweep
 def place_shapes(scene, q, v):
-    """Frames of bodies, their velocities and the scene's shapes at (q, v)."""
+    """Compute body frames, body velocities and the scene's shapes at (q, v)."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     frames(data.rows, data.const, data.work, q, v)
@@ -228,7 +230,7 @@ def place_shapes(scene, q, v):
 
 @sweep
 def hits_at_once(scene, h, q, v, vdot):
-    """True if something hits at (q, v), such as at the end of a sub-step."""
+    """Return True if there is an impact at (q, v), such as at the end of a sub-step."""
     place_shapes(scene, q, v)
     _, limit = first_limit(scene, h, 0.0, q, v, vdot)
     return limit >= 0 or list_meetings(scene, h, 0.0) < 0
@@ -236,7 +238,8 @@ def hits_at_once(scene, h, q, v, vdot):
 
 @sweep
 def first_meeting(scene, h, left, q, v, start, vdot, speed):
-    """Return the time until something lands [s], 0 if something hits now, else `left`.
+    """Return the time until the next landing [s], 0 if there is an impact now, or `left` if there
+    is none.
 
     It is less than `left`, too, if rotations make the path unknown farther on. The scene's shapes
     are in the state `start`, to which q is restored afterwards.
@@ -294,7 +297,9 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
 
 @part
 def time_to_close(way, closing, curving):
-    """Time in which a gap loses at most `way`, from its closing speed and a bound of its change."""
+    """Return the time in which a gap shrinks by at most `way`, given its closing speed and a bound
+    on the change.
+    """
     speed = SURE * max(closing, 0.0)
     root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
     return 2.0 * way / root if root > 0.0 else math.inf
@@ -302,7 +307,7 @@ def time_to_close(way, closing, curving):
 
 @part
 def next_ground(scene, meeting, h, left):
-    """Return `next_landing` of one feature of a shape over the ground.
+    """Return `next_landing` for one feature of a shape above the ground.
 
     Soft arrivals are left to the middle of the step, such as a standing foot that has drifted off:
     its later motion without impulses has no meaning. Leaving features are still followed, because
@@ -333,14 +338,14 @@ def next_ground(scene, meeting, h, left):
 
 @part
 def ground_point(contacts, i, k):
-    """(gap, place) of the k-th part of shape i that may touch the ground."""
+    """Return (gap, position) for the k-th part of shape i that may touch the ground."""
     p, radius, _ = candidate(contacts.geometry, contacts.ground, contacts.poses, i, k)
     return above(contacts.ground, p) - radius, p
 
 
 @sweep
 def nearest(contacts, i, j, pair):
-    """(gap, place, normal) where two shapes are nearest."""
+    """Return (gap, position, normal) where two shapes are nearest."""
     found = contacts.found
     n = pair_contacts(
         contacts.geometry, contacts.poses, i, j, pair, math.inf, contacts.search.room, found, 0
@@ -358,7 +363,9 @@ def nearest(contacts, i, j, pair):
 
 @part
 def straight(scene, i, j):
-    """Time in which the path of two shapes that touch bends by little of their thickness [s]."""
+    """Return the time in which the paths of two touching shapes curve little for their thickness
+    [s].
+    """
     contacts = contacts_at(opened(scene).links.contacts)
     thin, curving = thinner(contacts, i, j), curving_bound(scene, i, j)
     return math.sqrt(SAG * thin / curving) if thin * curving > 0.0 else math.inf
@@ -366,7 +373,7 @@ def straight(scene, i, j):
 
 @sweep
 def next_landing(scene, meeting, h, tau, left):
-    """(time in which nothing lands, whether something lands now, whether it is inside already).
+    """Return (time without a landing, whether one occurs now, whether it is already inside).
 
     Of two shapes. Where they touched at the start, a time τ ago, what has touched since then closes
     no faster than turning and weight make it, and lands when it has sunk in.
@@ -407,7 +414,7 @@ def next_landing(scene, meeting, h, tau, left):
 
 @part
 def put_meeting(meetings, n, a, b, vertex, pair):
-    """Write meeting n and return n + 1. Meetings beyond the room are only counted."""
+    """Write meeting n and return n + 1. Meetings beyond the buffer's capacity are only counted."""
     if n < meetings.shape[0]:
         meetings[n].shape_a = a
         meetings[n].shape_b = b
@@ -418,7 +425,7 @@ def put_meeting(meetings, n, a, b, vertex, pair):
 
 @sweep
 def list_meetings(scene, h, left):
-    """List pairs that may touch within `left`. Returns their number, -1 if two hit now."""
+    """List pairs that may touch within `left`. Returns their number, or -1 if two hit now."""
     contacts = contacts_at(opened(scene).links.contacts)
     tally, meetings = contacts.tally[0], contacts.meetings
     shapes, poses, may = contacts.geometry.shapes, contacts.poses, contacts.candidates
@@ -504,7 +511,7 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
 
 @sweep
 def may_land(scene, i, j, pair, left):
-    """True if other points of two touching shapes may land within `left`."""
+    """Return True if other points of two touching shapes may land within `left`."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     found = contacts.found
@@ -521,7 +528,7 @@ def may_land(scene, i, j, pair, left):
 
 @part
 def hits_now(scene, i, j, p, normal, h):
-    """True if two shapes that touch at p hit each other there."""
+    """Return True if two shapes that touch at p hit each other there."""
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     shapes, linear = contacts.geometry.shapes, data.space.linear

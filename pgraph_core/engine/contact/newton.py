@@ -1,4 +1,4 @@
-"""Contact laws of one island by Newton's method, in the impulses and the speeds together.
+"""Contact laws of an island by Newton's method, solved for impulses and speeds simultaneously.
 
 Unknown are the impulses λ and the speeds w behind the articulated factors, in which inertia is
 diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every
@@ -45,13 +45,13 @@ SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
 @part
 def rows_of(x, r, size):
-    """Up to three entries of x from r on, zero where a block has fewer."""
+    """Return up to three entries of x starting at r, padded with zeros for smaller blocks."""
     return (x[r], x[r + 1] if size > 1 else 0.0, x[r + 2] if size > 2 else 0.0)
 
 
 @part
 def gather(y, slots, i, z):
-    """Y z of a block: what joints' responses z give its rows."""
+    """Return Y z of a block, the effect of the joint responses z on its rows."""
     u = triple(0.0, 0.0, 0.0)
     for s in range(joints_of(slots, i)):
         u = u + z[joint_of(slots, i, s)] * load_triple(y, i, 3 * s)
@@ -60,14 +60,14 @@ def gather(y, slots, i, z):
 
 @part
 def scatter(y, slots, i, change, z):
-    """z += Yᵀ of a block's change in λ."""
+    """Add Yᵀ times the change in a block's λ to z."""
     for s in range(joints_of(slots, i)):
         z[joint_of(slots, i, s)] += dot(load(y, i, 3 * s), change)
 
 
 @part
 def velocity(data, i, w):
-    """u of a block at the speeds w."""
+    """Return u of a block at the speeds w."""
     space = data.space
     n = size_of(data.blocks.blocks_i, i)
     u = gather(space.y, space.slots, i, w)
@@ -76,7 +76,7 @@ def velocity(data, i, w):
 
 @part
 def bounds_of(data, i):
-    """Return (friction, 0) of a contact, or a torque's bounds about and across the normal.
+    """Return (friction, 0) for a contact, or a torque's bounds about and across the normal.
 
     Of a joint's friction, the bound comes first.
     """
@@ -95,7 +95,7 @@ def bounds_of(data, i):
 
 @part
 def admitted(kind, size, z, bounds):
-    """(the impulse next to z that the law admits, its derivative row by row).
+    """Project z onto the admissible impulses. Returns (nearest impulse, its derivative row by row).
 
     The bounds of a torque are about the normal and across it; the first of a contact is friction's.
     """
@@ -121,7 +121,7 @@ def admitted(kind, size, z, bounds):
 
 @part
 def turning(z, spinning, rolling):
-    """`admitted` of torques: a segment about the normal, a disc across it."""
+    """Do the same as `admitted` for torques: a segment about the normal, a disc across it."""
     spin = min(max(z[0], -spinning), spinning)
     free = 1.0 if spin == z[0] else 0.0
     pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
@@ -139,19 +139,20 @@ def diagonal(a, b, c):
 
 @part
 def on_rim(slope):
-    """True if friction follows the normal impulse, so the contact slides."""
+    """Return True if friction follows the normal impulse, so the contact slides."""
     return slope[3] != slope[1] or slope[6] != slope[2]
 
 
 @part
 def state_of(slope):
-    """A number for what is open, sticks or slides."""
+    """Encode as a number whether a contact is open, sticks or slides."""
     return slope[0] + (2.0 if slope[4] + slope[8] == 2.0 else 0.0)
 
 
 @sweep
 def look(scene, n, soft):
-    """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` on all of λ.
+    """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
+    λ.
 
     Return (root of the sum of squares of what is missed [m/s], its largest, the number of blocks
     whose state has changed since the last look).
@@ -185,7 +186,7 @@ def look(scene, n, soft):
 
 @part
 def resisted(slope, ks, x):
-    """(1 - (1 - k s) P')⁻¹ x."""
+    """Return (1 - (1 - k s) P')⁻¹ x."""
     c = 1.0 - ks
     first = x[0] / (1.0 - slope[0] + ks * slope[0])
     u = x[1] + c * slope[3] * first
@@ -199,7 +200,7 @@ def resisted(slope, ks, x):
 
 @sweep
 def prepare(scene, n, soft, refactor):
-    """Write Yᵀ of the blocks' own changes of λ into CHANGE, and R and the matrix if `refactor`.
+    """Write Yᵀ of the blocks' own changes in λ into CHANGE, and R and the matrix if `refactor`.
 
     Whether the matrix is symmetric.
     """
@@ -267,7 +268,7 @@ def prepare(scene, n, soft, refactor):
 
 @sweep
 def factor(upper, lower, start, last, count, symmetric):
-    """Factor L U in place without pivoting. Returns False if that fails.
+    """Compute the LU factorisation in place without pivoting. Returns False if that fails.
 
     L of a symmetric matrix is U over the pivots and is not stored.
     """
@@ -299,7 +300,7 @@ def take(x, f, y):
 
 @sweep
 def substitute(upper, lower, start, last, count, symmetric, x):
-    """Solve for x in its place, after `factor`."""
+    """Solve for x in place, after `factor`."""
     for p in range(count):
         s, end = start[p], last[p] + 1
         f = x[p] / upper[s] if symmetric else x[p]
@@ -315,7 +316,7 @@ def substitute(upper, lower, start, last, count, symmetric, x):
 
 @sweep
 def direction(scene, n, soft, refactor, symmetric):
-    """Compute Newton's changes of λ into MOVE. Returns (success, True for a symmetric factor)."""
+    """Compute Newton's changes in λ into MOVE. Returns (success, True for a symmetric factor)."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope
@@ -342,7 +343,7 @@ def direction(scene, n, soft, refactor, symmetric):
 
 @sweep
 def start_from_here(scene, n):
-    """λ of island n into FROM."""
+    """Copy λ of island n into FROM."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     slots = data.space.slots
@@ -355,7 +356,7 @@ def start_from_here(scene, n):
 
 @sweep
 def go(scene, n, part_of_it):
-    """λ of island n goes on by a part of MOVE, and w with it."""
+    """Move λ of island n by a fraction of MOVE, and update w accordingly."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     kept, lam = islands.slope, data.space.vectors[LAMBDA]
@@ -369,7 +370,7 @@ def go(scene, n, part_of_it):
 
 @sweep
 def solve_exact(scene, n, size):
-    """Solve the laws of island n, and return (residual over `size`, number of steps).
+    """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
     mass of the heaviest body what is open, sticks or slides: a light body under it carries it. What
@@ -461,7 +462,7 @@ def converge(scene, n, size):
 
 @sweep
 def least_norm(scene, n, size):
-    """Go on to the λ of least norm with the same effect, and return the residual over `size`."""
+    """Continue to the minimum-norm λ with the same effect. Returns the residual over `size`."""
     share_evenly(scene, n)
     look(scene, n, SHARED)
     start_from_here(scene, n)
@@ -487,7 +488,7 @@ def least_norm(scene, n, size):
 
 @sweep
 def weigh(scene, n):
-    """Write 1/k of each block of island n, for its largest row, and its compliance for s = 1.
+    """Write 1/k of each block in island n, based on its largest row, and its compliance for s = 1.
 
     Return the least share of a block's mobility that a single body has: 1e-6 for 1e6 kg on 1 kg.
     """
@@ -505,7 +506,7 @@ def weigh(scene, n):
 
 @sweep
 def rescale(scene, n, factor):
-    """Multiply what `weigh` has written by a factor."""
+    """Multiply the weights from `weigh` by a factor."""
     islands = contacts_at(opened(scene).links.contacts).islands
     for j in range(islands.first[n], islands.first[n + 1]):
         islands.mobility[islands.blocks[j]] *= factor
@@ -514,7 +515,7 @@ def rescale(scene, n, factor):
 
 @sweep
 def share_evenly(scene, n):
-    """Give all contact points of island n one compliance, that of the mean."""
+    """Give all contact points of island n the same compliance, their mean."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     total, count = 0.0, 0
@@ -542,7 +543,7 @@ def drop_impulses(scene, n):
 
 @part
 def least_mobility(data, tree, i):
-    """Return the smaller of the mobilities that a block's two trees give it."""
+    """Return the smaller of the mobilities that a block has due to its two trees."""
     slots, dinv = data.space.slots, data.space.vectors[DINV]
     count = joints_of(slots, i)
     least = math.inf
@@ -561,7 +562,7 @@ def least_mobility(data, tree, i):
 
 @sweep
 def copy_impulses(scene, n, source, target):
-    """λ of island n from one row of `vectors` to another."""
+    """Copy λ of island n from one row of `vectors` to another."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors = data.space.vectors
@@ -574,7 +575,7 @@ def copy_impulses(scene, n, source, target):
 
 @sweep
 def respond(scene, n):
-    """w = w₀ + diag(1/d) Yᵀ λ of island n into STEP."""
+    """Write w = w₀ + diag(1/d) Yᵀ λ of island n into STEP."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     blocks_i, space = data.blocks.blocks_i, data.space

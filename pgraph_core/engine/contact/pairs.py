@@ -1,4 +1,4 @@
-"""Two shapes of any kinds: the routine that fits them.
+"""Contacts between two shapes of any kind, dispatched to the appropriate routine.
 
 `single_pair` is the table of kinds: spheres, points and capsules, and a ball with a box, have
 routines of their own (`segments`); cylinders and ellipsoids have one for all partners (`curved`);
@@ -39,14 +39,14 @@ def is_curved(kind):
 
 @part
 def capsule_line(geometry, poses, i):
-    """(start, way) of a capsule's segment."""
+    """Return the (start, direction) of a capsule's segment."""
     start = vertex(geometry, poses, i, 0)
     return start, sub(vertex(geometry, poses, i, 1), start)
 
 
 @inlined
 def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append contacts of shapes i and j, of a list of points only those of point `only`."""
+    """Append contacts between shapes i and j. For a list of points, only point `only` is used."""
     shapes = geometry.shapes
     kind_a = shapes[i].kind
     kind_b = shapes[j].kind
@@ -82,13 +82,15 @@ def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
 
 @part
 def points(shapes, i):
-    """Return the number of separately examined parts: the points of a list, else 1."""
+    """Return the number of separately examined parts: the points in a list, or else 1."""
     return shapes[i].vertices if shapes[i].kind == POINTS else 1
 
 
 @part
 def cell_range(x, width, count):
-    """Return (first, last) of `count` cells that contain x[0] to x[1], possibly an empty range."""
+    """Return (first, last) of the `count` cells that cover x[0] to x[1], possibly an empty
+    range.
+    """
     low = max(x[0] / width, 0.0)
     high = min(x[1] / width, count - 1.0)
     return int(low), int(high) if high >= 0.0 else -1
@@ -96,7 +98,7 @@ def cell_range(x, width, count):
 
 @sweep
 def field_contacts(geometry, poses, i, j, margin, room, out, n):
-    """Append contacts of shape i within `margin` of heightfield j.
+    """Append contacts between shape i and heightfield j within `margin`.
 
     A contact at an edge that a neighbour's surface covers is dropped, because the neighbour has the
     true one.
@@ -168,7 +170,7 @@ def fewer(out, first, n, room):
 
 @sweep
 def without_covered(geometry, poses, j, triangle, out, start, n):
-    """Drop the points from `start` on that a neighbour of their triangle covers. Returns n."""
+    """Drop points, starting at `start`, that a neighbour of their triangle covers. Returns n."""
     if n > out.shape[0]:
         return n
     r = matrix(poses[j].rotation)
@@ -230,7 +232,7 @@ def is_covered(geometry, j, triangle, p, normal):
 
 @part
 def rises(geometry, j, x, y, normal, level):
-    """Return whether a heightfield has a node (x, y) above a level along a normal."""
+    """Return whether a heightfield has a node (x, y) above a given level along a normal."""
     field = geometry.shapes[j]
     columns = field.columns
     if not (0 <= x < field.vertices // columns and 0 <= y < columns):
@@ -240,7 +242,7 @@ def rises(geometry, j, x, y, normal, level):
 
 @sweep
 def turn(out, first, n):
-    """Points from `first` to n as the second shape sees them."""
+    """Swap the roles of the two shapes in the points from `first` to n."""
     for c in range(first, min(n, out.shape[0])):
         p = xyz(out[c].point_a)
         set_xyz(out[c].point_a, xyz(out[c].point_b))
@@ -250,7 +252,7 @@ def turn(out, first, n):
 
 @sweep
 def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
-    """Append the contact points of shapes i and j within `margin`. Returns the new number."""
+    """Append the contact points between shapes i and j within `margin`. Returns the new number."""
     first = n
     if geometry.shapes[j].kind == HEIGHTFIELD:
         n = field_contacts(geometry, poses, i, j, margin, room, out, n)
@@ -276,7 +278,9 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 
 @sweep
 def pair_gap(geometry, poses, i, j, room, probe):
-    """Return the signed distance of two shapes [m], with scratch `probe` for contact points."""
+    """Return the signed distance between two shapes [m], using `probe` as scratch for contact
+    points.
+    """
     gap = math.inf
     if geometry.shapes[i].kind == HEIGHTFIELD:
         i, j = j, i

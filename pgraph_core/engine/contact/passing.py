@@ -1,4 +1,4 @@
-"""Detects tunnelling after a step and reports it.
+"""Detection and reporting of tunnelling after a step.
 
 The path of a shape's centre relative to the other shape is taken as straight over the step. A
 centre that enters and leaves the other shape has passed through it.
@@ -21,7 +21,7 @@ TURNED = 2.0  # trace of a rotation of a radian: beyond it, the way is not strai
 
 @sweep
 def keep_poses(scene):
-    """The poses of all shapes are those of the step's start."""
+    """Store the poses of all shapes at the start of a step."""
     contacts = contacts_at(opened(scene).links.contacts)
     for i in range(contacts.poses.shape[0]):
         set_xyz(contacts.start_poses[i].position, xyz(contacts.poses[i].position))
@@ -47,7 +47,7 @@ def note_passages(scene, t):
 
 @part
 def note_passage(contacts, i, j, pair, t):
-    """Note whether shapes i and j passed through each other."""
+    """Record whether shapes i and j passed through each other."""
     tally = contacts.tally[0]
     if contacts.laws[pair].law == RIGID and (passes(contacts, i, j) or passes(contacts, j, i)):
         if tally.passed == 0:
@@ -58,7 +58,7 @@ def note_passage(contacts, i, j, pair, t):
 
 @part
 def passes(contacts, i, j):
-    """True if the centre of shape i entered and left shape j."""
+    """Return True if the centre of shape i entered and left shape j."""
     shapes = contacts.geometry.shapes
     kind = shapes[j].kind
     if shapes[i].kind == POINTS or kind == POINTS or kind == HEIGHTFIELD:
@@ -80,14 +80,16 @@ def passes(contacts, i, j):
 
 @part
 def seen_from(pose, shape, other_pose, other):
-    """The middle of another shape from the middle of a shape, in its axes."""
+    """Return the centre of another shape relative to a shape's centre, in the axes of the
+    latter.
+    """
     p = add(xyz(other_pose.position), mul(matrix(other_pose.rotation), xyz(other.middle)))
     return sub(mul_t(matrix(pose.rotation), sub(p, xyz(pose.position))), xyz(shape.middle))
 
 
 @part
 def cuts_box(p, way, half):
-    """True if the segment from p along `way` enters and leaves a box."""
+    """Return True if the segment from p along `way` enters and leaves a box."""
     first, last = -math.inf, math.inf
     for n in range(3):
         wide = CORE * half[n]
@@ -102,7 +104,7 @@ def cuts_box(p, way, half):
 
 @part
 def cuts_ball(p, way, half, is_hull):
-    """True if the segment from p along `way` enters and leaves an ellipsoid."""
+    """Return True if the segment from p along `way` enters and leaves an ellipsoid."""
     core = HULL_CORE if is_hull else CORE
     x = (p[0] / (core * half[0]), p[1] / (core * half[1]), p[2] / (core * half[2]))
     d = (way[0] / (core * half[0]), way[1] / (core * half[1]), way[2] / (core * half[2]))

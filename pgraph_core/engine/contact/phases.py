@@ -43,26 +43,27 @@ OVER = 1.5  # over-relaxation
 
 @kernel(void(I1, plain(EVENT_SCENE)), later=True)
 def save_events(buffer, scene):
-    """Save a scene with points for `opened_events`. `opened` returns the scene alone."""
+    """Store a scene with points for `opened_events`. `opened` returns the scene alone."""
     _save(buffer, scene)
 
 
 @part
 def slides(phase):
-    """True if a point in this phase slides."""
+    """Return True if a point in this phase slides."""
     return phase in (SLIP, ACCEPTANCE)
 
 
 @part
 def tangential(points, s, u):
-    """u without its part along the normal of point s."""
+    """Return u without its component along the normal at point s."""
     n = xyz(points[s].normal)
     return add_scaled(u, -dot(u, n), n)
 
 
 @part
 def slip_direction(points, s, u):
-    """Direction of slip: of u, of `slip_direction` where u is zero, and beyond the end of a slide.
+    """Return the slip direction: that of u, or `slip_direction` where u is zero or beyond the end
+    of a slide.
 
     Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
     there the way of the step's start weighs as much as keeps the step stable.
@@ -82,7 +83,7 @@ def slip_direction(points, s, u):
 
 @kernel(ACCELERATION, nogil=True, later=True)
 def event_acceleration(scene, t, q, v, tau, vdot, flow):
-    """Compute `acceleration` with the points of the scene in their phases."""
+    """Compute `acceleration` with the points of the scene in their current phases."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -111,7 +112,7 @@ def event_acceleration(scene, t, q, v, tau, vdot, flow):
 
 @sweep
 def solve_points(blocks, work, space, contact, m, flow):
-    """Compute λ of all active rows, sliding blocks last. Returns the friction power [W]."""
+    """Compute λ of all active rows, with sliding blocks last. Returns the friction power [W]."""
     points, columns, small = contact.points, contact.columns, contact.small
     slots, omega, factor = space.slots, space.omega, space.factor
     vectors, nulls = space.vectors, space.nulls
@@ -152,7 +153,7 @@ def solve_points(blocks, work, space, contact, m, flow):
 
 @sweep
 def share_out(blocks, space, contact, count, held):
-    """Move λ of stances along null directions of Ω into their cones, where that can be done.
+    """Move λ of stances along null directions of Ω into their cones, where possible.
 
     Forces of redundant supports are not unique: those of least norm may leave a cone though
     others do not. Projections on the cones and back along the null directions, in turn.
@@ -190,7 +191,7 @@ def share_out(blocks, space, contact, count, held):
 
 @part
 def into_cone(points, s, place, i, lam, r):
-    """Return the difference from λ of a stance to the nearest force just inside its cone."""
+    """Return the difference between λ of a stance and the nearest force just inside its cone."""
     mu = points[s].friction * (1.0 - INSIDE)
     normal = xyz(points[s].normal)
     n = (
@@ -213,7 +214,9 @@ def into_cone(points, s, place, i, lam, r):
 
 @sweep
 def slide_columns(blocks, work, space, contact, k, m):
-    """c_j, and Ω_·n, of every sliding point in turn into `columns`: factoring writes into Ω."""
+    """Write c_j and Ω_·n of each sliding point into `columns`, as the factorisation overwrites
+    Ω.
+    """
     points, columns = contact.points, contact.columns
     slots, omega, place = space.slots, space.omega, space.place
     j = 0
@@ -234,7 +237,9 @@ def slide_columns(blocks, work, space, contact, k, m):
 
 @sweep
 def reduce_slides(contact, held, k):
-    """The k equations of the sliding contact: matrix in the first k rows of `small`, then r."""
+    """Write the k equations for sliding contact: the matrix in the first k rows of `small`,
+    then r.
+    """
     points, columns, small = contact.points, contact.columns, contact.small
     i = 0
     n = held
@@ -256,7 +261,8 @@ def reduce_slides(contact, held, k):
 
 @sweep
 def solve_small(small, k):
-    """Row 2 k of `small`: least-norm solution of S s = r by one-sided Jacobi rotations.
+    """Write the minimum-norm solution of S s = r into row 2 k of `small` by one-sided Jacobi
+    rotations.
 
     S is in rows 0 to k - 1, r in row k; rows k + 1 to 2 k - 1 and on are scratch: a box that
     slides on four corners makes S singular, and forces of least norm are those of a soft ground.
@@ -297,7 +303,7 @@ def column_dot(small, p, q, k):
 
 @sweep
 def rotate_columns(small, base, p, q, k):
-    """Make columns p and q of S V orthogonal. Returns 0 if they were."""
+    """Make columns p and q of S V orthogonal. Returns 0 if they already were."""
     a = column_dot(small, p, p, k)
     b = column_dot(small, q, q, k)
     c = column_dot(small, p, q, k)

@@ -1,4 +1,4 @@
-"""Contact points and joint limits of event-driven runs: what they do, and what ends their phases.
+"""Contact points and joint limits in event-driven runs: their forces and the ends of their phases.
 
 `observe` finds gaps, rates and forces at one instant; `watch` turns them into monitors that fall
 below zero where a phase ends. Times within a step are widths from where it starts, or from where
@@ -55,7 +55,7 @@ BELOW = sys.float_info.min  # stand-in for a value of zero, which counts as reac
 
 @kernel(OBSERVE, nogil=True, later=True)
 def observe(scene, t, q, v, vdot, flow):
-    """Compute gap, rates, force and rounding of every point at (q, v), and v' if one is closed."""
+    """Compute gap, rates, force and rounding for every point at (q, v), and v' if one is closed."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -83,7 +83,7 @@ def observe(scene, t, q, v, vdot, flow):
 
 @part
 def with_active(blocks, active):
-    """The same blocks, others of them active."""
+    """Return the same blocks with a different active set."""
     return Blocks(
         blocks.blocks_i, blocks.blocks_f, blocks.terms_i, blocks.terms_f, blocks.curves, active
     )
@@ -91,7 +91,7 @@ def with_active(blocks, active):
 
 @sweep
 def all_points(rows, const, blocks, work, space, contact, t, q, v):
-    """Gap, rates and rounding of every point, open ones too."""
+    """Compute gap, rates and rounding for every point, including open ones."""
     points, every = contact.points, contact.every
     blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
     observed = with_active(blocks, every)
@@ -121,7 +121,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
 
 @part
 def path_length(rows, const, work, k, p, n):
-    """Return the sum of lengths along n from the ground to point p of row k [m]."""
+    """Return the sum of lengths along n from the ground to point p on row k [m]."""
     length = abs(dot(sub(p, origin_of(work, k)), n))
     while k > 0:
         length += abs(dot(link_of(work, k), n))
@@ -135,7 +135,7 @@ def path_length(rows, const, work, k, p, n):
 
 @sweep
 def point_force(rows, blocks, work, space, contact, s):
-    """Return the force at a closed point from λ, and its parts, about the axis for a limit."""
+    """Return the force at a closed point from λ and its components, about the axis for a limit."""
     points = contact.points
     blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
@@ -158,7 +158,7 @@ def point_force(rows, blocks, work, space, contact, s):
 
 @kernel(RECORD, nogil=True, later=True)
 def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
-    """Run `record`, and record every point. The drift is that of held constraints."""
+    """Run `record`, and also record every point. The drift is that of the held constraints."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, work, space = data.rows, data.const, data.work, data.space
@@ -180,7 +180,7 @@ def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
 
 @kernel(void(i8, f8, F1, F1, F1, F1), later=True)
 def point_accelerations(scene, t, q, v, vdot, flow):
-    """Normal and tangential accelerations of every point, open ones too."""
+    """Compute the normal and tangential accelerations of every point, including open ones."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -209,7 +209,9 @@ def point_accelerations(scene, t, q, v, vdot, flow):
 
 @kernel(i8(i8, f8, F1, F1), later=True)
 def impulse_rows(scene, t, q, v):
-    """Compute Ω and velocities (in RHS) of the active rows for impulses. Returns their number."""
+    """Compute Ω and the velocities (in RHS) of the active rows for impulses. Returns their
+    number.
+    """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors = space.vectors
@@ -229,7 +231,7 @@ def impulse_rows(scene, t, q, v):
 
 @kernel(void(i8, F1), later=True)
 def add_impulses(scene, v):
-    """v += M⁻¹ Jᵀ λ of the active rows, after `impulse_rows`, λ in LAMBDA."""
+    """Add M⁻¹ Jᵀ λ of the active rows to v, after `impulse_rows`, with λ in LAMBDA."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     respond(rows, const, blocks, work, space)
@@ -239,7 +241,9 @@ def add_impulses(scene, v):
 
 @sweep
 def watch(contact, row, w):
-    """Fill row `row` of `watched` a time w after the step's start, from what was observed."""
+    """Fill row `row` of `watched` at a time w after the start of the step, from the observed
+    points.
+    """
     points, watched = contact.points, contact.watched
     largest = 0.0
     for s in range(points.shape[0]):
@@ -277,7 +281,7 @@ def watch(contact, row, w):
 
 @part
 def over(watched, row):
-    """True if a phase has ended."""
+    """Return True if a phase has ended."""
     found = False
     for n in range(watched.shape[1]):
         found = found or watched[row, n] < 0.0
@@ -286,7 +290,7 @@ def over(watched, row):
 
 @sweep
 def start(contact, h):
-    """Store the start of a step for phases that begin with it, and the limit of slow slip."""
+    """Store the start of a step for phases that begin with it, and the limit on slow slip."""
     points = contact.points
     rate = 0.0
     for s in range(points.shape[0]):
@@ -307,13 +311,13 @@ def start(contact, h):
 
 @kernel(void(i8, f8), later=True)
 def begin(scene, h):
-    """Start a step from the last observation of points, with `h` as in `start`."""
+    """Begin a step from the last observation of the points, with `h` as in `start`."""
     start(opened_events(scene).contact, h)
 
 
 @sweep
 def accepted(contact):
-    """After a step: points that have left the ground or slide notably are watched plainly."""
+    """Switch points that have left the ground or slide notably to plain monitoring after a step."""
     points = contact.points
     for s in range(points.shape[0]):
         if slides(points[s].phase):
@@ -327,7 +331,7 @@ def accepted(contact):
 
 @sweep
 def dip_of_gap(contact, s, h):
-    """Return the time in the step at which the gap of point s may dip below zero, else h.
+    """Return the time in the step at which the gap at point s may dip below zero, or else h.
 
     The cubic through gaps and rates at both ends decides. A minimum just above zero counts too.
     """
@@ -348,7 +352,9 @@ def dip_of_gap(contact, s, h):
 
 @sweep
 def urgent(watched, width, sides):
-    """Return the width from `lo` of the first zero by secants, with weights `sides`."""
+    """Return the step size from `lo` to the first zero by the secant method, with weights
+    `sides`.
+    """
     best = width
     for n in range(watched.shape[1]):
         low = watched[LOW, n]
@@ -368,7 +374,7 @@ def copy_row(watched, a, b):
 
 @sweep
 def bracket_of(watched, end):
-    """(lo, hi, weights of both in a secant, which was moved last): a phase ends in between."""
+    """Return (lo, hi, both secant weights, end moved last), a bracket around the end of a phase."""
     copy_row(watched, START, LOW)
     copy_row(watched, NOW, HIGH)
     return 0.0, end, 1.0, 1.0, 0
@@ -376,7 +382,9 @@ def bracket_of(watched, end):
 
 @sweep
 def next_try(watched, bracket, n, h):
-    """Width to look at next in a step of h: by secants, every third one in the middle."""
+    """Return the next step size to examine in a step of h: secants, with a bisection every third
+    time.
+    """
     lo, hi, _, _, _ = bracket
     w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
     return min(max(w, lo + 0.3 * WIDTH * h), hi - 0.3 * WIDTH * h)
@@ -384,7 +392,7 @@ def next_try(watched, bracket, n, h):
 
 @sweep
 def narrowed(watched, bracket, w, ended):
-    """The bracket after a look at w, which row NOW is of."""
+    """Return the bracket narrowed by an evaluation at w, whose values are in row NOW."""
     lo, hi, low, high, last = bracket
     if ended:
         copy_row(watched, NOW, HIGH)

@@ -1,4 +1,4 @@
-"""Energy loss of compliant contacts: the same share of the impact speed at any speed.
+"""Energy loss in compliant contacts, with the same fraction of the impact speed at any speed.
 
 The points between two shapes push with p, the sum of k d^1.5 (soft) or k d (penalty), and store
 E, the sum of 2/5 k d^2.5 or 1/2 k d². Let w be the inverse of the mass that their resultant moves:
@@ -39,13 +39,15 @@ SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
 
 @part
 def lost_share(law, speed, stored):
-    """Return χ d' / V of a contact point closing at `speed` [m/s], `stored` = 2 E w [m²/s²]."""
+    """Return χ d' / V for a contact point closing at `speed` [m/s], with `stored` = 2 E w
+    [m²/s²].
+    """
     return law.loss * speed / max(math.sqrt(speed * speed + stored), SLOWEST)
 
 
 @sweep
 def factor_tree(contacts, rows, const, work, tau):
-    """The articulated factors that `inverse_mass` takes, after `outboard` and `positions`."""
+    """Compute the articulated factors for `inverse_mass`, after `outboard` and `positions`."""
     factored = contacts.factored
     for k in range(factored.shape[0]):
         for n in range(factored.shape[1]):
@@ -55,7 +57,7 @@ def factor_tree(contacts, rows, const, work, tau):
 
 @sweep
 def loss_of_touch(contacts, rows, n, count):
-    """(2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, the first point after).
+    """Return (2 E w [m²/s²] or c [N s/m] of the two shapes at contact point n, next point).
 
     After `factor_tree`.
     """
@@ -91,14 +93,15 @@ def loss_of_touch(contacts, rows, n, count):
 
 @part
 def same_shapes(point, other):
-    """True if two contact points belong to the same shapes and contact pair."""
+    """Return True if two contact points belong to the same shapes and contact pair."""
     same = point.shape_a == other.shape_a and point.shape_b == other.shape_b
     return same and point.pair == other.pair
 
 
 @sweep
 def inverse_mass(rows, factored, a, b, place, moment, force):
-    """Speed along itself that an impulse on row a, its opposite on row b, gives both [1/kg].
+    """Return the relative speed from a unit impulse on row a and its opposite on row b, along it
+    [1/kg].
 
     A wrench at a place of length one. Carried to the ground as in `constraints.paths`: the sum of
     what each joint on the two paths takes.
@@ -120,13 +123,13 @@ def inverse_mass(rows, factored, a, b, place, moment, force):
 
 @part
 def at_origin(factored, k, place, moment, force):
-    """The moment about row k's origin of a wrench at a place."""
+    """Return the moment about row k's origin of a wrench at a given point."""
     return add_cross(moment, sub(place, origin_of(factored, k)), force)
 
 
 @part
 def past_joint(rows, factored, k, moment, force):
-    """(what joint k takes of a unit wrench [1/kg], moment and force that it passes on)."""
+    """Return (mobility of joint k under a unit wrench [1/kg], transmitted moment and force)."""
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:
         share = along_axis(factored, k, kind, moment, force)

@@ -1,4 +1,4 @@
-"""Seams of solids that are made of several shapes: where they are flat, nothing catches.
+"""Seams in solids built from several shapes. Nothing catches where they are flat.
 
 Shapes that one row carries are one solid, their union. It pushes only along normals that it has at
 the place or next to it: the limiting normal cone of the union [Mordukhovich 2006, 1.1]. The pair
@@ -26,13 +26,13 @@ def to_local(poses, i, p):
 
 @part
 def is_solid(kind):
-    """Return whether faces bound a kind of shape."""
+    """Return whether a kind of shape is bounded by faces."""
     return kind in (BOX, HULL)
 
 
 @sweep
 def extent(geometry, i, n):
-    """The largest n · x over a shape, in its frame [m]."""
+    """Return the maximum of n · x over a shape, in its frame [m]."""
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if shape.kind == CYLINDER:
@@ -51,7 +51,7 @@ def extent(geometry, i, n):
 
 @part
 def boundaries(geometry, i):
-    """Number of planes that bound a shape near a point of it."""
+    """Return the number of planes that bound a shape near a point on it."""
     kind = geometry.shapes[i].kind
     if is_solid(kind):
         return geometry.shapes[i].faces
@@ -60,7 +60,7 @@ def boundaries(geometry, i):
 
 @sweep
 def boundary(geometry, i, k, x):
-    """(outward normal, n · y of its places y) of plane k that bounds shape i near place x.
+    """Return (outward normal, offset n · y) of plane k, which bounds shape i near point x.
 
     In the shape's frame. Round surfaces have the plane that is tangent at x.
     """
@@ -90,7 +90,7 @@ def boundary(geometry, i, k, x):
 
 @part
 def node_of_cell(geometry, i, x, k):
-    """Corner k of the cell of a heightfield that is under or nearest to a place in its frame."""
+    """Return corner k of the heightfield cell under or nearest to a point in its frame."""
     shape = geometry.shapes[i]
     columns = shape.columns
     rows = shape.vertices // columns
@@ -103,7 +103,9 @@ def node_of_cell(geometry, i, x, k):
 
 @part
 def boundary_of_field(geometry, i, k, x):
-    """Return the faces of a cell as `boundary` does: its triangle, four sides and the bottom."""
+    """Do the same as `boundary` for the faces of a cell: its triangle, four sides and the
+    bottom.
+    """
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if k == 5:
@@ -121,7 +123,7 @@ def boundary_of_field(geometry, i, k, x):
 
 @sweep
 def has(geometry, k, x, size):
-    """Return whether place x in the frame of shape k is inside."""
+    """Return whether point x, in the frame of shape k, is inside the shape."""
     shape = geometry.shapes[k]
     deep = DEPTH * size
     for c in range(3):
@@ -136,7 +138,7 @@ def has(geometry, k, x, size):
 
 @sweep
 def reaches_beyond(geometry, poses, k, p, n, size):
-    """Return whether p is in shape k, and k reaches beyond the plane through p with normal n."""
+    """Return whether p is in shape k and k extends beyond the plane through p with normal n."""
     x = to_local(poses, k, p)
     if not has(geometry, k, x, size):
         return False
@@ -152,7 +154,7 @@ def reaches_beyond(geometry, poses, k, p, n, size):
 
 @sweep
 def holds(geometry, poses, k, p, g, size):
-    """Return whether shape k, which holds point p, holds the beginning of the way to g."""
+    """Return whether shape k, which contains point p, also contains the start of the path to g."""
     x, y = to_local(poses, k, p), to_local(poses, k, g)
     deep = DEPTH * size
     for c in range(boundaries(geometry, k)):
@@ -167,7 +169,7 @@ def holds(geometry, poses, k, p, g, size):
 
 @part
 def leaning(geometry, i):
-    """Number of places that `lean` gives."""
+    """Return the number of points that `lean` yields."""
     kind = geometry.shapes[i].kind
     if is_solid(kind):
         return geometry.shapes[i].vertices
@@ -176,7 +178,8 @@ def leaning(geometry, i):
 
 @sweep
 def lean(geometry, poses, i, k, p, n, size):
-    """(place, whether it counts): corner k of what of shape i leans against the plane at p.
+    """Return (position, whether it counts) for corner k of shape i's feature against the plane at
+    p.
 
     Vertices in the plane with normal n; of a round surface, places beside p in the plane.
     """
@@ -233,7 +236,8 @@ def is_hidden(geometry, poses, i, p, n, size):
 
 @sweep
 def hidden_side(geometry, poses, i, j, out, first, n):
-    """Which of two shapes hides all points from `first` to n of their touch: 0 none, 1 i, 2 j.
+    """Return which of two shapes hides all contact points from `first` to n: 0 for none, 1 for i, 2
+    for j.
 
     A point whose gap is larger than the depth that is tolerated is a distance, not a touch; one
     that is beside its shape, as where a rim is longer than the face under it, shows nothing.
@@ -258,7 +262,7 @@ def hidden_side(geometry, poses, i, j, out, first, n):
 
 @sweep
 def open_face(geometry, poses, i, only_a, j, only_b, side, margin, room, out, n):
-    """Append where shapes i and j touch along a face of one of them that is not hidden.
+    """Append contacts between shapes i and j along a face of one of them that is not hidden.
 
     `side` is 1 for the faces of i, 2 for those of j: the one that separates them most, if they
     overlap beneath it.

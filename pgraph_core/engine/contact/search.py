@@ -1,4 +1,4 @@
-"""The search for contact points: from poses of shapes to points, normals and gaps.
+"""Contact search: from shape poses to contact points, normals and gaps.
 
 `place` puts shapes where their rows are, `find_contacts` gives all contact points, `find_gaps` the
 signed distances alone, for event functions. Pairs that a model names are looked at one by one;
@@ -27,14 +27,14 @@ FARTHEST = 1048575.0  # limit on the cells along an axis, beyond which all are o
 
 @part
 def width(bounds, i):
-    """The longest edge of a shape's box."""
+    """Return the longest edge of a shape's bounding box."""
     x = sub(xyz(bounds[i].high), xyz(bounds[i].low))
     return max(max(x[0], x[1]), x[2])
 
 
 @part
 def cell_number(x, origin, inverse):
-    """Return the cell of a coordinate, 0 for nan."""
+    """Return the cell index of a coordinate, or 0 for nan."""
     c = (x - origin) * inverse
     if not c > 0.0:
         return 0
@@ -48,7 +48,7 @@ def bucket(x, y, z, mask):
 
 @sweep
 def sort_into_cells(members, bounds, cells, buckets):
-    """Fill `cells` and `buckets` from the boxes."""
+    """Fill `cells` and `buckets` from the bounding boxes."""
     n = members.shape[0]
     total = 0.0
     for m in range(n):
@@ -88,7 +88,7 @@ def overlap(bounds, i, j):
 
 @sweep
 def are_apart(apart, a, b):
-    """True if two bodies are in the table of pairs that may not touch."""
+    """Return True if two bodies are in the table of excluded pairs."""
     low, high = min(a, b), max(a, b)
     first, last = 0, apart.shape[0]
     while first < last:
@@ -102,7 +102,7 @@ def are_apart(apart, a, b):
 
 @part
 def two_spheres(geometry, poses, i, j, margin, out, n):
-    """The pair of heaps, without the cost of a call that serves all kinds."""
+    """Handle two spheres, the common case in heaps, without the cost of the generic routine."""
     a, b = xyz(poses[i].position), xyz(poses[j].position)
     return ball_ball(
         out,
@@ -118,7 +118,7 @@ def two_spheres(geometry, poses, i, j, margin, out, n):
 
 @inlined
 def member_pair(geometry, candidates, poses, search, m, k, margin, out, n):
-    """Members m and k, if their boxes overlap and they may candidates."""
+    """Return members m and k if their boxes overlap and they may collide."""
     members, apart = candidates.members, candidates.apart
     room, bounds = search.room, search.bounds
     i, j = members[m].shape, members[k].shape
@@ -142,7 +142,7 @@ def member_pair(geometry, candidates, poses, search, m, k, margin, out, n):
 
 @inlined
 def member_contacts(geometry, candidates, poses, search, margin, out, n):
-    """Append the contact points of all members within `margin`. Returns the new number."""
+    """Append the contact points between all members within `margin`. Returns the new number."""
     members = candidates.members
     bounds, cells, buckets = search.bounds, search.cells, search.buckets
     count = members.shape[0]
@@ -176,7 +176,7 @@ def member_contacts(geometry, candidates, poses, search, margin, out, n):
 
 @part
 def find_contacts(geometry, ground, candidates, poses, search, margin, out):
-    """Find all contact points of the candidates within `margin` [m]. Returns their number.
+    """Find all contact points between the candidates within `margin` [m]. Returns their number.
 
     Points beyond the room of `out` are counted but not written: enlarge it and call again. The
     order is ground, pairs, members. `poses` come from `place`.
@@ -202,7 +202,7 @@ def find_contacts(geometry, ground, candidates, poses, search, margin, out):
 
 @sweep
 def find_gaps(geometry, ground, candidates, poses, room, probe, gaps):
-    """Compute the signed distances [m] of shapes from the ground, then of pairs, not of members.
+    """Compute the signed distances [m] of shapes to the ground, then of pairs, excluding members.
 
     `probe` is scratch for the contact points of one candidate.
     """

@@ -1,4 +1,4 @@
-"""Contacts of balls and segments with a radius (spheres, capsules, points), and of ball and box.
+"""Contacts between balls and thick segments (spheres, capsules, points), and between ball and box.
 
 A capsule is the set within a radius of a segment, so gaps are distances of segments minus radii.
 """
@@ -17,7 +17,7 @@ SAME = 1e-9  # distance of ends that face each other, relative to the lengths
 
 @sweep
 def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
-    """Write the contact of two balls, with normal z if their centres coincide."""
+    """Write the contact between two balls, with normal z if their centres coincide."""
     between = sub(centre_a, centre_b)
     distance = math.sqrt(dot(between, between))
     gap = distance - radius_a - radius_b
@@ -29,7 +29,9 @@ def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
 
 @part
 def along(p, start, way):
-    """Return t of the nearest place to a point on start + t way, 0 without length."""
+    """Return the parameter t of the point on start + t way nearest to a point, or 0 for zero
+    length.
+    """
     size = dot(way, way)
     return dot(sub(p, start), way) / size if size > 0.0 else 0.0
 
@@ -41,19 +43,19 @@ def between(x, low, high):
 
 @sweep
 def ball_segment(centre, start, way):
-    """The point of a segment nearest to a point."""
+    """Return the point on a segment nearest to a point."""
     return add_scaled(start, between(along(centre, start, way), 0.0, 1.0), way)
 
 
 @part
 def is_over(t, way, slack):
-    """True if place t is on a segment, up to the length `slack`."""
+    """Return True if parameter t lies on a segment, within the length `slack`."""
     return abs(t - 0.5) * math.sqrt(dot(way, way)) <= 0.5 * math.sqrt(dot(way, way)) + slack
 
 
 @part
 def end_pair(k, p, d, q, e, slack):
-    """(point on p + s d, point on q + t e, whether the second is free) for end k of the two.
+    """Return (point on p + s d, point on q + t e, whether the second is free) for end k of the two.
 
     Ends 0 and 1 of the first segment against the second, ends 2 and 3 the other way round; free:
     the perpendicular foot is on the segment. Ends that face each other within `slack` count
@@ -72,7 +74,9 @@ def end_pair(k, p, d, q, e, slack):
 
 @part
 def crossing(p, d, q, e):
-    """(s, t) where two lines are nearest, both -1 where they are parallel or without length."""
+    """Return (s, t) where two lines are nearest, or -1 for both if they are parallel or have no
+    length.
+    """
     r = sub(p, q)
     dd, ee, de = dot(d, d), dot(e, e), dot(d, e)
     n = cross(d, e)
@@ -85,7 +89,9 @@ def crossing(p, d, q, e):
 
 @part
 def apart(d, e, middle):
-    """Return a unit direction from the second of two crossing segments, signed by `middle`."""
+    """Return a unit direction away from the second of two crossing segments, with the sign of
+    `middle`.
+    """
     n = cross(d, e)
     size = dot(n, n)
     if size <= ALIKE * dot(d, d) * dot(e, e) or size == 0.0:
@@ -103,7 +109,7 @@ def apart(d, e, middle):
 
 @sweep
 def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
-    """Segments p + s d and q + t e with radii, up to 5 points.
+    """Write up to 5 contact points between segments p + s d and q + t e with radii.
 
     The nearest pair, and every end whose foot lies on the other segment: two capsules side by
     side touch at two points. Features from `feature` on: ends 0 to 3, inner pair 4.
@@ -146,7 +152,7 @@ def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
 
 @sweep
 def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
-    """A ball against box j, which is B where `sign` is 1 and A where it is -1."""
+    """Write the contact between a ball and box j, which is B if `sign` is 1 and A if it is -1."""
     r = matrix(poses[j].rotation)
     origin = xyz(poses[j].position)
     half = xyz(geometry.shapes[j].half_extents)
@@ -175,7 +181,7 @@ def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
 
 @part
 def inside_box(c, half):
-    """(normal of the nearest face, signed distance from it) of a point inside a box."""
+    """Return (normal of the nearest face, signed distance to it) for a point inside a box."""
     x, y, z = abs(c[0]) - half[0], abs(c[1]) - half[1], abs(c[2]) - half[2]
     if x >= y and x >= z:
         return (math.copysign(1.0, c[0]), 0.0, 0.0), x

@@ -1,4 +1,4 @@
-"""Shapes in the world: poses, bounding boxes, and how a contact point is written."""
+"""Shapes in the world: poses, bounding boxes and the layout of a contact point."""
 
 import math
 
@@ -27,7 +27,9 @@ UPRIGHT = 1e-12  # rad: a tilt below it is rounding
 
 @sweep
 def place(shapes, work, poses):
-    """Poses of all shapes from the rows that carry them, after `outboard` and `positions`."""
+    """Compute the poses of all shapes from the rows that carry them, after `outboard` and
+    `positions`.
+    """
     for i in range(shapes.shape[0]):
         k = shapes[i].row
         r = rotation_of(work, k)
@@ -37,14 +39,14 @@ def place(shapes, work, poses):
 
 @part
 def vertex(geometry, poses, i, k):
-    """Vertex k of shape i in the world."""
+    """Return vertex k of shape i in world coordinates."""
     local = load(geometry.vertices, geometry.shapes[i].first_vertex + k, 0)
     return add(xyz(poses[i].position), mul(matrix(poses[i].rotation), local))
 
 
 @part
 def rim_direction(geometry, r, n):
-    """Return the unit direction, across a cylinder's axis, that its rim has a point in.
+    """Return the unit direction from a cylinder's axis to a point on its rim.
 
     The rim stands on a plane with normal n. Any few points of a disc carry less than the disc, but
     not those in the direction in which it would tip: where the cylinder leans, or, as far as it
@@ -62,13 +64,13 @@ def rim_direction(geometry, r, n):
 
 @part
 def half_extent(r, half, n):
-    """Half the width of a turned box along world axis n."""
+    """Return half the extent of a rotated box along world axis n."""
     return abs(r[3 * n]) * half[0] + abs(r[3 * n + 1]) * half[1] + abs(r[3 * n + 2]) * half[2]
 
 
 @sweep
 def bound(geometry, poses, i, slack, bounds):
-    """The box of shape i in world axes, wider by `slack` on every side."""
+    """Compute the bounding box of shape i in world axes, enlarged by `slack` on every side."""
     shapes = geometry.shapes
     r = matrix(poses[i].rotation)
     middle = add(xyz(poses[i].position), mul(r, xyz(shapes[i].middle)))
@@ -89,7 +91,7 @@ def bound(geometry, poses, i, slack, bounds):
 
 @part
 def far_apart(shapes, poses, i, j, margin):
-    """True if the bounding balls of two shapes are farther apart than `margin`, or not finite."""
+    """Return True if two shapes' bounding balls are more than `margin` apart, or not finite."""
     x = sub(xyz(poses[i].position), xyz(poses[j].position))
     near = shapes[i].reach + shapes[j].reach + margin
     return not dot(x, x) <= near * near
@@ -97,7 +99,9 @@ def far_apart(shapes, poses, i, j, margin):
 
 @sweep
 def put(out, n, on_b, normal, gap, feature):
-    """Write contact point n and return n + 1. Points beyond the room are only counted."""
+    """Write contact point n and return n + 1. Points beyond the buffer's capacity are only
+    counted.
+    """
     if n < out.shape[0]:
         set_xyz(out[n].point_a, add_scaled(on_b, gap, normal))
         set_xyz(out[n].point_b, on_b)

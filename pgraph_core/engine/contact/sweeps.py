@@ -34,7 +34,7 @@ SAME = 1e-12  # regularisation of equal changes relative to the largest product
 
 @part
 def own_block(y, slots, dinv, i, own):
-    """The block's part of Ω, nine numbers, from its rows of Y."""
+    """Compute a block's diagonal part of Ω, nine numbers, from its rows of Y."""
     u = triple(0.0, 0.0, 0.0)
     v, w = u, u
     for s in range(joints_of(slots, i)):
@@ -49,7 +49,7 @@ def own_block(y, slots, dinv, i, own):
 
 @sweep
 def gauss_seidel(scene, n, size, sweeps, tolerance):
-    """Sweep over an island until no velocity changes. Returns the last change over `size`."""
+    """Sweep over an island until the velocities converge. Returns the last change over `size`."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     one = islands.tree[joint_of(data.space.slots, islands.blocks[islands.first[n]], 0)]
@@ -77,7 +77,7 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 
 @sweep
 def sweep_once(scene, n, slot, count):
-    """Sweep once. Returns (largest change of a velocity, energy of all changes).
+    """Sweep once. Returns (largest velocity change, energy of all changes).
 
     A slot of the past receives the differences of the change of λ, and of λ after it, from those of
     the last sweep. The rows behind receive products of the changes in the first `count` slots with
@@ -130,7 +130,8 @@ def sweep_once(scene, n, slot, count):
 
 @sweep
 def move_on(scene, n, slot, count):
-    """Replace λ after a sweep by its combination with the last `count` ones, and w accordingly.
+    """Replace λ after a sweep by a combination with the last `count` ones, and update w
+    accordingly.
 
     `slot` is the one that this sweep wrote.
     """
@@ -161,7 +162,9 @@ def move_on(scene, n, slot, count):
 
 @sweep
 def combine(normal, count):
-    """The shares of the last `count` sweeps into row DEPTH, where the right side stands."""
+    """Write the weights of the last `count` sweeps into row DEPTH, which holds the right-hand
+    side.
+    """
     share = normal[DEPTH]
     begin = DEPTH + 1  # first row of the factor
     largest = 0.0
@@ -189,13 +192,13 @@ def combine(normal, count):
 
 @part
 def times(x, y):
-    """Products, number by number."""
+    """Return the element-wise product."""
     return x[0] * y[0], x[1] * y[1], x[2] * y[2]
 
 
 @part
 def answer(kind, rows, bounds, i, own, u, old):
-    """Return λ of one block by its law with the others fixed, where u is the velocity at `old`."""
+    """Return λ of one block by its law with the others fixed, where u is the velocity for `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
     if kind == at.T_FRICTION:
@@ -210,7 +213,7 @@ def answer(kind, rows, bounds, i, own, u, old):
 
 @part
 def turned(own, i, u, old, bounds):
-    """λ of torques within bounds: about the normal, then across it."""
+    """Return λ for torques within bounds: about the normal, then across it."""
     if not (own[i, 0] > 0.0 and own[i, 4] + own[i, 8] > 0.0):
         return (0.0, 0.0, 0.0)
     spin = min(max(old[0] - u[0] / own[i, 0], -bounds[0]), bounds[0])
@@ -222,13 +225,13 @@ def turned(own, i, u, old, bounds):
 
 @part
 def pushed(w, u, old):
-    """λ ≥ 0 of one row that ends its approach."""
+    """Return λ ≥ 0 for a single row that stops its approach."""
     return max(0.0, old - u / w) if w > 0.0 else 0.0
 
 
 @part
 def held(own, i, u, old):
-    """λ of bilateral rows, one after the other."""
+    """Return λ for bilateral rows, one after the other."""
     x = -u[0] / own[i, 0] if own[i, 0] > 0.0 else 0.0
     y = -(u[1] + own[i, 3] * x) / own[i, 4] if own[i, 4] > 0.0 else 0.0
     z = -(u[2] + own[i, 6] * x + own[i, 7] * y) / own[i, 8] if own[i, 8] > 0.0 else 0.0
@@ -237,7 +240,9 @@ def held(own, i, u, old):
 
 @part
 def in_disc(a, b, c, x, y, radius):
-    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, against slip on its rim."""
+    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, opposing the slip on its
+    rim.
+    """
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)
@@ -261,7 +266,7 @@ def in_disc(a, b, c, x, y, radius):
 
 @part
 def rim_step(a, b, c, s, x, y, radius):
-    """Return t = -[a+s b, b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius."""
+    """Return t = -[a+s b, b c+s]⁻¹ (x, y), and the Newton step in s towards |t| = radius."""
     p = a + s
     q = c + s
     det = p * q - b * b

@@ -1,4 +1,4 @@
-"""Paths of swinging feet over the ground that standing feet measure, in heading axes.
+"""Swing foot trajectories over the ground sensed by the stance feet, in heading axes.
 
 The controller knows the steps of the ground. Feet land away from their edges and swing over the
 steps in between.
@@ -19,7 +19,8 @@ BETWEEN = 6  # places on a foot's way at which it looks for what to swing over
 
 @sweep
 def ground(feet, guess):
-    """(sure, middle of the feet that carry, slope along x, guess): the ground as they feel it.
+    """Return (confidence, centre of the loaded feet, slope along x, guess), the ground as sensed by
+    the feet.
 
     `guess` is its height where no foot carries.
     """
@@ -42,14 +43,14 @@ def ground(feet, guess):
 
 @part
 def level_at(felt, x):
-    """Height of the ground at x."""
+    """Return the height of the ground at x."""
     sure, middle, slope, guess = felt
     return sure * (middle[1] + slope * (x - middle[0])) + (1.0 - sure) * guess
 
 
 @part
 def cell(edges, x):
-    """Return the number of the interval between edges that contains x, -1 for none."""
+    """Return the index of the interval between edges that contains x, or -1 if there is none."""
     low, high = 0, edges.shape[0] - 1
     if high < 1 or not edges[0] <= x < edges[high]:
         return -1
@@ -64,7 +65,7 @@ def cell(edges, x):
 
 @part
 def raised(terrain, i, j):
-    """Height of a cell over the plane of the ground."""
+    """Return the height of a cell above the ground plane."""
     if 0 <= i < terrain.heights.shape[0] and 0 <= j < terrain.heights.shape[1]:
         return terrain.heights[i, j]
     return 0.0
@@ -72,21 +73,25 @@ def raised(terrain, i, j):
 
 @part
 def height_at(terrain, s, x, z):
-    """Height of the known ground, world axes."""
+    """Return the height of the known ground, in world axes."""
     steps = raised(terrain, cell(terrain.x, x), cell(terrain.z, z))
     return s.rise_x * x + s.rise_z * z + steps
 
 
 @part
 def within(edges, i, x, low, high):
-    """The place nearest to x in interval i that is `low` and `high` away from its ends."""
+    """Return the position nearest to x in interval i that is `low` and `high` away from its
+    ends.
+    """
     a, b = edges[i] + low, edges[i + 1] - high
     return 0.5 * (a + b) if a > b else min(max(x, a), b)
 
 
 @part
 def beside_edges(terrain, s, heading, at):
-    """The place nearest to (x, z), heading axes, in the same cell, that is away from edges."""
+    """Return the position nearest to (x, z), in heading axes, in the same cell but away from its
+    edges.
+    """
     p = out_of(heading, (at[0], 0.0, at[1]))
     i, j = cell(terrain.x, p[0]), cell(terrain.z, p[2])
     if i < 0 or j < 0:
@@ -103,7 +108,9 @@ def beside_edges(terrain, s, heading, at):
 
 @sweep
 def ground_between(terrain, s, heading, leave, land):
-    """Heights of the known ground: (where a foot leaves, where it lands, the top on its way)."""
+    """Return the heights of the known ground: (lift-off point, landing point, maximum along the
+    path).
+    """
     top = -1e300
     first = 0.0
     last = 0.0
@@ -120,7 +127,9 @@ def ground_between(terrain, s, heading, leave, land):
 
 @sweep
 def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
-    """Return where a foot lifts off and lands, from its hip's motion, level, heading axes."""
+    """Return the lift-off and landing points of a foot from its hip's motion, level, in heading
+    axes.
+    """
     half = 0.5 * legs[f].duty * s.stride
     whole = (1.0 - legs[f].duty) * s.stride
     x = hip[0] + legs[f].ahead
@@ -135,7 +144,7 @@ def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
 
 @part
 def lift(s, z, whole, clearance):
-    """(height over the ground, rate, acceleration) of a swinging foot: up, and down to land."""
+    """Return (height above ground, rate, acceleration) of a swing foot: up, then down to land."""
     zz = z * (1.0 - z)
     odd = 1.0 - 2.0 * z
     c = clearance
@@ -148,7 +157,7 @@ def lift(s, z, whole, clearance):
 
 @part
 def eased(z):
-    """Return (progress, rate, acceleration) at the part z of a motion from rest to rest."""
+    """Return (progress, rate, acceleration) at fraction z of a rest-to-rest motion."""
     z = smaller(1.0, larger(0.0, z))
     m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
     return m, 30.0 * z * z * (1.0 - z) * (1.0 - z), 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z)
@@ -156,7 +165,9 @@ def eased(z):
 
 @part
 def over_felt(s, z, whole, felt, m, m1, leave, land):
-    """(height, rate, acceleration) of a swinging foot over the ground as the others feel it."""
+    """Return (height, rate, acceleration) of a swing foot above the ground sensed by the other
+    feet.
+    """
     y, y1, y2 = lift(s, z, whole, s.clearance)
     y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
     y1 += felt[2] * m1 * (land[0] - leave[0])
@@ -165,7 +176,7 @@ def over_felt(s, z, whole, felt, m, m1, leave, land):
 
 @part
 def over_steps(s, z, whole, between, low, free):
-    """Return the lift over known ground (`ground_between`) from the height `low` of the foot."""
+    """Return the lift above known ground (`ground_between`) from the foot's height `low`."""
     first, last, top = between
     y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
     up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
@@ -178,7 +189,7 @@ def over_steps(s, z, whole, between, low, free):
 
 @sweep
 def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
-    """Return (place, velocity, acceleration) of a swinging foot in heading axes.
+    """Return (position, velocity, acceleration) of a swing foot in heading axes.
 
     Lanes have no terrain.
     """

@@ -1,4 +1,4 @@
-"""Legs of a hip and three hinges about z: inverse kinematics, and where their joints are to go.
+"""Inverse kinematics and joint targets for legs with a hip and three hinges about z.
 
 In swing the paw stays parallel to the thigh, as in a pantograph: the foot is then at
 e^{iθ} (a + e^{iκ} b) in the leg's plane, with a = thigh + paw, b the middle segment, θ the hip's
@@ -34,7 +34,9 @@ def clamp(x, bound):
 
 @part
 def reach(legs, f, x, y):
-    """(hip's angle, knee's) that bring the foot to (x, y) from the hip, or as near as it goes."""
+    """Return the (hip, knee) angles that bring the foot to (x, y) from the hip, or as close as
+    possible.
+    """
     ax, ay = legs[f].long[0], legs[f].long[1]
     bx, by = legs[f].shank[0], legs[f].shank[1]
     aa = ax * ax + ay * ay
@@ -51,7 +53,7 @@ def reach(legs, f, x, y):
 
 @part
 def two_rates(place, b, rate):
-    """Rates of hip and knee that give the foot a velocity in the leg's plane."""
+    """Return the hip and knee rates that produce a given foot velocity in the leg's plane."""
     x, y = place
     bx, by = b
     area = x * by - y * bx
@@ -61,14 +63,15 @@ def two_rates(place, b, rate):
 
 @part
 def out_of_spread(spread, x):
-    """A vector of the girdle's axes in those of the leg's plane."""
+    """Transform a vector from the girdle's axes to those of the leg's plane."""
     y, z = turned(-spread, x[1], x[2])
     return (x[0], y, z)
 
 
 @sweep
 def swing(legs, f, place, speed, push, q, v, s):
-    """v' of spread, hip, knee and paw of a leg whose foot is to be at `place` from the hip.
+    """Compute v' of spread, hip, knee and paw for a leg whose foot target is `place`, relative to
+    the hip.
 
     With a velocity and an acceleration; all three in the girdle's axes, relative to it. Where the
     leg has no spreading motion, its v' is no number to be used.
@@ -104,7 +107,7 @@ def swing(legs, f, place, speed, push, q, v, s):
 
 @sweep
 def stand(legs, f, q, v, s):
-    """v' of hip, knee and paw along the motion that leaves a foot in place.
+    """Compute v' of hip, knee and paw along the null motion, which keeps the foot in place.
 
     Towards a pantograph's shape.
     """

@@ -1,4 +1,4 @@
-"""Forces of standing feet inside their friction cones, closest to a required wrench.
+"""Forces on stance feet inside their friction cones, closest to a required wrench.
 
 With A the wrench of unit forces about the centre of mass, and W the load of each foot,
 
@@ -35,7 +35,7 @@ LARGEST_LOAD = 4.0  # weights: the largest load of one foot
 
 @part
 def centre(rows, const, work, linear):
-    """(centre of mass, its velocity), world axes."""
+    """Return (centre of mass, its velocity) in world axes."""
     none = 0.0 * const[0, at.MASS]
     total = none
     x = (none, none, none)
@@ -51,7 +51,7 @@ def centre(rows, const, work, linear):
 
 @sweep
 def carry(feet, s, goal, com, mat):
-    """Add to the feet's forces what meets `goal`, [torque about `com`, force], heading axes."""
+    """Add to the feet's forces to meet `goal`, [torque about `com`, force], in heading axes."""
     weigh(feet, s, com, mat)
     factor(mat)
     for _ in range(SHARE_ROUNDS):
@@ -78,13 +78,13 @@ def carry(feet, s, goal, com, mat):
 
 @part
 def where(mask, x, y):
-    """x where the mask is set, else y."""
+    """Return x where the mask is set, and y elsewhere."""
     return (chosen(mask, x[0], y[0]), chosen(mask, x[1], y[1]), chosen(mask, x[2], y[2]))
 
 
 @part
 def in_cone(force, w, s):
-    """A force that pushes enough, and not more than friction holds."""
+    """Limit a force to sufficient normal load and to the friction cone."""
     up = smaller(LARGEST_LOAD * s.mass * s.gravity * w, larger(s.least_load * w, force[1]))
     side = force[2] * s.lever
     size = math.sqrt(force[0] * force[0] + side * side)
@@ -95,7 +95,7 @@ def in_cone(force, w, s):
 
 @sweep
 def weigh(feet, s, com, mat):
-    """A W Aᵀ + T into the lower triangle of `mat`."""
+    """Write A W Aᵀ + T into the lower triangle of `mat`."""
     for i in range(6):
         for j in range(6):
             mat[i, j] = 0.0
@@ -131,7 +131,9 @@ def weigh(feet, s, com, mat):
 
 @sweep
 def factor(mat):
-    """Factor the first six columns in place by Cholesky, storing the inverse of the diagonal."""
+    """Compute the Cholesky factor of the first six columns in place, with the inverse of the
+    diagonal.
+    """
     for j in range(6):
         x = mat[j, j]
         for k in range(j):
@@ -147,7 +149,7 @@ def factor(mat):
 
 @sweep
 def substitute(mat):
-    """The solution in the place of the right side, column 6: by columns, which wait for least."""
+    """Solve in place for the right-hand side in column 6, by columns to minimise latency."""
     for i in range(6):
         x = mat[i, i] * mat[i, 6]
         mat[i, 6] = x

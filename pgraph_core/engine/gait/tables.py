@@ -1,4 +1,4 @@
-"""The walking controller's tables, its axes, its clock, and the tuple of all that it works on.
+"""Tables, axes and clock of the walking controller, and the tuple of all its data.
 
 Heading axes: x where the trunk points, level; y up; z to the right: world axes turned about y.
 """
@@ -91,7 +91,9 @@ FOOT = record(  # heading axes
 
 
 class Terrain(NamedTuple):
-    """Heights of the steps of the ground over its plane: [i, j] from x[i] to x[i + 1], z[j] on."""
+    """Heights of the ground's steps above its plane. Cell [i, j] spans x[i] to x[i + 1], and z from
+    z[j].
+    """
 
     x: Any  # (n + 1,) edges [m], empty if the ground is a plane
     z: Any  # (m + 1,)
@@ -135,28 +137,28 @@ FEET = 4
 
 @part
 def into(heading, x):
-    """Turn world axes to heading axes, `heading` = (cosine, sine) of the angle about y."""
+    """Rotate world axes to heading axes, with `heading` = (cosine, sine) of the angle about y."""
     c, s = heading
     return (c * x[0] - s * x[2], x[1], s * x[0] + c * x[2])
 
 
 @part
 def out_of(heading, x):
-    """Heading axes to world axes."""
+    """Rotate heading axes to world axes."""
     c, s = heading
     return (c * x[0] + s * x[2], x[1], c * x[2] - s * x[0])
 
 
 @part
 def smooth(x):
-    """0 below 0, 1 above 1, level at both."""
+    """Return a smooth step: 0 below 0, 1 above 1, with zero slope at both."""
     x = smaller(1.0, larger(0.0, x))
     return x * x * (3.0 - 2.0 * x)
 
 
 @sweep
 def wave(waves, i, s, phase):
-    """(value, rate, acceleration) of wave i."""
+    """Return (value, rate, acceleration) of wave i."""
     rate = 2.0 * math.pi / s.stride
     x = phase - phase
     x1 = x
@@ -175,7 +177,7 @@ def wave(waves, i, s, phase):
 
 @part
 def speed_at(s, t):
-    """Forward speed that is wanted [m/s]: a ramp."""
+    """Return the desired forward speed [m/s], which follows a ramp."""
     most = s.speed_rate * larger(0.0, t - s.speed_time)
     return s.speed_from + smaller(most, larger(-most, s.speed_to - s.speed_from))
 

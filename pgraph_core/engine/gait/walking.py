@@ -1,4 +1,4 @@
-"""The walking controller: torques from (t, q, v) and settings, no memory, no look ahead.
+"""The walking controller: torques from (t, q, v) and settings, without memory or look-ahead.
 
 Each foot has a clock. Feet on the ground carry the trunk (`support`): height, pitch, roll, yaw and
 speed by virtual springs and dampers about waves of the gait. Swinging feet go to where the speed
@@ -60,13 +60,13 @@ asin = in_each(elementary.asin)
 
 @kernel(void(I1, plain(WALK)), later=True)
 def save_walk(buffer, walk):
-    """Keep a controller's tuple where `walking` finds it."""
+    """Store a controller's tuple where `walking` finds it."""
     _save(buffer, walk)
 
 
 @part
 def trunk(work, linear, legs, s):
-    """(heading, (roll, yaw, pitch), their rates) from the line between the hips' middles."""
+    """Return (heading, (roll, yaw, pitch), their rates) from the line between the hip midpoints."""
     hind = legs[2].girdle
     none = 0.0 * s.mass
     d = (none, none, none)
@@ -89,7 +89,7 @@ def trunk(work, linear, legs, s):
 
 @part
 def feel(work, linear, legs, s, phase, heading, feet):
-    """Compute the feet's places, and by their clocks which of them carry which load."""
+    """Compute the positions of the feet, and from their clocks the load that each carries."""
     for f in range(FEET):
         p = phase - legs[f].offset
         p -= math.floor(p)
@@ -109,7 +109,9 @@ def feel(work, linear, legs, s, phase, heading, feet):
 
 @part
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
-    """[torque about the centre of mass, force] that feet are to give the body, heading axes."""
+    """Return the desired wrench from the feet, [torque about the centre of mass, force], in heading
+    axes.
+    """
     sure, middle, slope, _ = felt
     rise, rise_u, rise_a = wave(waves, RISE, s, phase)
     nod, nod_u, nod_a = wave(waves, NOD, s, phase)
@@ -136,7 +138,9 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
-    """Return the root's acceleration due to the feet's forces, also in `vdot`, in world axes."""
+    """Return the root's acceleration due to the foot forces in world axes, also written to
+    `vdot`.
+    """
     none = 0.0 * s.mass
     force = (none, none, none)
     moment = (none, none, none)
@@ -158,7 +162,7 @@ def base_acceleration(work, feet, s, heading, com, vdot):
 
 @part
 def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
-    """Return v' of a swinging leg from its foot's target relative to its girdle."""
+    """Return v' of a swing leg from its foot target relative to its girdle."""
     linear, legs, s, feet = walk.linear, walk.legs, walk.settings[0], walk.feet
     g = legs[f].girdle
     hip = load(work, legs[f].hip, at.X)
@@ -181,7 +185,7 @@ def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
 
 @part
 def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
-    """v' of all hinges."""
+    """Compute v' of all hinges."""
     legs, s, waves, feet = walk.legs, walk.settings[0], walk.waves, walk.feet
     q, v, vdot, spine = walk.q, walk.v, walk.vdot, walk.spine
     bend, bend_u, bend_a = wave(waves, FLEXION, s, phase)
@@ -209,7 +213,7 @@ def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
 
 @part
 def take_off_forces(rows, work, legs, feet, heading, tau, walks):
-    """τ less Jᵀ f of the feet's forces, where `walks`."""
+    """Subtract Jᵀ f of the foot forces from τ where `walks`."""
     for f in range(FEET):
         bears = both(walks, more(feet[f].load, 0.0))
         if any_of(bears):
@@ -225,14 +229,14 @@ def take_off_forces(rows, work, legs, feet, heading, tau, walks):
 
 @part
 def has_fallen(work, s, com, level):
-    """True if the trunk is too low or too tilted to continue."""
+    """Return True if the trunk is too low or too tilted to continue."""
     upright = work[1, at.R + 4]
     return either(more(s.low * s.height, com[1] - level), more(s.upright, upright))
 
 
 @part
 def copied_bias(work, out):
-    """b of all rows: `newton_euler` overwrites it, and a run goes on with it."""
+    """Copy b of all rows, since `newton_euler` overwrites it and a run still needs it."""
     for k in range(1, work.shape[0]):
         moment, force = bias_of(work, k)
         set_bias(out, k, moment, force)
@@ -240,7 +244,9 @@ def copied_bias(work, out):
 
 @part
 def slow_down(v, vdot, s, lies):
-    """v' that slows all joints down at the same rate, whatever pulls on them, where it lies."""
+    """Set v' so that all joints slow down at the same rate, regardless of load, where the walker
+    lies.
+    """
     for j in range(v.shape[0]):
         slow = -s.limp * v[j] if j >= 6 else 0.0 * s.limp
         vdot[j] = chosen(lies, -s.gravity if j == 4 else slow, vdot[j])
@@ -258,7 +264,7 @@ def torques(rows, const, work, mine, v, vdot, tau):
 
 @part
 def falls(walk, work, t, com, level):
-    """True if it has fallen. Stores the time of the first fall."""
+    """Return True if the walker has fallen. Stores the time of the first fall."""
     lies = has_fallen(work, walk.settings[0], com, level)
     first = both(lies, more(0.0, walk.fallen[0]))
     walk.fallen[0] = chosen(first, t, walk.fallen[0])
@@ -267,7 +273,9 @@ def falls(walk, work, t, com, level):
 
 @part
 def control(walk, work, t):
-    """Compute τ of one walk or of lanes from the frames in `work`. Joints slow after a fall."""
+    """Compute τ for one walk or for lanes from the frames in `work`. Joints slow down after a
+    fall.
+    """
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     v, tau, vdot, limit = walk.v, walk.tau, walk.vdot, walk.limit

@@ -1,1 +1,1 @@
-"""Steps of many instances side by side in lanes, each with the bits of its own run."""
+"""Steps of many instances side by side in lanes, each bitwise identical to its own run."""

@@ -1,4 +1,4 @@
-"""A block of instances in lanes: what its kernels work on, and its way from and to a run."""
+"""A block of instances in lanes: the data of its kernels, and copies from and to a run."""
 
 import math
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from ..vec import xyz
 
 
 class Block(NamedTuple):
-    """Arrays of the kernels of a block of lanes, whose last axis is the lane."""
+    """Arrays for the kernels of a block of lanes, with the lane as the last axis."""
 
     const: Any  # (n + 1, CONST) of the bodies
     work: Any  # (n + 1, WORK)
@@ -85,7 +85,7 @@ W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT =
 
 @part
 def closed_gap(b, i, p):
-    """Return `closing.closed_gap` over the ground."""
+    """Return `closing.closed_gap` above the ground."""
     return larger(NEAR * b.shapes[i, S_SIZE], ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2])))
 
 
@@ -97,7 +97,7 @@ def tolerated(b, i, h):
 
 @part
 def fits(contacts, data, control):
-    """True if the numbers of the instance in the run permit steps in lanes."""
+    """Return True if the instance in the run can be stepped in lanes."""
     good = control.done == 0.0 and control.fired == 0 and control.bound == math.inf
     for k in range(contacts.laws.shape[0]):
         law = contacts.laws[k]
@@ -107,7 +107,9 @@ def fits(contacts, data, control):
 
 @sweep
 def take_in(run, ways, drives, b, w, all_):
-    """Copy the instance in the run into lane w, with its numbers if `all_`. True if it fits."""
+    """Copy the instance in the run into lane w, with its constants if `all_`. Returns True if it
+    fits.
+    """
     this = opened_run(run)
     data, control = opened(this.scene), this.control[0]
     contacts = contacts_at(data.links.contacts)
@@ -161,7 +163,7 @@ def take_in(run, ways, drives, b, w, all_):
 
 @sweep
 def take_numbers(data, contacts, ways, drives, b, w):
-    """Copy the numbers of the description of the instance in the run into lane w."""
+    """Copy the description of the instance in the run into lane w."""
     take_drives(data, drives, b, w)
     shapes, vertices = contacts.geometry.shapes, contacts.geometry.vertices
     tally, plane = contacts.tally[0], contacts.ground.plane[0]
@@ -199,7 +201,7 @@ def take_numbers(data, contacts, ways, drives, b, w):
 
 @sweep
 def take_drives(data, drives, b, w):
-    """Constants of bodies and drives of the instance in the run, into lane w."""
+    """Copy the body and drive constants of the instance in the run into lane w."""
     const, table, knots = data.const, data.drives.table, data.drives.knots
     for k in range(const.shape[0]):
         for c in range(const.shape[1]):
@@ -218,7 +220,7 @@ def take_drives(data, drives, b, w):
 
 @sweep
 def put_out(run, ways, b, w, taken, swept):
-    """Lane w, after steps that it has taken since it was taken in, into the run."""
+    """Copy lane w back into the run after the steps taken since `take_in`."""
     this = opened_run(run)
     data, control, counters = opened(this.scene), this.control[0], this.counters[0]
     contacts = contacts_at(data.links.contacts)
@@ -294,7 +296,7 @@ def put_out(run, ways, b, w, taken, swept):
 
 @part
 def put_found(one, ways, b, n, w):
-    """Point n of lane w, as the search finds it."""
+    """Write point n of lane w in the format of the contact search."""
     for c in range(3):
         one.point_a[c] = b.points[n, ON_A + c, w]
         one.point_b[c] = b.points[n, ON_B + c, w]
@@ -310,7 +312,7 @@ def put_found(one, ways, b, n, w):
 
 @part
 def in_lanes(b):
-    """The arrays as arrays of lanes."""
+    """Return the arrays as arrays of lanes."""
     return Block(
         lanes(b[0]), lanes(b[1]), lanes(b[2]), lanes(b[3]), lanes(b[4]), lanes(b[5]), lanes(b[6]),
         lanes(b[7]), lanes(b[8]), lanes(b[9]), lanes(b[10]), lanes(b[11]), lanes(b[12]),
@@ -320,7 +322,7 @@ def in_lanes(b):
 
 @part
 def named_block(b):
-    """The arrays as arrays of numbers, the lane last."""
+    """Return the arrays as arrays of numbers, with the lane last."""
     return Block(
         b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13],
         b[14],

@@ -1,4 +1,6 @@
-"""Contact of feet with a plane, in lanes: points, unit impulses, sweeps until all are done."""
+"""Contact between feet and a plane, in lanes: points, unit impulses and sweeps until
+convergence.
+"""
 
 import math
 
@@ -99,7 +101,7 @@ from .block import (
 
 @sweep
 def find(ways, near, b, h):
-    """Contact points and which of them are active, as `unilateral.add_unilateral`.
+    """Find the contact points and the active ones, as in `unilateral.add_unilateral`.
 
     Points that are near in any lane go into `near`: how many, then which.
     """
@@ -169,7 +171,7 @@ def find(ways, near, b, h):
 
 @part
 def own_joints(ways, near, b, n):
-    """Return the number of joints that point n alone moves among the active points."""
+    """Return the number of joints that only point n moves among the active points."""
     zero = 0.0 * b.lane[0, COUNT]
     own = zero
     for s in range(ways[n, W_JOINTS]):
@@ -185,7 +187,7 @@ def own_joints(ways, near, b, n):
 
 @part
 def activate(ways, b, n, h):
-    """Decide whether point n, whose place is in ON_A, is active and whether it hits."""
+    """Decide whether point n, whose position is in ON_A, is active and whether it hits."""
     lane, shapes, points = b.lane[0], b.shapes, b.points
     i, k, gap = ways[n, W_SHAPE], ways[n, W_ROW], points[n, GAP]
     normal = load(b.lane, 0, NORMAL)
@@ -211,7 +213,7 @@ def activate(ways, b, n, h):
 
 @part
 def directions(ways, near, b, column):
-    """Velocities of the points along normal and tangents."""
+    """Compute the velocities of the points along the normal and tangents."""
     for m in range(near[0]):
         n = near[1 + m]
         u = point_velocity(b.work, b.linear, ways[n, W_ROW], load(b.points, n, MIDDLE))
@@ -221,7 +223,7 @@ def directions(ways, near, b, column):
 
 @part
 def past_hinge(work, k, share, moment, force):
-    """A wrench past joint k, which keeps `share` of it."""
+    """Transmit a wrench across joint k, which absorbs `share` of it."""
     passed = -inverse_pivot_of(work, k) * share
     u0, u1 = projected_of(work, k)
     force = add_scaled(force, passed, u1)
@@ -230,7 +232,7 @@ def past_hinge(work, k, share, moment, force):
 
 @sweep
 def carry(rows, ways, b, n):
-    """Compute Y of point n like `paths.carry`, over the joints of its path."""
+    """Compute Y of point n as in `paths.carry`, over the joints on its path."""
     work, y = b.work, b.y[n]
     p = load(b.points, n, MIDDLE)
     for r in range(3):
@@ -280,7 +282,7 @@ def own_block(ways, b, n):
 
 @part
 def warm(b, n):
-    """λ of the last step, of an active point."""
+    """Return λ of the last step for an active point."""
     goes_on = both(b.points[n, ACTIVE], b.points[n, KEPT])
     for c in range(3):
         b.points[n, LAM + c] = chosen(goes_on, b.points[n, VALUE + c], 0.0)
@@ -289,7 +291,7 @@ def warm(b, n):
 
 @part
 def gather(ways, b, n, row):
-    """Y z of point n, of a row of `vectors`."""
+    """Return Y z of point n, for a row of `vectors`."""
     y, z = b.y[n], b.vectors[row]
     zero = 0.0 * z[0]
     u = (zero, zero, zero)
@@ -305,7 +307,7 @@ def velocity(ways, b, n):
 
 @part
 def scatter(ways, b, n, change):
-    """diag(1/d) Yᵀ of a change of λ onto STEP."""
+    """Add diag(1/d) Yᵀ times a change in λ to STEP."""
     y, w, dinv = b.y[n], b.vectors[STEP], b.vectors[DINV]
     for s in range(ways[n, W_JOINTS]):
         k = joint(ways, n, s)
@@ -314,7 +316,7 @@ def scatter(ways, b, n, change):
 
 @sweep
 def aim(ways, near, b):
-    """Compute `impulse.aim`, and the largest velocity into SIZE."""
+    """Compute `impulse.aim`, and write the largest velocity into SIZE."""
     x, points, lane = b.vectors, b.points, b.lane[0]
     size, carried = lane[COUNT] * 0.0, lane[COUNT] * 0.0
     for m in range(near[0]):
@@ -430,7 +432,7 @@ def gain_and_miss(ways, near, b):
 
 @sweep
 def effects(ways, near, b, touches):
-    """diag(1/d) Yᵀ λ into STEP, and how fast points slip."""
+    """Write diag(1/d) Yᵀ λ into STEP, and compute the slip speeds of the points."""
     x, points = b.vectors, b.points
     for j in range(x.shape[1]):
         x[STEP, j] = 0.0
@@ -450,7 +452,7 @@ def effects(ways, near, b, touches):
 
 @sweep
 def push_out(rows, ways, near, b, h):
-    """Run `unilateral.push_out`, which moves the new state out of deeper penetration."""
+    """Run `unilateral.push_out`, which moves the new state out of deep penetration."""
     x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[DINV]
     zero = 0.0 * b.lane[0, COUNT]
     deepest, deep = zero, zero

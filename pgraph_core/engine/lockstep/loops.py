@@ -1,4 +1,4 @@
-"""Explicit steps, in lanes, of trees and loops that constraints hold.
+"""Explicit steps in lanes for trees and for loops closed by constraints.
 
 The steps are those of `explicit` and `constraints`, with the same operations in the same order, so
 every lane has the bits of its own run. Rare cases are not written twice. If the factors of its last
@@ -80,7 +80,7 @@ from .step import BY_ITSELF, IN_LANES, LEAST_INSTANCES, OUT, act, exchange, is_r
 
 
 class Held(NamedTuple):
-    """Arrays of the kernels of a block, whose last axis is the lane."""
+    """Arrays for the kernels of a block with constraints, with the lane as the last axis."""
 
     const: Any  # (n + 1, CONST) of the bodies
     work: Any  # (n + 1, WORK)
@@ -113,7 +113,9 @@ SOLVED, ALL_SOLVED, ROUNDS, ALL_ROUNDS = range(4)  # iterations and rounds: of a
 
 @sweep
 def factor_proximal(h, m):
-    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, zero if none."""
+    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, or zero without
+    any.
+    """
     omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, LIVES]
     trace = 0.0
     for r in range(m):
@@ -154,14 +156,16 @@ def factor_proximal(h, m):
 
 @part
 def keep(x, mask, end):
-    """x where the mask is set, else zero."""
+    """Return x where the mask is set, and zero elsewhere."""
     for r in range(end):
         x[r] = chosen(mask, x[r], 0.0)
 
 
 @sweep
 def solve_proximal(h, mu, count, m, enough, asked):
-    """Run `proximal.solve_proximal` in lanes `asked`. Late null directions make a lane go alone."""
+    """Run `proximal.solve_proximal` in lanes `asked`. Late null directions make a lane continue
+    alone.
+    """
     omega, factor, nulls, lane = h.omega, h.factor, h.nulls, h.lane[0]
     rhs, lam, change = h.rows[RHS], h.rows[LAMBDA], h.rows[CHANGE]
     end = whole_blocks(m)
@@ -209,7 +213,7 @@ def along_nulls(h, count, x, m):
 
 @part
 def largest_of(x, m):
-    """Largest magnitude of the first m numbers."""
+    """Return the largest magnitude of the first m numbers."""
     size = 0.0 * x[0]
     for r in range(m):
         size = larger(size, abs(x[r]))
@@ -221,7 +225,7 @@ def largest_of(x, m):
 
 @part
 def set_inputs(table, times, h, t):
-    """Targets and torques of the drives at time t, from tables of several knots."""
+    """Set the targets and torques of the drives at time t, from tables with several knots."""
     for n in range(table.shape[0]):
         one = table[n]
         if one.coordinate >= 0 and one.targets > 1:
@@ -232,7 +236,7 @@ def set_inputs(table, times, h, t):
 
 @part
 def between(times, knots, first, count, t):
-    """Compute `forces.lookup` of values of lanes at shared times."""
+    """Compute `forces.lookup` for per-lane values at shared times."""
     last = first + count - 1
     if t <= times[first, 0]:
         return knots[first, 1]
@@ -244,7 +248,7 @@ def between(times, knots, first, count, t):
 
 @sweep
 def slope(data, drives, blocks, space, h, size, t, row, out):
-    """Compute v' and powers at the state in `row` into row `out`. Returns μ and null slots."""
+    """Compute v' and powers at the state in `row` into row `out`. Returns μ and the null slots."""
     nq, nv = size
     rows, const, work, lane = data.rows, h.const, h.work, h.lane[0]
     rhs, stages = h.rows[RHS], h.stages
@@ -285,7 +289,7 @@ def located(rows, blocks, space, h, v, moving):
 
 @sweep
 def step(data, drives, blocks, space, h, tableau, size, t, end, width):
-    """One step from Y into CANDIDATE, and onto the constraints at its end."""
+    """Take one step from Y into CANDIDATE, and project it onto the constraints at its end."""
     a, weights, c = tableau
     rows, stages, lane = data.rows, h.stages, h.lane[0]
     n, count = stages.shape[1], weights.shape[0]
@@ -357,7 +361,7 @@ def settle(rows, blocks, space, h, size, t, mu, count):
 
 @part
 def move(rows, h, q, new, where):
-    """q along the response, in the lanes of the mask."""
+    """Move q along the response in the lanes of the mask."""
     for i in range(q.shape[0]):
         new[i] = q[i]
     advance(rows, new, h.rows[RESPONSE], 1.0)
@@ -426,7 +430,7 @@ def extent(rows, h):
 
 @sweep
 def take_in(run, drives, h, w):
-    """Copy the instance in the run into lane w. True if lanes can take its steps."""
+    """Copy the instance in the run into lane w. Returns True if lanes can take its steps."""
     this = opened_run(run)
     data, control, y = opened(this.scene), this.control[0], this.stages[at.Y]
     knots, blocks_f, lane = data.drives.knots, data.blocks.blocks_f, h.lane[0]
@@ -457,7 +461,7 @@ def take_in(run, drives, h, w):
 
 @sweep
 def put_out(run, h, w, taken, evaluations):
-    """Lane w, after steps that it has taken since it was taken in, into the run."""
+    """Copy lane w back into the run after the steps taken since `take_in`."""
     this = opened_run(run)
     data, control, counters = opened(this.scene), this.control[0], this.counters[0]
     y = this.stages[at.Y]
@@ -525,7 +529,7 @@ def step_block(
     run, advance, copy, own, numbers, drives, held, tableau, state, tables, kind, codes, trace, n,
     first, end,
 ):  # fmt: skip
-    """n steps of one block."""
+    """Take n steps of one block."""
     this = opened_run(run)
     data, size = opened(this.scene), size_of_state(run)
     h, s = as_lanes(held), as_numbers(held)

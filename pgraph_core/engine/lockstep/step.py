@@ -1,4 +1,4 @@
-"""Steps of Moreau and Jean for instances side by side in lanes: trees on feet over a plane.
+"""Moreau-Jean steps for instances side by side in lanes: trees on feet above a plane.
 
 The same steps as `moreau`, with the same operations in the same order, so that every lane has the
 bits of its own run. What is rare is not written twice: where a lane hits something, penetrates, or
@@ -135,7 +135,7 @@ from .walk import ALL, call_walk
 
 @sweep
 def begin(rows, drives, b, h):
-    """The first half of a step, to the frames of its middle."""
+    """Take the first half of a step, up to the frames at its midpoint."""
     x = b.vectors
     for i in range(x.shape[1]):
         x[NEW_Q, i] = x[Q, i]
@@ -178,7 +178,7 @@ def stiffen(rows, drives, b, h, q, v):
 
 @sweep
 def act(drives, b, q, v):
-    """Run `forces.drive` for drives of one coordinate without tables."""
+    """Run `forces.drive` for drives with one coordinate and no tables."""
     x, lane = b.vectors, b.lane[0]
     tau, given = x[TAU], x[PUSHED]
     lane[PUT_IN] = 0.0
@@ -210,7 +210,7 @@ def act(drives, b, q, v):
 
 @sweep
 def set_velocities(rows, ways, near, b, h):
-    """J v into BEFORE, J (v + h v') into RATE, as `moreau.set_velocities`."""
+    """Write J v into BEFORE and J (v + h v') into RATE, as in `moreau.set_velocities`."""
     x, work, linear = b.vectors, b.work, b.linear
     directions(ways, near, b, BEFORE)
     for j in range(x.shape[1]):
@@ -295,7 +295,9 @@ def finish(rows, drives, ways, near, b, h, passive):
 
 @sweep
 def commit(rows, ways, near, b, h):
-    """State and memory after the step, as `booking.book`, in lanes that do not go on alone."""
+    """Commit state and history after the step as in `booking.book`, in lanes that do not continue
+    alone.
+    """
     x, lane, points, pairs = b.vectors, b.lane[0], b.points, b.pairs
     good = without(lane[LIVES], lane[ALONE])
     zero = 0.0 * lane[COUNT]
@@ -334,7 +336,7 @@ def commit(rows, ways, near, b, h):
 
 @part
 def note_point(ways, b, n, here, h):
-    """Record the residual and depth of point n, and the start of the next step."""
+    """Record the residual and depth at point n, and the start of the next step."""
     lane, points = b.lane[0], b.points
     zero, t = 0.0 * lane[COUNT], lane[TIME] + h
     lam, gap = load(points, n, LAM), points[n, GAP]
@@ -364,7 +366,7 @@ def note_point(ways, b, n, here, h):
 
 @part
 def push_body(ways, b, n, here, h):
-    """The force of point n onto its contact pair and its body."""
+    """Add the force at point n to its contact pair and its body."""
     points, pairs, wrenches, work = b.points, b.pairs, b.wrenches, b.work
     pair, k, body = ways[n, W_PAIR], ways[n, W_ROW], ways[n, W_BODY]
     zero, lam = 0.0 * b.lane[0, COUNT], load(points, n, LAM)
@@ -384,7 +386,7 @@ def push_body(ways, b, n, here, h):
 
 @part
 def change_phase(b, k, good):
-    """Update the phase of contact pair k after the step and count a change."""
+    """Update the phase of contact pair k after the step, and count any change."""
     lane, pairs = b.lane[0], b.pairs
     zero = 0.0 * lane[COUNT]
     force, before = load(pairs, k, FORCE), pairs[k, PHASE]
@@ -404,7 +406,7 @@ def note_largest(lane, column, here, x):
 
 @part
 def exchange(copy, spans, row, out):
-    """Between a row of a table and the run."""
+    """Copy between a row of a table and the run."""
     for k in range(spans.shape[0]):
         if out:
             call_copy(copy, (row + spans[k, 1], spans[k, 0], spans[k, 2]))
@@ -414,14 +416,14 @@ def exchange(copy, spans, row, out):
 
 @sweep
 def load_run(copy, own, numbers, tables, kind, i):
-    """The rows of instance i into the run."""
+    """Load the rows of instance i into the run."""
     exchange(copy, numbers, tables[1, 0] + kind[i] * tables[1, 1], False)
     exchange(copy, own, tables[0, 0] + i * tables[0, 1], False)
 
 
 @sweep
 def ask_user(run, b, w, h):
-    """Add what a user's function gives to τ of lane w."""
+    """Add the result of a user function to τ of lane w."""
     this = opened_run(run)
     data, stages = opened(this.scene), this.stages
     nq, nv = size_of_state(run)
@@ -440,7 +442,7 @@ def ask_user(run, b, w, h):
 
 @sweep
 def lay_out(work, frames):
-    """Frames, velocities and inertias of all lanes, one lane after the other."""
+    """Compute frames, velocities and inertias of all lanes, one lane after the other."""
     for k in range(work.shape[0]):
         for c in range(at.PROJECTED):
             for w in range(W):
@@ -486,7 +488,7 @@ def step_block(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
     kind, codes, n, first, end, walk, place, fallen,
 ):  # fmt: skip
-    """n steps of one block."""
+    """Take n steps of one block."""
     this = opened_run(run)
     data = opened(this.scene)
     rows, user, work = data.rows, data.user, data.work

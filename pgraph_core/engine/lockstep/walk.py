@@ -1,4 +1,4 @@
-"""The walking controller for a block of lanes, behind one address: compiled where a batch walks."""
+"""The walking controller for a block of lanes, behind one address and compiled if a batch walks."""
 
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from .block import ARMATURE, FALLEN, FELL, MOVE, NEW_Q, PUT_IN, TAU, TIME, VDOT,
 
 
 class WalkOfLanes(NamedTuple):
-    """Controller of a run and of a block, whose arrays have the lane as last axis."""
+    """The controller of a run and of a block, whose arrays have the lane as the last axis."""
 
     rows: Any
     spine: Any
@@ -46,7 +46,7 @@ call_walk = caller(i8(i8, i8, f8))
 
 @kernel(void(I1, plain(WALK_OF_LANES)), later=True)
 def save_walk_of_lanes(buffer, walk):
-    """Keep the tuple where `walk_in_lanes` finds it."""
+    """Store the tuple where `walk_in_lanes` finds it."""
     _save(buffer, walk)
 
 
@@ -59,7 +59,9 @@ def numbers_into(one, all_, w):
 
 @sweep
 def exchange_armatures(rows, const, x):
-    """The inertia of drives with what stiff ones add, for that without it: no controller has it."""
+    """Swap the drive inertias with and without stiffness terms, as the controller uses none of
+    these.
+    """
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)
@@ -70,7 +72,7 @@ def exchange_armatures(rows, const, x):
 
 @kernel(i8(i8, i8, f8), later=True, lanes=True)
 def walk_in_lanes(place, w, h):
-    """Add τ of the controller to that of all lanes, in the middle of a step h.
+    """Add the controller's τ to that of all lanes, at the midpoint of a step h.
 
     With w from 0 on instead: take the numbers of the run into lane w.
     """

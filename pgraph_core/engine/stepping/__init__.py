@@ -1,1 +1,1 @@
-"""Integration methods, step loops, dense output, events."""
+"""Integration methods, step loops, dense output and events."""

@@ -1,4 +1,4 @@
-"""Many instances, in lanes by the kernels of one instance, or one after another.
+"""Many instances, either in lanes with single-instance kernels or one after another.
 
 In lanes, instances are in blocks of W, with arrays (blocks, ..., W). `const` is (n + 1, columns)
 for instances that share their parameters, or (blocks, n + 1, columns, W).
@@ -31,7 +31,7 @@ TABLEAU = group(F2, F1, F1)
 
 @kernel(*[void(*acts, f8, *[F3] * 4, F2, F3, i8, i8) for acts in ACTS], nogil=True, lanes=True)
 def forward_in_lanes(rows, const, drives, loads, t, q, v, given, work, tau, vdot, begin, end):
-    """v' at time t of blocks `begin` to `end` - 1, eq. (26), with all forces."""
+    """Compute v' at time t for blocks `begin` to `end` - 1, eq. (26), with all forces."""
     w = lanes(work)
     s = lanes(tau)
     for i in range(begin, end):
@@ -43,7 +43,9 @@ def forward_in_lanes(rows, const, drives, loads, t, q, v, given, work, tau, vdot
 
 @kernel(*[void(*acts, *[F3] * 4, F2, F2, F3, i8, i8) for acts in ACTS], nogil=True, lanes=True)
 def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none, tau, begin, end):
-    """τ of blocks `begin` to `end` - 1, eq. (24), without the part of springs and dampers."""
+    """Compute τ for blocks `begin` to `end` - 1, eq. (24), without the contribution of springs and
+    dampers.
+    """
     w = lanes(work)
     s = lanes(passive)
     for i in range(begin, end):
@@ -70,7 +72,7 @@ def run_in_lanes(
     rows, const, drives, loads, tableau, t, h, number, q, v, ledger, given, work, stages,
     begin, end,
 ):  # fmt: skip
-    """`number` steps of width h from time t, of blocks `begin` to `end` - 1.
+    """Take `number` steps of size h from time t, for blocks `begin` to `end` - 1.
 
     `ledger` (blocks, 2, W) adds up the work put in and what is dissipated [J]; (blocks, 0, W) where
     nobody asks.
@@ -98,7 +100,7 @@ def run_in_lanes(
 
 @sweep
 def step(trees, tableau, size, t, h, stages):
-    """One step of all lanes of a block."""
+    """Take one step for all lanes of a block."""
     rows = trees[0]
     slope(None, trees, size, t, at.Y, at.SLOPE, stages)
     if tableau[1].shape[0] == 0:
@@ -144,6 +146,6 @@ def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, beg
 
 @part
 def copy_in(copy, spans, row):
-    """The spans of a row into the arrays of the run."""
+    """Copy the spans of a row into the arrays of the run."""
     for k in range(spans.shape[0]):
         call_copy(copy, (spans[k, 0], row + spans[k, 1], spans[k, 2]))

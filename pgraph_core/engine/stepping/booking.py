@@ -1,4 +1,4 @@
-"""Records of a step of time stepping: impulses for the next one, forces of its frame, a log."""
+"""Bookkeeping for time stepping: impulses for the next step, forces at its frame, a log."""
 
 import math
 
@@ -51,7 +51,7 @@ BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative t
 
 @sweep
 def note_chain(scene, first, t):
-    """Count an impact at time t in which a body that rebounds is pushed by several others at once.
+    """Count an impact at time t in which several bodies simultaneously push a body that rebounds.
 
     Newton's law then gives another end than impacts one after the other, as with gaps in between.
     """
@@ -78,7 +78,7 @@ def note_chain(scene, first, t):
 
 @part
 def meet_at_a_body(blocks_i, i, n):
-    """True if two contacts share one body that moves, but not both."""
+    """Return True if two contacts share exactly one moving body."""
     a, b = ends_of(blocks_i, i)
     c, d = ends_of(blocks_i, n)
     shared = (a > 0 and (a == c or a == d)) or (b > 0 and (b == c or b == d))
@@ -88,7 +88,7 @@ def meet_at_a_body(blocks_i, i, n):
 
 @sweep
 def book(scene, first, t, h, last):
-    """Keep the impulses for the next step, and as forces on bodies and in touches.
+    """Store the impulses for the next step, and as forces on bodies and contact pairs.
 
     By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
     part that is not the last of its step only adds points to those that are kept: it may be so
@@ -172,7 +172,7 @@ def book(scene, first, t, h, last):
 
 @sweep
 def note_span(scene, i, force):
-    """Add what the bound of a length exerts, `force` on A, to the wrenches of its two bodies."""
+    """Add the force of a length bound, `force` on A, to the wrenches on its two bodies."""
     data = opened(scene)
     work, place = data.work, data.space.place
     wrenches = contacts_at(data.links.contacts).wrenches
@@ -190,7 +190,7 @@ def note_span(scene, i, force):
 
 @part
 def goes_on_sliding(lam, mu, closing, slip):
-    """Return 1 if a point slides fast, or slips with the full friction of its cone, else 0.
+    """Return 1 if a point slides fast, or slips with the full friction of its cone, or else 0.
 
     `closing` is its normal velocity without impulses.
     """
@@ -202,7 +202,7 @@ def goes_on_sliding(lam, mu, closing, slip):
 
 @part
 def log_missed(tally, complementarity, cone, force, pair, t):
-    """Note by how much one contact misses its laws [N], and its force."""
+    """Log the residual of a single contact's laws [N], and its force."""
     tally.complementarity = max(tally.complementarity, complementarity)
     tally.cone = max(tally.cone, cone)
     tally.force = max(tally.force, force)
@@ -215,7 +215,9 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 @part
 def log_depth(tally, depth, thickness, pair, t):
-    """Record the penetration of two shapes of some thickness [m], of points the depth itself."""
+    """Record the penetration of two shapes relative to their thickness [m], or the depth itself for
+    points.
+    """
     tally.penetration = max(tally.penetration, depth)
     share = depth / thickness if thickness > 0.0 else depth
     if share > tally.deepest:
@@ -227,7 +229,9 @@ def log_depth(tally, depth, thickness, pair, t):
 
 @part
 def thickness_at(contacts, n):
-    """Return the thickness of the thinner shape at contact point n, or the shapes' size [m]."""
+    """Return the thickness of the thinner shape at contact point n, or else the size of the shapes
+    [m].
+    """
     a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
     thick = 2.0 * thinner(contacts, a, b)
     return thick if thick > 0.0 else smaller_size(contacts, a, b)

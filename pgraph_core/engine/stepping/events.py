@@ -1,4 +1,4 @@
-"""Location of ends of contact phases and of user events within the last step.
+"""Location of the ends of contact phases and of user events within the last step.
 
 A step is taken without regard to events. Then monitors, which fall below zero at an event, are
 evaluated along the step, on dense output or by repeating a narrower step. The first event is
@@ -59,14 +59,16 @@ WIDER = 8  # growth of the interval after an instant at which a value is and sta
 
 @kernel(PROJECTION, nogil=True, later=True)
 def event_projection(scene, t, q, v, rounds):
-    """Run `projection` onto held constraints. Returns the rounds, -1 if it fails."""
+    """Run `projection` onto the held constraints. Returns the number of iterations, or -1 on
+    failure.
+    """
     links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 
 
 @kernel(EVENT, nogil=True, later=True)
 def user_events(scene, t, q, v, values):
-    """Evaluate a user's functions, whose address is the last entry of `values`."""
+    """Evaluate the user functions, whose address is the last entry of `values`."""
     address = int(values[values.shape[0] - 1])
     if address != 0:
         _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
@@ -77,7 +79,7 @@ def user_events(scene, t, q, v, values):
 
 @sweep
 def state_within(run, w):
-    """The state a time w after the start of the last step into TRIAL."""
+    """Write the state at a time w after the start of the last step into TRIAL."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     h = control.old_width
@@ -91,7 +93,7 @@ def state_within(run, w):
 
 @sweep
 def step_again(run, w):
-    """Repeat the last step with width w from Y_OLD into TRIAL, with SLOPE still at Y_OLD."""
+    """Repeat the last step with step size w from Y_OLD into TRIAL, with SLOPE still at Y_OLD."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     nq, nv = size_of_state(run)
@@ -114,14 +116,14 @@ def step_again(run, w):
 
 @part
 def phases_watched(run):
-    """True if contact points are watched."""
+    """Return True if contact points are monitored."""
     data = opened_run(run)
     return data.watched.shape[1] > data.signs.shape[0]
 
 
 @sweep
 def look(run, low, w):
-    """Look at the state a time low + w after the last step's start: monitors into row NOW."""
+    """Evaluate the monitors at a time low + w after the start of the last step, into row NOW."""
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
     state_within(run, low + w)
@@ -142,7 +144,7 @@ def look(run, low, w):
 
 @sweep
 def values_of_events(run, t, q, v):
-    """Values of a user's events, and of conditions on coordinates, which a guard holds."""
+    """Evaluate a user's events and the guard's conditions on coordinates."""
     data = opened_run(run)
     values = data.values
     call_event(data.links.events, (data.scene, t, q, v, values))
@@ -156,7 +158,9 @@ def values_of_events(run, t, q, v):
 
 @sweep
 def watch_events(run):
-    """Monitors of a user's events: above zero as long as their values keep their sign."""
+    """Compute the monitors for user events, which are positive while the event values keep their
+    sign.
+    """
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
@@ -185,7 +189,7 @@ def begin_part(run):
 
 @sweep
 def begin_events(run):
-    """Signs and values of a user's events at the start of the last step."""
+    """Store the signs and values of user events at the start of the last step."""
     data = opened_run(run)
     stages, signs, watched, values = data.stages, data.signs, data.watched, data.values
     nq, nv = size_of_state(run)
@@ -200,7 +204,7 @@ def begin_events(run):
 
 @part
 def undecided(signs):
-    """True if the sign of an event is unknown."""
+    """Return True if the sign of an event is unknown."""
     found = False
     for i in range(signs.shape[0]):
         found = found or signs[i] == 0
@@ -209,7 +213,9 @@ def undecided(signs):
 
 @sweep
 def take_sides(run, low, width):
-    """Signs of events whose value is exactly zero at `low`: those that it has right after it."""
+    """Set the signs of events whose value is exactly zero at `low` to those immediately after
+    it.
+    """
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
@@ -228,7 +234,7 @@ def take_sides(run, low, width):
 
 @sweep
 def happened(run, low, width):
-    """Return the width at which an event has happened in the part from `low`, else 0."""
+    """Return the width at which an event has happened in the part from `low`, or else 0."""
     data = opened_run(run)
     look(run, low, width)
     if over(data.watched, NOW):
@@ -248,7 +254,8 @@ def happened(run, low, width):
 
 @sweep
 def least_gap(run, low, s, w, widths):
-    """Return the width near w of the least gap of point s if a phase ends there, else widths[1].
+    """Return the width near w of the minimum gap at point s if a phase ends there, or else
+    widths[1].
 
     widths[0] is that of the part. The rates of the gap at its ends have different signs, so the gap
     is least where its rate is zero.
@@ -277,7 +284,9 @@ def least_gap(run, low, s, w, widths):
 
 @sweep
 def locate(run, low, end):
-    """Return the first width from `low` with an event. TRIAL has its state, NOW the event."""
+    """Return the width from `low` to the first event. Its state is in TRIAL, and the event in
+    NOW.
+    """
     data = opened_run(run)
     watched, h = data.watched, data.control[0].old_width
     bracket = bracket_of(watched, end)
@@ -297,7 +306,7 @@ def locate(run, low, end):
 
 @sweep
 def keep_values(run, row):
-    """Keep the values of a user's events in a row of `watched`."""
+    """Store the values of user events in a row of `watched`."""
     data = opened_run(run)
     watched, values = data.watched, data.values
     first = watched.shape[1] - data.signs.shape[0]
@@ -307,7 +316,7 @@ def keep_values(run, row):
 
 @part
 def vertex(x, y):
-    """Return the minimum (x, y) of a parabola through three points, (-1, inf) if it has none."""
+    """Return the minimum (x, y) of a parabola through three points, or (-1, inf) if it has none."""
     slope = (y[1] - y[0]) / (x[1] - x[0])
     curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
     if not curve > 0.0:
@@ -318,7 +327,7 @@ def vertex(x, y):
 
 @sweep
 def dip(run, low, width, i):
-    """Look for where event i reaches zero and turns back in the part of the step from `low`.
+    """Find where event i reaches zero and turns back in the part of the step from `low`.
 
     Rows LOW and HIGH hold the values at its start and middle. Returns the widths between which
     the event happens; both are the same where zero is touched, and 0 where nothing happens. How
@@ -368,7 +377,7 @@ def dip(run, low, width, i):
 
 @sweep
 def dipped(run, low, end):
-    """(start, width) of a part in which a user's event has happened and is undone at its end.
+    """Return (start, width) of a part in which a user event has happened and is undone at its end.
 
     The width is 0 where zero is only touched, and -1 where nothing happens.
     """
@@ -385,7 +394,7 @@ def dipped(run, low, end):
 
 @part
 def zero_exactly(run):
-    """True if an event has happened whose value is zero, so its next sign is unknown."""
+    """Return True if an event has happened with value zero, so that its next sign is unknown."""
     data = opened_run(run)
     watched, values = data.watched, data.values
     first = watched.shape[1] - data.signs.shape[0]
@@ -397,7 +406,7 @@ def zero_exactly(run):
 
 @sweep
 def clear_of_zero(run, low, end):
-    """(low, end) of a part in which an event happens, and which starts clearly before it.
+    """Return (low, end) of a part in which an event happens, starting clearly before the event.
 
     Right after an event, rounding hides on which side of zero its value is.
     """
@@ -421,7 +430,7 @@ def clear_of_zero(run, low, end):
 
 @sweep
 def reached(run, low, end):
-    """(whether what happens first in the part of the step from `low` counts, when it does).
+    """Return (whether the first event in the part of the step from `low` counts, its time).
 
     Something happens by `end`, or at `low` itself where that is 0: zero is only touched. A value
     that stays zero counts again when it has left it.
@@ -452,7 +461,7 @@ def reached(run, low, end):
 
 @part
 def next_look(run, low, n, parts):
-    """Return the end of the part of the step from `low`: a frame, or `n` of `parts`."""
+    """Return the end of the part of the step from `low`: a frame, or fraction `n` of `parts`."""
     data = opened_run(run)
     control, times = data.control[0], data.times
     h = control.old_width
@@ -469,7 +478,7 @@ def next_look(run, low, n, parts):
 
 @sweep
 def looked_at(run, low, end):
-    """Return (True if a counted event has happened by `end`, its time, the examined time).
+    """Return (True if a counted event has happened by `end`, its time, the time examined).
 
     A user's events are evaluated in the middle too, and near zero where a parabola through three
     values has its minimum.

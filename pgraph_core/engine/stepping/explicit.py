@@ -1,4 +1,4 @@
-"""Explicit steps, of one instance or of lanes, and dense output within the last step.
+"""Explicit steps for one instance or for lanes, and dense output within the last step.
 
 A step takes y from row Y, and v' there from row SLOPE, to row CANDIDATE. Either `run` is the
 address of a run, or `trees` are trees in lanes; the other one is None.
@@ -29,7 +29,7 @@ KNOWN = 0.01  # error of a step above which the order-based estimate fails (stif
 
 @sweep
 def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
-    """Compute v' of driven trees in lanes. Returns power put in and dissipated [W].
+    """Compute v' of driven trees in lanes. Returns the power supplied and dissipated [W].
 
     `loads` may be None.
     """
@@ -48,14 +48,16 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
 
 @sweep
 def moving(rows, const, work, v, linear):
-    """Places of all origins into X, their velocities into `linear`: U, until `inboard` fills it."""
+    """Write the positions of all origins to X and their velocities to `linear`, in U until
+    `inboard`.
+    """
     positions(rows, work)
     velocities(rows, const, work, v, linear)
 
 
 @sweep
 def slope(run, trees, size, t, row, out, stages):
-    """v' and the power at the state in `row` into row `out`."""
+    """Compute v' and the power at the state in `row` into row `out`."""
     if run is not None:
         acceleration_of(run, t, row, out)
     if trees is not None:
@@ -88,7 +90,8 @@ def semi_implicit_step(rows, size, h, stages):
 
 @sweep
 def runge_kutta_step(run, trees, rows, tableau, size, t, h, clip, stages, in_body):
-    """Compute y + h Σ b_r k_r with k_r = f(t + c_r h, y + h Σ a_rs k_s), no stage after `clip` [s].
+    """Compute y + h Σ b_r k_r with k_r = f(t + c_r h, y + h Σ a_rs k_s), without stages after
+    `clip` [s].
 
     With `in_body`, angular velocities are summed in the axes of the bodies.
     """
@@ -108,7 +111,7 @@ def runge_kutta_step(run, trees, rows, tableau, size, t, h, clip, stages, in_bod
 
 @sweep
 def base(rows, size, stages, row, in_body):
-    """The state in `row` into FROM."""
+    """Copy the state in `row` into FROM."""
     copied(stages, row, at.FROM, stages.shape[1])
     if in_body:
         turn_spins(rows, size, stages, row, at.FROM, False)
@@ -116,7 +119,7 @@ def base(rows, size, stages, row, in_body):
 
 @sweep
 def stage(run, trees, rows, size, t, h, weights, r, stages, in_body):
-    """Stage r from FROM and the stages before."""
+    """Compute stage r from FROM and the preceding stages."""
     combine(stages, weights, r, h, at.TRIAL)
     if in_body:
         turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
@@ -128,7 +131,7 @@ def stage(run, trees, rows, size, t, h, weights, r, stages, in_body):
 
 @sweep
 def add_stages(stages, weights, count, out):
-    """Row `out` = Σ weights k over the first `count` stages."""
+    """Compute row `out` = Σ weights k over the first `count` stages."""
     n = stages.shape[1]
     for i in range(n):
         stages[out, i] = 0.0
@@ -141,7 +144,7 @@ def add_stages(stages, weights, count, out):
 
 @sweep
 def combine(stages, weights, count, h, out):
-    """Row `out` = FROM + h Σ weights k over the first `count` stages."""
+    """Compute row `out` = FROM + h Σ weights k over the first `count` stages."""
     add_stages(stages, weights, count, out)
     for i in range(stages.shape[1]):
         stages[out, i] = stages[at.FROM, i] + h * stages[out, i]
@@ -149,7 +152,7 @@ def combine(stages, weights, count, h, out):
 
 @sweep
 def turn_spins(rows, size, stages, by, row, back):
-    """ω of balls and free bodies in `row`, or its rate, into the body's axes, or `back`.
+    """Rotate ω of balls and free bodies in `row`, or its rate, into body axes, or `back`.
 
     The body is turned as in row `by`. In its axes an error of the attitude is no error of ω, which
     a rotation that is not stable would make grow; in the world's, steady torques give no error.
@@ -174,7 +177,7 @@ def turn_spins(rows, size, stages, by, row, back):
 
 @kernel(STEP, nogil=True)
 def semi_implicit(run, h):
-    """One step of semi-implicit Euler."""
+    """Take one step of semi-implicit Euler."""
     data = opened_run(run)
     stages = data.stages
     semi_implicit_step(opened(data.scene).rows, size_of_state(run), h, stages)
@@ -209,7 +212,7 @@ def runge_kutta(run, h):
 
 @sweep
 def last_stage(run, t):
-    """The stage at CANDIDATE, which is the first one of the next step."""
+    """Compute the stage at CANDIDATE, which is the first stage of the next step."""
     data = opened_run(run)
     stages, s = data.stages, data.tableau.b.shape[0]
     rows, size = opened(data.scene).rows, size_of_state(run)
@@ -220,7 +223,7 @@ def last_stage(run, t):
 
 @sweep
 def estimate(rows, size, weights, h, stages):
-    """h Σ weights k over its tolerance."""
+    """Return the error estimate h Σ weights k over its tolerance."""
     add_stages(stages, weights, weights.shape[0], at.ERROR)
     for i in range(stages.shape[1]):
         stages[at.ERROR, i] *= h
@@ -232,7 +235,7 @@ def estimate(rows, size, weights, h, stages):
 
 @sweep
 def fill(run):
-    """The further stages that dense output takes, once a step."""
+    """Compute the additional stages for dense output, once per step."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
@@ -247,7 +250,7 @@ def fill(run):
 
 @sweep
 def dense_output(run, share):
-    """y at this share of the last step into TRIAL, quaternions at length one."""
+    """Interpolate y at this fraction of the last step into TRIAL, with normalised quaternions."""
     data = opened_run(run)
     control, stages, dense = data.control[0], data.stages, data.tableau.dense
     if control.filled == 0:

@@ -57,7 +57,7 @@ TERMS = 12  # terms of the series of dexp, exact for rotations of up to 3 rad
 
 @sweep
 def momenta(rows, const, work, q, v, p, pdot):
-    """p = M v, and the part of p' that v alone makes.
+    """Compute p = M v, and the part of p' due to v alone.
 
     P of a row is the momentum of what it carries, [about its origin; linear]: p = Hᵀ P, and
     p' = H'ᵀ P + Hᵀ P', where P' is what Newton and Euler's sweeps add up (`momentum_rates`), less
@@ -100,7 +100,7 @@ def momenta(rows, const, work, q, v, p, pdot):
 
 @sweep
 def momentum_rates(rows, const, work, v, vdot, pdot, scratch):
-    """Add what Newton and Euler's sweeps make of v' to `pdot`, after `momenta`."""
+    """Add the contribution of v' by Newton-Euler sweeps to `pdot`, after `momenta`."""
     newton_euler(rows, const, v, vdot, work, scratch)
     for j in range(v.shape[0]):
         pdot[j] += scratch[j]
@@ -111,7 +111,7 @@ def momentum_rates(rows, const, work, v, vdot, pdot, scratch):
 
 @part
 def series(s, first, slope):
-    """Σ (-s)^k / (2 k + first)! for s = φ², or its derivative by s."""
+    """Return Σ (-s)^k / (2 k + first)! for s = φ², or its derivative with respect to s."""
     term = 1.0 / (2.0 if first == 2 else 6.0)
     total = 0.0
     for k in range(TERMS):
@@ -125,7 +125,7 @@ def series(s, first, slope):
 
 @sweep
 def into_chart(rows, xi, xi_rate, p, pdot):
-    """p, p' become those of ξ: dexp(ξ)ᵀ p, and its derivative along ξ'.
+    """Transform p, p' to those of ξ: dexp(ξ)ᵀ p, and its derivative along ξ'.
 
     dexpᵀ p = p - a ξ × p + b ξ × (ξ × p), a = (1 - cos φ) / φ², b = (φ - sin φ) / φ³, φ = |ξ|.
     """
@@ -157,7 +157,7 @@ def into_chart(rows, xi, xi_rate, p, pdot):
 
 @sweep
 def out_of_chart(rows, xi, p, negative, out):
-    """Compute dexp(ξ)⁻ᵀ p = dexp(-ξ)⁻¹ p from the momentum of ξ, with scratch `negative`."""
+    """Compute dexp(ξ)⁻ᵀ p = dexp(-ξ)⁻¹ p from the momentum of ξ, using `negative` as scratch."""
     for j in range(p.shape[0]):
         negative[j] = -xi[j]
     local_rate(rows, negative, p, out)
@@ -168,7 +168,9 @@ def out_of_chart(rows, xi, p, negative, out):
 
 @sweep
 def reach(rows, real, q):
-    """Return qᵀ M q of the mass matrix in `real`, attitudes as 1 rad: the scale of rounding."""
+    """Return qᵀ M q for the mass matrix in `real`, with attitudes as 1 rad, as the scale for
+    rounding.
+    """
     total = 0.0
     for k in range(1, rows.shape[0]):
         i = v_of(rows, k)
@@ -185,7 +187,7 @@ def reach(rows, real, q):
 
 @sweep
 def factor_mass(run, q):
-    """Factor the mass matrix at q in `real`. Returns (True if it succeeds, its reach)."""
+    """Factor the mass matrix at q in `real`. Returns (True on success, its reach)."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
@@ -235,7 +237,7 @@ def evaluate(run, t, i):
 
 @sweep
 def collocated(run, weights, h, out):
-    """(ξ, p) of the chart: (0, p₀) + h Σ weights (ξ', p')."""
+    """Return (ξ, p) in the chart: (0, p₀) + h Σ weights (ξ', p')."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     for j in range(nv):
@@ -248,7 +250,7 @@ def collocated(run, weights, h, out):
 
 @sweep
 def corrected(run, h):
-    """Correct all stages. Returns the squared sizes of the correction and of the motion.
+    """Correct all stages. Returns the squared norms of the correction and of the motion.
 
     Sizes are momentum times velocity, which have the same unit for all joints.
     """
@@ -281,7 +283,7 @@ def corrected(run, h):
 
 @kernel(STEP, nogil=True, later=True)
 def gauss(run, h):
-    """One step of Gauss collocation in (q, p)."""
+    """Take one step of Gauss collocation in (q, p)."""
     data = opened_run(run)
     control, counters, stages = data.control[0], data.counters[0], data.stages
     flow, real, tableau = data.flow, data.real, data.tableau

@@ -38,7 +38,7 @@ ITERATIONS = 12
 
 @sweep
 def local_slope(run, t, z, out):
-    """z' at local coordinates z."""
+    """Compute z' at local coordinates z."""
     data = opened_run(run)
     stages, flow, counters = data.stages, data.flow, data.counters[0]
     nq, nv = size_of_state(run)
@@ -60,7 +60,7 @@ def local_slope(run, t, z, out):
 
 @sweep
 def local_weights(rows, size, stages, weights):
-    """One over the tolerance of ξ and w, after `weigh`."""
+    """Compute the inverse tolerances of ξ and w, after `weigh`."""
     nq, nv = size
     given = stages[at.WEIGHT]
     for k in range(1, rows.shape[0]):
@@ -81,7 +81,7 @@ def local_weights(rows, size, stages, weights):
 
 @sweep
 def half_turn(rows, v, sign, x, out):
-    """Add sign · W x to `out`, W = ½ ω× of every ball and free body."""
+    """Add sign · W x to `out`, with W = ½ ω× for every ball and free body."""
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) >= BALL:
             j = v_of(rows, k)
@@ -93,7 +93,7 @@ def half_turn(rows, v, sign, x, out):
 
 @sweep
 def jacobian(run):
-    """A - B W and B + W at Y into the first rows of `real`, by central differences."""
+    """Compute A - B W and B + W at Y into the first rows of `real`, by central differences."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
     nq, nv = size_of_state(run)
@@ -130,7 +130,7 @@ def jacobian(run):
 
 @part
 def add_half_turn(real, nv, j, speeds):
-    """A - B W and B + W of one ball: W is skew."""
+    """Compute A - B W and B + W for one ball, where W is skew-symmetric."""
     a, b, c = 0.5 * speeds[j], 0.5 * speeds[j + 1], 0.5 * speeds[j + 2]
     for i in range(nv):
         x, y, z = real[nv + i, j], real[nv + i, j + 1], real[nv + i, j + 2]
@@ -147,7 +147,7 @@ def add_half_turn(real, nv, j, speeds):
 
 @sweep
 def assemble(shift, real, nv, out):
-    """λ² - λ (B + W) - (A - B W)."""
+    """Assemble λ² - λ (B + W) - (A - B W)."""
     for i in range(nv):
         for j in range(nv):
             out[i, j] = -shift * real[nv + i, j] - real[i, j]
@@ -156,7 +156,7 @@ def assemble(shift, real, nv, out):
 
 @sweep
 def solve(rows, shift, real, nv, factors, pivots, right, x):
-    """Solve (λ - J) x = right (2 nv) in place of `right`, with scratch x."""
+    """Solve (λ - J) x = right (2 nv) in place of `right`, using x as scratch."""
     speeds = real[3 * nv + SPEEDS]
     for i in range(nv):
         x[i] = right[nv + i] + shift * right[i] - row_times(real, nv + i, 0, nv, right)
@@ -171,7 +171,7 @@ def solve(rows, shift, real, nv, factors, pivots, right, x):
 
 @sweep
 def size_of_local(z, weights, n):
-    """Largest |z| over its tolerance, of real or complex z.
+    """Return the largest |z| over its tolerance, for real or complex z.
 
     The absolute value of a complex number would need `hypot` of the C library.
     """
@@ -184,7 +184,7 @@ def size_of_local(z, weights, n):
 
 @sweep
 def prepare(run):
-    """Weights of a step from Y."""
+    """Compute the weights for a step from Y."""
     data = opened_run(run)
     stages, rows, size = data.stages, opened(data.scene).rows, size_of_state(run)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
@@ -194,7 +194,7 @@ def prepare(run):
 
 @sweep
 def finish_local(run, z, power, loss):
-    """CANDIDATE from Y, local coordinates and the change of the ledger."""
+    """Compute CANDIDATE from Y, the local coordinates and the change in the ledger."""
     data = opened_run(run)
     stages = data.stages
     nq, nv = size_of_state(run)
@@ -208,7 +208,7 @@ def finish_local(run, z, power, loss):
 
 @sweep
 def factor_radau(run, h):
-    """Factor both matrices of a step of width h. Returns False if that fails."""
+    """Factor both matrices for a step of size h. Returns False if that fails."""
     data = opened_run(run)
     real, pair = data.real, data.pair
     nv = data.control[0].nv
@@ -223,7 +223,7 @@ def factor_radau(run, h):
 
 @sweep
 def correct_stages(run, h):
-    """Iterate W and Z once by Newton's method. Returns the correction over its tolerance."""
+    """Perform one Newton iteration on W and Z. Returns the correction over its tolerance."""
     data = opened_run(run)
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv = data.control[0].nv
@@ -306,7 +306,7 @@ def newton(run, h):
 
 @sweep
 def radau_error(run, h):
-    """Error of a step over its tolerance, without its stiff part."""
+    """Return the error of a step over its tolerance, filtered for stiff components."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
     nq, nv = size_of_state(run)
@@ -335,7 +335,7 @@ def radau_error(run, h):
 
 @part
 def weighted_stages(error, h, real, base, nv):
-    """Σ e_i Z_i / h into W."""
+    """Write Σ e_i Z_i / h into W."""
     for j in range(2 * nv):
         x = 0.0
         for i in range(3):
@@ -345,7 +345,7 @@ def weighted_stages(error, h, real, base, nv):
 
 @kernel(STEP, nogil=True, later=True)
 def radau(run, h):
-    """Take one step of Radau IIA and return its error over the tolerance."""
+    """Take one step of Radau IIA. Returns the error over the tolerance."""
     data = opened_run(run)
     control, stages, real = data.control[0], data.stages, data.real
     base = 3 * control.nv

@@ -1,4 +1,4 @@
-"""Moreau and Jean's time stepping: smooth forces and impulses in one velocity update.
+"""Moreau-Jean time stepping, with smooth forces and impulses in a single velocity update.
 
 q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
@@ -95,7 +95,7 @@ MOST_PARTS = 2000  # limit on the sub-steps of a step, two per located impact
 
 @kernel(STEP_SIGNATURE, nogil=True)
 def moreau_jean(run, h):
-    """One step from Y into CANDIDATE, in parts where things hit within it."""
+    """Take one step from Y into CANDIDATE, split into parts at impacts within it."""
     this = opened_run(run)
     scene, stages = this.scene, this.stages
     space = opened(scene).space
@@ -161,7 +161,7 @@ def changed(before, after, nq, nv):
 
 @sweep
 def part_of_step(run, done, h, w, mode):
-    """A part of width w, from `done` on, of a step of width h: CANDIDATE goes on.
+    """Advance CANDIDATE by a part of width w, from `done` on, of a step of width h.
 
     Asked, it returns whether something may hit within it; CANDIDATE is then as before. A part
     without width is an impact of all that touches. The state before is in TRIAL.
@@ -236,7 +236,7 @@ def part_of_step(run, done, h, w, mode):
 
 @sweep
 def stiffen(scene, t, h, q, v):
-    """Add the resistance of dampers and springs at the step's end to inertia and torque."""
+    """Add the resistance of dampers and springs at the end of the step to inertia and torque."""
     data = opened(scene)
     rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
     vectors = space.vectors
@@ -278,7 +278,7 @@ def relax(rows, const, vectors, given):
 
 @part
 def book_drives(rows, drives, tau, before, extra, h, v, ledger):
-    """Correct the work of the joints' torques by their change over the step."""
+    """Correct the work done by joint torques for their change over the step."""
     more = 0.0
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
@@ -294,7 +294,7 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
 
 @sweep
 def set_velocities(scene, t, h, v, vdot):
-    """J v into BEFORE and J (v + h v') into RHS, less the given velocities of rows."""
+    """Write J v into BEFORE and J (v + h v') into RHS, less the prescribed velocities of rows."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
@@ -314,7 +314,8 @@ def set_velocities(scene, t, h, v, vdot):
 
 @sweep
 def warm_start(scene, first, m):
-    """λ of the last step where a contact point or a joint's friction goes on, zero elsewhere.
+    """Copy λ of the last step where a contact point or joint friction persists, with zero
+    elsewhere.
 
     A part of a step takes its share of it.
     """
@@ -349,7 +350,7 @@ def warm_start(scene, first, m):
 
 @sweep
 def solve_part(scene, own, q, v, vdot, ledger):
-    """Solve the impulses of a part of width w, from t on, of a step of width h.
+    """Solve for the impulses in a part of width w, starting at t, of a step of width h.
 
     Their effect on the joints goes into STEP. Returns sweeps and Newton steps taken.
     """
@@ -378,7 +379,7 @@ def solve_part(scene, own, q, v, vdot, ledger):
 
 @sweep
 def account(scene, lasts, ledger):
-    """Record the impulses' loss in the ledger, and the solver's report in the tally.
+    """Record the energy loss of impulses in the ledger, and the solver's report in the tally.
 
     A velocity that misses a law lasts until the next solve, for the time `lasts`.
     """
@@ -396,7 +397,9 @@ def account(scene, lasts, ledger):
 
 @sweep
 def turn_rates(rows, const, work, v):
-    """Angular velocities of all rows for other joint velocities, frames unchanged."""
+    """Compute the angular velocities of all rows for other joint velocities, with unchanged
+    frames.
+    """
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         j = v_of(rows, k)

@@ -1,4 +1,4 @@
-"""The stepping loop of all runs: steps whose widths are given or chosen by their error, and frames.
+"""The stepping loop for all runs: steps of given size or chosen by their error, and frames.
 
 The step of a method is called by address. Accepting it, the next width, corners of tables,
 projection, frames and events are the same for all methods.
@@ -38,13 +38,13 @@ WORTH_FACTORING = 1.2  # a change of width below it is not worth factoring the m
 
 @kernel(void(I1, plain(RUN)))
 def save_run(buffer, run):
-    """Keep a run's tuple where `opened_run` finds it."""
+    """Store a run's tuple where `opened_run` finds it."""
     save_run_tuple(buffer, run)
 
 
 @kernel(i8(i8, i8), nogil=True)
 def advance_run(run, budget):
-    """Attempt at most `budget` steps and frames. Returns a status code, RUNNING if not over.
+    """Attempt at most `budget` steps and frames. Returns a status code, RUNNING if unfinished.
 
     Frame 0 is the given state. EVENT is returned once for each event, with Y at the event. The
     caller may change Y, `fresh` and the scene, and continue. A frame at that time follows. NEAR is
@@ -121,7 +121,7 @@ def step_once(run):
 
 @sweep
 def is_due(run):
-    """True if the guard must check the last step: its time is over, or something is fast."""
+    """Return True if the guard must check the last step, because it is due or something is fast."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     due = not control.time <= control.clock
@@ -137,7 +137,9 @@ def is_due(run):
 
 @sweep
 def blurred(run, h):
-    """Error that rounding of the time makes in a step, over its tolerance: no width is better."""
+    """Return the step's error due to rounding of time, over its tolerance. No step size reduces
+    it.
+    """
     data = opened_run(run)
     stages = data.stages
     nq, nv = size_of_state(run)
@@ -150,7 +152,7 @@ def blurred(run, h):
 
 @sweep
 def accept(run, h, end, corner):
-    """Make CANDIDATE, on the constraints, the state Y. Returns a status code."""
+    """Accept CANDIDATE, projected onto the constraints, as the state Y. Returns a status code."""
     data = opened_run(run)
     control, stages, scene = data.control[0], data.stages, data.scene
     ends = data.method[0].ends == 1
@@ -226,7 +228,7 @@ def frame(run, i):
 
 @sweep
 def give_up(run, t):
-    """The last good state, at t, becomes the last frame, if it is later than the one before."""
+    """Record the last good state, at t, as the last frame if it is later than the one before."""
     data = opened_run(run)
     control, stages, times = data.control[0], data.stages, data.times
     nq, nv = size_of_state(run)
@@ -244,7 +246,7 @@ def give_up(run, t):
 
 @sweep
 def fastest_row(rows, v):
-    """Row of the largest joint velocity."""
+    """Return the row with the largest joint velocity."""
     best = 0.0
     row = 1
     for k in range(1, rows.shape[0]):

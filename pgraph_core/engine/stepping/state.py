@@ -1,4 +1,4 @@
-"""The state of a run and its slope, for all methods.
+"""The state of a run and its derivative, for all methods.
 
 A state y = (q, v, work done, dissipation) is a row of `stages`; `layout` names the rows. Kernels
 take the address of a run, which `opened_run` gives back with its names.
@@ -24,7 +24,7 @@ STEP_ROUNDS = 10  # limit on projections per step, of which one usually suffices
 
 @sweep
 def copied(stages, a, b, n):
-    """Row b becomes row a."""
+    """Copy row b to row a."""
     for i in range(n):
         stages[b, i] = stages[a, i]
 
@@ -38,7 +38,7 @@ def size_of_state(run):
 
 @sweep
 def acceleration_of(run, t, row, out):
-    """v' and the power at the state in `row` into row `out`."""
+    """Compute v' and the power at the state in `row` into row `out`."""
     data = opened_run(run)
     stages, flow, counters = data.stages, data.flow, data.counters[0]
     nq, nv = size_of_state(run)
@@ -55,7 +55,7 @@ def acceleration_of(run, t, row, out):
 
 @sweep
 def rate_of(rows, size, stages, row, out):
-    """q' at the state in `row` into row `out`."""
+    """Compute q' at the state in `row` into row `out`."""
     nq, nv = size
     rate(rows, stages[row, :nq], stages[row, nq : nq + nv], stages[out, :nq])
 

@@ -1,4 +1,4 @@
-"""The fastest rate of a scene, which limits the steps of explicit methods."""
+"""The fastest rate in a scene, which limits the step size of explicit methods."""
 
 import math
 
@@ -18,7 +18,7 @@ STIFFNESS_ROWS = 6
 
 @sweep
 def apply_slope(scene, accelerate, size, stages, flow):
-    """(ξ, w) in ALONG becomes its image under ∂(v, v')/∂(q, v)."""
+    """Replace (ξ, w) in ALONG with its image under ∂(v, v')/∂(q, v)."""
     nq, nv = size
     xi = stages[ALONG, :nv]
     w = stages[ALONG, nv : 2 * nv]
@@ -44,7 +44,8 @@ def apply_slope(scene, accelerate, size, stages, flow):
 
 @kernel(f8(i8, i8, group(*[i8] * 2), F2, F1), nogil=True)
 def fastest_rate(scene, accelerate, size, stages, flow):
-    """Largest |eigenvalue| of the motion about the state in the first row [1/s], within about 10 %.
+    """Estimate the largest |eigenvalue| of the motion about the state in the first row [1/s],
+    within about 10 %.
 
     By power iteration on the square of the slope, which is real for oscillations too.
     """

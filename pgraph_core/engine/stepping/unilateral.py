@@ -1,4 +1,4 @@
-"""Limits, contacts and friction that act in a part of a step, and the removal of depths."""
+"""Limits, contacts and friction active in part of a step, and the removal of penetration."""
 
 import math
 
@@ -63,7 +63,7 @@ WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 
 @sweep
 def add_unilateral(scene, h, w, left, mode, q, v, vdot):
-    """Append limits and rigid contacts that touch to the active blocks.
+    """Append limits and touching rigid contacts to the active blocks.
 
     Asked, return whether something may hit within this part, of width w, of a step of width h, of
     which `left` was left before.
@@ -129,7 +129,7 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
 
 @part
 def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
-    """True if limit i is at hand in a sub-step of width w, from its middle q.
+    """Return True if limit i may be reached in a sub-step of width w, from its midpoint q.
 
     The joint gets the permitted speed with which it is at the limit at the end of the sub-step. It
     rebounds in an impact, which has no width, or where the `rest` of a step is taken at once. It
@@ -160,7 +160,7 @@ def limit_reaches(blocks, i, h, w, left, rest, q, v, vdot):
 
 @sweep
 def add_passed(scene, first, w, q, v, vdot):
-    """Append limits that impulses of other rows lead beyond; return True if there are any.
+    """Append limits that impulses on other rows would violate. Returns True if there are any.
 
     q is the middle of the part of width w, and STEP has the impulses' effect.
     """
@@ -192,7 +192,7 @@ def add_passed(scene, first, w, q, v, vdot):
 
 @sweep
 def span_reaches(scene, i, w, v):
-    """True if a length may pass its bound within a sub-step of width w, from its middle.
+    """Return True if a length may exceed its bound within a sub-step of width w, from its midpoint.
 
     Its block then gets the permitted speed: to be at the bound at the end of the sub-step, or to
     move along it there. A transverse speed u lengthens it by w² u² / (8 length) in half a sub-step,
@@ -220,7 +220,8 @@ def span_reaches(scene, i, w, v):
 
 @part
 def lands_together(contacts, n, count):
-    """True if another point between the shapes of point n is closed, so an impact takes both.
+    """Return True if another point between the same shapes as point n is closed, so both share an
+    impact.
 
     Corners that arrive together do so up to the asymmetry that earlier steps left.
     """
@@ -236,21 +237,23 @@ def lands_together(contacts, n, count):
 
 @part
 def carried(contacts, n):
-    """True if contact point n pushed in the last step. Standing, rotating bodies drift off."""
+    """Return True if contact point n carried load in the last step. Standing, rotating bodies drift
+    off.
+    """
     k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
     return k >= 0 and contacts.kept[k].value[0] > 0.0
 
 
 @part
 def tolerated(contacts, n, h):
-    """Depth of contact point n that is left as it is [m]."""
+    """Return the depth of contact point n that is tolerated [m]."""
     size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
     return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
 
 
 @sweep
 def push_out(scene, first, h, q):
-    """Move q out of deeper penetration along the normals, in the mass metric."""
+    """Move q out of deep penetration along the normals, in the mass metric."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     contacts = contacts_at(data.links.contacts)
@@ -305,7 +308,7 @@ def push_out(scene, first, h, q):
 
 @sweep
 def limits_beyond(scene, first, q):
-    """Write the gaps of limits at q into AIM, and return the largest excess."""
+    """Write the gaps of limits at q into AIM. Returns the largest excess."""
     data = opened(scene)
     blocks, vectors = data.blocks, data.space.vectors
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active

@@ -1,4 +1,4 @@
-"""Widths of steps: their error on the machine's own scales, and the controller of the error.
+"""Step sizes: error norms on the machine's own scales, and the error controller.
 
 The scales are one radian, the mechanism's length, and its speeds so far: no tolerance has a unit.
 """
@@ -20,7 +20,9 @@ from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 @sweep
 def extremes(rows, size, stages, row, spin, speed, length):
-    """Largest rotation speed, linear speed and displacement, of the state in `row` and given."""
+    """Return the largest rotation speed, linear speed and displacement, of `row` and the given
+    values.
+    """
     nq, state = size[0], stages[row]
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
@@ -42,7 +44,7 @@ def extremes(rows, size, stages, row, spin, speed, length):
 
 @sweep
 def weigh(rows, size, stages, control):
-    """Write 1 / tolerance of every number of y, except the ledger, into WEIGHT.
+    """Write 1 / tolerance for every entry of y, except the ledger, into WEIGHT.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
     least one scale per run.
@@ -83,13 +85,13 @@ def weigh(rows, size, stages, control):
 
 @part
 def inverse(x):
-    """1/x, or 0 for a coordinate without scale, which has not moved."""
+    """Return 1/x, or 0 for a coordinate without scale, which has not moved."""
     return 1.0 / x if x > 0.0 else 0.0
 
 
 @sweep
 def size_of(rows, size, stages, row):
-    """Return the largest |error in `row`| over its tolerance, of quaternions as angles."""
+    """Return the largest |error in `row`| over its tolerance, with quaternions as angles."""
     nq, nv = size
     error, state, weights = stages[row], stages[at.CANDIDATE], stages[at.WEIGHT]
     worst = 0.0
@@ -121,7 +123,7 @@ def size_of(rows, size, stages, row):
 
 @part
 def larger(x, y):
-    """Return the larger magnitude, nan if one of the two is nan."""
+    """Return the larger magnitude, or nan if either is nan."""
     return x if abs(y) <= x or not x >= 0.0 else abs(y)
 
 
@@ -130,7 +132,7 @@ def larger(x, y):
 
 @sweep
 def first_width(run):
-    """A width for the first step, from how fast y and y' change, without a unit."""
+    """Estimate an initial step size from the rates of change of y and y', independent of units."""
     data = opened_run(run)
     control, stages, order = data.control[0], data.stages, data.method[0].order
     rows, size = opened(data.scene).rows, size_of_state(run)
@@ -157,7 +159,7 @@ def first_width(run):
 
 @part
 def nearby(t):
-    """Return the largest difference [s] of two times that are equal up to rounding.
+    """Return the maximum difference [s] between two times that are equal up to rounding.
 
     A step's end is origin + count x width. Each of these is rounded, as is a corner's time.
     """
@@ -183,7 +185,7 @@ def pass_corners(run):
 
 @sweep
 def next_width(run):
-    """(width of the next step, its end [s], whether that is a corner of a table).
+    """Return (size of the next step, its end [s], whether that is a corner of a table).
 
     What is shorter than a step ends it: corners of tables, the transients of lags, and what could
     pass through something else.
@@ -230,7 +232,7 @@ def next_width(run):
 
 @sweep
 def part_width(run):
-    """Width of one of `parts` equal parts of what something cuts out of a fixed step [s].
+    """Return the size of `parts` equal parts of the piece that is cut from a fixed step [s].
 
     So a finer run takes more steps there too. Infinite where nothing cuts the step.
     """
@@ -255,13 +257,13 @@ def part_width(run):
 
 @part
 def given_start(control):
-    """Return the start of the next given step, or of its rest after an event [s]."""
+    """Return the start of the next given step, or of its remainder after an event [s]."""
     return control.origin + control.taken * control.widest + control.done
 
 
 @sweep
 def next_interval(run, i):
-    """Begin the given steps after frame i, counted from the last change of their width."""
+    """Begin the given steps after frame i, counted from the last change in step size."""
     data = opened_run(run)
     control, substeps, width = data.control[0], data.substeps, data.width
     if i + 1 < control.last:
@@ -274,7 +276,7 @@ def next_interval(run, i):
 
 @sweep
 def step_taken(run):
-    """Count a given step, or note how much of it is done where it was cut short."""
+    """Count a given step, or record the completed part if it was cut short."""
     control = opened_run(run).control[0]
     left = control.widest - control.done
     if control.fired != 0:
@@ -295,7 +297,7 @@ def step_taken(run):
 
 @part
 def widen(control, method, error, h):
-    """The width to try after a step of width h with this error: PI control."""
+    """Return the step size to try after a step of size h with this error, by PI control."""
     error = max(error, 1e-10)
     if error > 1.0:
         control.width = h * max(method.least, method.safety * power(error, -method.by_error))
@@ -312,7 +314,7 @@ def widen(control, method, error, h):
 
 @sweep
 def refuse(run, error, h):
-    """Reject a step and choose a narrower one. Returns a status code."""
+    """Reject a step and choose a smaller one. Returns a status code."""
     data = opened_run(run)
     control, counters = data.control[0], data.counters[0]
     counters.rejected_steps += 1

@@ -1,4 +1,4 @@
-"""Articulated bodies: forward dynamics in three sweeps, O(n).
+"""Articulated-body algorithm: forward dynamics in three sweeps, O(n).
 
 [Featherstone 2008, ch. 7], here in world-aligned axes at the bodies' origins, where the paper's
 φ is a pure shift and a and b are those of eqs. (9) and (12).
@@ -59,7 +59,7 @@ from .kinematics import along_axis, base_axes, carried, outboard, with_own
 
 @part
 def shifted(link, j, b, m):
-    """Return φᵀ I φ (12) of I = [j b, bᵀ m]: [j + l× bᵀ - n l×, n, nᵀ, m] with n = b + l× m."""
+    """Return φᵀ I φ (12) for I = [j b, bᵀ m]: [j + l× bᵀ - n l×, n, nᵀ, m] with n = b + l× m."""
     n = add9(b, cross_sym(link, m))
     b0, b1, b2 = rows_of(b)
     n0, n1, n2 = rows_of(n)
@@ -78,7 +78,7 @@ def shifted(link, j, b, m):
 
 @part
 def add_to_parent(work, p, link, inertia, moment, force):
-    """Add φᵀ I φ and φᵀ f of a child to row p, eq. (12): both shifted by the link vector."""
+    """Add φᵀ I φ and φᵀ f of a child to row p, eq. (12), both shifted by the link vector."""
     add_bias(work, p, add_cross(moment, link, force), force)
     j, b, m = shifted(link, inertia[0], inertia[1], inertia[2])
     add_inertia(work, p, j, b, m)
@@ -121,7 +121,9 @@ def reduce_hinge(rows, const, work, k, tau):
 
 @part
 def reduce_ball(rows, const, work, k, tau):
-    """Apply `reduce_hinge` to three rotations at once, which leaves the inertia m - bᵀ j⁻¹ b."""
+    """Apply `reduce_hinge` to three rotations simultaneously, which leaves the inertia m - bᵀ j⁻¹
+    b.
+    """
     j, b, m = inertia_of(work, k)
     i = v_of(rows, k)
     p = parent_of(rows, k)
@@ -169,7 +171,7 @@ def reduce_free(rows, const, work, k, tau):
 
 @sweep
 def inboard(rows, const, work, tau):
-    """Second sweep, tips to root: articulated inertias and bias forces."""
+    """Second sweep, tips to root: compute articulated inertias and bias forces."""
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)
         if kind <= TRANSLATE:
@@ -182,7 +184,7 @@ def inboard(rows, const, work, tau):
 
 @sweep
 def joint_acceleration(rows, const, work, vdot):
-    """Third sweep, root to tips: v' of every row, and V' in the place of the bias."""
+    """Third sweep, root to tips: compute v' of every row, with V' overwriting the bias."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         i = v_of(rows, k)
@@ -206,7 +208,7 @@ def joint_acceleration(rows, const, work, vdot):
 
 @part
 def accelerate_ball(rows, const, work, k, alpha, linear, vdot):
-    """Compute v' of a ball and return its angular acceleration j⁻¹ (u - b V'_linear)."""
+    """Compute v' of a ball. Returns its angular acceleration j⁻¹ (u - b V'_linear)."""
     _, b, _ = inertia_of(work, k)
     f, left = ball_of(work, k)
     total = solve3(f, sub(left, mul(b, linear)))
@@ -217,7 +219,7 @@ def accelerate_ball(rows, const, work, k, alpha, linear, vdot):
 
 @part
 def accelerate_free(rows, const, work, k, alpha, linear, vdot):
-    """Compute v' of a free row, leaving V' in the place of the solution."""
+    """Compute v' of a free row, with V' overwriting the solution."""
     forward6(work, k)
     diagonal6(work, k)
     backward6(work, k)
@@ -230,7 +232,7 @@ def accelerate_free(rows, const, work, k, alpha, linear, vdot):
 
 @part
 def articulated(rows, const, q, v, tau, work, vdot):
-    """v' = M⁻¹ (τ - C), eq. (26), in three sweeps."""
+    """Compute v' = M⁻¹ (τ - C), eq. (26), in three sweeps."""
     outboard(rows, const, work, q, v)
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
@@ -238,13 +240,17 @@ def articulated(rows, const, q, v, tau, work, vdot):
 
 @part
 def vanishes(size, inverse):
-    """True if a pivot, given by its inverse, is rounding of an inertia of this size."""
+    """Return True if a pivot, given by its inverse, is rounding error for an inertia of this
+    size.
+    """
     return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep
 def singular_row(rows, work):
-    """Return the first row, from the tips, without inertia up to rounding, 0 for none."""
+    """Return the first row, from the tips, without inertia up to rounding, or 0 if there is
+    none.
+    """
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)

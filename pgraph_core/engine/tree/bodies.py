@@ -1,4 +1,4 @@
-"""Poses, velocities, accelerations and joint forces of all bodies, welded ones too."""
+"""Poses, velocities, accelerations and joint forces of all bodies, including welded ones."""
 
 from .. import layout as at
 from ..compiler.jit import kernel, part, sweep
@@ -39,7 +39,7 @@ TREE = I2, F2, I2, F2
 
 @kernel(void(*TREE, read(F1), read(F1), F2, F2, F2))
 def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
-    """Compute origins (nb, 3) and rotations (nb, 9) of all bodies for `v` = 0."""
+    """Compute the origins (nb, 3) and rotations (nb, 9) of all bodies for `v` = 0."""
     outboard(rows, const, work, q, v)
     positions(rows, work)
     for b in range(1, bodies_i.shape[0]):
@@ -48,7 +48,7 @@ def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
 
 @part
 def place(work, bodies_i, bodies_f, b, position, rotation):
-    """Origin and rotation of body b."""
+    """Return the origin and rotation of body b."""
     k = carrier_of(bodies_i, b)
     r = rotation_of(work, k)
     store(position, b - 1, 0, add(origin_of(work, k), mul(r, offset_of(bodies_f, b))))
@@ -72,7 +72,8 @@ def motion_and_forces(
     acceleration,
     force,
 ):
-    """Over all frames: poses, velocities, accelerations (6,) and joint forces (6,) of bodies.
+    """Compute poses, velocities, accelerations (6,) and joint forces (6,) of bodies over all
+    frames.
 
     Everything in world axes at the bodies' origins; `external` are the wrenches on the bodies.
     """
@@ -95,7 +96,7 @@ def motion_and_forces(
 
 @part
 def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
-    """V and V' of body b from those of the row that carries it."""
+    """Compute V and V' of body b from those of the row that carries it."""
     k = carrier_of(bodies_i, b)
     offset = mul(rotation_of(work, k), offset_of(bodies_f, b))
     w = spin_of(work, k)
@@ -109,7 +110,7 @@ def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
 
 @part
 def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
-    """M V' + b - external of body b, eq. (12): what its joint and its children must supply."""
+    """Return M V' + b - external for body b, eq. (12), the load on its joint and its children."""
     k = carrier_of(bodies_i, b)
     r = rotation_of(work, k)
     w = spin_of(work, k)
@@ -127,7 +128,9 @@ def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
 
 @sweep
 def gather(bodies_i, position, force):
-    """F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (checklist B18)."""
+    """Accumulate F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (checklist
+    B18).
+    """
     for b in range(bodies_i.shape[0] - 1, 0, -1):
         p = bodies_i[b, at.BODY_PARENT]
         if p > 0:

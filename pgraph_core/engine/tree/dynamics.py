@@ -1,4 +1,4 @@
-"""Inverse and forward dynamics, mass matrix, Jacobian: the O(n) sweeps of eqs. (17)-(26).
+"""Inverse and forward dynamics, mass matrix and Jacobian: the O(n) sweeps of eqs. (17)-(26).
 
 Articulated bodies follow [Featherstone 2008, ch. 7], here in world-aligned axes at the bodies'
 origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) and (12).
@@ -45,7 +45,9 @@ from .kinematics import accelerate, base_axes, joint_force, outboard, positions
 
 @sweep
 def apply_external(bodies_i, bodies_f, external, work):
-    """Take wrenches [torque, force] on the bodies, world axes at their origins, off the bias."""
+    """Subtract wrenches [torque, force] on the bodies, in world axes at their origins, from the
+    bias.
+    """
     for b in range(external.shape[0]):
         k = carrier_of(bodies_i, b + 1)
         if k == 0:  # welded to the ground, which takes any force
@@ -81,7 +83,7 @@ def forward_dynamics_external(rows, const, bodies_i, bodies_f, q, v, tau, extern
 
 @sweep
 def newton_euler(rows, const, v, vdot, work, tau):
-    """τ = Hᵀ F with F = φᵀ F_child + M V' + b, eqs. (12), (23), after `outboard` left b."""
+    """Compute τ = Hᵀ F with F = φᵀ F_child + M V' + b, eqs. (12), (23), given b from `outboard`."""
     n = rows.shape[0]
     for k in range(1, n):  # b out of the way: `accelerate` writes V' in its place
         moment, force = bias_of(work, k)
@@ -105,7 +107,7 @@ def newton_euler(rows, const, v, vdot, work, tau):
 
 @kernel(void(I2, F2, I2, F2, F1, F1, F1, F2, F2, F1))
 def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work, tau):
-    """τ = M v' + C - Jᵀ f, eq. (24), by the recursive Newton-Euler sweeps."""
+    """Compute τ = M v' + C - Jᵀ f, eq. (24), by the recursive Newton-Euler sweeps."""
     outboard(rows, const, work, q, v)
     apply_external(bodies_i, bodies_f, external, work)
     newton_euler(rows, const, v, vdot, work, tau)
@@ -116,7 +118,7 @@ def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work
 
 @part
 def motion(rows, const, work, k, column):
-    """Column of H_k, eqs. (6), (7): (angular, linear) in world axes."""
+    """Return a column of H_k, eqs. (6), (7), as (angular, linear) in world axes."""
     zero = (0.0, 0.0, 0.0)
     kind = kind_of(rows, k)
     if kind == ROTATE:
@@ -135,7 +137,9 @@ def motion(rows, const, work, k, column):
 
 @sweep
 def composite_inertia(rows, work):
-    """I_c of every row: its own inertia and, shifted by φ, those of all rows it carries."""
+    """Compute I_c of every row: its own inertia plus, shifted by φ, those of all rows that it
+    carries.
+    """
     zero = (0.0, 0.0, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         p = parent_of(rows, k)
@@ -145,7 +149,9 @@ def composite_inertia(rows, work):
 
 @sweep
 def joint_inertia(rows, const, work, m):
-    """M of eq. (25) after `outboard`: F = I_c H carried down the path, F_p = φᵀ F, eq. (12)."""
+    """Compute M of eq. (25) after `outboard`, carrying F = I_c H down the path, F_p = φᵀ F, eq.
+    (12).
+    """
     composite_inertia(rows, work)
     for k in range(1, rows.shape[0]):
         for column in range(nv_of(kind_of(rows, k))):
@@ -169,7 +175,7 @@ def joint_inertia(rows, const, work, m):
 
 @sweep
 def outer_freedoms(rows, outer):
-    """The freedom next to each one towards the root, -1 for the ground."""
+    """Return the next degree of freedom towards the root for each one, or -1 for the ground."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         first = v_of(rows, k)
@@ -190,7 +196,8 @@ def mass_matrix(rows, const, q, v, work, m):
 
 @kernel(void(I2, F2, F1, F1, i8, F1, F2, F2))
 def jacobian(rows, const, q, v, k, point, work, jac):
-    """J of eq. (20) into (6, nv): V of the point fixed in row k at `point` (home axes) is J v.
+    """Compute J of eq. (20), (6, nv), such that V of the point fixed in row k at `point` (home
+    axes) is J v.
 
     `v` must be zero: only frames matter.
     """
@@ -212,7 +219,7 @@ def jacobian(rows, const, q, v, k, point, work, jac):
 
 @kernel(void(I2, F2, F1, F1, F1, i8, F1, F2, F1))
 def jacobian_bias(rows, const, q, v, zero, k, point, work, bias):
-    """J' v (6,): the acceleration of the point at v' = 0 (`zero`), without gravity (R6)."""
+    """Compute J' v (6,), the acceleration of the point at v' = 0 (`zero`), without gravity (R6)."""
     outboard(rows, const, work, q, v)
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     accelerate(rows, const, work, v, zero)

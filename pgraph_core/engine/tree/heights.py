@@ -1,4 +1,4 @@
-"""Heights of bodies over the plane of the ground."""
+"""Heights of bodies above the ground plane."""
 
 import math
 
@@ -12,7 +12,7 @@ from .kinematics import outboard, positions
 
 @kernel(f8(i8, I1, I2, F2, F1, F1), later=True)
 def lowest(scene, bodies, bodies_i, bodies_f, normal, q):
-    """The least height of the origins of these bodies at q [m]."""
+    """Return the minimum height of the origins of these bodies at q [m]."""
     data = opened(scene)
     rows, work = data.rows, data.work
     outboard(rows, data.const, work, q, data.given)

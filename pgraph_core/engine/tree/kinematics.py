@@ -1,4 +1,4 @@
-"""Outboard sweeps: frames, velocities, and what depends on them, eqs. (5)-(9)."""
+"""Outboard sweeps: frames, velocities and dependent quantities, eqs. (5)-(9)."""
 
 from ..compiler.elementary import FAR, sine_cosine
 from ..compiler.jit import part, sweep
@@ -64,7 +64,7 @@ from ..vec import (
 
 @part
 def set_ground(const, work):
-    """Row 0: at rest, with the base acceleration -g that puts gravity into C (R7)."""
+    """Set row 0 at rest, with the base acceleration -g that includes gravity in C (R7)."""
     for j in range(work.shape[1]):
         work[0, j] = 0.0
     set_rotation(work, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
@@ -73,20 +73,20 @@ def set_ground(const, work):
 
 @part
 def base_axes(const, work, p, k):
-    """World axes of the q and v of ball or free row k: its parent body's axes."""
+    """Return the world axes for q and v of ball or free row k, which are its parent body's axes."""
     return mat_mul(rotation_of(work, p), home_base(const, k))
 
 
 @part
 def turned(q, i, r, base):
-    """Rotation of a ball's row: r · (base R(q) baseᵀ) for the quaternion at q[i]."""
+    """Return the rotation of a ball's row, r · (base R(q) baseᵀ), for the quaternion at q[i]."""
     turn = quaternion_matrix(q[i], q[i + 1], q[i + 2], q[i + 3])
     return mat_mul(r, mat_mul(mat_mul(base, turn), transpose(base)))
 
 
 @part
 def move(rows, const, work, q, v, k):
-    """Compute frame, velocity and a_k of row k from its parent's, eqs. (5), (9) with R4."""
+    """Compute the frame, velocity and a_k of row k from its parent's, eqs. (5), (9) with R4."""
     p = parent_of(rows, k)
     i = q_of(rows, k)
     j = v_of(rows, k)
@@ -137,7 +137,7 @@ def move(rows, const, work, q, v, k):
 
 @part
 def rigid(const, work, k):
-    """M_k and b_k of row k below eq. (12): inertia about its origin in world axes."""
+    """Compute M_k and b_k of row k below eq. (12), with inertia about its origin in world axes."""
     r = rotation_of(work, k)
     w = spin_of(work, k)
     m, com, central = mass_of(const, k)
@@ -172,7 +172,7 @@ def near(rows, q, k):
 
 @part
 def turn_by_fours(rows, work, q):
-    """Apply `turn_all` with the same bits, four rotations at a time where possible."""
+    """Apply `turn_all` with identical bits, four rotations at a time where possible."""
     n = rows.shape[0]
     for k in range(1, n - 3, 4):
         if (
@@ -199,7 +199,9 @@ angles = by_lanes(turn_all, turn_by_fours)
 
 @sweep
 def outboard(rows, const, work, q, v):
-    """First sweep, root to tips: frames, velocities, a, b and rigid inertias of all rows."""
+    """First sweep, root to tips: compute frames, velocities, a, b and rigid inertias of all
+    rows.
+    """
     set_ground(const, work)
     angles(rows, work, q)
     for k in range(1, rows.shape[0]):
@@ -209,7 +211,7 @@ def outboard(rows, const, work, q, v):
 
 @sweep
 def frames(rows, const, work, q, v):
-    """The first sweep without inertias: what the other sweeps have left beside it stays."""
+    """Run the first sweep without inertias, preserving the results of the other sweeps."""
     set_ground(const, work)
     angles(rows, work, q)
     for k in range(1, rows.shape[0]):
@@ -218,7 +220,7 @@ def frames(rows, const, work, q, v):
 
 @sweep
 def positions(rows, work):
-    """Origins of all rows in the world, from the link vectors of `outboard`."""
+    """Compute the world origins of all rows from the link vectors of `outboard`."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         set_origin(work, k, add(origin_of(work, p), link_of(work, k)))
@@ -226,7 +228,7 @@ def positions(rows, work):
 
 @part
 def carried(work, p, k):
-    """φ V'_p: the acceleration that row p gives the origin of row k."""
+    """Return φ V'_p, the acceleration that row p imparts to the origin of row k."""
     alpha, linear = acceleration_of(work, p)
     return alpha, add_cross(linear, alpha, link_of(work, k))
 
@@ -257,7 +259,7 @@ def along_axis(work, k, kind, moment, force):
 
 @sweep
 def accelerate(rows, const, work, v, vdot):
-    """Compute V'_k = φ V'_p + H v' + a_k (8) in the place of the bias, with V'_0 = [0, -g]."""
+    """Compute V'_k = φ V'_p + H v' + a_k (8), overwriting the bias, with V'_0 = [0, -g]."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         j = v_of(rows, k)
@@ -278,7 +280,9 @@ def accelerate(rows, const, work, v, vdot):
 
 @part
 def linear_velocity(rows, const, work, v, k, parent_velocity):
-    """v_k = v_p + ω_p × l + h ḋ, eq. (5): of row k's origin from its parent's."""
+    """Compute v_k = v_p + ω_p × l + h ḋ, eq. (5), the velocity of row k's origin from its
+    parent's.
+    """
     p = parent_of(rows, k)
     j = v_of(rows, k)
     kind = kind_of(rows, k)
@@ -295,7 +299,7 @@ def linear_velocity(rows, const, work, v, k, parent_velocity):
 
 @part
 def joint_force(rows, const, work, k, force, moment, out):
-    """Hᵀ F of row k, eq. (23), into `out` at the row's place in v."""
+    """Write Hᵀ F of row k, eq. (23), into `out` at the row's index in v."""
     j = v_of(rows, k)
     kind = kind_of(rows, k)
     if kind <= TRANSLATE:

@@ -1,4 +1,4 @@
-"""Motion of q along v: rates, finite moves, unit quaternions."""
+"""Motion of q along v: rates, finite steps, unit quaternions."""
 
 import math
 
@@ -11,7 +11,7 @@ from ..vec import add_cross, add_scaled, cross, dot, scale, store3
 
 @sweep
 def advance(rows, q, v, h):
-    """Move q along v for the time h, quaternions by the exponential of the rotation h ω."""
+    """Move q along v for the time h, with quaternions by the exponential of the rotation h ω."""
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
@@ -29,7 +29,7 @@ def advance(rows, q, v, h):
 
 @part
 def turn(q, i, half):
-    """Quaternion at q[i] turned by twice the vector `half`, in the fixed (parent's) axes."""
+    """Rotate the quaternion at q[i] by twice the vector `half`, in the fixed (parent's) axes."""
     angle = math.sqrt(dot(half, half) + TINY)
     s, c = sine_cosine(angle)
     x = scale(s / angle, half)
@@ -43,7 +43,7 @@ def turn(q, i, half):
 
 @part
 def normalise(q, i):
-    """The quaternion at q[i] at length one."""
+    """Normalise the quaternion at q[i]."""
     w, x, y, z = q[i], q[i + 1], q[i + 2], q[i + 3]
     s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
     for n in range(4):
@@ -52,7 +52,9 @@ def normalise(q, i):
 
 @sweep
 def rate(rows, q, v, out):
-    """q' for given v: quaternions by half ω times q, ω in the parent's axes."""
+    """Compute q' for given v, where quaternions have the rate half ω times q with ω in the parent's
+    axes.
+    """
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)
@@ -74,7 +76,7 @@ def rate(rows, q, v, out):
 
 @sweep
 def normalise_all(rows, q):
-    """Every quaternion at length one."""
+    """Normalise every quaternion."""
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) == BALL:
             normalise(q, q_of(rows, k))

@@ -1,4 +1,4 @@
-"""Readings of outputs from a motion, and rotation matrices as quaternions."""
+"""Sensor readings from a motion, and rotation matrices as quaternions."""
 
 import math
 
@@ -38,7 +38,9 @@ STILL = (0.0, 0.0, 0.0)
 
 @part
 def quaternion_of(r):
-    """[w, x, y, z] of a rotation, the largest positive: the best conditioned of four ways."""
+    """Return [w, x, y, z] of a rotation with the largest entry positive, the best conditioned of
+    four forms.
+    """
     xx, xy, xz, yx, yy, yz, zx, zy, zz = r
     squares = (1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz)
     if squares[0] >= max(squares[1], squares[2], squares[3]):
@@ -55,7 +57,7 @@ def quaternion_of(r):
 
 @kernel(void(read(F3), read(F3), F3), nogil=True)
 def as_quaternions(position, rotation, pose):
-    """Places (n, nb, 3) and rotations (n, nb, 9) as x y z, w x y z (n, nb, 7)."""
+    """Combine positions (n, nb, 3) and rotations (n, nb, 9) into x y z, w x y z (n, nb, 7)."""
     for i in range(pose.shape[0]):
         for b in range(pose.shape[1]):
             pose[i, b, 0], pose[i, b, 1], pose[i, b, 2] = load(position[i], b, 0)
@@ -68,7 +70,7 @@ def as_quaternions(position, rotation, pose):
     nogil=True,
 )
 def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
-    """Compute the readings of sensors in every frame (n, columns).
+    """Compute the sensor readings in every frame (n, columns).
 
     `pose` (n, nb, 7), `velocity`, `acceleration` and `force` (n, nb, 6) are those of the bodies, at
     their origins in world axes. `gravity` is (3,).
@@ -95,7 +97,7 @@ def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, ou
 
 @part
 def turned(p, q):
-    """The quaternion p q: the turn q, then p."""
+    """Return the quaternion p q, which is the rotation q followed by p."""
     a, b, c, d = p
     w, x, y, z = q[0], q[1], q[2], q[3]
     return (
@@ -108,7 +110,9 @@ def turned(p, q):
 
 @part
 def of_frame(sensor, gravity, b, pose, velocity, acceleration, force):
-    """Three numbers of a frame that is fixed to body b, from 0, or to the ground, -1."""
+    """Return a three-number reading for a frame fixed to body b, counted from 0, or to the ground,
+    -1.
+    """
     turn, place, speed, omega = quaternion_matrix(1.0, 0.0, 0.0, 0.0), STILL, STILL, STILL
     alpha, linear, torque, push = STILL, STILL, STILL, STILL
     if b >= 0:

@@ -1,4 +1,5 @@
-"""Slopes of τ(q, v, v') of eq. (24) along every freedom, O(n depth), and M⁻¹ of them, O(n² depth).
+"""Derivatives of τ(q, v, v') of eq. (24) in all coordinates, O(n depth), and M⁻¹ times them, O(n²
+depth).
 
 Moving freedom j turns all that it carries about its axis S. Seen from there, row k gains the
 velocity ψ = v_j × S and the acceleration s - v_k × ψ with s = v'_j × S + v_j × ψ, and its force
@@ -64,7 +65,7 @@ FREEDOM = 24
 
 
 class Slopes(NamedTuple):
-    """A tree and what its slopes are found in."""
+    """A tree and the workspace for its derivatives."""
 
     rows: Any
     const: Any
@@ -82,13 +83,13 @@ _save, opened_slopes = stored(SLOPES)
 
 @kernel(void(I1, plain(SLOPES)), later=True)
 def save_slopes(buffer, slopes):
-    """Keep a workspace where `opened_slopes` finds it."""
+    """Store a workspace where `opened_slopes` finds it."""
     _save(buffer, slopes)
 
 
 @part
 def load66(table, i, column):
-    """A spatial vector: (angular, linear)."""
+    """Load a spatial vector as (angular, linear)."""
     return load(table, i, column), load(table, i, column + 3)
 
 
@@ -100,13 +101,13 @@ def store66(table, i, column, x):
 
 @part
 def moved(v, s):
-    """v × s of motions."""
+    """Return v × s for motion vectors."""
     return cross(v[0], s[0]), add(cross(v[0], s[1]), cross(v[1], s[0]))
 
 
 @part
 def pushed(s, f):
-    """s ×* f of a motion and a force."""
+    """Return s ×* f for a motion and a force vector."""
     return add(cross(s[0], f[0]), cross(s[1], f[1])), cross(s[0], f[1])
 
 
@@ -127,7 +128,7 @@ def power(x, f):
 
 @part
 def inertial(bodies, k, x):
-    """Return I x of a row and its subtree, [J α + c × a, m a - c × α] with c = m centre."""
+    """Return I x for a row and its subtree, [J α + c × a, m a - c × α] with c = m centre."""
     c = load(bodies, k, CENTRE)
     angular = add(sym_mul(load6(bodies, k, INERTIA), x[0]), cross(c, x[1]))
     return angular, sub(scale(bodies[k, MASS], x[1]), cross(c, x[0]))
@@ -135,7 +136,7 @@ def inertial(bodies, k, x):
 
 @part
 def swept(bodies, k, x):
-    """Return B x of a row and its subtree, [K ω, -2 p × ω] with the linear momentum p."""
+    """Return B x for a row and its subtree, [K ω, -2 p × ω] with the linear momentum p."""
     linear = scale(-2.0, cross(load(bodies, k, MOMENTUM), x[0]))
     return mul(load9(bodies, k, SPINNING), x[0]), linear
 
@@ -150,7 +151,7 @@ def swept_back(bodies, k, x):
 
 @part
 def spinning(w, u, j, c):
-    """K = ω × (2 J - tr J) - 2 c × u × , row by row."""
+    """Return K = ω × (2 J - tr J) - 2 c × u × , row by row."""
     trace = j[0] + j[1] + j[2]
     a = (2.0 * j[0] - trace, 2.0 * j[3], 2.0 * j[4])
     b = (2.0 * j[3], 2.0 * j[1] - trace, 2.0 * j[5])
@@ -167,7 +168,7 @@ def spinning(w, u, j, c):
 
 @sweep
 def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
-    """Motions of all rows and freedoms, after `positions`."""
+    """Compute the motion vectors of all rows and degrees of freedom, after `positions`."""
     none = (0.0, 0.0, 0.0)
     store66(bodies, 0, VELOCITY, (none, none))
     store66(bodies, 0, ACCELERATION, (none, scale(-1.0, gravity_of(const))))
@@ -207,7 +208,7 @@ def set_freedoms(rows, const, work, v, vdot, bodies, freedoms):
 
 @sweep
 def set_sums(rows, const, work, bodies):
-    """Inertia, momentum, K and force of every row with all that it carries."""
+    """Compute the inertia, momentum, K and force of every row including its subtree."""
     here = origin_of(work, 1)
     for k in range(rows.shape[0] - 1, 0, -1):
         r = rotation_of(work, k)
@@ -234,7 +235,7 @@ def set_sums(rows, const, work, bodies):
 
 @sweep
 def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
-    """∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`, after `outboard`."""
+    """Write ∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`, after `outboard`."""
     n = v.shape[0]
     for i in range(n):
         for c in range(2 * n):
@@ -273,7 +274,7 @@ def set_slopes(rows, const, v, vdot, work, bodies, freedoms, outer, slopes):
 
 @kernel(void(i8, F1, F1, F1, F2), later=True)
 def torque_slopes(space, q, v, vdot, slopes):
-    """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), ∂τ/∂v into the others."""
+    """Write ∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), and ∂τ/∂v into the others."""
     rows, const, work, _, bodies, freedoms, outer, _ = opened_slopes(space)
     outer_freedoms(rows, outer[0])
     outboard(rows, const, work, q, v)
@@ -287,7 +288,7 @@ def torque_slopes(space, q, v, vdot, slopes):
 
 @sweep
 def set_factor(rows, const, work, freedoms, m):
-    """M = Lᵀ D L in the lower triangle of `m`, L with ones on its diagonal, D in their place.
+    """Factor M = Lᵀ D L in the lower triangle of `m`. D replaces the unit diagonal of L.
 
     From the articulated inertias I of `inboard`: D = hᵀ U with U = I h, and the force U / D shifted
     to the freedoms that carry it is their row of L [Rodriguez, Jain & Kreutz-Delgado 1992].
@@ -328,7 +329,7 @@ def set_factor(rows, const, work, freedoms, m):
 
 @sweep
 def last_freedoms(outer, last):
-    """The number after the last freedom that each one carries."""
+    """Compute the end index of the degrees of freedom that each one carries."""
     for i in range(outer.shape[0]):
         last[i] = i + 1
     for i in range(outer.shape[0] - 1, -1, -1):
@@ -338,7 +339,9 @@ def last_freedoms(outer, last):
 
 @sweep
 def take_four(x, i, a, rows, begin, end):
-    """x_i -= a · (four rows of x) in columns `begin` to `end` - 1: one pass over row i."""
+    """Subtract a · (four rows of x) from x_i in columns `begin` to `end` - 1, in one pass over row
+    i.
+    """
     to, one, two = x[i, begin:end], x[rows[0], begin:end], x[rows[1], begin:end]
     three, four = x[rows[2], begin:end], x[rows[3], begin:end]
     for c in range(end - begin):  # slices from 0: columns of no known sign take no SIMD lanes
@@ -347,7 +350,7 @@ def take_four(x, i, a, rows, begin, end):
 
 @sweep
 def take_one(x, i, a, row, begin, end):
-    """x_i -= a times a row of x in these columns."""
+    """Subtract a times a row of x from x_i in these columns."""
     to, one = x[i, begin:end], x[row, begin:end]
     for c in range(end - begin):
         to[c] -= a * one[c]
@@ -355,7 +358,7 @@ def take_one(x, i, a, row, begin, end):
 
 @sweep
 def carried_in(last, m, x, begin, end, branched):
-    """L⁻ᵀ x in place, of columns `begin` to `end` - 1.
+    """Compute L⁻ᵀ x in place for columns `begin` to `end` - 1.
 
     `branched`: row j is zero beyond the columns of what j carries.
     """
@@ -372,7 +375,7 @@ def carried_in(last, m, x, begin, end, branched):
 
 @sweep
 def carried_out(outer, m, x, begin, end):
-    """-L⁻¹ D⁻¹ x in place, of columns `begin` to `end` - 1."""
+    """Compute -L⁻¹ D⁻¹ x in place for columns `begin` to `end` - 1."""
     for i in range(m.shape[1]):
         pivot = -1.0 / m[i, i]
         for c in range(begin, end):
@@ -382,7 +385,7 @@ def carried_out(outer, m, x, begin, end):
 
 @sweep
 def take_outer(outer, m, x, i, begin, end):
-    """x_i -= Σ L_ij x_j over the freedoms j that carry i."""
+    """Subtract Σ L_ij x_j from x_i over the degrees of freedom j that carry i."""
     j = outer[i]
     while j >= 0:
         j2 = outer[j]
@@ -400,7 +403,7 @@ def take_outer(outer, m, x, i, begin, end):
 
 @sweep
 def set_inverse(outer, m, x, first):
-    """M⁻¹ into the columns of x from `first` on, row by row: M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ is symmetric.
+    """Write M⁻¹ into the columns of x from `first` on, row by row. M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ is symmetric.
 
     Row i is -Σ L_ij (row j) left of its diagonal, and 1/D_i - Σ L_ij (M⁻¹)_ij on it.
     """

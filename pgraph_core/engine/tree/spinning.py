@@ -1,4 +1,4 @@
-"""Angular velocity of a free body, of a ball on the ground, and of trees over a whole step.
+"""Angular velocity over a whole step for free bodies, balls on the ground and trees.
 
 Euler's equations I Ω' + Ω × I Ω = τ are solved by the implicit midpoint rule in the body's axes.
 Without a torque, Ωᵀ I Ω and |I Ω| stay constant at any speed, because the rule keeps quadratic
@@ -74,7 +74,7 @@ GYRE_ROWS = EFFECTS + DIRECTIONS
 
 @sweep
 def keep_spinning(rows, const, work, v, h, free, vdot):
-    """Replace v' of bodies that turn freely by their change over the step, a time h apart.
+    """Replace v' of freely rotating bodies with the mean change over the step, a time h apart.
 
     `v` is that at the step's start, `work` and v' are of its middle. `free` (nv,) is scratch.
     """
@@ -110,7 +110,7 @@ def keep_spinning(rows, const, work, v, h, free, vdot):
 
 @sweep
 def find_gyrating(rows, work, h, scratch):
-    """Mark trees of several rows in which one turns far in a step. Return whether any does."""
+    """Mark trees of several rows with large rotations in a step. Returns whether there are any."""
     tree, fast = scratch[TREE], scratch[FAST]
     found = False
     for k in range(1, rows.shape[0]):
@@ -129,7 +129,7 @@ def find_gyrating(rows, work, h, scratch):
 
 @part
 def gyrates(rows, scratch, k):
-    """Return whether row k belongs to a tree that is marked."""
+    """Return whether row k belongs to a marked tree."""
     return scratch[FAST, int(scratch[TREE, k - 1])] > 0.0
 
 
@@ -143,7 +143,7 @@ def product(a, b, n):
 
 @sweep
 def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
-    """Replace v' of trees that turn fast by their change over the step, a time h apart.
+    """Replace v' of rapidly rotating trees with the mean change over the step, a time h apart.
 
     `work`, q and v' belong to the step's middle and `v` to its start; `zero` (nv,) holds zeros. The
     velocities at the midpoint solve x = v + h/2 (v' + C'(x) - C'(v)), where C' = -M⁻¹ C, by
@@ -183,7 +183,7 @@ def keep_gyrating(rows, const, work, q, v, h, zero, scratch, vdot):
 
 @sweep
 def search(rows, const, work, q, h, zero, scratch, n):
-    """Correct the midpoint's velocities by what they miss, to first order.
+    """Correct the midpoint velocities for their residual, to first order.
 
     Directions are kept so that what they do is orthonormal.
     """
@@ -219,7 +219,7 @@ def search(rows, const, work, q, h, zero, scratch, n):
 
 @sweep
 def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
-    """Write how x - h/2 C'(x) changes along a way, at the midpoint's velocities."""
+    """Compute the change of x - h/2 C'(x) along a direction, at the midpoint velocities."""
     place, x = scratch[SHIFTED], scratch[MIDDLE]
     for j in range(n):
         place[j] = x[j] + way[j]
@@ -239,7 +239,7 @@ def derivative(rows, const, work, q, h, zero, scratch, way, effect, n):
 
 @sweep
 def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
-    """Give trees that float and gyrate the momentum that external forces leave over the step.
+    """Enforce momentum balance over the step, under external forces, on floating trees that gyrate.
 
     The midpoint rule gives its change for the middle's places, and the step ends at others. The
     whole tree gets the rigid motion that makes up for it, by Newton's method: it also turns the
@@ -270,7 +270,8 @@ def keep_momentum(rows, const, work, q, v, h, scratch, vdot):
 
 @sweep
 def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
-    """Correct v' of free row k for a momentum of its tree. Return whether it was notable.
+    """Correct v' of free row k for the momentum of its tree. Returns whether the change was
+    notable.
 
     `aim` is (a fixed point, angular momentum about it, linear momentum).
     """
@@ -308,7 +309,7 @@ def correct_momentum(rows, const, work, q, v, h, scratch, vdot, k, aim):
 
 @sweep
 def momentum_of(rows, const, work, q, v, trees, tree, fixed):
-    """Return the momentum of a tree at (q, v), angular and linear, and its inertia.
+    """Return the angular and linear momentum of a tree at (q, v), and its inertia.
 
     (angular, linear, (mass, mass times its centre from the point), inertia about the point).
     """
@@ -343,7 +344,7 @@ def momentum_of(rows, const, work, q, v, trees, tree, fixed):
 
 @sweep
 def forces_of(rows, const, work, trees, tree, fixed):
-    """(torque about a fixed point, force) that accelerate a tree, after `accelerate`."""
+    """Return (torque about a fixed point, force) that accelerate a tree, after `accelerate`."""
     torque, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(1, rows.shape[0]):
         if trees[k - 1] != tree:
@@ -364,7 +365,7 @@ def forces_of(rows, const, work, trees, tree, fixed):
 
 @part
 def swung(c, h, w):
-    """c turned by the rate w for the time h."""
+    """Return c rotated at the rate w for the time h."""
     rate = math.sqrt(dot(w, w) + TINY)
     sine, cosine = sine_cosine(h * rate)
     return mul(rodrigues(scale(1.0 / rate, w), sine, cosine), c)
@@ -372,7 +373,8 @@ def swung(c, h, w):
 
 @part
 def rate_after(inertia, before, alpha, h):
-    """Rate of turn after a step of width h, from the rate before it and the explicit ω' [1/s²].
+    """Return the angular velocity after a step of size h, from its initial value and the explicit
+    ω' [1/s²].
 
     In substeps of at most TURN. Where they are too many, or fail, the gyroscopic torque is left
     out, which keeps the energy too.
@@ -403,7 +405,9 @@ def rate_after(inertia, before, alpha, h):
 
 @part
 def middle_turn(inertia, turn, torque):
-    """θ of 2 I (θ - θ₀) + θ × I θ = h² τ by Newton's method, and whether it was found."""
+    """Solve 2 I (θ - θ₀) + θ × I θ = h² τ for θ by Newton's method. Returns θ and a success
+    flag.
+    """
     theta = turn
     for _ in range(NEWTON):
         momentum = sym_mul(inertia, theta)
@@ -424,6 +428,8 @@ def middle_turn(inertia, turn, torque):
 
 @part
 def column(inertia, theta, momentum, e):
-    """Slope of the midpoint rule's gap along the unit vector e: 2 I e + θ × I e + e × I θ."""
+    """Return the derivative of the midpoint rule's residual along unit vector e: 2 I e + θ × I e +
+    e × I θ.
+    """
     along = sym_mul(inertia, e)
     return add(add_cross(scale(2.0, along), theta, along), cross(e, momentum))

@@ -1,1 +1,1 @@
-"""Types and functions of kernels for numba, imported only where a kernel is compiled."""
+"""Numba types and functions for kernels, imported only where a kernel is compiled."""

@@ -1,4 +1,4 @@
-"""Scenes and kernels as addresses, for numba."""
+"""Scenes and kernels as addresses in numba."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .kinds import DUAL, OF_DUALS, Dual, OfDuals, Records, numba_type
 
 
 def saving(described: Group) -> Any:
-    """`save(buffer, value)` of a tuple without names."""
+    """Return `save(buffer, value)` for an unnamed tuple."""
     kind, given = numba_type(described), numba_type(plain(described))
 
     @intrinsic
@@ -37,7 +37,7 @@ def saving(described: Group) -> Any:
 
 
 def opening(described: Group, of_duals: Group | None) -> Any:
-    """`opened(address)` of a buffer: the tuple with names."""
+    """Return `opened(address)` for a buffer, which returns the named tuple."""
 
     @intrinsic
     def opened(typing: Any, address: Any) -> Any:
@@ -61,7 +61,9 @@ def opening(described: Group, of_duals: Group | None) -> Any:
 
 
 def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], Any], Any]) -> None:
-    """`act(path, pointer)` for every scalar of an aggregate: whole structs compile badly."""
+    """Call `act(path, pointer)` for every scalar of an aggregate, as whole structs compile
+    badly.
+    """
     zero = ir.Constant(ir.IntType(32), 0)
 
     def visit(kind: Any, path: tuple[int, ...]) -> None:
@@ -80,7 +82,7 @@ def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], A
 
 
 def caller(described: Signature) -> Any:
-    """`call(address, (arguments))` of a function with this signature: a kernel's, or C's.
+    """Return `call(address, (arguments))` for kernels or C functions with this signature.
 
     Given duals, it is the function of the same arguments whose arrays hold duals.
     """

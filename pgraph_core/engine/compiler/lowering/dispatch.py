@@ -1,4 +1,4 @@
-"""Helpers and kernels as numba compiles them, up to LLVM's code before it is optimised.
+"""Helpers and kernels as compiled by numba, up to unoptimised LLVM IR.
 
 Nothing here becomes machine code by numba: `building` and `loading` see to that, so that a kernel
 is the same wherever it comes from.
@@ -25,7 +25,7 @@ WORD = ir.IntType(64)
 
 
 class Library(JITCodeLibrary):
-    """Code as kernels link it: optimised and turned into machine code there, not before."""
+    """Code in the form linked by kernels. It is optimised and turned into machine code there."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -43,7 +43,7 @@ class Library(JITCodeLibrary):
 
 
 class _NoEnvironment:
-    """In the place of what would tell machine code where its Python objects are."""
+    """A replacement for the environment that gives machine code access to its Python objects."""
 
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
@@ -51,7 +51,7 @@ class _NoEnvironment:
 
 
 class _Compiler(Compiler):
-    """Numba's compiler, into a `Library`."""
+    """Numba's compiler with a `Library` as its output."""
 
     def define_pipelines(self) -> Any:
         state: Any = self.state
@@ -74,7 +74,7 @@ HOW: dict[str, dict[str, Any]] = {
 
 
 def dispatcher(function: Callable[..., Any], how: str) -> Any:
-    """Numba's dispatcher of a helper: compiled for types, not again for every constant."""
+    """Return numba's dispatcher for a helper, compiled per type but not per constant."""
     _know_all()
     made: Any = numba.njit(**PART, **HOW[how])(function)
     if how != "inlined":
@@ -87,7 +87,7 @@ def dispatcher(function: Callable[..., Any], how: str) -> Any:
 
 
 def type_of(made: Any) -> Any:
-    """Numba's type of a function."""
+    """Return numba's type of a function."""
     _know_all()
     target: Any = cpu_target
     target.typing_context.refresh()
@@ -97,12 +97,12 @@ def type_of(made: Any) -> Any:
 
 @cache
 def _know_all() -> None:
-    """Tell numba of all types and functions of ours."""
+    """Register all our types and functions with numba."""
     from . import address, dual, dual_records, elementary, lane, lane_records, masks  # noqa: F401
 
 
 def lowered(kernel: Kernel, variant: int, name: str) -> tuple[str, Any]:
-    """A kernel in LLVM's language, and in another module two functions around it.
+    """Return a kernel in LLVM IR, and two functions around it in another module.
 
     `k_NAME` takes and returns values, as `caller` calls it by address. `w_NAME(words, results)`
     finds its arguments as words of 8 bytes, as `calls` puts them there, and returns a status.

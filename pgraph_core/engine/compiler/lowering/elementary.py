@@ -1,4 +1,4 @@
-"""Code of `elementary` for numba: bits, sines of lanes, functions by type."""
+"""Code generation for `elementary` in numba: bits, sines of lanes, functions by type."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORD = ir.IntType(64)
 
 @intrinsic
 def bits_of(typing: Any, x: Any) -> Any:
-    """The 64 bits of a double, as an integer."""
+    """Return the 64 bits of a double as an integer."""
     return types.int64(types.float64), lambda context, builder, sig, args: builder.bitcast(
         args[0], WORD
     )
@@ -28,14 +28,14 @@ def bits_of(typing: Any, x: Any) -> Any:
 
 @intrinsic
 def float_of(typing: Any, x: Any) -> Any:
-    """The double of 64 bits."""
+    """Return the double with these 64 bits."""
     return types.float64(types.int64), lambda context, builder, sig, args: builder.bitcast(
         args[0], DOUBLE
     )
 
 
 def _sine_and_cosine(builder: Any, x: Any) -> tuple[Any, Any]:
-    """Return (sin x, cos x) of a vector or double by x = n π/2 + r, |r| <= π/4, n's parity."""
+    """Return (sin x, cos x) of a vector or double from x = n π/2 + r, |r| <= π/4 and n's parity."""
     whole = ir.IntType(64)
     width = getattr(x.type, "count", 0)
     if width:
@@ -63,7 +63,7 @@ def _sine_and_cosine(builder: Any, x: Any) -> tuple[Any, Any]:
 
 
 def _reduced(builder: Any, x: Any, n: Any, number: Any) -> tuple[Any, Any]:
-    """(r, what rounding has taken off it): x - n π/2."""
+    """Return (r, its rounding error) for r = x - n π/2."""
     r, low = x, number(0.0)
     for third in PI_4:
         less = builder.fmul(n, number(2.0 * third))
@@ -74,7 +74,7 @@ def _reduced(builder: Any, x: Any, n: Any, number: Any) -> tuple[Any, Any]:
 
 
 def _near_zero(builder: Any, r: Any, low: Any, number: Any) -> tuple[Any, Any]:
-    """(sine, cosine) of r + low: the small terms are added up before the large ones."""
+    """Return (sine, cosine) of r + low. Small terms are added before the large ones."""
     z = builder.fmul(r, r)
     more = builder.fmul(builder.fmul(r, z), _polynomial(builder, SIN, z, number))
     sine = builder.fadd(r, builder.fadd(more, low))
@@ -95,7 +95,9 @@ def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
 
 @intrinsic
 def near(typingctx: Any, x: Any) -> Any:
-    """(sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call."""
+    """Return (sin x, cos x) for a lane or number up to FAR. Inlined, it takes half as long as a
+    call.
+    """
     pair = types.UniTuple(x, 2)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -105,7 +107,7 @@ def near(typingctx: Any, x: Any) -> Any:
 
 
 def sine_cosine(x: Any) -> Any:
-    """(sin x, cos x) of a number, or of a lane up to FAR."""
+    """Return (sin x, cos x) for a number, or for a lane up to FAR."""
     return math.sin(x), math.cos(x)
 
 
@@ -124,7 +126,7 @@ def _sine_cosine(x: Any) -> Any:
 
 @intrinsic
 def place_of(typing: Any, x: Any, n: Any) -> Any:
-    """Number n of a lane."""
+    """Return element n of a lane."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.extract_element(args[0], args[1])
@@ -134,7 +136,7 @@ def place_of(typing: Any, x: Any, n: Any) -> Any:
 
 @intrinsic
 def with_place(typing: Any, x: Any, n: Any, value: Any) -> Any:
-    """A lane with another number n."""
+    """Return a lane with element n replaced."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.insert_element(args[0], args[2], args[1])
@@ -143,7 +145,7 @@ def with_place(typing: Any, x: Any, n: Any, value: Any) -> Any:
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """The angle of (x, y) from the x axis, -π to π, of numbers or lanes."""
+    """Return the angle of (x, y) from the x axis, from -π to π, for numbers or lanes."""
     return math.atan2(y, x)
 
 

@@ -1,4 +1,4 @@
-"""Numba's types of our own."""
+"""Numba types for our kinds."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ INLINED = {**OPTIONS, "forceinline": True}
 
 @cache
 def numba_type(kind: Kind) -> Any:
-    """The type that the compiler has for a kind."""
+    """Return the numba type of a kind."""
     if isinstance(kind, Array) and kind.duals:
         if kind.dtype.names:
             return Records(kind.dtype)

@@ -1,4 +1,4 @@
-"""Lane(width): a numba type that is an LLVM vector of doubles, so that one kernel runs W instances.
+"""Lane(width): a numba type for an LLVM vector of doubles, so that one kernel runs W instances.
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
 it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
@@ -33,28 +33,28 @@ overload: Any = extending.overload  # typed too narrowly in numba
 
 
 class Lane(types.Type):
-    """W doubles side by side."""
+    """A vector of W doubles."""
 
     def __init__(self, width: int):
-        """A vector type of `width` doubles."""
+        """Create a vector type of `width` doubles."""
         self.width = width
         super().__init__(name=f"Lane({width})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Numbers become lanes, so that a constant may be stored."""
+        """Allow conversion from numbers, so that a constant may be stored in a lane."""
         return Conversion.safe if isinstance(other, (types.Float, types.Integer)) else None
 
 
 @register_model(Lane)
 class LaneModel(models.PrimitiveModel):
-    """In registers and in memory: one LLVM vector."""
+    """Data model of a lane: one LLVM vector in registers and in memory."""
 
     def __init__(self, dmm: Any, fe_type: Lane):
         super().__init__(dmm, fe_type, ir.VectorType(DOUBLE, fe_type.width))
 
 
 def splat(builder: Any, value: Any, width: int) -> Any:
-    """A double in all places of a vector."""
+    """Broadcast a double to all elements of a vector."""
     vector = ir.VectorType(DOUBLE, width)
     one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.IntType(32)(0))
     mask = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
@@ -62,7 +62,7 @@ def splat(builder: Any, value: Any, width: int) -> Any:
 
 
 def as_vector(context: Any, builder: Any, value: Any, given: Any, lane: Lane) -> Any:
-    """Return a lane unchanged, or a number in all places of a lane."""
+    """Return a lane unchanged, or broadcast a number to a lane."""
     if isinstance(given, Lane):
         return value
     return splat(builder, context.cast(builder, value, given, types.float64), lane.width)
@@ -75,7 +75,7 @@ def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any
 
 
 def _binary(name: str, *operators: Any) -> None:
-    """Typing and lowering of one operation between lanes, or a lane and a number."""
+    """Typing and lowering of a binary operation between lanes, or a lane and a number."""
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -125,7 +125,7 @@ def _unary(function: Any, emit: Any) -> None:
 
 
 def llvm(builder: Any, name: str, value: Any) -> Any:
-    """An LLVM intrinsic of a vector or a double."""
+    """Call an LLVM intrinsic for a vector or a double."""
     kind = f"v{value.type.count}f64" if isinstance(value.type, ir.VectorType) else "f64"
     function = cgutils.get_or_insert_function(
         builder.module, ir.FunctionType(value.type, [value.type]), f"llvm.{name}.{kind}"
@@ -139,7 +139,7 @@ _unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
 
 
 def _clamp(function: Any, relation: str) -> None:
-    """min and max of a lane and a lane or number: the first where it stands in `relation` to it."""
+    """Lower min and max of a lane and a lane or number. The first is chosen if `relation` holds."""
 
     @infer_global(function)
     class Template(AbstractTemplate):
@@ -163,7 +163,7 @@ _clamp(max, ">")
 
 @intrinsic
 def lanes(typingctx: Any, array: Any) -> Any:
-    """A float64 array (..., W), C-contiguous, as an array (...) of lanes over the same memory.
+    """View a C-contiguous float64 array (..., W) as an array (...) of lanes in the same memory.
 
     The caller sees to it that the last axis is `LANE_WIDTH` long.
     """
@@ -178,8 +178,9 @@ def lanes(typingctx: Any, array: Any) -> Any:
 
 @intrinsic
 def constants(typingctx: Any, array: Any, block: Any) -> Any:
-    """The constants of a block: an array (rows, columns) that all share as it is, or its own,
-    out of (blocks, rows, columns, W), as lanes."""
+    """Return the constants of a block: a shared array (rows, columns) unchanged, or its own from
+    (blocks, rows, columns, W) as lanes.
+    """
     if array.ndim == 2:
         return array(array, block), lambda context, builder, sig, args: args[0]
     view = _view_type(array, 2)
@@ -195,14 +196,16 @@ def constants(typingctx: Any, array: Any, block: Any) -> Any:
 
 
 def _view_type(array: Any, ndim: int) -> types.Array:
-    """Return the type of a view as lanes, unaligned because NumPy's memory may be."""
+    """Return the type of a view as lanes. It is unaligned because NumPy's memory may be."""
     if not (isinstance(array, types.Array) and array.layout == "C"):
         raise TypeError("lanes view C-contiguous arrays")
     return types.Array(Lane(LANE_WIDTH), ndim, "C", aligned=False)
 
 
 def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: int) -> Any:
-    """An array of lanes over the memory of `source` from `start`, its first `skip` axes taken."""
+    """View the memory of `source` from `start` as an array of lanes, with `skip` leading axes
+    indexed.
+    """
     target = context.make_array(view)(context, builder)
     shape = cgutils.unpack_tuple(builder, source.shape)[skip:-1]
     strides = cgutils.unpack_tuple(builder, source.strides)[skip:-1]
@@ -224,7 +227,7 @@ def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: 
 
 
 class Triple(Lane):
-    """Three numbers in a register whose fourth place is unused."""
+    """Three numbers in a register whose fourth element is unused."""
 
     def __init__(self) -> None:
         super().__init__(4)
@@ -242,7 +245,7 @@ class Three(types.Type):
         super().__init__(name=f"Three({lane})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Numbers become lanes, so that a triple of constants may be stored."""
+        """Allow conversion from numbers, so that a triple of constants may be stored."""
         return Conversion.safe if isinstance(other, Triple) else None
 
 
@@ -283,7 +286,9 @@ def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any)
 
 
 def _binary_of_threes(name: str, *operators: Any) -> None:
-    """Typing and lowering of one operation between triples of lanes, or one and a lane."""
+    """Typing and lowering of a binary operation between triples of lanes, or a triple and a
+    lane.
+    """
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -340,7 +345,7 @@ def _pointer(context: Any, builder: Any, kind: Any, values: Any) -> Any:
 
 @intrinsic
 def triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
-    """Three numbers side by side, or three lanes."""
+    """Return three numbers, or three lanes, as a triple."""
 
     def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return _three(context, builder, args)
@@ -359,7 +364,7 @@ def triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
 
 @intrinsic
 def numbers(typingctx: Any, x: Any) -> Any:
-    """The three numbers, or lanes, of a triple, as a tuple."""
+    """Return the three numbers or lanes of a triple as a tuple."""
     three = isinstance(x, Three)
     kind = types.UniTuple(x.lane if three else types.float64, 3)
 
@@ -372,7 +377,7 @@ def numbers(typingctx: Any, x: Any) -> Any:
 
 @intrinsic
 def four(typingctx: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
-    """Four numbers side by side."""
+    """Return four numbers as a vector."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         value = ir.Constant(WHOLE, ir.Undefined)
@@ -385,7 +390,7 @@ def four(typingctx: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
 
 @intrinsic
 def numbers_of_four(typingctx: Any, x: Any) -> Any:
-    """The four numbers, as a tuple."""
+    """Return the four numbers as a tuple."""
     kind = types.UniTuple(types.float64, 4)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -397,7 +402,7 @@ def numbers_of_four(typingctx: Any, x: Any) -> Any:
 
 @intrinsic
 def load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
-    """a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
+    """Load a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
 
     def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = _pointer(context, builder, signature.args[0], args)
@@ -417,7 +422,7 @@ def load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
 
 @intrinsic
 def store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
-    """a[i, j], a[i, j + 1], a[i, j + 2] from a triple."""
+    """Store a triple in a[i, j], a[i, j + 1], a[i, j + 2]."""
 
     def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = _pointer(context, builder, signature.args[0], args)
@@ -452,7 +457,7 @@ def _beyond_duals(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 
 @intrinsic
 def beyond(typingctx: Any, x: Any, least: Any) -> Any:
-    """Replace numbers of a triple with |x| <= `least` by zero, keeping nan.
+    """Replace the numbers of a triple with |x| <= `least` by zero, keeping nan.
 
     A dual with such a value keeps its derivatives.
     """
@@ -474,7 +479,7 @@ def beyond(typingctx: Any, x: Any, least: Any) -> Any:
 
 
 def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
-    """A function of (rows, work, q): the one or the other, as the entries of q are lanes or not."""
+    """Return a function of (rows, work, q) that selects one of two, by whether q contains lanes."""
 
     def of_any(rows: Any, work: Any, q: Any) -> Any:
         return of_numbers(rows, work, q)

@@ -1,4 +1,4 @@
-"""Records of many instances: what a kernel reads as `leg.offset` of one, it reads as a lane of W.
+"""Records for many instances: a kernel reads `leg.offset` as a lane of W instead of one number.
 
 An array of records in lanes is a C-contiguous float64 array (records, words, W), a word for each
 number of the record. A field is a lane, a field of several numbers an array of lanes. Integers say
@@ -38,7 +38,7 @@ BYTES = ir.IntType(8).as_pointer()
 
 
 class LaneRecord(types.Type):
-    """One record in lanes."""
+    """A single record in lanes."""
 
     def __init__(self, kind: np.dtype[Any]):
         """`kind` has fields of eight bytes, or of several such numbers."""
@@ -46,27 +46,29 @@ class LaneRecord(types.Type):
         super().__init__(name=f"{type(self).__name__}({kind})")
 
     def field(self, name: str) -> tuple[int, int, bool]:
-        """(its first word, how many numbers, whether they are integers)."""
+        """Return (index of its first word, number of values, whether they are integers) for a
+        field.
+        """
         known: Any = self.kind.fields
         inside, first = known[name][:2]
         return first // WORD, inside.itemsize // WORD, inside.base.kind == "i"
 
 
 class LaneRecords(LaneRecord):
-    """An array of them."""
+    """An array of records in lanes."""
 
 
 @register_model(LaneRecord)
 @register_model(LaneRecords)
 class LaneRecordModel(models.PrimitiveModel):
-    """Data model: the pointer to the first number."""
+    """Data model of a record: the pointer to its first number."""
 
     def __init__(self, dmm: Any, fe_type: LaneRecord):
         super().__init__(dmm, fe_type, BYTES)
 
 
 def in_lanes_of(kind: np.dtype[Any]) -> Any:
-    """A function of a float64 array (records, words, W): the records in lanes over its memory."""
+    """Return a function that views a float64 array (records, words, W) as records in lanes."""
 
     @intrinsic
     def records(typingctx: Any, array: Any) -> Any:
@@ -137,7 +139,7 @@ def _set_field(context: Any, builder: Any, sig: Any, args: Any, attr: str) -> No
 
 
 def in_each(function: Callable[[Any], Any]) -> Any:
-    """A compiled function of one number as one of a number or a lane, place after place."""
+    """Apply a compiled function of one number to each element of a lane, or to a number."""
 
     def of_any(x: Any) -> Any:
         return function(x)

@@ -1,4 +1,4 @@
-"""Code of `masks` for numba, for lanes, a lane and a number, or numbers."""
+"""Code generation for `masks` in numba, for lanes, numbers, or a lane and a number."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ infer_global: Any = templates.infer_global  # untyped in numba
 
 
 def _constant(kind: Any, x: float) -> Any:
-    """A number, or as many as there are in a vector."""
+    """Return a constant, broadcast if the type is a vector."""
     return ir.Constant(kind, [x] * kind.count if isinstance(kind, ir.VectorType) else x)
 
 
@@ -46,7 +46,7 @@ def _taken(context: Any, builder: Any, values: Any, given: Any, kind: Any) -> li
 
 
 def _of_two(emit: Any) -> Any:
-    """An intrinsic of two lanes, of a lane and a number, or of two numbers.
+    """Return an intrinsic for two lanes, a lane and a number, or two numbers.
 
     Of duals it is that of their values: a mask.
     """
@@ -101,7 +101,7 @@ without = _of_two(lambda b, x, y: _number(b, b.and_(_set(b, x), b.not_(_set(b, y
 
 @intrinsic
 def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
-    """a where the mask is set, else b."""
+    """Return a where the mask is set, else b."""
     kind = _common(mask, a, b)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -113,7 +113,7 @@ def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
 
 @intrinsic
 def any_of(typingctx: Any, mask: Any) -> Any:
-    """True if the mask is set anywhere, or if a number is not zero."""
+    """Return True if the mask is set anywhere, or if a number is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         found = _set(builder, args[0])  # of a dual: also its derivatives
