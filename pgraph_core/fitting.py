@@ -150,7 +150,7 @@ class _Task:
         self.names = [
             given if isinstance(given, str) else path.text for given, path in zip(free, self.paths)
         ]
-        self.data = _columns(data)
+        self.data, self._units = _columns(data)
         self.t = self.data.pop("t")
         self._named: dict[str, str] = {}  # columns of runs by those of the data
         self._last: tuple[Array, Result | None] | None = None
@@ -239,6 +239,9 @@ class _Task:
                 if len(known) != 1:
                     several = f"may be any of {choices(known, 6)}" if known else ""
                     raise _refused(f"data['{name}']", several or no_column(found, name))
+                unit, given = found[known[0]].unit, self._units.get(name, "")
+                if given and given != unit:
+                    raise _refused(f"data['{name}']", f"is in {given}: convert it to {unit}")
                 self._named[name] = known[0]
         return np.array([found[column].values for column in self._named.values()])
 
@@ -396,7 +399,7 @@ def _loss(loss: str) -> str:
     return loss
 
 
-def _columns(data: Any) -> dict[str, Array]:
+def _columns(data: Any) -> tuple[dict[str, Array], dict[str, str]]:
     """{name: (n,)} of the data, with "t". Raises InputError, FileError."""
     if isinstance(data, (str, FilePath)):
         data = _read(data)
@@ -405,9 +408,12 @@ def _columns(data: Any) -> dict[str, Array]:
         data = {str(name): table[name].to_numpy() for name in table.columns}
     if not isinstance(data, Mapping):
         raise _refused("data", f"must be a DataFrame, a dict or a .csv file; given {shown(data)}")
-    found = {}
+    found, units = dict[str, Array](), dict[str, str]()
     for name, values in data.items():
-        word = str(name).partition(" [")[0]
+        word, _, unit = str(name).partition(" [")
+        units[word] = unit.removesuffix("]")
+        if word in ("t", "time") and units[word] not in ("", "s"):
+            raise _refused(f"data['{name}']", f"is in {units[word]}: convert it to s")
         try:
             found["t" if word in ("t", "time") else word] = np.array(values, dtype=float)
         except (TypeError, ValueError):
@@ -426,7 +432,7 @@ def _columns(data: Any) -> dict[str, Array]:
     t = found["t"]
     if n < 2 or t[0] < 0.0 or not (np.diff(t) > 0.0).all():
         raise _refused("data['t']", "must be two times or more, ascending from 0 s on")
-    return found
+    return found, units
 
 
 def _read(path: str | FilePath) -> dict[str, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -36,8 +37,12 @@ class Feedback:
 
     @property
     def stable(self) -> bool:
-        """Return True if all poles lie in the left half-plane."""
-        return bool((self.poles.real < 0).all())
+        """Return True if all poles lie in the left half-plane.
+
+        A double pole is known to the root of rounding, relative to the largest one.
+        """
+        rounding = math.sqrt(np.finfo(float).eps) * np.abs(self.poles).max(initial=0.0)
+        return bool((self.poles.real < -rounding).all())
 
 
 @explained
@@ -56,7 +61,8 @@ def lqr(
     Parameters
     ----------
     model : Model
-        What the drives do without feedback counts, such as the kp and kd of a servo.
+        The feedback replaces the torque, target, speed or input of each drive. Other fields of the
+        drives count, such as the kp and kd of a servo.
     Q : number, (n,), (n, n) or dict
         Weights of the states: one for all, one each, a matrix, or by name, 0 for the others.
     R : number, (m,), (m, m) or dict
@@ -117,7 +123,7 @@ def place_poles(
     Parameters
     ----------
     model : Model
-        What the drives do without feedback counts.
+        The feedback replaces the torque, target, speed or input of each drive.
     poles : (n,) array
         Eigenvalues of the closed loop [1/s], complex ones in pairs.
     inputs : list of str, optional

@@ -431,6 +431,11 @@ class Recording:
             name = self.mech.model.constraints[self.plan.conditions[i].constraint].name
             text = f"'{name}' is switched at the start: {watch.monitors[i].name} is true already"
             self.ended.notices.append(text)
+        for monitor, value in zip(watch.monitors, values):
+            if value == 0.0:
+                text = f"{monitor.name} is exactly on its limit at the start, and acts there only "
+                text += "once it has been on the other side"
+                self.ended.notices.append(text)
         self._switch_where_true(self.start, already)
 
     def _first_evaluation(self) -> int:

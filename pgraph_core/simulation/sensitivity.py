@@ -20,6 +20,7 @@ from ..engine.arrays import FACTORED, RUN_OF_DUALS, SCENE_OF_DUALS, RunLinks
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
+from ..engine.signals import AT_MOST, CHOOSE, LESS
 from ..errors import InputError, ModelError, Problem, nearest, shown
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -202,7 +203,11 @@ class Carried:
     def notices(self) -> list[str]:
         """Sentences on where derivatives end, and on numbers without influence."""
         idle = [one.path for one, d in zip(self.variables, self._each()) if not d.any()]
-        return self._ended + [f"{path} has no influence on the motion" for path in idle]
+        found = self._ended + [f"{path} has no influence on the motion" for path in idle]
+        for one, d in zip(self.variables, self._each()):
+            if not self._ended and not np.isfinite(d).all():
+                found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
+        return found
 
     def _each(self) -> list[Array]:
         """The derivatives by each variable, (frames, nq + nv + 2)."""
@@ -279,6 +284,11 @@ def _refuse(given: Given) -> None:
         why = "a function of torques has no derivatives: give motors or servos in its place"
     if why:
         raise InputError(Problem("simulate", "wrt", why))
+    code = plan.loads.signals[0]
+    if np.isin(code[::2, 0], (CHOOSE, LESS, AT_MOST)).any():
+        text = "an expression that compares has no derivatives yet, because its value jumps; "
+        text += "smoothstep, min and max have them"
+        raise InputError(Problem("simulate", "wrt", text))
 
 
 class _RunOfDuals:

@@ -101,3 +101,14 @@ def test_a_condition_that_means_nothing_is_refused(when, facts):
     with pytest.raises(pg.ModelError) as refused:
         slider({"constraint": "catch", "active": True, "when": when})
     assert all(fact in str(refused.value) for fact in facts)
+
+
+@pytest.mark.parametrize("condition", ["=q.a > 0", "=t >= 0", "=q.a < 0 or q.a > 0"])
+def test_a_condition_on_its_limit_at_the_start_is_named(condition):
+    slider = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
+    weld = pg.Weld(name="w", body="a", active=False)
+    model = pg.Model(bodies=[slider], gravity=(0, 0, 0), constraints=[weld])
+    switch = pg.Switch(constraint="w", active=True, when={"holds": condition})
+    scenario = pg.Scenario(name="s", t_end=0.2, switches=[switch])
+    run = pg.simulate(model.add(scenario), scenario="s", v={"a": 1.0})
+    assert any(condition.removeprefix("=") in text for text in run.notices)

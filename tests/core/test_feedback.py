@@ -196,3 +196,17 @@ def test_an_unstable_motion_that_no_input_moves_is_named():
     other = pg.Body(name="other", axes=[Z], mass=1.0, com=(0, 1, 0), inertia=(0.1, 0.1, 0.1))
     with pytest.raises(pg.InputError, match="other"):
         pg.lqr(model.add(other), 1.0)
+
+
+def test_an_undamped_motion_that_no_input_moves_is_not_stable():
+    inertia = np.eye(3) * 0.01
+    cart = pg.Body(name="cart", joint="prismatic", axes=[(1, 0, 0)], mass=2.0, damping=0.3)
+    pole = pg.Body(name="pole", parent="cart", axes=[(0, 0, 1)], com=(0, 0.5, 0), inertia=inertia)
+    wheel = pg.Body(name="wheel", axes=[(0, 0, 1)], link=(3, 0, 0), inertia=inertia, stiffness=1.0)
+    motor = pg.Motor(name="push", body="cart")
+    for bodies in ([wheel, cart, pole], [cart, pole, wheel]):
+        model = pg.Model(bodies=bodies, gravity=(0, -9.81, 0), forces=[motor])
+        try:
+            assert not pg.lqr(model, {"q.cart": 1.0, "q.pole": 10.0}, 0.1).stable
+        except pg.InputError:
+            continue

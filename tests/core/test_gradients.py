@@ -165,6 +165,30 @@ def test_what_has_no_derivative_is_refused(wrt, options):
         pg.simulate(described("double_pendulum"), wrt=wrt, **STEPS | options)
 
 
+@pytest.mark.parametrize("torque", ["=if(q.upper > 0.5, -1, 1)", "=t > 0.5", "=2*(v.lower <= 0)"])
+def test_expressions_that_jump_have_no_derivatives(torque):
+    """A difference of the run has what the jump adds. Derivatives of its steps would not."""
+    motor = pg.Motor(name="drive", body="upper", torque=torque)
+    with pytest.raises(pg.InputError):
+        pg.simulate(described("double_pendulum").add(motor), wrt="q.upper", **STEPS)
+
+
+def test_slopes_that_are_infinite_are_named():
+    slider = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
+    motor = pg.Motor(name="f", body="a", torque="=g*sqrt(max(q.a-0.1,0))+1")
+    model = pg.Model(bodies=[slider], gravity=(0, 0, 0), parameters={"g": 1.3}, forces=[motor])
+    run = pg.simulate(model, t_end=1.0, wrt=["g"], method="rk4", step=1e-3)
+    named = [text for text in run.notices if "'g'" in text or "by g " in text]
+    assert named or np.isfinite(run.sensitivity("g")).all()
+
+
+@pytest.mark.parametrize("names", [("t", "upper [deg]"), ("t [ms]", "upper [rad]")])
+def test_data_in_other_units_are_refused(names):
+    data = dict(zip(names, ([0.0, 0.1, 0.2], [0.3, 0.2, 0.1])))
+    with pytest.raises(pg.InputError):
+        pg.fit(described("double_pendulum"), data, {"bodies.upper.mass": (0.1, 2.0)})
+
+
 def test_an_unasked_path_is_refused():
     run = pg.simulate(described("double_pendulum"), **STEPS)
     with pytest.raises(pg.InputError):
