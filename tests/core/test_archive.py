@@ -230,3 +230,28 @@ def test_machine_code_of_the_package_is_used_and_its_faults_are_told(tmp_path):
         assert more > made
     code.write_bytes(archive.written({}, {}))  # of an archive before
     assert run("foreign")[:2] == (found, "")
+
+
+def test_a_force_is_stale_where_its_law_changes_and_not_its_description(tmp_path, monkeypatch):
+    engine, forces = tmp_path / "engine", tmp_path / "forces"
+    engine.mkdir()
+    forces.mkdir()
+    monkeypatch.setattr(archive, "ENGINE", engine)
+    monkeypatch.setattr(sources, "FORCES", forces)
+    text = "class Pull:\n    x = 1\n\n\n@part\ndef law():\n    return 3\n"
+    (file := forces / "pull.py").write_text(text)
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    index = {
+        "llvm": (1, 0, 0),
+        "kernels": {"law": {"symbol": "s", "pieces": ["p"], "files": 0}},
+        "pieces": {"p": ("plain", 0, 1)},
+        "groups": [["../forces/pull.py"]],
+        "files": {"../forces/pull.py": (digest, sources.code_hash(file))},
+    }
+    path = engine / "kernels.archive"
+    path.write_bytes(archive.written(index, {"plain": b"p"}))
+    for changed, stale in (("x = 2", []), ("return 4", ["law"])):
+        file.write_text(text.replace("x = 1" if "x" in changed else "return 3", changed))
+        for kept in (sources.digest_of, sources.code_hash):
+            kept.cache_clear()
+        assert archive.Archive(path).stale() == stale

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
+import os
 import zlib
 from collections.abc import Mapping
 from functools import cache
@@ -141,7 +142,7 @@ class Archive:
 
 
 def _changed(name: str, digest: str, code: str) -> bool:
-    path = ENGINE / name
+    path = Path(os.path.normpath(ENGINE / name))  # as `sources` compares folders
     here = sources.digest_of(path)
     return here != digest and (not here or sources.code_hash(path) != code)
 
