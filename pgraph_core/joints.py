@@ -24,7 +24,9 @@ JointKind = Literal[
     "free",
     "compound",
 ]
-MotionKind = Literal["rotate", "screw", "translate", "ball", "free"]  # as kernels number them
+MotionKind = Literal[
+    "rotate", "screw", "translate", "ball", "free"
+]  # the order in which kernels number them
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -41,7 +43,7 @@ BALL = Motion("ball", Z)
 
 
 class Kind(NamedTuple):
-    """What a kind of motion is: units of its coordinates and of its velocities, and q at home."""
+    """Properties of a kind of motion: units of coordinates and velocities, and q at home."""
 
     q: tuple[str, ...]
     v: tuple[str, ...]  # a second less, as [rad/s]
@@ -103,7 +105,9 @@ def places(motions: tuple[Motion, ...]) -> list[int | None]:
     found: list[int | None] = []
     start = 0
     for m in motions:
-        turns = 0 if m.kind in AXIAL else 3  # of a quaternion, which no entry of q stands for
+        turns = (
+            0 if m.kind in AXIAL else 3
+        )  # rotations of a quaternion, which no entry of q represents
         found += [None] * turns + list(range(start, start + SIZE[m.kind][1] - turns))
         start += SIZE[m.kind][0]
     return found

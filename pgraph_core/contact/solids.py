@@ -46,7 +46,7 @@ from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
 from ..tolerances import NOTABLE
 
-SIDES = 48  # of a cone: 0.2 % of its radius from round
+SIDES = 48  # sides of a cone, which deviates from round by 0.2 % of its radius
 
 # -- what bounds a solid ---------------------------------------------------------------------------
 

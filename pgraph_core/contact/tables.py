@@ -76,7 +76,9 @@ class Tables(NamedTuple):
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
     tendons: bool  # some limits bound sums of coordinates, or lengths
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
-    friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays((), (), (), ())  # of joints
+    friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(
+        (), (), (), ()
+    )  # joint friction
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits or self.frictions)

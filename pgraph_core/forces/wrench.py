@@ -50,7 +50,9 @@ class Wrench(OnBody):
 def _over(t: Array, value: Any) -> Array:
     """Evaluate a vector, or a table of vectors, at times t as an (n, 3) array."""
     if not isinstance(value, VectorTable):
-        numbers = [0.0 if isinstance(x, str) else x for x in value]  # what varies comes later
+        numbers = [
+            0.0 if isinstance(x, str) else x for x in value
+        ]  # expressions are evaluated later
         return np.tile(np.array(numbers), (len(t), 1))
     columns = np.array(value.value).T
     return np.stack([np.interp(t, value.t, column) for column in columns], axis=1)

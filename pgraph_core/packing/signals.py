@@ -29,8 +29,8 @@ OPERATIONS = {
 }  # fmt: skip
 OPERATIONS["if"] = kernels.CHOOSE
 WHOLE = range(1, 9)  # powers that are products
-KNOTS = ("first_target", "targets"), ("first_torque", "torques")  # of a drive
-SPAN = ("first_knot", "knots")  # of a wrench
+KNOTS = ("first_target", "targets"), ("first_torque", "torques")  # fields of a drive
+SPAN = ("first_knot", "knots")  # fields of a wrench
 Operand = int  # the number of an instruction
 
 

@@ -18,7 +18,7 @@ from . import Array, Ints
 # parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 10); q and v (nq + nv,)
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
 BODY, MOTION = (struct.Struct(f"{n}d").pack for n in (packing.TABLE_BODY, packing.TABLE_MOTION))
-Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # of the body, of its motions, q and v
+Record: TypeAlias = tuple[bytes, bytes, bytes, bytes]  # bytes of the body, its motions, q and v
 
 
 def numbers_of(model: Model) -> Numbers:

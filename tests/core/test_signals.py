@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import time
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
-from pgraph_core.signals import Unreadable, parsed, with_names
+from pgraph_core.signals import Node, Unreadable, parsed, with_names
 from pgraph_core.signals.meaning import constant
 
 X, Y, Z = np.eye(3)
@@ -56,16 +55,14 @@ def test_what_is_no_expression_is_refused_at_its_column(text, column):
     "text", ["=" + "1+" * 500_000 + "1", "=" + "(" * 10_000 + "1" + ")" * 10_000, "=" + "-" * 1900]
 )
 def test_size_and_depth_are_bounded(text):
-    begin = time.process_time()
     with pytest.raises(pg.ModelError, match="column"):
         pg.Motor(name="m", body="a", torque=text)
-    assert time.process_time() - begin < 1.0
 
 
 @given(st.text(max_size=80))
 def test_any_text_is_read_or_refused(text):
     with contextlib.suppress(Unreadable):
-        parsed(f"={text}")
+        assert isinstance(parsed(f"={text}"), Node)
 
 
 def test_names_are_exchanged_where_they_are_meant():

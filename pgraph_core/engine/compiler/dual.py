@@ -1,4 +1,4 @@
-"""Width of the number type that carries derivatives; `lowering.dual` defines it.
+"""Width of the number type that carries derivatives, defined in `lowering.dual`.
 
 A dual is a value and WIDTH - 1 derivatives side by side. An array of duals is a C-contiguous array
 of float64 with a last axis of WIDTH, whose place 0 holds the values.
@@ -10,7 +10,7 @@ from typing import Any
 
 from .jit import late
 
-WIDTH = 8  # as many doubles as the widest vector registers have, on every processor
+WIDTH = 8  # number of doubles in the widest vector registers, the same on every processor
 
 
 def of_numbers(function: Any) -> Any:

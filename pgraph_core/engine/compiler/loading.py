@@ -155,7 +155,7 @@ class Level(NamedTuple):
 
     arch: str  # the first word of its triple
     cpu: str  # its name in LLVM
-    features: str  # what its code uses beyond the architecture's baseline
+    features: str  # processor features beyond the architecture's baseline
     lanes: int  # doubles in a lane
 
     def runs_here(self) -> bool:

@@ -282,7 +282,7 @@ def revalued(typingctx: Any, x: Any, value: Any) -> Any:
 
 
 def carries(x: Any) -> bool:
-    """Whether an array holds duals."""
+    """Return whether an array holds duals."""
     return False
 
 

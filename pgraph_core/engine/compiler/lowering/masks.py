@@ -116,7 +116,7 @@ def any_of(typingctx: Any, mask: Any) -> Any:
     """Return True if the mask is set anywhere, or if a number is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        found = _set(builder, args[0])  # of a dual: also its derivatives
+        found = _set(builder, args[0])  # selects the derivatives of a dual too
         if not isinstance(mask, (Lane, Dual)):
             return found
         whole = ir.IntType(mask.width)
