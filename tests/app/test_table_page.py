@@ -267,6 +267,7 @@ def test_the_gutter_draws_lanes_nodes_and_loops_and_marks_the_way_to_the_ground(
     until(lambda: len(served.store.state.model.constraints) == 2, "a second loop")
     served.send(Undo(NOBODY))
     until(lambda: len(served.store.state.model.constraints) == 1, "the loop alone")
+    settled(page, served)
     tied = page.locator('tr[data-name="coupler"] .tied.on')
     assert loop in tied.get_attribute("aria-label")
     assert page.locator('tr[data-name="left crank"] .tied.on').count() == 0
