@@ -68,7 +68,18 @@ class Topology(EqualByFields, Portable):
         return len(self.names)
 
     def number(self, name: str) -> int:
-        """Return the number of a body, or 0 for 'ground'. Raises InputError listing the bodies."""
+        """Return the number of a body.
+
+        Parameters
+        ----------
+        name : str
+            Name of a body, or "ground", which has the number 0.
+
+        Raises
+        ------
+        InputError
+            If no body has this name. The message lists the bodies.
+        """
         if name not in self._number:
             text = f"no body has this name; choose one of {choices(self.names)}"
             raise InputError(Problem(f"body '{name}'", "", text))
@@ -152,8 +163,28 @@ def depth_first(parent: Sequence[int]) -> list[int]:
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
     """Return the Pgraph of a tree with the given numbering, by the seven steps in Fig. 4.
 
-    The left child is the one with the smaller number. Several roots make the ground, 0, the
-    first separation body (checklist R20). Raises InputError where `parent` is not a forest.
+    The left child is the one with the smaller number. Several roots make the ground, 0, the first
+    separation body (rule R20).
+
+    Parameters
+    ----------
+    parent : array_like of int (n,)
+        Number of the parent of each body, 0 for the ground.
+
+    Returns
+    -------
+    ndarray of int (m,)
+        The path through the tree.
+
+    Raises
+    ------
+    InputError
+        If `parent` does not describe a forest.
+
+    Examples
+    --------
+    >>> pg.pgraph_of([0, 1, 2, 1]).tolist()
+    [1, 2, 3, 1, 4]
     """
     children = _untraversed(parent)
     roots = children[0]
@@ -206,7 +237,20 @@ def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
 
 @explained
 def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
-    """Return jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
+    """Return the degrees of freedom along Pgraph (rule R2).
+
+    Parameters
+    ----------
+    pgraph : array_like of int (m,)
+        The path of `pgraph_of`.
+    dof : array_like of int (n,)
+        Degrees of freedom of the joint of each body.
+
+    Returns
+    -------
+    ndarray of int (m,)
+        `dof[i - 1]` at the first occurrence of body i, and 0 elsewhere.
+    """
     pgraph, first = _first_occurrences(pgraph)
     dof = _whole("dof", dof)
     if len(dof) != len(first):
@@ -224,7 +268,20 @@ def find(pgraph: Sequence[int] | Ints) -> Ints:
 
 @explained
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
-    """Recover the tree from Pgraph. The parent of a body precedes its first occurrence."""
+    """Return the parents of the tree that belongs to a Pgraph vector.
+
+    The parent of a body precedes its first occurrence.
+
+    Parameters
+    ----------
+    pgraph : array_like of int (m,)
+        The path of `pgraph_of`.
+
+    Returns
+    -------
+    ndarray of int (n,)
+        Number of the parent of each body, 0 for the ground.
+    """
     pgraph, first = _first_occurrences(pgraph)
     parent = np.zeros(len(first), dtype=np.int64)
     before = np.where(first > 0, pgraph[np.maximum(first - 1, 0)], 0)

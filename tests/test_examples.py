@@ -1,10 +1,13 @@
-"""The examples run as they are, without a warning, and print what they promise."""
+"""The examples and those of docstrings run as printed and give what they promise."""
 
+import doctest
 import runpy
 import warnings
 from pathlib import Path
 
 import pytest
+
+import pgraph_core as pg
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 PROMISED = {  # where it is not that all checks of the example hold
@@ -29,3 +32,10 @@ def test_an_example_prints_what_it_promises(file: Path, capsys, monkeypatch):
     out = capsys.readouterr().out
     assert PROMISED.get(file.stem, ": True") in out
     assert ": False" not in out
+
+
+@pytest.mark.parametrize("name", pg.__all__)
+def test_an_example_in_a_docstring_gives_what_it_prints(name: str):
+    for example in doctest.DocTestFinder().find(getattr(pg, name), name, globs={"pg": pg}):
+        runner = doctest.DocTestRunner(optionflags=doctest.FAIL_FAST)
+        assert runner.run(example).failed == 0

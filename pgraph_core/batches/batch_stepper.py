@@ -291,16 +291,37 @@ class BatchStepper(Portable):
     # -- steps -----------------------------------------------------------------------------------
 
     def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> NDArray[np.bool_]:
-        """Take n steps and return a mask (size,) of the instances that are still running.
+        """Take n steps and return which instances are still running.
 
-        `tau` (size, nv) or (nv,) replaces the array given at the start.
+        Parameters
+        ----------
+        tau : array_like (size, nv) or (nv,), optional
+            Torques [N·m, N] that replace those given at the start.
+        n : int, optional
+            Number of steps.
+
+        Returns
+        -------
+        ndarray of bool (size,)
+            False for instances that have failed, whose state is that before the failed step.
         """
         self._give(tau)
         self._many.step(_whole("n", n, 1))
         return self.ok
 
     def trace(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Array:
-        """Take n steps like `step`, and return q and v after each one as (n, size, nq + nv)."""
+        """Take n steps and return the states after each of them.
+
+        Parameters
+        ----------
+        tau, n
+            As for `step`.
+
+        Returns
+        -------
+        ndarray (n, size, nq + nv)
+            Coordinates and velocities of each instance.
+        """
         self._give(tau)
         return self._many.trace(_whole("n", n, 1))
 
@@ -310,15 +331,27 @@ class BatchStepper(Portable):
         self._many.given[:] = given
 
     def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
-        """Reset instances to t = 0, at (q, v) or at their initial states if None.
+        """Reset instances to t = 0.
 
-        `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
-        are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
-        lists of `set`: the entries that these instances take from now on. Targets are the model's
-        again. A soft or penalty contact without a stiffness keeps the one that fits the speed of
-        the model's initial state: only with a stiffness of its own are the steps from another (q,
-        v) those of a Stepper from there.
-        Raises InputError where a state does not fit, or cannot meet the constraints.
+        Targets of servos are the model's again. A soft or penalty contact without a stiffness keeps
+        the one that fits the speed of the model's initial state. Give it a stiffness of its own if
+        steps must be those of a Stepper that starts from another (q, v).
+
+        Parameters
+        ----------
+        q : array_like (k, nq) or (nq,), optional
+            Coordinates of the k instances, or of all of them. The default is their initial state.
+        v : array_like (k, nv) or (nv,), optional
+            Velocities in the same form.
+        which : array_like, optional
+            Numbers of instances, or a mask (size,). The default is all.
+        numbers : array_like (k,), optional
+            Places in the lists of `set`, whose entries the instances take from now on.
+
+        Raises
+        ------
+        InputError
+            If a state does not fit or cannot meet the constraints.
         """
         chosen, many = _chosen(which, self.size), self._many
         entries = self._entries
@@ -359,10 +392,20 @@ class BatchStepper(Portable):
         return table
 
     def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
-        """Return v' (size, nv) at the states, with all forces, constraints and compliant contacts.
+        """Return the accelerations of all instances.
 
-        `tau` as of `step`. What rigid contacts and limits exert follows from a step: their forces
-        are those of the last one, none after `reset`.
+        Forces, constraints and compliant contacts act. Rigid contacts and limits act through
+        impulses of a step, so their forces are those of the last step, and zero after `reset`.
+
+        Parameters
+        ----------
+        tau : array_like (size, nv) or (nv,), optional
+            Torques [N·m, N], as for `step`.
+
+        Returns
+        -------
+        ndarray (size, nv)
+            Accelerations [rad/s², m/s²].
         """
         acted = self._many.given.copy()
         self._give(tau)
@@ -371,10 +414,24 @@ class BatchStepper(Portable):
         return found
 
     def inverse_dynamics(self, vdot: Any) -> Array:
-        """Return the τ (size, nv) that produces v' (size, nv) in addition to passive forces.
+        """Return the torques that produce given accelerations in addition to passive forces.
 
-        Constraints and contacts are ignored, as in `Mechanism.inverse_dynamics`. Raises InputError
-        if instances are not stepped in lanes.
+        Constraints and contacts are ignored, as in `Mechanism.inverse_dynamics`.
+
+        Parameters
+        ----------
+        vdot : array_like (size, nv)
+            Accelerations [rad/s², m/s²].
+
+        Returns
+        -------
+        ndarray (size, nv)
+            Torques [N·m, N].
+
+        Raises
+        ------
+        InputError
+            If the instances are not stepped in lanes.
         """
         if not isinstance(self._many, TreeLanes):
             text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "
@@ -382,7 +439,15 @@ class BatchStepper(Portable):
         return self._many.torques(_table("vdot", vdot, self.size, self.mech.nv))
 
     def target(self, servo: str, value: Any) -> None:
-        """Set a servo's target [rad, m], one or (size,) values, held constant until `reset`."""
+        """Set the target of a servo, which stays constant until `reset`.
+
+        Parameters
+        ----------
+        servo : str
+            Name of the servo.
+        value : float or array_like (size,)
+            Target [rad, m] of all instances or of each one.
+        """
         targets = self._many.targets
         if servo not in targets:
             text = f"no servo with a constant target is called {shown(servo)}; {one_of(targets)}"
@@ -407,8 +472,18 @@ class BatchStepper(Portable):
     def restore(self, snapshot: bytes) -> None:
         """Restore this batch from a snapshot.
 
-        Kernels trust its values, so restore none from people that you would not run code of. Raises
-        InputError for bytes that `save` did not give, and changes nothing then.
+        The kernels trust the values of a snapshot. Restore it only if you would also run code from
+        its author.
+
+        Parameters
+        ----------
+        snapshot : bytes
+            Result of `save`.
+
+        Raises
+        ------
+        InputError
+            If `save` of this batch did not make these bytes. The batch stays unchanged.
         """
         memory = self._memory()
         _, state = unsealed("BatchStepper", snapshot, self._key(), memory)

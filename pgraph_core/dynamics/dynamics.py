@@ -256,7 +256,18 @@ class Dynamics(Portable):
         return BodyMotion(*(x[0] for x in found))
 
     def centre_of_mass(self, q: Array) -> Array:
-        """Return the centre of mass (3,) of the whole mechanism in the world [m]."""
+        """Return the centre of mass of the whole mechanism.
+
+        Parameters
+        ----------
+        q : array_like (nq,)
+            Coordinates [rad, m].
+
+        Returns
+        -------
+        ndarray (3,)
+            Position in world axes [m].
+        """
         mass, place, _, _ = mass_points(self._bodies, self.body_motion(q, self._rest))
         return mass @ place / mass.sum()
 

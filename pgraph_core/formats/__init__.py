@@ -33,12 +33,28 @@ def load(
     roots: Iterable[str | Path] = (),
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Load the model from a file in Pgraph JSON, URDF, xacro or MJCF format, chosen by its suffix.
+    """Load a model from a file in Pgraph JSON, URDF, xacro or MJCF format, chosen by its suffix.
 
-    Its mesh files are found from the file's folder on; others are refused unless they lie in one of
-    `roots`. `notices` of the model name what is omitted or doubtful; `pg.read_urdf` and
-    `pg.read_mjcf` give the whole report. `arguments` are those of a xacro file, which is a program:
-    load only those that you trust. Raises FileError, ModelError or InputError.
+    The notices of the model name what is omitted or doubtful. `pg.read_urdf` and `pg.read_mjcf`
+    return the whole report.
+
+    Parameters
+    ----------
+    path : path
+        The file. Paths of its meshes are relative to its folder.
+    roots : iterable of paths, optional
+        Further folders in which meshes are permitted.
+    arguments : dict, optional
+        Arguments of a xacro file. Such a file is a program, so load it only if you trust it.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read.
+    ModelError
+        If it describes no valid model.
+    InputError
+        If the suffix or an argument is unknown.
     """
     model, report = read_model(path, roots, arguments)
     return report.noted(model)

@@ -38,9 +38,17 @@ class Footprint(NamedTuple):
 
 @explained
 def footprints(run: Result) -> tuple[Footprint, ...]:
-    """Return the footprints for all single-point contacts, sorted by time.
+    """Return the footprints of all contacts with a single point, sorted by time.
 
-    Raises InputError if it is given no run.
+    Parameters
+    ----------
+    run : Result
+        A run with contacts.
+
+    Raises
+    ------
+    InputError
+        If `run` is not a Result.
     """
     if not isinstance(run, Result):
         raise wrong_type("footprints", "run", "a pg.Result, which pg.simulate returns", run)
@@ -56,7 +64,13 @@ def footprints(run: Result) -> tuple[Footprint, ...]:
 
 @explained
 def footprints_csv(run: Result) -> str:
-    """Return the footprints as CSV with units in the first line."""
+    """Return the footprints as CSV text, with units in the first line.
+
+    Parameters
+    ----------
+    run : Result
+        A run with contacts.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     units = ("", "s", "s", "m", "m", "m", "m", "N")
@@ -133,9 +147,21 @@ def underfoot(
 ) -> Model:
     """Return the model on different ground.
 
-    The given properties replace those of all contacts with the ground. A law brings the stiffness
-    and damping of a paw's sole. With "penalty", explicit methods can take steps of 0.25 ms; "soft"
-    needs an implicit method, "radau5".
+    The given properties replace those of all contacts with the ground.
+
+    Parameters
+    ----------
+    model : Model
+        The model, with contacts with the ground.
+    law : str, optional
+        Contact law. It brings the stiffness and damping of a paw's sole. With "penalty", explicit
+        methods can take steps of 0.25 ms. "soft" needs an implicit method such as "radau5".
+    friction : float, optional
+        Coefficient of friction.
+    slope : float, optional
+        Slope of the ground [rad].
+    steps : sequence of Step, optional
+        Raised or sunk rectangles of the ground.
     """
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:

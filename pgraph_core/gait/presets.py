@@ -16,9 +16,17 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 
 @explained
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
-    """Return the presets by name. `feet` lists left front, right front, left hind and right hind.
+    """Return the built-in gaits by name.
 
-    Raises InputError.
+    Parameters
+    ----------
+    feet : sequence of str, optional
+        Names of the contacts of the left front, right front, left hind and right hind foot.
+
+    Raises
+    ------
+    InputError
+        If there are not four names.
     """
     if isinstance(feet, str) or len(feet) != 4:
         raise refusal("gaits", "feet", f"must be the names of four contacts; given {shown(feet)}")

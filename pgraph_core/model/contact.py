@@ -93,7 +93,7 @@ class Contact(Described):
         return soft.get(name) or super()._dim_of(name)
 
     def frictions(self, ground: Ground) -> Frictions:
-        """Return the four coefficients, using the ground's values where the contact has none."""
+        """Return the four coefficients of friction, with the ground's values as defaults."""
         kinetic = ground.friction if self.friction is None else self.friction
         static = self.static_friction
         if static is None:

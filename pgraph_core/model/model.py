@@ -236,7 +236,18 @@ class Model(World):
         return tuple(doubts(self))
 
     def body(self, name: str) -> Body:
-        """Return the body called `name`. Raises ModelError listing the existing names."""
+        """Return the body with a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the body.
+
+        Raises
+        ------
+        ModelError
+            If no body has this name. The message lists the existing names.
+        """
         if name not in self.row:
             text = f"no body has this name; choose one of {choices(self.row)}"
             raise ModelError(Problem(f"body {shown(name)}", "", text))
@@ -267,10 +278,20 @@ class Model(World):
     @overload
     def part(self, name: str, /, kind: str | None = None) -> Part: ...
     def part(self, name: str, /, kind: str | None = None) -> Part:
-        """Return the part called `name`, which is the body or the only other part with this name.
+        """Return the part with a name.
 
-        Where several have it, `kind` says which: "body", "constraint", "contact", "force",
-        "scenario", "site" or "output". Raises ModelError naming the ones there are.
+        Parameters
+        ----------
+        name : str
+            Name of a body or of any other part. A body has priority.
+        kind : str, optional
+            "body", "constraint", "contact", "force", "scenario", "site" or "output", to choose
+            among several parts with this name.
+
+        Raises
+        ------
+        ModelError
+            If there is none, or if several parts have this name and `kind` is not given.
         """
         if kind is not None and kind not in PARTS_OF:
             text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
@@ -295,7 +316,18 @@ class Model(World):
         raise ModelError(Problem(f"{word} {shown(name)}", "", f"no {word} has this name; {do}"))
 
     def scenario(self, name: str) -> Scenario:
-        """Return the scenario called `name`. Raises ModelError listing the existing names."""
+        """Return the scenario with a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the scenario.
+
+        Raises
+        ------
+        ModelError
+            If no scenario has this name. The message lists the existing names.
+        """
         found = next((s for s in self.scenarios if s.name == name), None)
         if found is None:
             known = choices(s.name for s in self.scenarios)
@@ -324,10 +356,20 @@ class Model(World):
 
     @classmethod
     def serial(cls, n: int) -> Self:
-        """Return n rods in series, connected by hinges and named "1" to "n", as in the first table
-        of section 4.1.
+        """Return n rods in series, named "1" to "n", as in the first table of section 4.1.
 
-        They are 0.2 m long and slender, lie along x, and turn about y, so that they swing.
+        The rods are slender and 0.2 m long. They lie along x and are connected by hinges about y,
+        so that they swing.
+
+        Parameters
+        ----------
+        n : int
+            Number of bodies.
+
+        Examples
+        --------
+        >>> [body.parent for body in pg.Model.serial(3).bodies]
+        ['ground', '1', '2']
         """
         count = whole(n)
         if count is None or count < 1:
@@ -373,16 +415,32 @@ class Model(World):
         return cls(name="columns", bodies=bodies_of(parent, names, columns), **given)
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """Return a new model in which the fields of the part `name` are changed.
+        """Return a new model in which fields of one part are changed.
 
-        References follow a new name. A body has priority over a part of another kind with the same
-        name. `kind="contact"` or the like selects one of several other parts.
+        References follow a new name. A body's new `joint`, `dof` or other kinds of `motions` reset
+        the joint's q, v and springs, and its axes unless the new joint has as many. Forces and
+        initial values that do not fit are removed and listed in `notices`. This model stays
+        unchanged.
 
-        A body's new `joint`, `dof` or other kinds of `motions` reset that joint's q, v and springs,
-        and its axes unless the new joint has as many. Forces and initial values that do not fit are
-        removed and listed in `notices`. Of several parents, ("a", "b"), the first is the one in the
-        tree. The others close loops, cut at joints like the body's own. Raises ModelError. This
-        model stays unchanged.
+        Parameters
+        ----------
+        name : str
+            Name of a body or of another part. A body has priority, and `kind="contact"` or the like
+            chooses one of several other parts.
+        **changes
+            New values by name of field. `parent` may be several names: the first is the parent in
+            the tree, and the others close loops, cut at joints like the body's own.
+
+        Raises
+        ------
+        ModelError
+            If the part or a field does not exist, or a value is not permitted.
+
+        Examples
+        --------
+        >>> heavier = pg.Model.serial(2).edit("2", mass=3.0)
+        >>> heavier.body("2").mass
+        3.0
         """
         which = changes.get("kind")
         if which in PARTS_OF:
@@ -646,12 +704,24 @@ class Model(World):
         kind: str | None = None,
         children: Literal["attach", "delete"] = "attach",
     ) -> Self:
-        """Return a new model without the part `name`, or without several parts.
+        """Return a new model without one or several parts.
 
-        Parts that refer to them are removed too and listed in `notices`. A body has priority over a
-        part of another kind with the same name. `kind="contact"` or the like selects one of several
-        other parts. Children of a body are attached to the next remaining body towards the ground,
-        at the same place at q = 0, or deleted too.
+        Parts that refer to them are removed too and listed in `notices`.
+
+        Parameters
+        ----------
+        name : str or iterable of str
+            Names of the parts. A body has priority over a part of another kind with the same name.
+        kind : str, optional
+            Kind of part, such as "contact", to choose among several parts with this name.
+        children : {"attach", "delete"}, optional
+            Whether the children of a removed body are attached to the next remaining body towards
+            the ground, at the same place at q = 0, or deleted too.
+
+        Raises
+        ------
+        ModelError
+            If a part does not exist.
         """
         names = [name] if isinstance(name, str) else list(name)
         if children not in ("attach", "delete"):
@@ -791,10 +861,18 @@ class Model(World):
         return self._with((), bodies=(*rest[:row], *block, *rest[row:]))
 
     def replace(self, **fields: Any) -> Self:
-        """Return a new model with `gravity`, `up`, `ground`, `constraints`, `contacts` or the like
-        replaced.
+        """Return a new model with replaced fields.
 
-        If `up` changes, gravity that pointed down points down along the new axis too.
+        Parameters
+        ----------
+        **fields
+            `gravity`, `up`, `ground`, `constraints`, `contacts` or the like. If `up` changes,
+            gravity that pointed down points down along the new axis too.
+
+        Raises
+        ------
+        ModelError
+            If a field does not exist or a value is not permitted.
         """
         if "up" in fields and self.gravity == DOWN[self.up]:
             fields = {"gravity": None, **fields}
@@ -869,10 +947,25 @@ class Model(World):
         folder: str | Path | None = None,
         roots: Iterable[str | Path] = (),
     ) -> Self:
-        """Create a model from JSON text. Raises FileError (not JSON, too new) or ModelError.
+        """Create a model from JSON text.
 
-        Meshes are refused outside of `folder` (None: the current folder) and of `roots`. With
-        `folder`, they are found from there on.
+        Parameters
+        ----------
+        text : str
+            Content of a Pgraph file.
+        source : str, optional
+            Name of the text in messages.
+        folder : path, optional
+            Folder from which relative paths of meshes start. The default is the current folder.
+        roots : iterable of paths, optional
+            Further folders in which meshes are permitted.
+
+        Raises
+        ------
+        FileError
+            If the text is not JSON, or was written by a later version.
+        ModelError
+            If it describes no valid model.
         """
         return cls(**located(files.parse(text, source), folder, roots))
 
@@ -884,10 +977,23 @@ class Model(World):
         *,
         roots: Iterable[str | Path] = (),
     ) -> Self:
-        """Load a model from a Pgraph JSON file, with mesh paths relative to its folder.
+        """Load a model from a Pgraph JSON file.
 
-        Meshes outside of that folder are refused unless they are in one of `roots`. `pg.load` reads
-        files of other formats too. Raises FileError or ModelError.
+        `pg.load` reads files of other formats too.
+
+        Parameters
+        ----------
+        path : path
+            The file. Paths of its meshes are relative to its folder.
+        roots : iterable of paths, optional
+            Further folders in which meshes are permitted.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        ModelError
+            If it describes no valid model.
         """
         if Path(path).suffix.lower() in files.FOREIGN:
             text = "is no file of Pgraph; read it with pg.load, which converts it"
@@ -896,11 +1002,21 @@ class Model(World):
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
     def save(self, path: str | Path, /) -> None:
-        """Save the description to a file. An existing file is replaced atomically.
+        """Save the model to a Pgraph JSON file.
 
-        The geometry of meshes from other folders is written to `meshes` next to the file, so that
-        the folder opens on another machine. Raises FileError, also for suffixes of other formats,
-        for which writers such as `pg.write_urdf` report omissions.
+        An existing file is replaced atomically. The geometry of meshes from other folders is
+        written to `meshes` next to the file, so that the folder opens on another machine.
+
+        Parameters
+        ----------
+        path : path
+            The file, with the suffix .json. Writers such as `pg.write_urdf` write other formats and
+            report what these cannot express.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has the suffix of another format.
         """
         suffix = Path(path).suffix.lower()
         if suffix in files.FOREIGN:

@@ -149,7 +149,18 @@ class Gait(Described):
         return self
 
     def edit(self, /, **changes: Any) -> Self:
-        """Return a new gait with the changed fields. Raises ModelError."""
+        """Return a new gait with changed fields.
+
+        Parameters
+        ----------
+        **changes
+            New values by name of field.
+
+        Raises
+        ------
+        ModelError
+            If a field does not exist or a value is not permitted.
+        """
         return type(self)(**{**self.model_dump(), **changes})
 
 

@@ -56,8 +56,22 @@ def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tupl
 
 @explained
 def home_poses(model: Model) -> tuple[Array, Array]:
-    """Return `frames` at the model's initial q, in number order. Raises InputError for other
-    types.
+    """Return positions and rotations of all bodies at the initial coordinates of the model.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+
+    Returns
+    -------
+    ndarray (n, 3), ndarray (n, 3, 3)
+        Origins [m] and rotations in the order of numbers, as from `frames`.
+
+    Raises
+    ------
+    InputError
+        If `model` is not a Model.
     """
     if not isinstance(model, Model):
         text = f"must be a pg.Model; given {shown(model)}"

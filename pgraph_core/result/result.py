@@ -261,9 +261,22 @@ class Result(EqualByFields, Portable):
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
 
     def sensitivity(self, path: str, /) -> Array:
-        """Return the derivative of [q, v] by the number at a path of `wrt`, (n, nq + nv).
+        """Return the derivative of coordinates and velocities by one number of the model.
 
-        Raises InputError for a path that the run was not differentiated by.
+        Parameters
+        ----------
+        path : str
+            One of the paths given as `wrt`.
+
+        Returns
+        -------
+        ndarray (n, nq + nv)
+            Derivative of [q, v] in each frame.
+
+        Raises
+        ------
+        InputError
+            If the run was not differentiated by this number.
         """
         if path not in self.derivatives:
             asked = f"wrt=[{path!r}]"
@@ -412,9 +425,25 @@ class Result(EqualByFields, Portable):
         write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
 
     def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
-        """Write `plot(*names)` as a .png or .svg image with the given size in pixels.
+        """Write the plot of `plot` to an image file.
 
-        Raises InputError, FileError; MissingPackage without Matplotlib.
+        Parameters
+        ----------
+        path : path
+            The file, .png or .svg.
+        *names : str
+            Quantities, as for `plot`.
+        size : (int, int), optional
+            Width and height [pixels].
+
+        Raises
+        ------
+        InputError
+            If a quantity does not exist.
+        FileError
+            If the file cannot be written.
+        MissingPackage
+            If Matplotlib is not installed.
         """
         from ..show import pictures
 
@@ -599,11 +628,20 @@ class Result(EqualByFields, Portable):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write the run with its model as `.npz`, or a table as `.csv` or `.mat`.
+        """Save the run with its model, or its columns as a table.
 
-        A `.mat` file (MATLAB, Octave) has one variable per column, with `_` in place of characters
-        other than letters and digits, and the lists `names` and `units`. Meshes from elsewhere are
-        copied to `meshes` next to an `.npz`. Raises FileError for other suffixes.
+        Parameters
+        ----------
+        path : path
+            A `.npz` file holds the run with its model, and meshes from other folders are copied to
+            `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
+            variable per column, with `_` in place of characters other than letters and digits, and
+            the lists `names` and `units`.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
@@ -632,10 +670,21 @@ class Result(EqualByFields, Portable):
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Result:
-        """Load a run from an `.npz` file written by `save`.
+        """Load a run that `save` wrote.
 
-        Meshes outside of its folder are refused unless they lie in one of `roots`.
-        Raises FileError or ModelError.
+        Parameters
+        ----------
+        path : path
+            An `.npz` file.
+        roots : iterable of paths, optional
+            Folders in which meshes are permitted besides the file's own.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        ModelError
+            If its model is not valid.
         """
         try:
             file = ordinary(path)

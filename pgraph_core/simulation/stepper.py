@@ -291,11 +291,19 @@ class Stepper(Portable):
     # -- steps -----------------------------------------------------------------------------------
 
     def reset(self, q: Any = None, v: Any = None) -> None:
-        """Restart at t_start from (q, v), or from the initial state where they are None.
+        """Restart at t_start.
 
-        Each is an array or a dictionary {body: value or values}, as for `simulate`. Inputs and
-        targets are those of the start again: give theirs after it.
-        Raises InputError where the state does not fit, or the constraints cannot be met from it.
+        Inputs and targets return to their values at the start.
+
+        Parameters
+        ----------
+        q, v : array_like or dict, optional
+            Coordinates and velocities, as for `simulate`. The default is the initial state.
+
+        Raises
+        ------
+        InputError
+            If the state does not fit, or the constraints cannot be met from it.
         """
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
         self._begin(self._started, q, v)
@@ -307,13 +315,30 @@ class Stepper(Portable):
         *,
         inputs: Mapping[str, float] | None = None,
     ) -> Status:
-        """Take n steps, with `tau` (nv,) in place of the torques given at the start.
+        """Take n steps and return the status of the run.
 
-        Time advances by n steps, also if each is divided near a soft or penalty contact. `inputs`
-        by name act from now on, like those of `input`.
+        Time advances by n steps, even if a step is divided near a soft or penalty contact. A step
+        that fails leaves the state unchanged, with the reason in `status` and `message`.
 
-        A step that fails leaves the state unchanged, with the reason in `status` and `message`.
-        Further steps raise InputError until `reset` or `restore`.
+        Parameters
+        ----------
+        tau : array_like (nv,), optional
+            Torques [N·m, N] that replace those given at the start.
+        n : int, optional
+            Number of steps.
+        inputs : dict, optional
+            Values of inputs by name, which act from now on as by `input`.
+
+        Raises
+        ------
+        InputError
+            If an earlier step failed and neither `reset` nor `restore` followed.
+
+        Examples
+        --------
+        >>> stepper = pg.Stepper(pg.Model.serial(2), step=1e-3)
+        >>> while stepper.t < 0.5:
+        ...     status = stepper.step(tau=-0.1 * stepper.v)
         """
         if type(n) is not int or n < 1:
             n = _whole(n)
@@ -339,9 +364,18 @@ class Stepper(Portable):
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
-        """Take n steps and return `frames` evenly spaced states, by default all, as a Result.
+        """Take n steps and return them as a Result.
 
-        `tau` as of `step`. Counters, work and dissipation are those of these steps.
+        Counters, work and dissipation are those of these steps.
+
+        Parameters
+        ----------
+        n : int
+            Number of steps.
+        frames : int, optional
+            Number of evenly spaced states in the result. The default is all.
+        tau : array_like (nv,), optional
+            Torques [N·m, N], as for `step`.
         """
         return self._recorded(_whole(n), self._width, frames, tau)
 
@@ -351,7 +385,15 @@ class Stepper(Portable):
         record.plan = replace(record.plan, header={**record.plan.header, "why": why})
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
-        """Call `record` for a duration `dt` [s], with smaller steps if it is not a multiple."""
+        """Advance by a duration and return the steps as a Result.
+
+        Parameters
+        ----------
+        dt : float
+            Duration [s]. Steps are smaller if it is not a multiple of the step.
+        frames, tau
+            As for `record`.
+        """
         dt = positive("dt", dt, call="Stepper.record_over")
         n = max(1, math.ceil(dt / self._width - SOLVED))
         whole = abs(n * self._width - dt) <= SOLVED * self._width
@@ -380,9 +422,21 @@ class Stepper(Portable):
     # -- changes between steps -------------------------------------------------------------------
 
     def switch(self, constraint: str, active: bool) -> None:
-        """Switch a constraint off, or on with an impulse that satisfies it immediately.
+        """Switch a constraint on or off.
 
-        Raises InputError for an unknown name, or if the constraint cannot be met.
+        A constraint that is switched on is satisfied at once, by an impulse.
+
+        Parameters
+        ----------
+        constraint : str
+            Name of the constraint.
+        active : bool
+            Whether it acts from now on.
+
+        Raises
+        ------
+        InputError
+            If the name is unknown, or the constraint cannot be met.
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
@@ -417,9 +471,19 @@ class Stepper(Portable):
         return ReadOnly(now, "Stepper.inputs", "write st.step(inputs={name: value})")
 
     def input(self, name: str, value: float) -> None:
-        """Set the input of a motor, servo or actuator, which stays constant until `reset`.
+        """Set an input, which stays constant until `reset`.
 
-        Raises InputError for a name that is not there and a value that is none of its inputs.
+        Parameters
+        ----------
+        name : str
+            Name of a motor, servo or actuator.
+        value : float
+            Value of the input, in its unit.
+
+        Raises
+        ------
+        InputError
+            If the name is unknown, or the value is outside the range of the input.
         """
         self._put(name, self._checked(name, value))
 
@@ -451,8 +515,19 @@ class Stepper(Portable):
         self._steps.control["fresh"], self._looked = 0, False
 
     def target(self, servo: str, value: float) -> None:
-        """Set the target of a servo [rad, m], which stays constant until `reset`. Raises
-        InputError.
+        """Set the target of a servo, which stays constant until `reset`.
+
+        Parameters
+        ----------
+        servo : str
+            Name of the servo.
+        value : float
+            Target [rad, m].
+
+        Raises
+        ------
+        InputError
+            If the name is unknown or the value is not finite.
         """
         if servo not in self._servos:
             text = (
@@ -476,8 +551,18 @@ class Stepper(Portable):
     def restore(self, snapshot: bytes) -> None:
         """Restore a snapshot of the same mechanism, method and step size.
 
-        Kernels trust its values, so restore none from people that you would not run code of. Raises
-        InputError for bytes that `save` did not give, and changes nothing then.
+        The kernels trust the values of a snapshot. Restore it only if you would also run code from
+        its author.
+
+        Parameters
+        ----------
+        snapshot : bytes
+            Result of `save`.
+
+        Raises
+        ------
+        InputError
+            If `save` of such a stepper did not make these bytes. The stepper stays unchanged.
         """
         self._open()
         memory = self._memory()

@@ -74,7 +74,15 @@ class Walk(Portable):
         return self.controller.gait
 
     def step(self, dt: float, *, frames: int | None = None) -> Result:
-        """Return a run over the next `dt` seconds, by default with one frame per step."""
+        """Advance the walk and return the motion.
+
+        Parameters
+        ----------
+        dt : float
+            Duration [s].
+        frames : int, optional
+            Number of evenly spaced states in the result. The default is one per step.
+        """
         dt = positive("dt", dt, call="Walk.step")
         if any(end <= self.t for end, _ in self._pushes):
             self._pushes = [push for push in self._pushes if push[0] > self.t]
@@ -142,7 +150,15 @@ class Walk(Portable):
     def change(self, **fields: Any) -> None:
         """Change fields of the gait from now on.
 
-        Raises ModelError or InputError; then nothing changes.
+        Parameters
+        ----------
+        **fields
+            New values by name of field of `Gait`.
+
+        Raises
+        ------
+        ModelError, InputError
+            If a field does not exist or a value is not permitted. The gait stays unchanged.
         """
         self.controller = self.controller.changed(self.t, **fields)
         self._built = False
@@ -150,8 +166,16 @@ class Walk(Portable):
     def push(
         self, force: Sequence[float], seconds: float = 0.1, *, body: str | None = None
     ) -> None:
-        """Apply a force [N] in world axes at a body's origin, by default the trunk's, from now
-        on.
+        """Push a body for some time, starting now.
+
+        Parameters
+        ----------
+        force : array_like (3,)
+            Force in world axes [N].
+        seconds : float, optional
+            Duration [s].
+        body : str, optional
+            Body at whose origin the force acts. The default is the trunk.
         """
         t, (x, y, z) = self.t, force
         end, edge = t + seconds, NOTABLE * seconds
@@ -165,7 +189,13 @@ class Walk(Portable):
         self._built = False
 
     def follow(self, model: Model) -> None:
-        """Continue with another model with the same joints, without informing the controller."""
+        """Continue with a changed model, without informing the controller.
+
+        Parameters
+        ----------
+        model : Model
+            A model with the same joints.
+        """
         mech = Mechanism(model)
         self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
         self.mech, self._built = mech, False

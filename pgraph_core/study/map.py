@@ -395,7 +395,13 @@ class StabilityMap(Portable):
         return found
 
     def figure(self, *, narrow: bool = False) -> str:
-        """Return a heat map as standalone SVG text, `narrow` to fit a page column."""
+        """Return a heat map as standalone SVG text.
+
+        Parameters
+        ----------
+        narrow : bool, optional
+            Whether the figure must fit the width of a column.
+        """
         squares = []
         for c in self.cells:
             letter, colour, ink, _ = LOOK[c.status]
@@ -456,7 +462,18 @@ class StabilityMap(Portable):
         return json.dumps(self.to_dict(), allow_nan=False)
 
     def save(self, path: str | Path, /) -> None:
-        """Write a page (.html), the figure (.svg) or the numbers (.json). Raises FileError."""
+        """Save the map to a file.
+
+        Parameters
+        ----------
+        path : path
+            A page (.html), the figure (.svg) or the numbers (.json).
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
+        """
         kinds = {".html": self.html, ".svg": self.figure, ".json": self.to_json}
         suffix = Path(path).suffix.lower()
         if suffix not in kinds:

@@ -223,13 +223,27 @@ class Study(Portable):
         return tuple(dict.fromkeys(row.method for row in self.rows))
 
     def of(self, method: str) -> tuple[Row, ...]:
-        """Return the rows for one curve, limited to those with an error and a time."""
+        """Return the rows of one method that have an error and a time.
+
+        Parameters
+        ----------
+        method : str
+            Name of the method.
+        """
         return tuple(row for row in self.rows if row.method == method and row.error and row.seconds)
 
     def recommend(self, target: float | None = None) -> Row:
-        """Return the fastest of our runs with an error of at most `target`.
+        """Return the fastest run that is accurate enough.
 
-        Raises InputError if there is none, with the best error reached.
+        Parameters
+        ----------
+        target : float, optional
+            Largest permitted error. The default is the target of the report.
+
+        Raises
+        ------
+        InputError
+            If no run is accurate enough. The message gives the smallest error.
         """
         wanted = self.target if target is None else target
         if wanted is None:
@@ -252,7 +266,18 @@ class Study(Portable):
         return f"{reached} at {best.setting}{why}{more}"
 
     def time_at(self, error: float) -> dict[str, float]:
-        """Return {method: seconds} to reach an error, by log-log interpolation along each curve."""
+        """Return the time that each method needs for an error.
+
+        Parameters
+        ----------
+        error : float
+            The error, in the unit of the report.
+
+        Returns
+        -------
+        dict
+            Seconds by method, interpolated along its curve in logarithmic scales.
+        """
         found = {name: seconds_at(self.of(name), error) for name in self.methods}
         return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
 
@@ -367,7 +392,13 @@ class Study(Portable):
         return cells
 
     def figure(self, *, narrow: bool = False) -> str:
-        """Draw the diagram as SVG in the page's colours. `narrow` makes it fit a column."""
+        """Return the diagram as standalone SVG text.
+
+        Parameters
+        ----------
+        narrow : bool, optional
+            Whether the figure must fit the width of a column.
+        """
         curves = []
         for name in self.methods:
             rows = self.of(name)
@@ -418,9 +449,17 @@ class Study(Portable):
         return json.dumps(plain(self.to_dict()), allow_nan=False)
 
     def save(self, path: str | Path, /) -> None:
-        """Save the report as a page (.html), data (.json), diagram (.svg) or table (.txt).
+        """Save the report to a file.
 
-        Raises FileError.
+        Parameters
+        ----------
+        path : path
+            A page (.html), the data (.json), the diagram (.svg) or a table (.txt).
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
         """
         kinds = dict(zip(self.SUFFIXES, (self.html, self.to_json, self.figure, self.__str__)))
         suffix = Path(path).suffix.lower()

@@ -98,7 +98,18 @@ class Sweep(Portable):
         return out.getvalue()
 
     def save(self, path: str | FilePath, /) -> None:
-        """Save the table as .csv or .parquet. Raises FileError."""
+        """Save the table to a file.
+
+        Parameters
+        ----------
+        path : path
+            A .csv or .parquet file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written or has another suffix.
+        """
         suffix = _format(path)
         if suffix == ".csv":
             write_atomic(path, self.to_csv())
@@ -112,8 +123,18 @@ class Sweep(Portable):
         write_atomic(path, buffer.getvalue())
 
     def plot(self, metric: str | None = None) -> Any:
-        """Plot with matplotlib: a curve for one path, a map for two, or one panel per path for
-        more.
+        """Plot the sweep with Matplotlib.
+
+        One path gives a curve, two give a map, and more give one panel per path.
+
+        Parameters
+        ----------
+        metric : str, optional
+            Name of the plotted metric. The default is the first.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
         """
         from ..errors import needed
 

@@ -316,7 +316,20 @@ class Verdict:
 
 @explained
 def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Verdict:
-    """Run a case and compare it with its reference. Raises InputError if `case` is not a Case."""
+    """Run a case and compare it with its reference.
+
+    Parameters
+    ----------
+    case : Case
+        A case, for example from `load_cases`.
+    progress : callable, optional
+        Function that is called with the completed fraction.
+
+    Raises
+    ------
+    InputError
+        If `case` is not a Case.
+    """
     if not isinstance(case, Case):
         raise wrong_type("verify", "case", "a pg.Case, one of those of pg.load_cases(path)", case)
     motion = case.motion(progress=progress, estimate=False)  # the error itself is measured
@@ -333,7 +346,20 @@ def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Ver
 
 @explained
 def load_cases(path: str | Path, /) -> tuple[Case, ...]:
-    """Load the cases from a file. Raises FileError or ModelError."""
+    """Load test cases from a file.
+
+    Parameters
+    ----------
+    path : path
+        A JSON file of cases.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read.
+    ModelError
+        If a case is not valid.
+    """
     data = _object(path)
     try:
         return tuple(_case(data, entry, Path(path)) for entry in data["cases"])
