@@ -75,9 +75,7 @@ class Sine(Frozen):
 
 
 class Polynomial(Frozen):
-    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3, for all times. (0, 2) turns at a constant 2
-    rad/s.
-    """
+    """The polynomial c0 + c1 t + c2 t^2 + c3 t^3 at all times. (0, 2) turns at 2 rad/s."""
 
     kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
     coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = field(

@@ -122,9 +122,7 @@ def field(
     help: str = "",
     **bounds: Any,
 ) -> Any:
-    """Declare a field of a part. `converter` gives type checkers the accepted and the stored
-    type.
-    """
+    """Declare a field. `converter` gives type checkers the accepted and the stored type."""
     found = Field(default, description=description, title=label or None, **bounds)
     found.metadata.append(Facts(dim, over, role, since, help))
     return found
@@ -153,9 +151,7 @@ PLAIN = frozenset((float, int, str))  # most of what a description holds
 
 
 def listed(value: Any) -> Any:
-    """Convert lists and NumPy arrays to tuples and NumPy scalars to numbers. Keep everything
-    else.
-    """
+    """Convert lists and arrays to tuples and NumPy scalars to numbers. Keep all else."""
     kind = type(value)
     if kind in PLAIN:
         return value
@@ -383,9 +379,7 @@ class Frozen(_Base):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Reject assignment, since parts are immutable and edits create new ones. Raises
-        ModelError.
-        """
+        """Reject assignment: parts are immutable and edits create new ones. Raises ModelError."""
         own = getattr(self, "name", None)
         where = type(self).__name__.lower() + (f" {shown(own)}" if own else "")
         if name not in type(self).model_fields:
@@ -754,9 +748,7 @@ class OnSum(OfSums):
 
 
 def whole(value: Any) -> int | None:
-    """Convert a Python or NumPy integer to an int. Return None for anything else, including
-    booleans.
-    """
+    """Convert a Python or NumPy integer to an int. Return None for anything else, and booleans."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
 
 

@@ -102,9 +102,7 @@ class Task:
         self.ended = ended or (lambda seen: np.zeros(seen.shape[:-1], dtype=bool))
 
     def substeps(self, options: dict[str, Any]) -> tuple[int, dict[str, Any]]:
-        """Return the number of steps per action, and options with a step size that divides the
-        interval.
-        """
+        """Return the steps per action, and options with a step that divides the interval."""
         step = options.get("step") or Stepper(self.mech, **options).width
         n = max(1, math.ceil(self.dt / step - 0.5))
         return n, {**options, "step": self.dt / n}
@@ -121,9 +119,7 @@ class Task:
         return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
     def _bounds(self, f: OnJoint) -> tuple[float, float]:
-        """Return the limits of an input, narrowed by the motor's torque or the servo's joint
-        limits.
-        """
+        """Return the limits of an input, narrowed by the motor's torque or the joint limits."""
         low, high = f.inputs
         if isinstance(f, Motor) and not f.integrates:
             low, high = max(low, f.torques[0]), min(high, f.torques[1])
@@ -199,9 +195,7 @@ class Many(Protocol):
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """Return rewards and a mask of ended episodes. Instances that are `over` are then
-        restarted.
-        """
+        """Return rewards and a mask of ended episodes. Instances that are `over` restart."""
         ...
 
     def observed(self) -> Array:
@@ -217,9 +211,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     }  # fmt: skip
 
     def __init__(self, many: Many, num_envs: int, observation: Any, action: Any, most: float):
-        """Create environments with the spaces of one instance and at most `most` steps per
-        episode.
-        """
+        """Create environments with the spaces of one instance and episodes of `most` steps."""
         self.many, self.num_envs, self._most = many, num_envs, most
         self.single_observation_space, self.single_action_space = observation, action
         self.observation_space = gymnasium.vector.utils.batch_space(observation, num_envs)
@@ -234,9 +226,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Reset all instances. Instance i matches a single environment with seed + i, or with the
-        i-th seed in a list.
-        """
+        """Reset all instances. Instance i has seed + i, or the i-th of a list of seeds."""
         if seed is not None or not self._rngs:
             self._rngs = [gymnasium.utils.seeding.np_random(x)[0] for x in self._seeds(seed)]
         self._start(np.arange(self.num_envs))
@@ -299,9 +289,7 @@ class Instances:
     def step(
         self, action: Any, rngs: Sequence[np.random.Generator], over: Array
     ) -> tuple[Array, Array]:
-        """Return rewards and a mask of ended episodes after `dt`. Raises InputError for a wrong
-        shape.
-        """
+        """Return rewards and a mask of ended episodes after `dt`. Raises InputError by shape."""
         given = self.task.checked(action, self._space)
         tau = np.zeros((self.batch.size, self.task.mech.nv)) if self.drives else given
         for f, column in zip(self.drives, given.T):

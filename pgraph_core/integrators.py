@@ -71,9 +71,7 @@ class Method(NamedTuple):
 
 
 def _pi(order: int, last: float, most: float) -> tuple[float, float, float, float, float]:
-    """Return the gains for PI control of an error that grows as h^order ([Hairer, Wanner 1996,
-    IV.2]).
-    """
+    """Return the gains of PI control for an error as h^order ([Hairer, Wanner 1996, IV.2])."""
     return 0.9, 1.0 / order - 0.75 * last, last, 0.2, most
 
 
@@ -136,9 +134,7 @@ def dopri5() -> Tableau:
 
 
 def dop853() -> Tableau:
-    """Return a tableau of order 8 with error estimates of orders 5 and 3 and dense output of order
-    7.
-    """
+    """Return a tableau of order 8 with errors of orders 5 and 3 and dense output of order 7."""
     a = _square(DOP853_A, 16)
     third = np.zeros(12)
     third[[0, 8, 11]] = DOP853_THIRD
@@ -200,9 +196,7 @@ def _decoupled(a: Array) -> Array:
 
 
 def gauss6() -> Tableau:
-    """Return the tableau of three-stage Gauss collocation, symplectic and of order 6 ([Hairer et
-    al. 2006, II.1.3]).
-    """
+    """Return three-stage Gauss collocation, symplectic, order 6 ([Hairer et al. 2006, II.1.3])."""
     r = np.sqrt(15.0)
     a = np.array(
         [

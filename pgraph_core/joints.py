@@ -99,9 +99,7 @@ def nv(motions: tuple[Motion, ...]) -> int:
 
 
 def places(motions: tuple[Motion, ...]) -> list[int | None]:
-    """Return the index in q for each degree of freedom, or None for rotations of ball and free
-    joints.
-    """
+    """Return the index in q of each freedom, or None for rotations of ball and free joints."""
     found: list[int | None] = []
     start = 0
     for m in motions:
@@ -155,9 +153,7 @@ def joint_problems(
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
-    """Return problems with limits: a wrong number, a wrong order, or a motion without a single
-    position.
-    """
+    """Return problems with limits: a wrong number or order, or a motion without a position."""
     if not limits:
         return []
     if not motions:
@@ -190,9 +186,7 @@ def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, 
 
 
 def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
-    """Return problems with successive collinear rotations or slides, which form one degree of
-    freedom.
-    """
+    """Return problems with successive collinear rotations or slides, which are one freedom."""
     return [
         (
             "axes",
@@ -205,9 +199,7 @@ def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
 
 
 def parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    """Return True if two directions are parallel to within 1e-9 rad, so that a joint cannot have
-    both.
-    """
+    """Return True if two directions are parallel to 1e-9 rad: a joint cannot have both."""
     return _norm(_cross(a, b)) <= 1e-9 * _norm(a) * _norm(b)
 
 

@@ -116,9 +116,7 @@ class Source:
 
 
 def read_markup(path: Path) -> Element:
-    """Return the root element of an XML file. Raises FileError, also if the file exceeds the limits
-    above.
-    """
+    """Return the root element of an XML file. Raises FileError, also for one beyond limits."""
     try:
         content = content_of(path, LARGEST_XML)
     except FileNotFoundError:

@@ -40,9 +40,7 @@ def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
 
 
 def parsed_mesh(file: str | Path) -> Any:
-    """Return the geometry from a file without conversion. Only this file is opened, not files it
-    references.
-    """
+    """Return the geometry of a file as it is. Files that this one references stay closed."""
     trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):

@@ -39,9 +39,7 @@ SUM = 16  # bytes: of the digest that follows the name of the kind
 
 
 def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
-    """Return a snapshot for a `kind`, made up of a digest, the version, the words and the state
-    bytes.
-    """
+    """Return a snapshot of a `kind`: a digest, the version, the words and the state bytes."""
     head = "\n".join((installed(), *words)).encode()
     rest = b"".join((len(head).to_bytes(4, "little"), head, body))
     return b"".join((_magic(kind), sha256(rest).digest()[:SUM], rest))
@@ -88,9 +86,7 @@ def _magic(kind: str) -> bytes:
 
 
 def _empty(written: str, module: str, name: str) -> Any:
-    """Create an instance without state, for `pickle`. Raises InputError for another version's
-    pickle.
-    """
+    """Create an instance without state, for `pickle`. Raises InputError for other versions."""
     if written != installed():
         text = (
             f"was written by Pgraph {written}, and Pgraph {installed()} is running; use "

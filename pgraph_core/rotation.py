@@ -61,9 +61,7 @@ def skew(x: Sequence[float] | Array) -> Array:
 
 
 def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
-    """Return the (3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ),
-    Fig. 7.
-    """
+    """Return the rotation (3, 3) about a unit axis: I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
     h = skew(axis)
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)
 

@@ -25,9 +25,7 @@ Ints: TypeAlias = "NDArray[np.int64]"
 @explained
 @dataclass(frozen=True, eq=False)
 class Topology(EqualByFields, Portable):
-    """The bodies of a model, numbered in depth-first pre-order with the left child (upper row)
-    first.
-    """
+    """The bodies of a model, numbered depth-first, left child (upper row) first."""
 
     names: tuple[str, ...]  # by number
     row: Ints  # (nb,) row of the table, from 0, by number

@@ -112,9 +112,7 @@ def ours(name: str, known: Iterable[str]) -> str:
 
 
 def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-    """Return arguments under Pgraph names, or {} if none is renamed or two have the same
-    meaning.
-    """
+    """Return arguments under Pgraph names, or {} if none is renamed or two mean the same."""
     names = list(known)
     pairs = [(ours(name, names) or name, value) for name, value in given.items()]
     changed = [name for name, _ in pairs] != list(given)
@@ -141,9 +139,7 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
 
 
 def synonym(name: Any, known: Iterable[str]) -> str:
-    """Return the hint "did you mean revolute?" for a choice that another program names
-    differently.
-    """
+    """Return the hint "did you mean revolute?" for another program's word for a choice."""
     listed = list(known)
     word = name.lower() if isinstance(name, str) else ""
     found = chosen(name, listed) or next((x for x in NEAR_CHOICES.get(word, ()) if x in listed), "")

@@ -168,9 +168,7 @@ def closed(rows: Rows) -> Closing:
 
 
 def descended(rows: Rows, enough: float = ROUNDING, rounds: int = CLOSING_ROUNDS) -> Closing:
-    """Run `closed` from this start only, until the gap is below `enough` times the mechanism's
-    size.
-    """
+    """Run `closed` from this start until the gap is below `enough` times the mechanism's size."""
     damping = 0.1
     idle = 0
     for taken in range(rounds):

@@ -131,16 +131,12 @@ class Place(Balance):
 
     @property
     def reach(self) -> Array:
-        """The step scale for each coordinate (nv,): 1 rad for rotations, else the mechanism's size
-        [m].
-        """
+        """The step scale of each coordinate (nv,): 1 rad of rotations, or the mechanism's size."""
         return np.where(self.rows.turns, 1.0, self.size)
 
     @cached_property
     def weights(self) -> Array:
-        """The weight carried by each joint (nv,), multiplied by the mechanism's size for
-        rotations.
-        """
+        """The weight carried by each joint (nv,), times the mechanism's size for rotations."""
         packed, topology = self.mech.packed, self.mech.topology
         carried = np.array([b.mass for b in packed.model.bodies])[topology.row]
         for n in range(len(carried), 0, -1):
@@ -226,9 +222,7 @@ class _Search:
         return free @ right[int(np.sum(sizes > ROUNDING * sizes.max(initial=0.0))) :].T
 
     def released(self) -> bool:
-        """Release the joint that is pushed hardest away from its limit. Return False if there is
-        none.
-        """
+        """Release the joint pushed hardest away from its limit. Return False if there is none."""
         if not self.held.any():
             return False
         here, held = self.here, np.flatnonzero(self.held)
@@ -306,9 +300,7 @@ class _Search:
         return self.best if least <= SOLVED else None
 
     def off_the_saddle(self, ways: _Ways) -> Place | None:
-        """Return a lower position on the downhill side of the direction with the most negative
-        curvature.
-        """
+        """Return a lower position downhill along the direction of the most negative curvature."""
         way = ways.vectors[:, 0]
         way = way if way @ ways.slope <= 0 else -way
         for side in (ways.free @ way, -(ways.free @ way)):

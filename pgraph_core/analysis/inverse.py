@@ -141,9 +141,7 @@ def _coordinates(mech: Dynamics, actuated: Sequence[str] | None) -> Ints:
 
 
 def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Array:
-    """Return the positive cost of τ² for each coordinate (nv,). Defaults to 1. Raises
-    InputError.
-    """
+    """Return the positive cost of τ² for each coordinate (nv,), 1 by default. Raises InputError."""
     if weights is None:
         return np.ones(mech.nv)
     if isinstance(weights, Mapping):

@@ -151,9 +151,7 @@ class Balance:
         return self.mech.bias_force(self.q, self.v) - self.torque(self.q, self.v)
 
     def gamma(self, q: Array, v: Array) -> Array:
-        """The bias γ (m,) in J v' + γ = 0 for the active rows, from the kernel that enforces
-        them.
-        """
+        """The bias γ (m,) in J v' + γ = 0 of the active rows, from the kernel that enforces it."""
         mech, scene = self.mech, self.held
         tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
         motion.acceleration(self.scene.address, 0.0, q, v, tau, vdot, flow)
@@ -354,9 +352,7 @@ def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array
 
 
 def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]:
-    """Return eigenvalues ±iω, or ±s for unstable motions, and their modes, from symmetric
-    problems.
-    """
+    """Return eigenvalues ±iω, or ±s of unstable motions, and modes, from symmetric problems."""
     K, M = by_place.T @ force_q @ by_place, by_place.T @ here.M @ by_place
     inverse: Any = np.linalg.inv(M) if len(here.rows.J) else flexibility(here.mech, here.q)
     found, shapes = squares(M, K, inverse)
@@ -366,9 +362,7 @@ def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]
 
 
 def _independent(free: Array, first: Ints | None = None) -> Ints:
-    """Choose independent coordinates that describe the motions `free` (nv, n), in ascending
-    order.
-    """
+    """Choose independent coordinates that describe the motions `free` (nv, n), ascending."""
     from scipy.linalg import qr
 
     n = free.shape[1]
@@ -478,9 +472,7 @@ def forward_derivatives(
 
 
 def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
-    """Return the derivative kernel and its workspace, cached with the mechanism after the first
-    call.
-    """
+    """Return the derivative kernel and its workspace, cached with the mechanism once made."""
     if not mech._slopes:
         packed, n, whole = mech.packed, mech.nv, slice(None)
         sprung = len(packed.passive.table) or packed.passive_loads.number
@@ -501,9 +493,7 @@ def slopes_of(mech: Dynamics) -> tuple[Any, ...]:
 
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-    """Return M ∂v'/∂q and M ∂v'/∂v. At rest, these are minus the small-motion stiffness and
-    damping.
-    """
+    """Return M ∂v'/∂q and M ∂v'/∂v. At rest, they are minus the stiffness and damping."""
     by_q, by_v = torque_slopes(mech, q, v, mech._tree_acceleration(q, v, tau))
     spring, damper = passive_slopes(mech, q, v)
     return spring - by_q, damper - by_v
@@ -580,17 +570,13 @@ FOURTH, SIXTH = np.array([8.0, -1.0, 0.0]) / 12, np.array([45.0, -9.0, 1.0]) / 6
 def differences(
     mech: Dynamics, q: Array, of: Callable[[Array], Array], steps: tuple[float, ...] = STEPS
 ) -> Array:
-    """Return the (k, nv) derivatives of a (k,) function in q, to within about 1e-11 of the
-    largest.
-    """
+    """Return the (k, nv) derivatives of a (k,) function in q, to about 1e-11 of the largest."""
     along = [lambda h, e=e: of(_moved(mech, q, e, h)) for e in np.eye(mech.nv)]
     return np.array([_slope(one, steps) for one in along]).T
 
 
 def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
-    """Return the (k, nv) derivatives of a (k,) function in v, to within about 1e-11 of the
-    largest.
-    """
+    """Return the (k, nv) derivatives of a (k,) function in v, to about 1e-11 of the largest."""
     return np.array([_slope(lambda h, e=e: of(v + h * e), STEPS) for e in np.eye(len(v))]).T
 
 

@@ -180,9 +180,7 @@ def complement(basis: Array, n: int) -> Array:
 
 
 def _freed(basis: Array, y: Array) -> Array:
-    """Remove the components along an orthonormal basis from vectors (..., nv), in the mass
-    metric.
-    """
+    """Remove the components along an orthonormal basis from vectors (..., nv), in the metric M."""
     for _ in range(2):
         y = y - (y @ basis.T) @ basis
     return y

@@ -198,9 +198,7 @@ class Rows:
         return self._directions(i) @ (mine - other)[part]
 
     def _point_jacobian(self, row: int, x: Array) -> Array:
-        """Return the Jacobian (6, nv) of the material point of a row currently at x in the
-        world.
-        """
+        """Return the Jacobian (6, nv) of the material point of a row now at x in the world."""
         jac, work = np.zeros((6, self.nv)), self.scene.work
         if row > 0:
             turn = work[row, at.R : at.R + 9].reshape(3, 3)

@@ -153,9 +153,7 @@ class _Look:
         return np.linalg.eigh(scaled)
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
-        """Return the position after a time tau if it has null rows beyond the `usual`
-        combinations.
-        """
+        """Return the position after a time tau if it has null rows beyond the `usual` ones."""
         values, vectors = self.eigen(tau)
         count = int((values < NULL).sum())
         if count <= usual.shape[1]:
@@ -165,9 +163,7 @@ class _Look:
         return Passed(self.t + tau, tuple(named(self.scene, rows)), self.places[tau])
 
     def lowest(self, width: float, nulls: int) -> float:
-        """Return the time within `width` at which eigenvalue number `nulls` is smallest, by
-        parabolas.
-        """
+        """Return the time within `width` at which eigenvalue `nulls` is smallest, by parabolas."""
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(PARABOLAS):
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
@@ -347,9 +343,7 @@ def holding(
 
 
 def approach(mech: Dynamics, q: Array, body: str, point: Array, normal: Array) -> Array:
-    """Return the gradient (nv,) of the position along `normal` for a point (world axes) on a
-    body.
-    """
+    """Return the gradient (nv,) of the position along `normal` of a body's point (world axes)."""
     J = mech.jacobian(q, body)
     arm = point - mech.pose(q, body)[0]
     return np.asarray(J[3:].T @ normal + J[:3].T @ np.cross(arm, normal), dtype=float)

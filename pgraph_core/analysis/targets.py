@@ -128,9 +128,7 @@ def _turn(name: str, given: Any) -> Array:
 
 
 def bounds(mech: Dynamics) -> tuple[Array, Array]:
-    """Return the lower and upper limits of each degree of freedom, (nv,) each, infinite for
-    balls.
-    """
+    """Return the lower and upper limits of each coordinate, (nv,) each, infinite for balls."""
     low, high = np.full(mech.nv, -np.inf), np.full(mech.nv, np.inf)
     for name, joint in mech.joints.items():
         body, j = mech.model.body(name), joint.v.start
@@ -172,9 +170,7 @@ def single(rows: Rows) -> Array:
 def _descended(
     rows: Rows, wanted: list[Target], low: Array, high: Array, rounds: int = REACH_ROUNDS
 ) -> tuple[Array, float]:
-    """Descend from a start and return (q, residual [m]). Rotations are scaled by radius of
-    gyration.
-    """
+    """Descend from a start to (q, residual [m]). Rotations count by the radius of gyration."""
     damping, left = 1e-3, np.inf
     error, J = _errors(rows, wanted)
     left = float(np.linalg.norm(error))

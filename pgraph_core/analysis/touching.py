@@ -33,9 +33,7 @@ def length_of(mech: Dynamics, f: Force, q: Array) -> float:
 
 
 def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
-    """Return (vector from a spring's other end to its own (3,) [m], its derivative in v (3,
-    nv)).
-    """
+    """Return (vector from a spring's other end to its own (3,) [m], its slope in v (3, nv))."""
     own, other = points_of(f, mech.model.body(f.body))
     apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
     for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):
@@ -107,9 +105,7 @@ class Touching:
                 self.shut.append(f"the limit of {f.kind} '{f.name}'")
 
     def torque(self, q: Array, v: Array) -> Array:
-        """Return τ (nv,) from soft and penalty contacts, computed as M times their contribution to
-        v'.
-        """
+        """Return τ (nv,) of soft and penalty contacts, computed as M times their part of v'."""
         if not self.depth:
             return np.zeros(self.mech.nv)
         found = []

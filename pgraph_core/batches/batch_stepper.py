@@ -218,9 +218,7 @@ class BatchStepper(Portable):
 
     @property
     def notices(self) -> dict[str, Ints]:
-        """Warnings as {message about a model or its start: (n,) instances}, as from separate
-        Steppers.
-        """
+        """Warnings as {message about a model or its start: (n,) instances}, as of Steppers."""
         kind = self._many.kind
         found = {text: np.flatnonzero(np.isin(kind, own)) for text, own in self._told.items()}
         return {text: which for text, which in found.items() if len(which)}
@@ -241,9 +239,7 @@ class BatchStepper(Portable):
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """Minimum gaps as {contact pair: (size,)} [m] at the states. Negative values mean
-        penetration.
-        """
+        """Minimum gaps as {contact pair: (size,)} [m] at the states, negative in penetration."""
         found = {name: np.empty(self.size) for name in self._touches(len)}
         for i in range(self.size) if found else ():
             for name, gap in self._many.into_worker(i).stepper._gaps().items():
@@ -463,9 +459,7 @@ class BatchStepper(Portable):
     # -- snapshots -------------------------------------------------------------------------------
 
     def save(self) -> bytes:
-        """Save everything that the next steps depend on, so that `restore` continues bit for
-        bit.
-        """
+        """Save all that the next steps depend on, so that `restore` continues bit for bit."""
         state = b"".join(map(bytes, self._memory()))
         return sealed("BatchStepper", (self._key(),), state)
 
@@ -563,9 +557,7 @@ def _kinds(values: Mapping[Any, Array], size: int) -> tuple[Array, Ints]:
 
 
 def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
-    """Return (first stepper, states, varying numbers, their positions), with one row per
-    stepper.
-    """
+    """Return (first stepper, states, varying numbers, their places), one row a stepper."""
     first = next(steppers)
     base, states = words_of(number_arrays(first)), [words_of(state_arrays(first))]
     shapes, always = _shapes(first), sum(a.size for a in first.recording.steps.given)
@@ -592,9 +584,7 @@ def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
 
 
 def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
-    """Return finite numbers as a (rows, columns) array, repeating a single row. Raises
-    InputError.
-    """
+    """Return finite numbers as (rows, columns), repeating a single row. Raises InputError."""
     shape = (rows,) if columns is None else (rows, columns)
     given = numbers_in(value, shape, shape[1:])
     found = np.full((0, 0, 0), np.nan) if given is None else given

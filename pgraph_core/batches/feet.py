@@ -120,9 +120,7 @@ def joints_to_ground(rows: Ints, k: int) -> list[int]:
 
 
 def drives_of(stepper: Stepper) -> Ints:
-    """Return an (n, 3) array with the index into v, the index into q or -1, and 1 per spring or
-    damper.
-    """
+    """Return (n, 3): the index into v, the index into q or -1, and 1 per spring or damper."""
     drives = stepper.recording.scene.drives
     passive = np.arange(len(drives.table)) < drives.passive
     rows = drives.table["velocity"], drives.table["coordinate"], passive
@@ -130,9 +128,7 @@ def drives_of(stepper: Stepper) -> Ints:
 
 
 def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array, Ints]:
-    """Return (nearby geometry, block, frames by lane, lane continuation) as buffers for one
-    worker.
-    """
+    """Return one worker's buffers: (geometry, block, frames by lane, lane continuation)."""
     scene, steps = stepper.recording.scene, stepper.recording.steps
     assert scene.touching is not None
     contacts, n = scene.touching.contacts, len(scene.packed.rows)
@@ -150,9 +146,7 @@ def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array,
 
 
 def _walk(stepper: Stepper, block: tuple[Array, ...]) -> tuple[int, Array, Array, Any]:
-    """Return (controller address in lanes or 0, its stored tuple, times of falls, the tuple
-    itself).
-    """
+    """Return (controller address in lanes or 0, its stored tuple, times of falls, the tuple)."""
     user, nothing = stepper.recording.user, np.zeros(0)
     if not isinstance(user, GaitTorque) or not user.kept.theirs.size or user.kept.terrain.x.size:
         return 0, nothing, nothing, None

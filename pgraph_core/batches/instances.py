@@ -51,9 +51,7 @@ def state_arrays(stepper: Stepper) -> list[Any]:
 
 
 def number_arrays(stepper: Stepper) -> list[Any]:
-    """Return the arrays from the description, including those that a failed step leaves in the
-    run.
-    """
+    """Return the description's arrays, with those that a failed step leaves in the run."""
     return [a for a in (*stepper.recording.steps.given, *stepper.recording.scene.numbers) if a.size]
 
 
@@ -81,9 +79,7 @@ class Worker:
     """The run used by one thread to step its instances."""
 
     def __init__(self, stepper: Stepper, varying: Ints):
-        """Create a worker. `varying` gives the positions, in words, of the numbers held in the
-        table.
-        """
+        """Create a worker. `varying` gives the places, in words, of the table's numbers."""
         self.stepper = stepper
         self._kept = state_arrays(stepper), number_arrays(stepper)
         own, numbers = self._kept
@@ -94,9 +90,7 @@ class Worker:
         self.run = stepper.recording.steps.address
 
     def begin(self) -> str:
-        """Begin from the run's state, projected onto its constraints. Return an error message, or
-        "".
-        """
+        """Begin from the run's state, projected onto its constraints. Return an error or ""."""
         record = self.stepper.recording
         record.ended = Outcome()
         return "" if record.begin() else record.ended.message
@@ -112,9 +106,7 @@ class Worker:
 
 
 def _spans(arrays: Sequence[Array], varying: Ints) -> Ints:
-    """Return (address, offset in a row, bytes) for the varying words, with adjacent words
-    merged.
-    """
+    """Return (address, offset in a row, bytes) of the varying words, adjacent ones merged."""
     found: list[tuple[int, int, int]] = []
     first = 0
     for a in arrays:
@@ -135,9 +127,7 @@ class Instances:
     together = 1  # instances that one worker steps in any case
 
     def __init__(self, starts: Ints, numbers: Ints, kind: Ints, workers: Sequence[Worker]):
-        """Create instances from initial states `starts` (kinds, words) and `numbers` (kinds,
-        words).
-        """
+        """Create instances from initial states `starts` and `numbers`, each (kinds, words)."""
         self.starts, self.numbers, self.kind, self.workers = starts, numbers, kind, workers
         self.states, self.codes = starts[kind], np.full(len(kind), at.RUNNING)
         size = len(kind)
@@ -182,9 +172,7 @@ class Instances:
         return np.array([self.into_worker(i).vdot() for i in range(len(self.kind))])
 
     def spread(self, work: Callable[[int, int, int], object], count: int) -> None:
-        """Run `work(part, begin, end)` on `count` items, split into as many parts as there are
-        workers.
-        """
+        """Run `work(part, begin, end)` on `count` items, in as many parts as there are workers."""
         blocks = -(-count // self.together)
         parts = min(len(self.workers), blocks)
         edges = np.linspace(0, blocks, parts + 1).astype(int) * self.together
@@ -227,9 +215,7 @@ class Instances:
 
 @cache
 def pool(threads: int) -> ThreadPoolExecutor:
-    """Return a thread pool kept between batches, since starting one costs as much as a small
-    batch.
-    """
+    """Return a thread pool kept between batches: starting one costs as much as a small batch."""
     return ThreadPoolExecutor(threads)
 
 
@@ -246,9 +232,7 @@ COPY = address_of_function(ctypes.memmove if JIT else _copied)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """Return True for trees that differ only in their bodies, without functions or bounded
-    servos.
-    """
+    """Return True for trees that differ in their bodies alone, without bounded servos."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
     branches |= len(scene.loads.signals[1]) > 0
@@ -271,9 +255,7 @@ def _servo_rows(stepper: Stepper) -> dict[str, Any]:
 
 
 def _const_places(stepper: Stepper) -> tuple[int, Ints]:
-    """Return (first word of the kernel constants in a row of numbers, all words with body
-    numbers).
-    """
+    """Return (first word of the kernel constants in a row of numbers, all body words)."""
     scene, first, starts, found = stepper.recording.scene, 0, [], []
     const, bodies = scene.packed.const, scene.packed.system.bodies_f
     for a in number_arrays(stepper):
@@ -323,9 +305,7 @@ class TreeLanes(Instances):
         return states
 
     def _in_lanes(self, n: int, states: Array | None) -> Ints:
-        """Take n steps in lanes and store them in `states`. Return the instances that do not fit
-        lanes.
-        """
+        """Take n steps in lanes and store them in `states`. Return the instances without a fit."""
         running = np.flatnonzero(self.codes == at.RUNNING)
         late = max(self._corners[-1:].tolist(), default=-np.inf)
         if self._cut or (self.control["time"][running] < late).any():
@@ -334,9 +314,7 @@ class TreeLanes(Instances):
         return np.concatenate((running[:0], *left))
 
     def _fit(self, q: Array, v: Array) -> NDArray[np.bool_]:
-        """Return a mask of the states that lanes accept: finite, and with angles not too large for
-        sines.
-        """
+        """Return a mask of the states that lanes accept: finite, with angles within FAR."""
         width = float(self.control["widest"][0])
         if abs(q).max(initial=0.0) < FAR and abs(v).max(initial=0.0) * width < FAR:
             return np.ones(len(q), dtype=bool)
@@ -345,9 +323,7 @@ class TreeLanes(Instances):
         return ~(far | np.any(~np.isfinite(q), axis=1))
 
     def _advance(self, which: Ints, n: int, states: Array | None) -> Ints:
-        """Take n steps in lanes and store them in `states`. Return the instances that must run
-        alone.
-        """
+        """Take n steps in lanes and store them in `states`. Return the instances to run alone."""
         plan, control = self.workers[0].stepper.recording.plan, self.control
         # of the dissipation nobody asks
         works = self._timed or self.given[which].any()
@@ -405,9 +381,7 @@ class TreeLanes(Instances):
         return from_lanes(out, len(which))
 
     def torques(self, vdot: Array) -> Array:
-        """Return the τ (m, nv) that produces v' (m, nv) at the states, in addition to passive
-        forces.
-        """
+        """Return the τ (m, nv) that produces v' (m, nv) in addition to passive forces."""
         packed = self.workers[0].stepper.mech.packed
         q, v, rates = (to_lanes(x) for x in (self.q, self.v, vdot))
         acts = self._acts(np.arange(len(self.kind)), packed.passive, packed.passive_loads)
@@ -425,9 +399,7 @@ class TreeLanes(Instances):
         return found
 
     def _pushed(self, which: Ints) -> Array:
-        """Return the given torques (m, nv), plus corrections for servos whose targets differ from
-        the tables.
-        """
+        """Return the given torques (m, nv), corrected for servos whose targets differ."""
         given, stepper = self.given[which], self.workers[0].stepper
         for name, row in _servo_rows(stepper).items():
             target = stepper.recording.plan.drives.knots[row["first_target"], 1]
@@ -451,9 +423,7 @@ class TreeLanes(Instances):
         return rows, self._constants(self.kind[which]), unnamed(drives), some
 
     def _constants(self, kind: Ints) -> Array:
-        """Return constants that are shared by all instances, or one set each as (blocks, rows,
-        columns, W).
-        """
+        """Return constants shared by all instances, or one set each (blocks, rows, columns, W)."""
         if not len(self._columns):
             return self._shared
         if self._const is None or not np.array_equal(self._const[0], kind):

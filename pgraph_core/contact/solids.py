@@ -138,9 +138,7 @@ def ellipsoid(radii: Sequence[float]) -> Solid:
 
 
 def heightfield(size: Sequence[float], heights: Any) -> Solid:
-    """Return a heightfield on a rectangle about the origin, indexed as heights[i][j] along x
-    and y.
-    """
+    """Return a heightfield on a rectangle about the origin, with heights[i][j] along x and y."""
     heights = np.asarray(heights, float)
     places = [np.linspace(-w / 2, w / 2, n) for w, n in zip(size, heights.shape)]
     grid = np.meshgrid(*places, indexing="ij")
@@ -157,9 +155,7 @@ def points(places: Any) -> Solid:
 
 
 def hull(places: Any) -> Solid:
-    """Return the convex hull of points that span a volume, with coplanar facets merged into
-    faces.
-    """
+    """Return the convex hull of points that span a volume, with coplanar facets merged."""
     from scipy.spatial import ConvexHull
 
     places = np.asarray(places, float)
@@ -436,9 +432,7 @@ def solids_of(shape: Shape) -> tuple[Solid, ...]:
 
 
 def solid_of(shape: Shape, unit: str = "m") -> Solid:
-    """Return the solid for a shape that consists of one, in its own frame. Raises FileError,
-    ModelError.
-    """
+    """Return the solid of a shape that is one, in its own frame. Raises FileError, ModelError."""
     if shape.kind == "mesh":
         return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
     return KINDS[shape.kind].solid(shape)

@@ -357,9 +357,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
 
 
 def rate_of(row: Any, pull: float) -> float:
-    """Return the rate [1/s] of a mass on a soft or penalty contact, from spring, damper and
-    friction.
-    """
+    """Return the rate [1/s] of a mass on a soft or penalty contact, with damper and friction."""
     mass, stiffness = float(row["mass"]), float(row["stiffness"])
     if row["law"] == SOFT:
         depth = (mass * pull / stiffness) ** (2 / 3)

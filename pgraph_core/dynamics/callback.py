@@ -27,9 +27,7 @@ class UserTorque(Unportable):
     """
 
     def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int):
-        """Wrap the function without calling it. Raises InputError if numba cannot compile a
-        call.
-        """
+        """Wrap the function without calling it. Raises InputError if numba cannot compile it."""
         self.function = function
         self.exchange = np.zeros((4, max(nq, nv, 1)))
         self.answer = np.zeros(1, dtype=np.int64)

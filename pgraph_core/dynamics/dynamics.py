@@ -272,9 +272,7 @@ class Dynamics(Portable):
         return mass @ place / mass.sum()
 
     def momentum(self, q: Array, v: Array) -> Array:
-        """Return the momentum (6,) in world axes, angular about the centre of mass, then linear [kg
-        m/s].
-        """
+        """Return the momentum (6,) [kg m/s] in world axes, angular about the mass centre first."""
         mass, place, velocity, spin = mass_points(self._bodies, self.body_motion(q, v))
         arm = place - mass @ place / mass.sum()
         angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)
@@ -527,9 +525,7 @@ class Dynamics(Portable):
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
-        """Return J' v (6,), so that a point on a body or site has the acceleration J v' + J' v
-        (R6).
-        """
+        """Return J' v (6,), so that a point on a body or site accelerates by J v' + J' v (R6)."""
         q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
         place = self._place(*self._on_body(name, finite("point", point, 3)))
         with self._lock:
@@ -537,9 +533,7 @@ class Dynamics(Portable):
         return bias
 
     def tip_jacobian(self, q: Array) -> Array:
-        """Return J (6 n_t, nv) for the `tip` points of all tip bodies, eqs. (18)-(20), in the order
-        of `tips`.
-        """
+        """Return J (6 n_t, nv) of the `tip` points of all tips, eqs. (18)-(20), by `tips`."""
         q = position(self.packed, q)
         points = [self.model.body(self.names[tip - 1]).tip_point for tip in self.tips]
         found = [self._jacobian(q, int(tip), point) for tip, point in zip(self.tips, points)]
@@ -612,9 +606,7 @@ FRAMES = ("world", "body")  # whose axes a velocity is in
 
 
 def at_once(checked: Called) -> Called:
-    """Compute `forward_dynamics(q, v, tau)`, calling the kernel directly if it accepts the
-    state.
-    """
+    """Compute `forward_dynamics(q, v, tau)`, by the kernel alone if it accepts the state."""
 
     @functools.wraps(checked)
     def forward_dynamics(*args: Any, **named: Any) -> Any:

@@ -71,9 +71,7 @@ class Scene(Unportable):
         user: UserTorque | None = None,
         blocks: Blocks | None = None,
     ):
-        """Create a scene with constraints `active` (indices) of `blocks`, by default the
-        model's.
-        """
+        """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
         if len(loads.signals[1]):  # values are written here, and other runs share the arrays
             drives, loads = apart(drives, loads)
         if contacts and contacts.frictions:  # its blocks take the place of the regularised law
@@ -122,9 +120,7 @@ class Scene(Unportable):
         return self._kept
 
     def solve_tighter(self) -> None:
-        """Halve the solver and gap tolerances, in a run used to estimate the error of another
-        one.
-        """
+        """Halve the tolerances of solver and gaps, in a run that tells the error of another."""
         if self.touching is not None:
             self.touching.tally["fine"] = 0.5
             first, count = (int(self.touching.tally[x]) for x in ("first_limit", "limits"))

@@ -102,9 +102,7 @@ class BodyMotion(NamedTuple):
 
 
 def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array) -> BodyMotion:
-    """Compute body motion and joint forces (checklist B18) for n states under wrenches (n, nb,
-    6).
-    """
+    """Compute body motion and joint forces (checklist B18) of n states with loads (n, nb, 6)."""
     n, nb = len(q), len(system.bodies_i) - 1
     position, rotation = np.empty((n, nb, 3)), np.empty((n, nb, 9))
     velocity, acceleration, force = (np.empty((n, nb, 6)) for _ in range(3))
@@ -147,9 +145,7 @@ class Sensors:
     """The outputs of a model as a kernel table."""
 
     def __init__(self, packed: Packed, model: Model):
-        """Build the table. Set `loads` if any output reads joint forces, and `moves` if any reads
-        bodies.
-        """
+        """Build the table. `loads`: an output reads joint forces; `moves`: one reads bodies."""
         wanted, sites = model.outputs, {s.name: s for s in model.sites}
         self.gravity = np.array(model.gravity)
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0

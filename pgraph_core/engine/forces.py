@@ -58,9 +58,7 @@ def followed(y, u, rise, lags):
 
 @part
 def piece_of(knots, first, count, t):
-    """Return (last knot not later than t, slope after it) for a piecewise linear table at time
-    t.
-    """
+    """Return (last knot not later than t, slope after it) of a piecewise linear table."""
     n = first + count - 1
     if t < knots[n, 0]:
         n = knot_after(knots, first, count, t, knots[n, 2]) - 1

@@ -122,9 +122,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
 
 @kernel(CONSTRAIN, nogil=True)
 def constrain(scene, t, q, v, vdot, flow):
-    """Add the v' due to active constraints, their power to flow[0] and the iterations to
-    flow[2].
-    """
+    """Add the v' of active constraints, their power to flow[0], iterations to flow[2]."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     flow[2] = impose(scene, t, q, v, vdot)
@@ -151,9 +149,7 @@ def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
 
 @kernel(PROJECTION, nogil=True)
 def projection(scene, t, q, v, rounds):
-    """Project q and v onto the active constraints. Returns the number of iterations, or -1 on
-    failure.
-    """
+    """Project q and v onto the active constraints. Returns the iterations, or -1 on failure."""
     return project(scene, t, q, v, rounds)
 
 

@@ -72,9 +72,7 @@ def home_link(const, k):
 
 @part
 def home_base(const, k):
-    """Return the parent body's orientation, which defines the axes of a ball's or free motion's q
-    and v.
-    """
+    """Return the parent body's orientation, the axes of a ball's or free motion's q and v."""
     return load9(const, k, at.BASE)
 
 
@@ -222,9 +220,7 @@ def add_bias(work, k, moment, force):
 
 @part
 def acceleration_of(work, k):
-    """Return V' of eq. (8) with gravity's -g as (angular, linear), which shares storage with the
-    bias.
-    """
+    """Return V' of eq. (8) with gravity's -g as (angular, linear), stored over the bias."""
     return load(work, k, at.ACCELERATION), load(work, k, at.ACCELERATION + 3)
 
 

@@ -274,9 +274,7 @@ def about_origin(s, m, c):
 
 @part
 def rodrigues(u, s, c):
-    """Return Rot(u, θ) = I + (u×) s + (u×)² (1 - c) for a unit axis, s = sin θ, c = cos θ, Fig.
-    7.
-    """
+    """Return Rot(u, θ) = I + (u×) s + (u×)² (1 - c) of a unit axis, s = sin θ, c = cos θ."""
     t = 1.0 - c
     tx, ty, tz = t * u[0], t * u[1], t * u[2]
     sx, sy, sz = s * u[0], s * u[1], s * u[2]
@@ -295,9 +293,7 @@ def rodrigues(u, s, c):
 
 @part
 def quaternion_matrix(w, x, y, z):
-    """Return the rotation matrix of a quaternion of any nonzero length. Only its direction
-    matters.
-    """
+    """Return the rotation matrix of a quaternion of any length: only its direction matters."""
     s = 2.0 / (w * w + x * x + y * y + z * z)
     return (
         1.0 - s * (y * y + z * z),

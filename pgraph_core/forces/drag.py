@@ -70,9 +70,7 @@ def pack(f: Drag, one: Any, at: Places) -> None:
 
 @part
 def drag_of(one, turn, spin, speed):
-    """Return the (torque, force) on a box with angular velocity `spin` and centre velocity
-    `speed`.
-    """
+    """Return (torque, force) on a box with angular velocity `spin` and velocity `speed`."""
     x, y, z = xyz(one.box)
     mean = (x + y + z) / 3.0
     axes = matrix(one.axes)

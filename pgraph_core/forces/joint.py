@@ -120,9 +120,7 @@ class OnJoint(Force, OfSums):
         return self
 
     def _no_state_of(self) -> list[tuple[str, str]]:
-        """Return problems with varying fields beside a lag or integral, which is integrated
-        exactly.
-        """
+        """Return problems with varying fields beside a lag or integral, integrated exactly."""
         given = getattr(self, self.INPUT)
         found: dict[str, Any] = {self.INPUT: given} if isinstance(given, str) else {}
         if not self.law.kp and not isinstance(self.law.torque, float):
@@ -146,9 +144,7 @@ class OnJoint(Force, OfSums):
         return []
 
     def _dim_of(self, name: str) -> Dim:
-        """Return the dimension of a field. Bounds on the input and on its integral follow the
-        input.
-        """
+        """Return the dimension of a field. Bounds on the input and its integral follow it."""
         acts = super()._dim_of(self.INPUT)
         if name in ("start", "state_low", "state_high"):
             return acts

@@ -90,9 +90,7 @@ def along(p, end):
 
 @part
 def line_of(one, work, linear):
-    """Return (p on A, point on B, unit vector from B's to A's, length, its rate) for a straight
-    load.
-    """
+    """Return (p on A, point on B, unit vector from B's to A's, length, rate) of a load."""
     p = point_of(xyz(one.point_a), work, one.row_a)
     end = point_of(xyz(one.point_b), work, one.row_b)
     d, length = along(p, end)

@@ -71,9 +71,7 @@ class Strut(BetweenPoints):
 
 
 def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:
-    """Return (x, value, slope) for the first segment, and (x, change of slope) for each bend as (n,
-    2).
-    """
+    """Return (x, value, slope) of the first segment, and (x, change of slope) of bends (n, 2)."""
     if lines is None:
         return (0.0, 0.0, 0.0), np.zeros((0, 2))
     x, value = np.array(lines.x), np.array(lines.value)

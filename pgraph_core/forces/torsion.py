@@ -19,9 +19,7 @@ from .base import KIND, Between, Load, Places, row
 
 
 class Torsion(Between):
-    """A torque -stiffness (angle - rest) - damping x rate on `body` about `axis` against
-    `other`.
-    """
+    """A torque -stiffness (angle - rest) - damping x rate on `body` about an `axis`."""
 
     ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")

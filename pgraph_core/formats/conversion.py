@@ -141,9 +141,7 @@ class Report:
 
 
 def suspect_rings(report: Report, gears: Iterable[tuple[Gear, str]]) -> None:
-    """Warn about each gear (and its location) that connects joints already connected by other
-    gears.
-    """
+    """Warn about each gear (and its location) between joints that other gears connect."""
     tied: dict[tuple[str, int], tuple[tuple[str, int], float, float]] = {}  # q = factor x q' + at
     for gear, where in gears:
         own, other = (gear.body, gear.coordinate), (gear.other, gear.other_coordinate)
@@ -314,9 +312,7 @@ class Folders:
         self.allowed = [*given, self.package or self.here]
 
     def _package(self) -> Path | None:
-        """Return the nearest folder with a package.xml, searching upwards from the file's own
-        folder.
-        """
+        """Return the nearest folder with a package.xml, searching upwards from the file's."""
         for folder in (self.here, *self.here.parents):
             if (folder / MANIFEST).is_file():
                 return folder
@@ -344,9 +340,7 @@ class Folders:
         return self._checked(found if not Path(name).is_absolute() else [Path(name)])
 
     def package_called(self, name: str) -> Path | None:
-        """Return a package's folder: by name above the file, by name in a root, or a root
-        itself.
-        """
+        """Return a package's folder: by name above the file, by name in a root, or a root."""
         tries = [root for root in self.allowed if root.name == name]
         tries += [root / name for root in self.allowed]
         tries += [folder for folder in self.here.parents if folder.name == name]

@@ -365,9 +365,7 @@ class _Reader:
         return found
 
     def _repeats(self, j: int, before: int) -> bool:
-        """Return True if a joint moves along the same axis as the preceding one, as for
-        backlash.
-        """
+        """Return True if a joint moves along the axis of the preceding one, as for backlash."""
         m = self.m
         if m.jnt_type[j] != m.jnt_type[before] or m.jnt_type[j] not in (SLIDE, HINGE):
             return False
@@ -551,9 +549,7 @@ class _Reader:
         return {"kind": "heightfield", "size": size, "heights": heights.tolist()}
 
     def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
-        """Return (shape, shift, turn), where compiled vertices are turnᵀ (vertices in the file -
-        shift).
-        """
+        """Return (shape, shift, turn): compiled vertices are turnᵀ (those in the file - shift)."""
         m = self.m
         k = int(m.geom_dataid[g])
         name = m.mesh(k).name

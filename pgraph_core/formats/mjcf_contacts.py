@@ -82,9 +82,7 @@ class Contacts:
                 yield shape
 
     def _wall(self, g: int) -> Iterator[dict[str, Any]]:
-        """Yield boxes with a face on a plane: one for collisions, and a visual one if the plane has
-        a size.
-        """
+        """Yield boxes with a face on a plane: one that collides, and a visual one of its size."""
         m = self.m
         drawn = [float(s) for s in m.geom_size[g][:2]]
         place, axes = self.placed[g]
@@ -105,9 +103,7 @@ class Contacts:
                 }
 
     def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
-        """Yield contacts by MuJoCo's rules. If all pairs share one law, they become one contact of
-        '*'.
-        """
+        """Yield contacts by MuJoCo's rules. Pairs that share one law become one contact of '*'."""
         solid = {
             b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
         }
@@ -247,9 +243,7 @@ class Contacts:
         return one, two
 
     def _related(self, a: int, b: int) -> bool:
-        """Return True if MuJoCo excludes a pair: welded, or parent and child other than the
-        world.
-        """
+        """Return True if MuJoCo excludes a pair: welded, or a parent and child off the world."""
         m = self.m
         one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
         if one == two:

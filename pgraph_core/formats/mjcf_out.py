@@ -173,9 +173,7 @@ class _Writer:
     # -- bodies ----------------------------------------------------------------------------------
 
     def _body(self, body: Body) -> Iterator[Tag]:
-        """Yield the element for a body and its subtree. Consecutive joints may be merged into one
-        body.
-        """
+        """Yield the element of a body and its subtree. Consecutive joints may become one body."""
         if body.name == WORLD and body.parent == GROUND and body.joint == "weld":
             yield from self._geoms(body)  # the world's own solids
             for child in self.children.get(body.name, ()):
@@ -318,18 +316,14 @@ class _Writer:
         return name
 
     def _law(self, name: str) -> tuple[float, float, float]:
-        """Return the friction for a body's geoms. MuJoCo uses the larger value for two touching
-        geoms.
-        """
+        """Return the friction of a body's geoms. MuJoCo takes the larger of two that touch."""
         mine = [self._friction(c) for c in self.touch if {name, EVERY} & {*c.touches}]
         if self.of_ground is None:
             mine += [self._friction(c) for n, c in self.floor.items() if n in (name, EVERY)]
         return min(mine, default=(0.0, 0.0, 0.0))
 
     def _ground_law(self) -> tuple[float, float, float] | None:
-        """Return the ground plane's friction if all its contacts share one value, which is the
-        largest.
-        """
+        """Return the ground plane's friction if its contacts share one value, the largest."""
         laws = {self._friction(c) for c in self.floor.values()}
         others = [self._friction(c) for c in self.touch]
         if len(laws) != 1:
@@ -367,9 +361,7 @@ class _Writer:
                     yield Tag("exclude", body1=other, body2=name)
 
     def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
-        """Yield pairs of neighbours, and pairs whose friction is not the larger of the two
-        geoms'.
-        """
+        """Yield pairs of neighbours, and pairs whose friction is not the larger of the two."""
         for k, body in enumerate(solid):
             mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
             if floor is not None and not self._still(body.name):
@@ -385,9 +377,7 @@ class _Writer:
                     yield OddPair(other, body, self._friction(c))
 
     def _apart(self, one: str, two: str) -> bool:
-        """Return True if two bodies are neighbours in MuJoCo, which only touch as an explicit
-        pair.
-        """
+        """Return True if two bodies are neighbours in MuJoCo, which touch as explicit pairs."""
         still = self._still(one), self._still(two)
         parent = self.model.body(one).parent, self.model.body(two).parent
         tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
@@ -558,9 +548,7 @@ class _Writer:
                 self.out(where, f"a {f.kind}")
 
     def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
-        """Yield the actuator of a force: gain u + bias, with u the default control in the file, 0
-        or the nearest value in range.
-        """
+        """Yield the actuator of a force, gain u + bias, with u = 0 in the file or near it."""
         gain, torque, kp, kd = f.law
         value = getattr(f, f.INPUT)
         if not isinstance(torque, float) or not isinstance(value, float):
@@ -606,9 +594,7 @@ class _Writer:
         yield one
 
     def _lifted(self) -> Iterator[tuple[str, str, float]]:
-        """Yield wrenches that support the weight of a body, with the body and the fraction of its
-        weight.
-        """
+        """Yield wrenches that support a body's weight, with the body and the fraction."""
         g = np.array(self.model.gravity)
         for f in self.model.forces:
             if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
@@ -648,9 +634,7 @@ class _Writer:
     # -- initial states --------------------------------------------------------------------------
 
     def _keys(self) -> Iterator[Tag]:
-        """Yield keyframes for the initial state, if it differs from that at q = 0, and for the
-        scenarios.
-        """
+        """Yield keyframes of the initial state, if it is not that of q = 0, and of scenarios."""
         start = Scenario(name=INITIAL)
         moved = any(b.joint != "free" and any(_away(b.q, b)) for b in self.model.bodies)
         taken: set[str] = set()

@@ -142,9 +142,7 @@ class Parts:
         )  # fmt: skip
 
     def _tendon_held(self, e: int, name: str) -> Constraint | None:
-        """Return the constraint for a tendon that keeps its length or follows another tendon
-        linearly.
-        """
+        """Return the constraint of a tendon that keeps its length or follows another linearly."""
         m, data = self.m, self.m.eq_data[e]
         one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
         total = self._along_joints(one)
@@ -181,9 +179,7 @@ class Parts:
         return found
 
     def _length(self, sums: Sums) -> float:
-        """Return the length of a tendon in the file's initial pose, where all q in the model are
-        zero.
-        """
+        """Return the length of a tendon in the file's initial pose, where q is zero here."""
         return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
 
     def _tied(self, e: int, name: str, kind: int) -> Constraint | None:
@@ -257,9 +253,7 @@ class Parts:
         return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
 
     def _several(self, a: int) -> str:
-        """Return a message if an actuator does not have exactly one input and one output, else
-        "".
-        """
+        """Return a message if an actuator does not have exactly one input and one output."""
         m = self.m
         inputs, outputs = (
             int(table[a]) if (table := getattr(m, f"actuator_{word}num", None)) is not None else 1
@@ -270,9 +264,7 @@ class Parts:
         return f"an actuator with {inputs} inputs and {outputs} outputs, not one of each"
 
     def _lifts(self) -> Iterator[Wrench]:
-        """Yield gravity compensation as wrenches at the centres of mass of the compensated
-        bodies.
-        """
+        """Yield gravity compensation as wrenches at the centres of mass of its bodies."""
         m, lifted = self.m, list[str]()
         for b in np.flatnonzero(m.body_gravcomp):
             name = self.reader.names[b]
@@ -311,9 +303,7 @@ class Parts:
             b = int(m.body_parentid[b])
 
     def _switched_off(self, a: int, name: str) -> bool:
-        """Report an actuator whose group is disabled in the file. Return False for other
-        actuators.
-        """
+        """Report an actuator whose group is disabled in the file. Return False for others."""
         m, group = self.m, int(self.m.actuator_group[a])
         if not (0 <= group < GROUPS and int(m.opt.disableactuator) >> group & 1):
             return False
@@ -406,9 +396,7 @@ class Parts:
         )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:
-        """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate), on a joint
-        or on the joints of a tendon.
-        """
+        """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate)."""
         m, kind = self.m, int(self.m.actuator_trntype[a])
         target = int(m.actuator_trnid[a, 0])
         sums = self._moved(a)
@@ -446,9 +434,7 @@ class Parts:
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
 
     def _moved(self, a: int) -> Sums | None:
-        """Return the joints that an actuator acts on, or None if its length is not a sum of
-        coordinates.
-        """
+        """Return the joints of an actuator, or None if its length is no sum of coordinates."""
         target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
         return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
 
@@ -530,9 +516,7 @@ class Parts:
         return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
 
     def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
-        """Return True if forces within these bounds, times a factor, never reach the limit of a
-        joint.
-        """
+        """Return True if forces in these bounds, times a factor, stay within a joint's limit."""
         low, high = self.m.jnt_actfrcrange[j]
         return all(low <= factor * end <= high for end in ends)
 
@@ -585,9 +569,7 @@ class Parts:
         return list(found.values())
 
     def outputs(self, sites: list[Site]) -> list[Output]:
-        """Return the sensors on joints and frames as outputs. Sensors on body frames get new
-        sites.
-        """
+        """Return the sensors on joints and frames as outputs. Those on bodies get new sites."""
         m, found = self.m, dict[str, Output]()
         kinds = needed("mujoco", "mjcf").mjtSensor
         others: dict[tuple[str, str], list[str]] = {}
@@ -613,9 +595,7 @@ class Parts:
         return list(found.values())
 
     def _sensed(self, k: int, word: str, name: str, sites: list[Site]) -> dict[str, Any]:
-        """Return the object of a sensor: a coordinate, a body, or a site, which may be a new
-        one.
-        """
+        """Return the object of a sensor: a coordinate, a body, or a site, possibly new."""
         m, what = self.m, int(self.m.sensor_objid[k])
         if word in ("jointpos", "jointvel"):
             if m.qpos0[m.jnt_qposadr[what]] and word == "jointpos":
@@ -683,9 +663,7 @@ class Parts:
         return m.body_pos[moved].ravel()
 
     def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
-        """Return (q, v) by body for a MuJoCo state, and the joints that it puts beyond their
-        limits.
-        """
+        """Return (q, v) by body of a MuJoCo state, and the joints that it puts beyond limits."""
         m, q, v = self.m, dict[str, list[float]](), dict[str, list[float]]()
         beyond: list[str] = []
         for j in range(m.njnt):
@@ -777,8 +755,6 @@ def end_name(name: str, k: int) -> str:
 
 
 def _relative(a: Array, b: Array) -> Any:
-    """Return the rotation of the body at site b relative to the body at site a if the sites
-    coincide.
-    """
+    """Return the rotation of the body at site b relative to a's if the sites coincide."""
     w, x, y, z = unit(b.tolist())
     return multiply(unit(a.tolist()), (w, -x, -y, -z))

@@ -44,9 +44,7 @@ def seen_in(file: Path) -> Seen:
 
 
 def _most(faces: Counter[Any]) -> tuple[Rgba | None, str]:
-    """Return the most common face colour and a description of what is lost. "texture" stands for an
-    image.
-    """
+    """Return the most common face colour and what is lost. "texture" stands for an image."""
     colours = Counter({paint: n for paint, n in faces.items() if isinstance(paint, tuple)})
     lost = ["its textures are not drawn"] if faces["texture"] else []
     if not colours:
@@ -68,9 +66,7 @@ LINES = re.compile(rb"^[ \t]*(?:(usemtl|mtllib)[ \t]+([^\r\n]+)|f[ \t])", re.MUL
 
 
 def _of_obj(file: Path) -> Counter[Any]:
-    """Count faces by the colour of their material. Material files are read from the mesh's
-    folder.
-    """
+    """Count faces by the colour of their material. Its files are read from the mesh's folder."""
     material, materials, faces = "", dict[str, Any](), Counter[Any]()
     for line in LINES.finditer(content_of(file, LARGEST)):
         name = (line[2] or b"").decode(errors="replace").strip()

@@ -232,9 +232,7 @@ class _Reader:
         return self._noted(0.0, lambda: read(element, name, 0.0, what, infinite=True))
 
     def _refuse_macros(self) -> None:
-        """Raise FileError if unexpanded xacro macros remain, which have no meaning in a URDF
-        file.
-        """
+        """Raise FileError if xacro macros remain unexpanded: they mean nothing in URDF."""
         for element in self.robot.inside():
             if element.tag.startswith("xacro:"):
                 raise self.source.wrong(element, "", f"holds <{element.tag}> {XACRO}")
@@ -245,9 +243,7 @@ class _Reader:
     # -- the tree --------------------------------------------------------------------------------
 
     def _named(self, tag: str) -> list[tuple[str, Element]]:
-        """Return all elements with a tag, along with their names. Duplicate names are noted as
-        faults.
-        """
+        """Return all elements with a tag by their names. Duplicate names are noted as faults."""
         first: dict[str, Element] = {}
         found: list[tuple[str, Element]] = []
         for element in self.robot.all(tag):
@@ -294,9 +290,7 @@ class _Reader:
         return joints
 
     def _order(self) -> list[str]:
-        """Return the links from the root, depth-first. Raises FileError for two roots and for
-        cycles.
-        """
+        """Return the links from the root, depth-first. Raises FileError for two roots or cycles."""
         roots = [name for name in self.links if name not in self.joint_of]
         if len(roots) > 1:
             named = choices(f"{name!r} (line {self.links[name].line})" for name in roots)
@@ -627,9 +621,7 @@ class _Reader:
             return None
 
     def _rgba(self, material: Element) -> tuple[float, ...] | None:
-        """Return the colour of a material. An invalid one is ignored, since it does not affect the
-        motion.
-        """
+        """Return the colour of a material. An invalid one is ignored: it moves nothing."""
         colour = material.first("color")
         if colour is None or colour in self.wrong_colours:
             return None
@@ -795,9 +787,7 @@ def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
 
 
 def upright(q: Sequence[float]) -> Quaternion:
-    """Return the quaternion for the same rotation whose largest component in magnitude is
-    positive.
-    """
+    """Return the quaternion of the same rotation whose largest component is positive."""
     most = max(map(abs, q))
     sign = next(math.copysign(1.0, x) for x in q if abs(x) > most - 1e-9)
     w, x, y, z = (sign * x + 0.0 for x in q)

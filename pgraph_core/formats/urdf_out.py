@@ -121,9 +121,7 @@ class _Writer:
         return name in self.model.row and len(self.model.body(name).motions) == 1
 
     def _names(self) -> dict[str, str]:
-        """Return the joint names, taken from the motor or gear if there is one, otherwise from the
-        body.
-        """
+        """Return the joint names, from the motor or gear if there is one, else from the body."""
         found: dict[str, str] = {}
         for body in self.model.bodies:
             part = self.motors.get(body.name) or self.gears.get(body.name)

@@ -47,9 +47,7 @@ class Anatomy(NamedTuple):
 
 
 def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
-    """Find the legs above the feet of a gait. Raises InputError if the model cannot walk on
-    them.
-    """
+    """Find the legs above the feet of a gait. Raises InputError if the model cannot walk."""
     model = mech.model
     if model.up != "y":
         raise _refused(gait, f"walks where up is 'y' and legs swing about z; up is '{model.up}'")
@@ -161,9 +159,7 @@ def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
 
 
 def whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
-    """Return the total mass, the centre of mass and the inertia about it at q, from the first block
-    of M.
-    """
+    """Return the mass, the centre of mass and the inertia about it at q, from a block of M."""
     block = mech.mass_matrix(q)[:6, :6]
     mass = float(block[3, 3])
     arm = np.array([block[5, 1], block[3, 2], block[4, 0]]) / -mass
@@ -202,9 +198,7 @@ def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
 
 
 def leg(f: Any, foot: complex) -> tuple[float, float]:
-    """Return the hip and knee angles that place a foot relative to the hip, as in
-    `engine.gait.legs`.
-    """
+    """Return the hip and knee angles that place a foot from the hip, as `engine.gait.legs`."""
     a, b = complex(*f["long"]), complex(*f["shank"])
     cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
     side = cmath.phase(b / a)

@@ -77,9 +77,7 @@ class Controller(Portable):
         return GaitTorque(self)
 
     def changed(self, t: float, /, **fields: object) -> Controller:
-        """Return a controller for the gait with changed fields, which continues from this
-        controller's clock at t.
-        """
+        """Return a controller of the changed gait, which goes on from this one's clock at t."""
         new = Controller(self.mech, self.gait.edit(**fields))
         old, s = self.settings[0], new.settings[0]
         rise = old["speed_to"] - old["speed_from"]
@@ -108,15 +106,11 @@ class Controller(Portable):
         return t[(t > t_start) & (t < t_end)]
 
     def start(self) -> tuple[Array, Array]:
-        """Return (q, v) at rest on the ground, at the gait's height and with the paws parallel to
-        the thighs.
-        """
+        """Return (q, v) at rest on the ground, at the gait's height, paws parallel to thighs."""
         return standing(self.mech, self.gait, self.anatomy)
 
     def _share(self) -> None:
-        """Compute the full loads, whose means over a stride support the weight without a pitching
-        moment.
-        """
+        """Compute full loads, whose means over a stride carry the weight without pitching."""
         f, a = self.legs, self.anatomy
         x = a.hips[:, 0] + f["ahead"] - a.centre[0]
         hind = x[:2].mean() / (x[:2].mean() - x[2:].mean())
@@ -135,9 +129,7 @@ class Controller(Portable):
         return waves
 
     def _planned(self) -> tuple[Array, Array]:
-        """Return the vertical and pitch accelerations over a stride that result from the planned
-        loads.
-        """
+        """Return the vertical and pitch accelerations over a stride under the planned loads."""
         gait, a = self.gait, self.anatomy
         x = np.arange(SAMPLES) / SAMPLES
         g = self.settings[0]["gravity"]
@@ -275,9 +267,7 @@ def _check_reach(a: Anatomy, gait: Gait, model: Model) -> None:
 
 
 def _twice_integrated(acceleration: Array, period: float) -> Array:
-    """Integrate the periodic part of an acceleration twice and return the (8,) wave
-    coefficients.
-    """
+    """Integrate the periodic part of an acceleration twice into (8,) wave coefficients."""
     c = np.fft.rfft(acceleration) / len(acceleration)
     k = np.arange(1, HARMONICS + 1)
     over = 2.0 / (2 * math.pi * k / period) ** 2

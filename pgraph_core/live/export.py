@@ -47,9 +47,7 @@ DIGITS = 6  # digits of the numbers of the drawing
 
 
 def recorded(model: Model, scenario: str | None = None, t_end: float | None = None) -> Result:
-    """Return the run for a figure, from a scenario or the free motion of the model. Raises
-    InputError.
-    """
+    """Return the run for a figure, by a scenario or freely. Raises InputError."""
     mech = Mechanism(model)
     given = model.scenario(scenario) if scenario is not None else None
     end = t_end or (given.t_end if given else USUAL_DURATION)

@@ -48,9 +48,7 @@ class Image:
     """The layout of structs and arrays from address `base`, and their bytes."""
 
     def __init__(self, base: int, roots: Mapping[str, Root], others: Iterable[Any] = ()):
-        """Set up the layout. `others` are arrays that are not part of a struct. Nothing is written
-        yet.
-        """
+        """Set up the layout. `others` are arrays outside structs. Nothing is written yet."""
         self.base, self._roots = base, roots
         arrays = [a for root in roots.values() for a in _arrays(root.kind, root.value)]
         arrays += [*others, *(r.within for r in roots.values() if r.within is not None)]
@@ -89,9 +87,7 @@ class Image:
         return "numbers of the run"
 
     def bytes(self, changed: Mapping[str, Any]) -> bytearray:
-        """Return the memory, with `changed` values in place of those in the structs (links,
-        addresses).
-        """
+        """Return the memory, with `changed` values of structs (links, addresses)."""
         found = bytearray(self.size)
         for begin, end, place in zip(self._begins, self._ends, self._places):
             found[place - self.base : place - self.base + end - begin] = _memory(begin, end)
@@ -289,9 +285,7 @@ class LiveRun:
         return self.image.place(self.record.steps.control_table)
 
     def links(self) -> list[tuple[int, str]]:
-        """Return (address, kernel name) pairs. The kernel's index in the function table is stored
-        at the address.
-        """
+        """Return (address, kernel name) pairs. The address gets the kernel's index in the table."""
         scene, run, found = self.image.at["scene"], self.image.at["run"], list[tuple[int, str]]()
         names = _kernels(self.plan.method.name)
         for kind, start, value in (
@@ -383,9 +377,7 @@ def _check(plan: Any) -> None:
 
 
 def _kernels(method: str) -> Mapping[int, str]:
-    """Return {address: name} for the kernels that runs call by address, limited to compiled
-    kernels.
-    """
+    """Return {address: name} of the compiled kernels that runs call by address."""
     names = [motion.acceleration, motion.projection, motion.record, motion.constrain]
     names.append(METHODS[method].kernel)
     if method == "moreau_jean":

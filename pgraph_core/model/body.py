@@ -376,9 +376,7 @@ def _pick_joint(data: dict[str, Any], dof: Any) -> None:
 
 
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
-    """Fill in `motions`. With `axes` alone, they are the directions for the motions of this
-    kind.
-    """
+    """Fill in `motions`. `axes` alone are the directions of the motions of this kind."""
     given = listed(data.get("motions"))
     try:
         motions = tuple(_motion(*m) for m in given) if given else joints.DEFAULT[kind]
@@ -480,9 +478,7 @@ def _count(n: int) -> str:
 
 
 def name_problems(name: str) -> list[Finding]:
-    """Return problems with names that would not display correctly or that have a special
-    meaning.
-    """
+    """Return problems with names that display badly or that have a special meaning."""
     if text := name_problem(name):
         return [("name", text)]
     if name == GROUND:

@@ -111,9 +111,7 @@ _TIED = {"constraint": "constrained to", "force": "tied to", "contact": "in cont
 
 
 def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Problem]:
-    """Check constraints for unknown bodies, self-constraints, invalid joint coordinates and missing
-    radii.
-    """
+    """Check constraints for unknown or equal bodies, wrong coordinates and missing radii."""
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
@@ -236,9 +234,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
 
 
 def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
-    """Return problems for forces outside the model that have limits, which act in the model as a
-    whole.
-    """
+    """Return problems of forces outside the model whose limits act in the whole model."""
     text = "limits of a {0} act in the model's own forces alone; add the {0} to the model"
     return [
         Problem(f"{of}force '{f.name}'", "low", text.format(f.kind))
@@ -264,9 +260,7 @@ def scenario_problems(
     contacts: Sequence[str],
     soles: Sequence[str] = (),
 ) -> list[Problem]:
-    """Check scenarios for unknown names, states of the wrong length and problems with their own
-    forces.
-    """
+    """Check scenarios for unknown names, states of wrong length and their own forces."""
     found = unique("scenario", [s.name for s in items])
     for s in items:
         where = f"scenario '{s.name}'"
@@ -414,9 +408,7 @@ def output_problems(
 
 
 def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Problem]:
-    """Return contacts whose static friction is below the kinetic friction inherited from the
-    ground.
-    """
+    """Return contacts whose static friction is below the ground's kinetic friction."""
     found = []
     for c in contacts:
         if c.friction is None and c.static_friction is not None:

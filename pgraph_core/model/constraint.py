@@ -195,9 +195,7 @@ class Line(OneDirection):
 
 
 class Plane(OneDirection):
-    """A constraint that keeps `point` on the plane through `other_point` normal to the
-    direction.
-    """
+    """A constraint that keeps `point` on the plane through `other_point` across `direction`."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "the point stays on a plane: 1 row"
@@ -260,9 +258,7 @@ class Gear(OfOne):
 
 
 class Motion(OfOne):
-    """A prescribed motion. The joint of `body` follows a function of time, with whatever force is
-    required.
-    """
+    """A prescribed motion: the joint of `body` follows a function of time with any force."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
@@ -290,9 +286,7 @@ class Rolling(AlongAxes):
 
 
 class Skate(AtPoint, ToOther):
-    """A blade on `body`. The velocity of `point` along `axis`, which is across the blade, is
-    zero.
-    """
+    """A blade on `body`. The velocity of `point` along `axis`, across the blade, is zero."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"

@@ -201,9 +201,7 @@ class _Copy:
         return change
 
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
-        """Return True if positions on bodies that are not copied are in the frame of the
-        reflection.
-        """
+        """Return True if positions on bodies that stay are in the frame of the reflection."""
         own = (*self.names, self.root.parent)
         if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
             return False

@@ -22,9 +22,7 @@ from .world import DOWN
 
 
 def doubts(model: Any) -> list[str]:
-    """Return warnings about values that are implausible for the model or its units, or have no
-    effect.
-    """
+    """Return warnings about values that are implausible for the model or have no effect."""
     bodies = model.bodies
     by_name = {body.name: body for body in bodies}
     return [
@@ -193,9 +191,7 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
 
 
 def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
-    """Return the reason why the joint between the ends of a spring cannot change its length or
-    angle, or "".
-    """
+    """Return why the joint between a spring's ends cannot change its length or angle, or ""."""
     body, flipped = by_name[f.body], False
     if body.parent != f.other:
         if f.other == GROUND or by_name[f.other].parent != f.body:

@@ -338,9 +338,7 @@ def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
 
 
 def attached(body: Body, gone: Mapping[str, Body]) -> Body:
-    """Return a child of a removed body, attached to the next remaining ancestor at its position at
-    q = 0.
-    """
+    """Return a child of a removed body, moved to the next remaining ancestor at q = 0."""
     while body.parent in gone:
         parent = gone[body.parent]
         ahead = rotate(parent.rotation, body.link)

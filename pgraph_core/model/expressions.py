@@ -91,9 +91,7 @@ class Known:
         return self._of_joint(node, output.at, output.coordinate, output.kind == OF_JOINT[1])
 
     def problem(self, text: str, wanted: Dim | None, *, of_time: bool = False) -> str:
-        """Return the reason why an expression is invalid in a field with dimension `wanted`, or
-        "".
-        """
+        """Return why an expression is invalid in a field of dimension `wanted`, or ""."""
         try:
             tree = parsed(text)
             for node in walk(tree):

@@ -70,9 +70,7 @@ OTHERS = bytes(set(range(256)) - set(b'[]{}"'))  # all but brackets and quotes
 
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
-    """Return a model's fields as JSON text, omitting values that are implied (default motions,
-    zeros).
-    """
+    """Return a model's fields as JSON text, without implied values (motions, zeros)."""
     data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": 1, **fields}
     _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
@@ -165,9 +163,7 @@ def _of_first_shape(formula: Formula) -> Formula:
 
 
 def _concise(body: dict[str, Any]) -> dict[str, Any]:
-    """Return a body without redundant fields: a named kind's motions, a compound's axes, and
-    zeros.
-    """
+    """Return a body without redundant fields: a kind's motions, a compound's axes, zeros."""
     implied = {"axes"} if body["joint"] == "compound" else {"motions"}
     for field in (*PER_MOTION, "v", "limits"):
         if not any(body[field]):
@@ -304,16 +300,12 @@ def _umask() -> int:
 
 
 def _number(digits: str) -> int | float:
-    """Parse an integer, or return infinity if it exceeds the float range, for field validation to
-    reject.
-    """
+    """Parse an integer, or return infinity beyond the float range, for fields to reject."""
     return int(digits) if len(digits) < 310 else float(digits)
 
 
 def _refuse_too_large(text: str, source: str) -> None:
-    """Check the limits on size, values and depth in a single pass before parsing. Raises
-    FileError.
-    """
+    """Check the limits on size, values and depth in one pass. Raises FileError."""
     if len(text) > LARGEST:
         size = f"has {len(text) / 1e6:.0f} MB; {LARGEST / 1e6:.0f} MB at most"
         raise FileError(Problem(source, "", size))

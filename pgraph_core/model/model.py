@@ -230,9 +230,7 @@ class Model(World):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about implausible values and parts without effect. They are repeated by each
-        run.
-        """
+        """Warnings about implausible values and parts without effect, repeated by each run."""
         return tuple(doubts(self))
 
     def body(self, name: str) -> Body:
@@ -464,9 +462,7 @@ class Model(World):
         return model._made((*model.notices, f'{text}that too: give kind="{twins[0]}" to mean it'))
 
     def _twins(self, name: str, fields: Iterable[str]) -> list[str]:
-        """Return the kinds of the other parts that share a body's name and have all of these
-        fields.
-        """
+        """Return the kinds of other parts that share a body's name and have these fields."""
         wanted = set(fields)
         found = [part for key in self._others() for part in getattr(self, key) if part.name == name]
         return [

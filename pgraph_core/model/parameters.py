@@ -62,9 +62,7 @@ _WORD = {
 
 
 def is_formula(value: Any, parameters: Container[str] = ()) -> bool:
-    """Return True if a cell contains a constant formula, or False if its value varies during a
-    motion.
-    """
+    """Return True if a cell holds a constant formula, False if its value varies in a motion."""
     return is_expression(value) and not varies(value, parameters)
 
 
@@ -272,9 +270,7 @@ def at(value: Any, path: Sequence[str | int]) -> Any:
 
 
 def put(value: Any, new: Mapping[Path, Any]) -> Any:
-    """Return `value` with new values at their paths, converting parts along the way to
-    dictionaries.
-    """
+    """Return `value` with new values at their paths. Parts on the way become dictionaries."""
     if () in new:
         return new[()]
     below: dict[str | int, dict[Path, Any]] = {}
@@ -291,9 +287,7 @@ def _is_place(value: Sequence[Any], first: str | int) -> bool:
 
 
 def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
-    """Return `value` with a number at a path, in all entries if it is shared, without
-    validation.
-    """
+    """Return `value` with a number at a path, in all entries if shared, unvalidated."""
     if not path:
         return (x,) * len(value) if isinstance(value, tuple) else x
     first, rest = path[0], path[1:]
@@ -315,9 +309,7 @@ def cells_of(
     parameters: Mapping[str, float],
     part: PartKind = "bodies",
 ) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
-    """Return part changes with formulas replaced by numbers, and the formulas. Raises
-    ModelError.
-    """
+    """Return part changes with formulas as numbers, and the formulas. Raises ModelError."""
     rows = tuple({**fields, "name": name} for name, fields in changes.items())
     if not any(any(formulas_in(row, (), parameters)) for row in rows):
         return {name: dict(fields) for name, fields in changes.items()}, ()

@@ -359,9 +359,7 @@ def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[s
 def condition_problems(
     scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
 ) -> list[Problem]:
-    """Return problems with conditions: unknown names, conditions never met, or endless
-    switching.
-    """
+    """Return problems with conditions: unknown names, never met, or endless switching."""
     found = []
     refused = any(body is None for body in bodies.values())
     for s in scenarios:

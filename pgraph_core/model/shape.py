@@ -269,9 +269,7 @@ def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProper
 
 
 def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
-    """Return the volume, centre and inertia about the centre at unit density, in the shape's
-    frame.
-    """
+    """Return the volume, centre and inertia about the centre at density 1, in its frame."""
     if shape.kind == "mesh":
         return _mesh_volume(shape, unit)
     if shape.kind == "heightfield":
@@ -303,9 +301,7 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 
 def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
-    """Return a capsule or cylinder along z as segments (from, to, a, b, c) with r^2 = a + b z + c
-    z^2.
-    """
+    """Return a capsule or cylinder along z as segments (from, to, a, b, c), r² = a + b z + c z²."""
     r, h = shape.radius or 0.0, shape.length or 0.0
     end = r if shape.end_radius is None else shape.end_radius
     low, high, pieces = -h / 2, h / 2, []
@@ -376,9 +372,7 @@ def leak(mesh: Any) -> str:
 
 
 def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:
-    """Return the shapes that have mass, which are the contact shapes if any, otherwise all
-    shapes.
-    """
+    """Return the shapes that have mass: the contact shapes if any, otherwise all shapes."""
     return [s for s in shapes if s.role != "visual"] or shapes
 
 

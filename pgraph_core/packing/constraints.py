@@ -96,9 +96,7 @@ class Endpoints:
         return self.rotation_b.T @ (world - self.position_b)
 
     def directions(self, c: AlongAxes) -> tuple[Array, Array]:
-        """Return (axis, other_axis) as unit vectors in body axes, which coincide at home by
-        default.
-        """
+        """Return (axis, other_axis) as unit vectors in body axes, coinciding at home by default."""
         axis, other = c.axis, c.other_axis
         if axis is not None and other is not None:
             return unit_vector(axis), unit_vector(other)
@@ -110,9 +108,7 @@ class Endpoints:
     def values(
         self, value: float = 0.0, dirs: Sequence[Array] = (), aims: Sequence[Array] = ()
     ) -> Array:
-        """Return the (28,) values for a block from points and from directions on b and a in body
-        axes.
-        """
+        """Return the (28,) values of a block from points and from directions in body axes."""
         out = np.zeros(at.BLOCK_F)
         out[at.PA : at.PA + 3] = point_in_row(self.packed, self.a, self.point)
         out[at.PB : at.PB + 3] = point_in_row(self.packed, self.b, self.other_point)
@@ -124,9 +120,7 @@ class Endpoints:
         return out
 
     def scaled(self, offset: float = 0.0) -> Array:
-        """Return the (28,) values for a coordinate row. In place of points it stores a scale for
-        rounding errors, for mechanisms without lengths.
-        """
+        """Return the (28,) values of a coordinate row, with a scale of rounding for points."""
         out = np.zeros(at.BLOCK_F)
         out[at.PA], out[at.VALUE] = self.size, offset
         return out
@@ -138,9 +132,7 @@ class Endpoints:
         return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
 
     def turned_as_at_home(self) -> Block:
-        """Return a block that prevents rotation. Row r, a_s · b_t = 0 with (r, s, t) cyclic, is
-        about axis r of b.
-        """
+        """Return a block against rotation. Row r, a_s · b_t = 0, (r, s, t) cyclic, is about b_r."""
         b = np.eye(3)
         a = self.turn.T @ b
         aims = [a[:, (r + 1) % 3] for r in range(3)]
@@ -377,9 +369,7 @@ def block_arrays(
 def values_of(
     c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
 ) -> list[Array]:
-    """Return the (28,) values for each block of a constraint, with defaults taken from these
-    poses.
-    """
+    """Return the (28,) values of each block of a constraint, by default at these poses."""
     ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
     return [block.values for block in blocks_of(ends)]
 

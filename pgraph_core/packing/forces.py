@@ -36,9 +36,7 @@ def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
 
 
 def exerts(f: Force) -> bool:
-    """Return True if a force may act in a run. A force on bodies that is always zero does not
-    act.
-    """
+    """Return True if a force may act in a run. One on bodies that is always zero does not."""
     return not isinstance(f, OnBody) or f._exerts
 
 
@@ -240,9 +238,7 @@ def bends(drives: Drives) -> Array:
 
 
 def _bounded(row: Any) -> bool:
-    """Return True if the effect of an input is limited by constants alone, independently of the
-    motion.
-    """
+    """Return True if constants alone limit the effect of an input, whatever the motion."""
     alone = row["coordinate"] < 0 and row["damping"] == 0.0 and row["lag"] == 0.0
     return bool(row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any()))
 
@@ -302,9 +298,7 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: Knots) -> list[tupl
 
 
 class Knots:
-    """Concatenated drive tables, with columns for time, value, subsequent slope and active
-    value.
-    """
+    """Concatenated drive tables, with columns for time, value, next slope and active value."""
 
     def __init__(self) -> None:
         self._parts: dict[int, Array] = {}  # by their first row

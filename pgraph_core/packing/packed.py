@@ -79,9 +79,7 @@ class Packed:
 
     @cached_property
     def length(self) -> float:
-        """The largest characteristic length among links, centres of mass and radii of gyration
-        [m].
-        """
+        """The largest length among links, centres of mass and radii of gyration [m]."""
         return length_in(self.const)
 
     @cached_property
@@ -165,9 +163,7 @@ class Packed:
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def loads(self, forces: tuple[Force, ...]) -> Loads:
-        """Return the given wrenches and springs between bodies, and the expressions in all
-        forces.
-        """
+        """Return the given wrenches, springs between bodies, and expressions of all forces."""
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)

@@ -38,9 +38,7 @@ class Program:
     """A list of unique instructions. Equal operations on equal operands share one instruction."""
 
     def __init__(self, parameters: Mapping[str, float], places: Any = None):
-        """Create an empty program. `places(group, name, k)` returns the operation and index that
-        read a signal.
-        """
+        """Create an empty program. `places(group, name, k)` tells what reads a signal."""
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
         self._named: dict[str, int] = {}
@@ -56,9 +54,7 @@ class Program:
         return self._numbers[key]
 
     def parameter(self, name: str) -> Operand:
-        """Add a named number, kept separate from equal values so that a sweep can change it
-        alone.
-        """
+        """Add a named number, apart from equal ones, so that a sweep can change it alone."""
         if name not in self._named:
             self._named[name] = len(self.rows)
             self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, self._parameters[name]))
@@ -139,9 +135,7 @@ class Program:
         return self.put(kernels.MUL, self.put(kernels.MUL, s, s), rest)
 
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
-        """Interpolate linearly between knots (position, value, ...), with constant
-        extrapolation.
-        """
+        """Interpolate linearly between knots (position, value, ...), constant outside."""
         found = knots[1]
         for a, y, b, z in zip(knots[0::2], knots[1::2], knots[2::2], knots[3::2]):
             rise, run = self.put(kernels.SUB, z, y), self.put(kernels.SUB, b, a)
@@ -151,9 +145,7 @@ class Program:
         return found
 
     def code(self) -> Array:
-        """Return the instructions and their values, which are not yet known, as a (2 n, COLUMNS)
-        array.
-        """
+        """Return the instructions and their values, not yet known, as (2 n, COLUMNS)."""
         found = np.zeros((2 * len(self.rows), kernels.COLUMNS))
         if self.rows:
             found[::2] = self.rows

@@ -65,9 +65,7 @@ class Operators:
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """The rotation, link vector, angular velocity, H and a for each body, from the outboard
-        sweep.
-        """
+        """The rotation, link vector, angular velocity, H and a of each body, outboard."""
         q = np.asarray(self.q, dtype=float)
         found: list[Joint] = []
         places = zip(q_slices(self.bodies), v_slices(self.bodies))
@@ -88,16 +86,12 @@ class Operators:
 
     @cached_property
     def home(self) -> tuple[Array, Array]:
-        """The origins (nb, 3) and rotations (nb, 3, 3) of the body frames at the model's
-        initial q.
-        """
+        """The origins (nb, 3) and rotations (nb, 3, 3) of the bodies at the initial q."""
         return home_poses(self.model)
 
     @cached_property
     def link(self) -> Array:
-        """The vectors (nb, 3) from the parent's origin to the body's, including joint displacement
-        [m].
-        """
+        """The vectors (nb, 3) from the parent's origin to the body's, with displacement [m]."""
         return np.array([joint.link for joint in self.joints]).reshape(-1, 3)
 
     @cached_property
@@ -134,9 +128,7 @@ class Operators:
 
     @cached_property
     def Phi_T(self) -> Any:
-        """The operator Φ_T (6 n_t, 6 nb), eq. (18), with one block row per tip body (R5), at its
-        `tip` point.
-        """
+        """The operator Φ_T (6 n_t, 6 nb), eq. (18), one block row per `tip` point (R5)."""
         tips = self.topology.tips - 1
         data = np.array([phi(self.rotation[k] @ self.bodies[k].tip_point) for k in tips])
         return blocks(range(len(tips)), tips, data, (len(tips), self.topology.nb))
@@ -160,9 +152,7 @@ class Operators:
         return np.concatenate([self._bias(k) for k in range(self.topology.nb)])
 
     def _spatial_mass(self, k: int) -> Array:
-        """Return M_k = [[I, m l_c ×], [-m l_c ×, m 1]], with I about the origin in world axes
-        (R8).
-        """
+        """Return M_k = [[I, m l_c ×], [-m l_c ×, m 1]], I about the origin, world axes (R8)."""
         body, R = self.bodies[k], self.rotation[k]
         c = skew(R @ body.com)
         inertia = R @ np.array(body.inertia) @ R.T - body.mass * c @ c
@@ -197,9 +187,7 @@ class Operators:
 
     @cached_property
     def base(self) -> Array:
-        """The acceleration V'_0 = [0, -g] (6 nb,) of the roots' parent, which represents gravity
-        (R7).
-        """
+        """The acceleration V'_0 = [0, -g] (6 nb,) of the roots' parent: gravity (R7)."""
         held = np.concatenate((np.zeros(3), -np.array(self.model.gravity)))
         return np.outer(self.topology.parent == 0, held).reshape(-1)
 

@@ -73,9 +73,7 @@ class FrameVectors:
 
     @property
     def link(self) -> Array:
-        """The vectors (nb, 3) from the parent's origin to the body's, including displacement
-        [m].
-        """
+        """The vectors (nb, 3) from the parent's origin to the body's, with displacement [m]."""
         slides = [[m.slide for m in parts] for visit, parts in self.walk if visit.P]
         first = [visit.number for visit, _ in self.walk if visit.P]
         link = np.zeros((len(self.rows), 3))
@@ -206,9 +204,7 @@ def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
 
 
 def increments(model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array) -> Array:
-    """Return Δθ (nv,) from q to q_next [rad, m]. For a ball joint it is the relative rotation
-    vector.
-    """
+    """Return Δθ (nv,) from q to q_next [rad, m]. Balls have relative rotation vectors."""
     bodies = bodies_of(model, Topology.of(model))
     found: list[float] = []
     for body, place in zip(bodies, q_slices(bodies)):
@@ -257,9 +253,7 @@ def _line(row: list[str], wide: list[int]) -> str:
 def frame_update_trace(
     model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array
 ) -> FrameUpdateTrace:
-    """Update all frames from q to q_next by exact increments and record every step, as in Fig.
-    8.
-    """
+    """Update all frames from q to q_next by exact increments, recording steps, as in Fig. 8."""
     q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     for body in model.bodies:
         if any(m.kind == "screw" for m in body.sequence):

@@ -81,9 +81,7 @@ def _along_axes(name: str, wrench: Array) -> dict[str, Column]:
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """Return (name, unit) for every entry of q and of v: ("knee", "rad"), or ("trunk.0", "m"),
-    ...
-    """
+    """Return (name, unit) of every entry of q and of v: ("knee", "rad"), ("trunk.0", "m")."""
     found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
     for name in mech.names:
         kinds = [KINDS[m.kind] for m in mech.model.body(name).sequence]

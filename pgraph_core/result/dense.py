@@ -116,9 +116,7 @@ def _inside(asked: Any, t: Array) -> Array:
 
 
 def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
-    """Return (q', q'') from q, v, v', using q' = ½ ω q and q'' = ½ (ω' q + ω q') for
-    quaternions.
-    """
+    """Return (q', q'') from q, v, v'. Quaternions: q' = ½ ω q and q'' = ½ (ω' q + ω q')."""
     rate, bend = np.empty_like(q), np.empty_like(q)
     of_q, of_v = plain(rows)
     rate[:, of_q], bend[:, of_q] = v[:, of_v], vdot[:, of_v]
@@ -228,9 +226,7 @@ def _at_both(x: Array, i: Ints) -> Array:
 
 
 def _corrections(frames: Any, i: Ints) -> tuple[Array, Array]:
-    """Return the maximum differences (quintic - cubic, cubic - linear) in the intervals from frames
-    i.
-    """
+    """Return the maxima of (quintic - cubic, cubic - linear) in the intervals from frames i."""
     t, q, rate, _ = frames
     rough, bent = np.zeros(len(i)), np.zeros(len(i))
     for share in (0.25, 0.5, 0.75):

@@ -91,9 +91,7 @@ class ContactRecord(EqualByFields):
 
     @classmethod
     def later(cls, make: Callable[[], ContactRecord]) -> ContactRecord:
-        """Return a record that calls `make` on first access, because this takes as long as many
-        steps.
-        """
+        """Return a record that calls `make` on first access: this takes as long as many steps."""
         found = object.__new__(cls)
         found.__dict__[MAKE] = make
         return found
@@ -160,9 +158,7 @@ class Named(Mapping[str, Any]):
     """Arrays by name. An unknown name raises a KeyError that lists the valid names."""
 
     def __init__(self, arrays: Mapping[str, Any], word: str, what: str):
-        """Set the attribute name `word` and the kind of object `what`: "contact_force",
-        "contact".
-        """
+        """Set the attribute `word` and the kind of object `what`: "contact_force", "contact"."""
         self._arrays, self._word, self._what = arrays, word, what
 
     def __getitem__(self, name: Any) -> Any:
@@ -205,16 +201,12 @@ class ByTouch(Named):
         joined: Callable[[list[Any]], Any],
         swapped: Callable[[Any, str, str], Any] = lambda value, *_: value,
     ):
-        """Set `swapped(value, a, b)`, which converts a value on a, touched by b, into the one
-        on b.
-        """
+        """Set `swapped(value, a, b)`, which turns a value on a, touched by b, into that on b."""
         super().__init__(arrays, word, "contact")
         self._model, self._joined, self._swapped = model, joined, swapped
 
     def __getitem__(self, name: Any) -> Any:
-        """Return the array for a pair, or for all contacts between two bodies. Raises
-        NameLookupError.
-        """
+        """Return the array of a pair, or of all contacts of two bodies. Raises NameLookupError."""
         if not (isinstance(name, tuple) and len(name) == 2):
             return super().__getitem__(name)
         a, b = name

@@ -164,9 +164,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def error_estimate(self) -> float:
-        """Estimated maximum error in q [rad, m] at the recorded times, the last entry of
-        `error_at`.
-        """
+        """Estimated maximum error in q [rad, m] at the recorded times, last of `error_at`."""
         return float(self.error_at[-1]) if len(self.error_at) else np.nan
 
     @property
@@ -180,9 +178,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def accuracy(self) -> str:
-        """The error estimate as text: "3e-06 rad or m, 0.01 % of the motion", or "not
-        estimated".
-        """
+        """The error estimate as text: "3e-06 rad or m, 0.01 % of the motion", "not estimated"."""
         error = self.error_estimate
         if np.isnan(error):
             return "not estimated"
@@ -489,15 +485,11 @@ class Result(EqualByFields, Portable):
             write_atomic(path, made)
 
     def show(self) -> Any:
-        """Show the animation. Returns an object to display in a notebook, else opens the
-        browser.
-        """
+        """Show the animation. Returns an object to display in a notebook, or opens a browser."""
         return _show().opened(_show().animation_html(self))
 
     def _repr_html_(self) -> str:
-        """Return the summary with a live figure if the browser can compute it, else an
-        animation.
-        """
+        """Return the summary with a live figure if the browser can compute it, or an animation."""
         facts = _show().run_html(self)
         if not len(self.t) or not self.mechanism.names:
             return facts
@@ -536,9 +528,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """Maximum slip speed [m/s] as {contact pair: (n,)}. Also accepts two names like
-        `contact_force`.
-        """
+        """Maximum slip speed [m/s] as {contact pair: (n,)}. Takes two names, too."""
         return self._by_touch("slip", np.maximum.reduce)
 
     @property
@@ -564,9 +554,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def phases(self) -> Mapping[str, Any]:
-        """Phases {point: (n,)}: swing, weight acceptance, slip or stance, and free or stop for a
-        limit.
-        """
+        """Phases {point: (n,)}: swing, weight acceptance, slip, stance; free or stop of limits."""
         return Named(self.contacts.phases, "phases", "contact point or limit")
 
     @property
@@ -606,9 +594,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def joint_force(self) -> Array:
-        """Wrenches [torque, force] transmitted by each joint to its body at its origin, (n, nb,
-        6).
-        """
+        """Wrenches [torque, force] of each joint on its body at its origin, (n, nb, 6)."""
         return self.body_motion.force
 
     @cached_property
@@ -795,9 +781,7 @@ def body_poses(run: Result) -> Array:
 
 
 def body_motion(run: Result) -> BodyMotion:
-    """Compute body motion and joint forces for all frames from (q, v, v') and the forces on
-    bodies.
-    """
+    """Compute body motion and joint forces of all frames from (q, v, v') and forces."""
     mech = run.mechanism
     states = _states(run)
     external = _loads(run)
@@ -831,9 +815,7 @@ def _loads(run: Result) -> Array:
 def add_constraint_wrenches(
     mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
 ) -> None:
-    """Add constraint forces as wrenches on the bodies, in world axes at their origins (eq.
-    (22)).
-    """
+    """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
     position = motion.pose[..., :3]
     for c in mech.model.constraints:
         if c.name not in forces or isinstance(c, InJoints):

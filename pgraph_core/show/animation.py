@@ -103,9 +103,7 @@ def whole(found: Sequence[Look], pose: np.ndarray, up: np.ndarray, leaves: bool)
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate `pose` (len(t), nb, 7) linearly at `time`. Returns (nb, 3) positions and (nb, 4)
-    quaternions.
-    """
+    """Interpolate `pose` (len(t), nb, 7) at `time` into positions (nb, 3), quaternions (nb, 4)."""
     k = int(np.clip(np.searchsorted(t, time, side="right") - 1, 0, max(len(t) - 2, 0)))
     last = min(k + 1, len(t) - 1)
     span = t[last] - t[k]

@@ -81,9 +81,7 @@ ROOM = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # 1 m, the size
 
 
 def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return the corners of the drawn bodies at these poses (n, 3) [m], or of ROOM if there are
-    none.
-    """
+    """Return the corners of the drawn bodies at these poses (n, 3) [m], or of ROOM if none."""
     found = [p + corners(look.pieces) @ r.T for look, p, r in zip(looks, positions, R)]
     return np.concatenate(found) if found else ROOM
 

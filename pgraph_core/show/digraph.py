@@ -54,9 +54,7 @@ def layout(
 
 
 def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layout:
-    """Pack each subtree as tightly as its outline allows and centre each parent over its
-    children.
-    """
+    """Pack each subtree as tightly as its outline allows, parents centred over children."""
     children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k, p in enumerate(parent, 1):
         children[p].append(k)
@@ -193,9 +191,7 @@ class _Lanes:
         self.taken: list[int] = []
 
     def free(self, low: int, high: int) -> int:
-        """Take the first lane that is free from row `low` to row `high`, or the last one
-        otherwise.
-        """
+        """Take the first lane that is free from row `low` to row `high`, or the last one."""
         rows = ((1 << (high - low + 1)) - 1) << low
         found = next((k for k, taken in enumerate(self.taken) if not taken & rows), None)
         if found is None:

@@ -90,9 +90,7 @@ class Drawing:
     # -- what is drawn -----------------------------------------------------------------------------
 
     def _solids(self, found: Sequence[Any]) -> None:
-        """Build the corners of all faces in body axes, with their normals, colours and body
-        numbers.
-        """
+        """Build the corners of all faces in body axes, with normals, colours and body numbers."""
         places, normals, colors, owners, opacity = [], [], [], [], []
         for k, look in enumerate(found):
             for piece in look.pieces:

@@ -61,9 +61,7 @@ def run_html(run: Any) -> str:
 
 
 def numbered(model: Any) -> tuple[list[Any], list[int]]:
-    """Return the bodies in depth-first order, left child first, with the number of each body's
-    parent.
-    """
+    """Return the bodies depth-first, left child first, with the number of each parent."""
     children: dict[str, list[Any]] = {}
     for body in model.bodies:
         children.setdefault(body.parent, []).append(body)

@@ -38,9 +38,7 @@ class Camera(NamedTuple):
 
 
 class Sun(NamedTuple):
-    """The sun's direction, and the corner and axes of its shadow map, which give x, y and w for a
-    point.
-    """
+    """The sun's direction, and the corner and axes of its shadow map: x, y and w of a point."""
 
     towards: Vector
     origin: Vector
@@ -51,9 +49,7 @@ class Sun(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """A plane with grid lines. u and v give the cell of a point. It fades out at distance
-    `fade`.
-    """
+    """A plane with grid lines. u and v give the cell of a point. It fades out at `fade`."""
 
     point: Vector
     normal: Vector
@@ -164,9 +160,7 @@ def light(picture, depth, seen, points, faces, places, normals, colors, shadows,
 
 @part
 def _on(points, faces, places, normals, face, x, y):
-    """Return the position and unit normal of a face at a pixel, with perspective-correct
-    interpolation.
-    """
+    """Return the position and unit normal of a face at a pixel, in true perspective."""
     ax, ay, aw = load(points, faces[face, 0], 0)
     bx, by, bw = load(points, faces[face, 1], 0)
     cx, cy, cw = load(points, faces[face, 2], 0)
@@ -224,9 +218,7 @@ def _floor(place, far, ray, camera, shadows, sun, ground, tones):
 
 @part
 def _sunny(shadows, sun, place, spread):
-    """Return the fraction of sunlight at a point, 0 to 1, averaged over pixels of the shadow
-    map.
-    """
+    """Return the fraction of sunlight at a point, 0 to 1, averaged over the shadow map."""
     off = sub(place, sun.origin)
     x, y, w = dot(off, sun.x), dot(off, sun.y), dot(off, sun.w) + sun.texel
     if not (0.0 <= x < shadows.shape[1] and 0.0 <= y < shadows.shape[0]):
@@ -248,9 +240,7 @@ def _mixed(x, y, share):
 
 @kernel(void(f4[:, :, ::1], u1[::1], u1[:, :, ::1]), nogil=True, later=True)
 def developed(picture, codes, shown):
-    """Average blocks of pixels and write them as bytes, where `codes` maps linear light 0 to 1 to
-    bytes.
-    """
+    """Average blocks of pixels into bytes. `codes` maps linear light 0 to 1 to bytes."""
     height, width, _ = shown.shape
     n = picture.shape[0] // height
     finest = len(codes) - 1

@@ -184,9 +184,7 @@ def _primitive(kind: str, size: tuple[float, float, float], taper: float, many: 
 
 
 def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
-    """Return a frustum, or the hull of two balls, along z, with total length `tall`, centred at the
-    origin.
-    """
+    """Return a frustum, or the hull of two balls, along z, `tall` and centred at the origin."""
     if caps:
         length = max(tall - near - far, abs(near - far) + 1e-9)
         touch = math.asin((near - far) / length)  # angle at which the cone touches the balls
@@ -201,9 +199,7 @@ def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
 
 
 def coil(turns: int = 9, wire: float = 0.07) -> Any:
-    """Return a trimesh of a helical spring along z in the unit cube, which may be stretched along
-    z.
-    """
+    """Return a trimesh of a helical spring along z in the unit cube, to stretch along z."""
     around, along = 8, 14 * turns
     t = np.linspace(0.0, 1.0, along)
     ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # both ends lie on the axis
@@ -223,9 +219,7 @@ def coil(turns: int = 9, wire: float = 0.07) -> Any:
 
 
 def bracket() -> Any:
-    """Return a trimesh of a pivot's hatched support within the unit cube, with its tip at z =
-    1/2.
-    """
+    """Return a trimesh of a pivot's hatched support in the unit cube, its tip at z = 1/2."""
     trimesh = needed("trimesh")
     profile = [(-0.1, 0.5), (0.1, 0.5), (0.36, -0.22), (-0.36, -0.22)]  # x, z
     wedge = np.array([(x, y, z) for y in (-0.2, 0.2) for x, z in profile])
@@ -305,9 +299,7 @@ def reach(
 
 
 def branches(parent: Sequence[int]) -> tuple[int, ...]:
-    """Return the branch of each body: 0 if it carries several tips, or 1, 2, ... by tip
-    otherwise.
-    """
+    """Return the branch of each body: 0 if it carries several tips, else 1, 2, ... by tip."""
     n = len(parent)
     tips = [0] * (n + 1)
     for k in range(n, 0, -1):
@@ -321,9 +313,7 @@ def branches(parent: Sequence[int]) -> tuple[int, ...]:
 
 
 def hue_of(branch: int) -> int:
-    """Return the hue index of a branch: 0 for the trunk, cycling through the others for
-    branches.
-    """
+    """Return the hue index of a branch: 0 for the trunk, others in turn for branches."""
     return 1 + (branch - 1) % (len(HUES) - 1) if branch else 0
 
 
@@ -333,9 +323,7 @@ def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
 
 
 def shade(color: Color | None) -> Color | None:
-    """Return the dark or light base colour for a shape's own colour, or None to use its
-    branch's.
-    """
+    """Return the dark or light base of a shape's own colour, or None to use its branch's."""
     if color is None:
         return None
     light = sum(w * c for w, c in zip(LUMA, color)) / 255

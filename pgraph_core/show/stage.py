@@ -145,9 +145,7 @@ def steps(scene: viser.SceneApi, model: Any) -> Any:
 
 
 def solid(model: Any, step: Any) -> np.ndarray:
-    """Return the corners of a step, (8, 3), from the plane to the height by which it rises above
-    it.
-    """
+    """Return the corners of a step, (8, 3), from the plane to its height above it."""
     up = "xyz".index(model.up)
     along = [k for k in range(3) if k != up]
     normal = np.asarray(model.ground_normal)

@@ -250,9 +250,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def signals_in(text: str) -> set[tuple[str, str, int]]:
-    """Return the coordinates, velocities and outputs in a text, or nothing if it cannot be
-    parsed.
-    """
+    """Return the coordinates, velocities and outputs in a text, none if it is unreadable."""
     try:
         return {n.signal for n in walk(parsed(text)) if n.op == "signal"}
     except Unreadable:

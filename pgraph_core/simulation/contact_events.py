@@ -48,9 +48,7 @@ class ContactEvents:
         ended: Outcome,
         fine: float = 1.0,
     ):
-        """Start with all contact points in swing. A finer run scales the closing tolerance by
-        `fine`.
-        """
+        """Start with all contact points in swing. A finer run scales the tolerance by `fine`."""
         self.mech, self.plan, self.scene, self.steps = mech, plan, scene, steps
         self.q, self.v, self.ended = steps.q, steps.v, ended
         self.causes: dict[int, str] = {}
@@ -86,9 +84,7 @@ class ContactEvents:
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
 
     def _sizes(self) -> Array:
-        """Return the scale of each point's gap: the lengths in its height [m], or a limit's
-        range [rad, m].
-        """
+        """Return the scale of each point's gap: lengths in its height [m], or a limit's range."""
         heights = self.scene.points["rounding"] / point_kernels.ROUNDING
         limits = [point.limit for point in self.scene.contact_points]
         return np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
@@ -153,9 +149,7 @@ class ContactEvents:
         return at.RUNNING
 
     def impulse(self, t: float) -> None:
-        """Apply impulses at all touching points when constraints are switched, and update the
-        phases.
-        """
+        """Apply impulses at all touching points as constraints switch, and update the phases."""
         self._resting[:] = self.scene.phase != SWING
         before = self.scene.phase.copy()
         if self.scene.bilateral or self._resting.any():
@@ -297,9 +291,7 @@ class ContactEvents:
         )
 
     def _change(self, t: float, before: Ints) -> bool:
-        """Change the phase least consistent with the forces. Returns False if all are
-        consistent.
-        """
+        """Change the phase least consistent with the forces. False if all are consistent."""
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         sliding = self._sliding()
@@ -407,9 +399,7 @@ class ContactEvents:
     def _impact_rows(
         self, t: float, touching: list[int], u: Array, jammed: int
     ) -> tuple[list[impacts.ContactRow], dict[int, float]]:
-        """Return the rows for all touching points, and the end times of bounces for points coming
-        to rest.
-        """
+        """Return the rows of all touching points, and the end times of bounces to rest."""
         scene, f = self.scene, self.scene.points
         sizes = [1 if scene.points["limit"][s] else 3 for s in touching]
         first = len(u) - sum(sizes)
@@ -489,9 +479,7 @@ class ContactEvents:
         self.scene.points["phase"] = phase
 
     def _painleve(self, t: float, s: int) -> None:
-        """Resolve sliding with no finite force, or with two. An impulse ends the slip, or the point
-        lifts off.
-        """
+        """Resolve sliding without one finite force: an impulse ends the slip, or a point lifts."""
         point = self.scene.contact_points[s]
         before = int(self.scene.phase[s])
         self._set(s, SWING)

@@ -294,9 +294,7 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
 def sunk(
     mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array, gap: Array
 ) -> list[str]:
-    """Return a notice for each soft or penalty contact that is deeper at (t, q) than its law allows
-    for.
-    """
+    """Return notices of soft or penalty contacts deeper at (t, q) than their law allows for."""
     shapes, found = tables.geometry.shapes, []
     for k, pair in enumerate(tables.touches):
         if pair.contact.law == "complementarity" or EVERY in pair[1:3]:
@@ -448,9 +446,7 @@ def _parting(mech: Mechanism, pair: ContactPair, q: Array) -> Array:
 def contradicted(
     mech: Mechanism, active: Ints, points: Sequence[ContactPoint], t: float, q: Array
 ) -> str:
-    """Return a message about closed contact points and limits that constraints drive bodies
-    against.
-    """
+    """Return a message about closed points and limits that constraints drive bodies against."""
     found: dict[str, str] = {}
     for p in points:
         if p.limit is not None:

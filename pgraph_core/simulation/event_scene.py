@@ -171,9 +171,7 @@ def with_points(
 def _values(
     point: Array | None = None, frame: Sequence[Array] = (), radius: float = 0.0, offset: float = 0
 ) -> Array:
-    """Return the (28,) values of a block, for a point above the ground plane or a coordinate
-    value.
-    """
+    """Return the (28,) values of a block, of a point above the ground plane or a coordinate."""
     out = np.zeros(at.BLOCK_F)
     if point is not None:
         out[at.PA : at.PA + 3] = point
@@ -307,8 +305,6 @@ class EventScene(Scene):
         return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
     def strike(self, impulse: Array, v: Array) -> None:
-        """Add the effect of impulses on the rows of `impact` to v. Call it directly after
-        `impact`.
-        """
+        """Add the effect of impulses on the rows of `impact` to v, directly after `impact`."""
         self.space.vectors[LAMBDA, : len(impulse)] = impulse
         point_kernels.add_impulses(self.address, v)

@@ -251,9 +251,7 @@ class Steps:
         return self.tolerance.rtol if chosen and self.tolerance else 0.0
 
     def scale(self, time: float) -> None:
-        """Let adaptive steps redirect negligible slip within a fraction of the motion's time scale
-        [s].
-        """
+        """Let adaptive steps redirect slip that is negligible within a fraction of `time` [s]."""
         if self.tolerance is not None:
             self.control["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
 
@@ -346,9 +344,7 @@ def free(mech: Mechanism, what: Any) -> list[Any]:
 
 
 def taken(left: list[Any]) -> Any:
-    """Take the last workspace from a pool, or return None if it is empty. Threads share the
-    pool.
-    """
+    """Take the last workspace from a pool, or return None if it is empty. Threads share it."""
     try:
         return left.pop()
     except IndexError:

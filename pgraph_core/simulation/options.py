@@ -126,9 +126,7 @@ class Options(NamedTuple):
         return Tolerance(rtol, float(atol), widest, int(most), fixed)
 
     def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
-        """Return the forces passed to a call after checking that they fit the model. Raises
-        InputError.
-        """
+        """Return the forces of a call, checked to fit the model. Raises InputError."""
         forces = self.forces
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
             text = f"must be a list of pg.Force; given {shown(forces)}"
@@ -175,9 +173,7 @@ def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
 
 
 def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -> tuple[Force, ...]:
-    """Return the forces with these inputs replacing their own from t_start on. Raises
-    InputError.
-    """
+    """Return the forces with these inputs for their own from t_start on. Raises InputError."""
     new = dict(inputs)
     known = {f.name: f for f in forces if isinstance(f, OnJoint)}
     for name, value in inputs:
@@ -295,9 +291,7 @@ def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
 
 
 def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:
-    """Return the recorded times: `frames` evenly from `t_start` to `t_end`, or `t_start` and
-    `t_eval`.
-    """
+    """Return the times: `frames` evenly from `t_start` to `t_end`, or `t_start` and `t_eval`."""
     if t_eval is not None:
         return _grid(t_eval, t_start, t_end)
     if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:

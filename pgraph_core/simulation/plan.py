@@ -177,9 +177,7 @@ class RunPlan(Way):
         return replace(self, way=None, header={**self.header, **self.way.headed}, **given)
 
     def onward(self) -> RunPlan:
-        """Return the plan with contacts and limits active from now on, with the frames of the
-        run.
-        """
+        """Return the plan with contacts and limits active from now on, with the run's frames."""
         other = self.touching
         told = tuple(dict.fromkeys((*self.told, *other.told)))
         other = replace(other, times=self.times, shown=self.shown, changes=self.changes, told=told)
@@ -213,9 +211,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
 
 
 def _keyed(option: Any) -> Any:
-    """Return a list of parts as their identities, since hashing a part takes longer than some
-    steps.
-    """
+    """Return a list of parts as their identities: hashing one takes longer than some steps."""
     if type(option) not in (list, tuple):
         return option
     return tuple(id(x) if isinstance(x, Frozen) else x for x in option)
@@ -231,9 +227,7 @@ def keep(kept: dict[Any, T], key: Any, value: T) -> T:
 
 
 def with_contacts(plan: RunPlan) -> RunPlan:
-    """Return the plan with contacts and limits active from the start of a run. Raises
-    InputError.
-    """
+    """Return the plan with contacts and limits active from the start. Raises InputError."""
     if plan.way is not None and plan.way.refused is not None:
         raise plan.way.refused
     return plan.touching
@@ -313,9 +307,7 @@ def _on_a_way(
     mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None,
     span: tuple[float, float],
 ) -> RunPlan:  # fmt: skip
-    """Return the plan with its method and times, and notices about their fit to the forces and
-    contacts.
-    """
+    """Return the plan with its method and times, and notices about their fit to forces."""
     asked, duration = o.step or (given.step if given else None), span[1] - span[0]
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
@@ -483,9 +475,7 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
 def initial_state(
     mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None
 ) -> tuple[Array, Array]:
-    """Return the initial state from the arguments, or else from the scenario, a gait or the
-    model.
-    """
+    """Return the initial state from the arguments, or the scenario, a gait or the model."""
     tau = controller_of(mech, given) if tau is None else tau
     known = q is not None and v is not None
     q0, v0 = tau.start() if _is_controller(tau) and not known else mech.home()
@@ -535,9 +525,7 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
 
 
 def _in_order(mech: Mechanism, **given: Any) -> None:
-    """Refuse list arguments if the model numbers its joints in a different order from its
-    bodies.
-    """
+    """Refuse lists if the model numbers its joints in another order than its bodies."""
     typed = [name for name, value in given.items() if isinstance(value, (list, tuple)) and value]
     if not typed:
         return
@@ -579,9 +567,7 @@ def _left_open(contacts: Tables) -> bool:
 
 
 def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]) -> Tables:
-    """Return the tables for a run from this state, with unspecified contact parameters set for its
-    speed.
-    """
+    """Return the tables for a run from this state, with open parameters set for its speed."""
     from ..contact.tables import at_speed
 
     if not np.any(start[1]):
@@ -636,18 +622,14 @@ class _Rate:
         return self.found
 
     def swings(self) -> bool:
-        """Return True if the fastest mode is oscillatory rather than damped, or False if
-        unknown.
-        """
+        """Return True if the fastest mode swings rather than decays, or False if unknown."""
         if not self.known:
             return False
         forces = self.plan.drives, self.plan.loads
         return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
 
     def explicit(self) -> float:
-        """The fastest rate that time stepping treats explicitly [1/s]. Dampers and servos on single
-        joints, and friction, are implicit, however stiff they are.
-        """
+        """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
         drives = self.plan.drives
         table = drives.table.copy()
         implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
@@ -725,9 +707,7 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
 def _method(
     rate: _Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
-    """Return (method, reason) for the method `name`, or a suitable one for "auto". Raises
-    InputError.
-    """
+    """Return (method, reason) of `name`, or a suitable method for "auto". Raises InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
     if name != "auto" or (impulses and (o.rtol is None or tendons)):
@@ -779,9 +759,7 @@ def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
 
 
 def _gains(o: Options, usual: float) -> Array:
-    """Return Baumgarte's 2α and α² with α = 0.1/h, stable for all methods here, decaying in 10
-    steps.
-    """
+    """Return Baumgarte's 2α and α² with α = 0.1/h, stable for all methods, gone in 10 steps."""
     if o.stabilise != "baumgarte":
         return NO_GAINS
     alpha = 0.1 / float(usual if o.step is None else o.step)

@@ -302,9 +302,7 @@ class Recording:
             self.ended.notices.append(f"nothing moves: {why}")
 
     def _note_degrees(self) -> None:
-        """Append notices for hinges whose start looks like degrees, unless the model's own does
-        too.
-        """
+        """Append notices for hinges that start as if in degrees, unless the model's own does."""
         mech, q = self.mech, self.began[0]
         home = mech.home()[0]
         for name, joint in mech.joints.items():
@@ -381,9 +379,7 @@ class Recording:
             self.ended.stop(*self._failure(code))
 
     def begin(self) -> bool:
-        """Return True if the run can start: no joint lacks inertia and the constraints can be
-        satisfied.
-        """
+        """Return True if the run can start: joints have inertia and constraints can be met."""
         mech, plan, first = self.mech, self.plan, self.coarser is None
         given = self.q.copy(), self.v.copy()
         if first and len(plan.active) and plan.project:
@@ -473,9 +469,7 @@ class Recording:
             self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
 
     def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
-        """Switch constraints whose conditions have become true, and those waiting for these
-        switches.
-        """
+        """Switch constraints whose conditions have become true, and those that wait for them."""
         waiting = self.plan.conditions
         left = list(numbers)
         while left and not self.ended.over:
@@ -660,9 +654,7 @@ class Recording:
         self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
     def _failure(self, code: int) -> tuple[Status, str]:
-        """Return (status, message) for a kernel's status code, with the place of failure and a
-        suggestion.
-        """
+        """Return (status, message) of a kernel's status code, with the place and a suggestion."""
         t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
         status = STATUS[code]
         if trouble := self._trouble(float(t)):
@@ -686,9 +678,7 @@ class Recording:
         return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
     def _contradicted(self) -> str:
-        """Return the closed contacts and limits that constraints drive bodies against, or an empty
-        string.
-        """
+        """Return the contacts and limits that constraints drive bodies against, or ""."""
         if self.events is None or self.done == 0:
             return ""
         from .contact_log import contradicted
@@ -704,15 +694,11 @@ class Recording:
         return nulls_of(self.mech, self._active, t, q) > 0
 
     def _unequal(self) -> str:
-        """Return a message about masses too unequal for the active constraints, or an empty
-        string.
-        """
+        """Return a message about masses too unequal for the active constraints, or ""."""
         return unequal(self.mech, self._active)
 
     def _blocking(self) -> str:
-        """Return the reason why the last recorded state cannot move to second order, or an empty
-        string.
-        """
+        """Return why the last recorded state cannot move to second order, or ""."""
         if self.done == 0:
             return ""
         last = self.done - 1
@@ -885,9 +871,7 @@ class Recording:
         return 0
 
     def _rows(self) -> slice | Ints:
-        """Return the indices of the requested frames. For a failed run, these include its last
-        frame.
-        """
+        """Return the indices of the requested frames, and of a failed run's last frame."""
         if self.plan.shown is None:
             return slice(0, self.done)
         some = self.plan.shown[: self.done].copy()
@@ -896,7 +880,5 @@ class Recording:
 
 
 def _stops(answer: Any) -> bool:
-    """Return True if the return value of `progress` ends the run, that is, if it is false but not
-    None.
-    """
+    """Return True if the answer of `progress` ends the run: false but not None."""
     return answer is not None and not answer

@@ -171,9 +171,7 @@ def _named(mech: Mechanism, a: int, b: int) -> str:
 
 
 def _held(mech: Mechanism, tables: Tables, active: Ints, t: float, q: Array, v: Array) -> Array:
-    """Return the effects of unit forces from constraints and from friction in resting joints, (m,
-    nv).
-    """
+    """Return the effects of unit forces of constraints and resting friction, (m, nv)."""
     found = [Rows.of(mech, active, q, None, t).J] if len(active) else []
     ints, _, terms, factors = tables.friction_blocks
     for block in ints:

@@ -60,9 +60,7 @@ class Monitor(Protocol):
 
 
 class FunctionMonitor:
-    """A function f(t, q, v) -> number, with the attributes `direction` and `terminal` as in
-    SciPy.
-    """
+    """A function f(t, q, v) -> number, with `direction` and `terminal` as in SciPy."""
 
     def __init__(self, function: Callable[[float, Array, Array], Any], number: int):
         """Wrap a function. Raises InputError if it is not callable or its attributes do not fit."""
@@ -84,9 +82,7 @@ class FunctionMonitor:
         self.direction, self.terminal = int(direction), bool(terminal)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
-        """Evaluate the function. Raises InputError if it raises or does not return a finite
-        number.
-        """
+        """Evaluate the function. Raises InputError if it fails or is not a finite number."""
         try:
             value = self.function(t, q.copy(), v.copy())
         except Exception as error:
@@ -190,9 +186,7 @@ class Watch:
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
     def note(self, t: float, numbers: Sequence[int], q: Array, v: Array) -> str:
-        """Log events for the given monitors. Returns the name of a terminal one, or "" if there is
-        none.
-        """
+        """Log events of the given monitors. Returns the name of a terminal one, or ""."""
         ends = ""
         for i in numbers:
             if i < self.waiting:
@@ -243,9 +237,7 @@ class ConditionOf(NamedTuple):
 
     @property
     def compiled(self) -> bool:
-        """Return True if its value is known to compiled steps, as a coordinate or a stored
-        value.
-        """
+        """Return True if compiled steps know its value, a coordinate or a stored value."""
         of_constraint = self.when.constraint is not None and not self.when.after
         return self.when.coordinate is not None or of_constraint
 
@@ -259,9 +251,7 @@ class ConditionOf(NamedTuple):
 def conditions_of(
     mech: Mechanism, switches: Sequence[Switch], contacts: Tables | None
 ) -> tuple[ConditionOf, ...]:
-    """Return the switches that wait for conditions, by the numbers they watch. Raises
-    InputError.
-    """
+    """Return the switches that wait for conditions, by watched numbers. Raises InputError."""
     names = [c.name for c in mech.model.constraints]
     found = []
     for s in switches:
@@ -417,9 +407,7 @@ class Condition:
         return float(gaps.min(initial=LARGEST_GAP))
 
     def _push(self, t: float, q: Array, v: Array) -> Array:
-        """Return the force of a contact, from the state if this determines it, or from the last
-        step [N].
-        """
+        """Return the force of a contact, from the state if it tells it, or the last step [N]."""
         record, when = self.record, self.given.when
         tables, (_, pairs) = self.given.contacts, self.given.place
         assert tables is not None
@@ -441,9 +429,7 @@ class Condition:
         return record.scene.touching.pairs["force"][pairs].sum(axis=0)
 
     def _alone(self) -> Scene:
-        """Return the contacts without memory of steps, so that evaluating them has no side
-        effects.
-        """
+        """Return the contacts without memory of steps: evaluating them has no side effects."""
         if self._scene is None:
             plan, tables = self.record.plan, self.given.contacts
             none = np.zeros(0, dtype=np.int64)
@@ -513,9 +499,7 @@ def switch_changes(
 def switches_of(
     mech: Mechanism, given: Scenario | None, asked: Any, span: tuple[float, float]
 ) -> Sequence[Switch]:
-    """Return the switches of a run, either the requested ones or the scenario's. Raises
-    InputError.
-    """
+    """Return the switches of a run: the requested ones or the scenario's. Raises InputError."""
     return _read(mech, asked, span) if asked is not None else given.switches if given else ()
 
 

@@ -148,9 +148,7 @@ def contact_stiffness(model: Model, value: float) -> Model:
 
 
 def mass_ratio(model: Model, value: float) -> Model:
-    """Set the mass of the last tip body to `value` times its parent's, scaling its inertia
-    accordingly.
-    """
+    """Set the mass of the last tip body to `value` times its parent's, and its inertia."""
     tip = _carried_tip(model)
     if tip is None:
         raise lacking("mass_ratio", "a tip body's mass over that of the body that carries it")

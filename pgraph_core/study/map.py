@@ -120,9 +120,7 @@ def evidence(
 
 
 def step_limit(method: str, rate: float) -> float:
-    """Return the largest stable step size [s] of an explicit method at a rate [1/s], or NaN
-    otherwise.
-    """
+    """Return the largest stable step [s] of an explicit method at a rate [1/s], or NaN."""
     most = METHODS[method].limit
     return most / rate if most > 0.0 and rate > 0.0 else NAN
 
@@ -136,9 +134,7 @@ def spurious_energy(run: Result, scale: float) -> Array:
 
 
 def steady_loss(growth: Array) -> float:
-    """Return the mean loss in the last third if the loss grows from third to third, or 0
-    otherwise.
-    """
+    """Return the mean loss in the last third if it grows from third to third, or 0."""
     if len(growth) < 3 or not np.isfinite(growth).all():
         return 0.0
     thirds = [float(part.mean()) for part in np.array_split(growth, 3)]
@@ -146,9 +142,7 @@ def steady_loss(growth: Array) -> float:
 
 
 def _unstable(found: Evidence) -> Cell | None:
-    """Return an unstable verdict if the motion grows, by spurious energy or beyond the stability
-    limit.
-    """
+    """Return an unstable verdict if the motion grows, by spurious energy or instability."""
     run, cell = found.run, found.cell
     beyond = cell.step > (1 - NAMED) * cell.step_limit
     missed = not cell.error <= found.target and cell.energy_gained > found.target
@@ -168,9 +162,7 @@ def _unstable(found: Evidence) -> Cell | None:
 
 
 def _first_row(found: Evidence, frame: int) -> int:
-    """Return the row with the largest error, or the largest acceleration if only the start is
-    recorded.
-    """
+    """Return the row with the largest error, or acceleration if only the start is recorded."""
     if found.errors[frame].max(initial=0.0) > 0.0:
         return int(np.argmax(found.errors[frame])) + 1
     fastest = int(np.argmax(np.abs(found.run.vdot[frame])))
@@ -197,9 +189,7 @@ def _drifts(found: Evidence) -> Cell | None:
 
 
 def _unknown(found: Evidence) -> Cell | None:
-    """Return a verdict if the reference is less accurate than the target, so that no run can
-    pass.
-    """
+    """Return a verdict if the reference is coarser than the target: no run can pass."""
     known = found.known
     if known.accuracy < found.target:
         return None
@@ -208,9 +198,7 @@ def _unknown(found: Evidence) -> Cell | None:
 
 
 def _damped(found: Evidence) -> Cell | None:
-    """Return a damped verdict if energy loss explains the error. Amplitudes lose half that
-    fraction.
-    """
+    """Return a damped verdict if energy loss, half of it in amplitude, explains the error."""
     lost, error = found.cell.energy_lost, found.cell.error
     if not (lost > found.target and lost > error / 2):
         return None
@@ -229,9 +217,7 @@ def _inaccurate(found: Evidence) -> Cell | None:
 
 
 def _with_needed(found: Evidence, status: Verdict, text: str, excess: float) -> Cell:
-    """Return the cell with the step size at which `excess` meets the target at the observed
-    order.
-    """
+    """Return the cell with the step at which `excess` meets the target at this order."""
     cell = found.cell
     if not round(cell.order) > 0:
         text += "; it does not shrink with the step"
@@ -321,9 +307,7 @@ class StabilityMap(Portable):
 
     @property
     def advice(self) -> str:
-        """The recommended method and step size as a sentence. A cancelled map uses its completed
-        cells.
-        """
+        """The recommended method and step as a sentence, by completed cells if cancelled."""
         whole = len(self.values) * len(self.methods) * (len(self.steps) or 1)
         taken = self._taken()
         if self.complete or len(self.cells) == whole:
@@ -384,9 +368,7 @@ class StabilityMap(Portable):
         return groups
 
     def findings(self) -> list[str]:
-        """Return the first cell in words and the cell count, for each method and verdict other than
-        OK.
-        """
+        """Return the first cell in words and the count, by method and verdict other than OK."""
         found = []
         for (method, status), cells in self.troubles().items():
             where = f"{self.axis} {cells[0].value:g}, step {cells[0].step:g} s"
@@ -422,9 +404,7 @@ class StabilityMap(Portable):
         return heat_map(self.title, axis, values, self.methods, steps, squares, legend, wide)
 
     def _column(self, cell: Cell) -> int:
-        """Return the index of the requested step size, which differs from the cell's if times are
-        scaled.
-        """
+        """Return the index of the requested step, which times in other units change."""
         if not self.steps or cell.step in self.steps:
             return self.steps.index(cell.step) if self.steps else 0
         own = sorted({c.step for c in self.cells if c.value == cell.value})

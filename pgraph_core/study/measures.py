@@ -111,9 +111,7 @@ def velocities(mech: Mechanism, motion: Motion) -> Array:
 
 
 def _over_largest(found: Array, known: Array) -> Array:
-    """Return the norms of angular and linear differences (n, 2 m), relative to the largest known
-    norms.
-    """
+    """Return norms of angular and linear differences (n, 2 m), relative to the largest."""
     parts = []
     for part in (slice(0, 3), slice(3, 6)):
         largest = float(np.linalg.norm(known[..., part], axis=-1).max(initial=0.0))
@@ -158,9 +156,7 @@ def differences(found: Observables, reference: Observables, scale: float) -> Arr
 
 
 def reach(mech: Mechanism) -> float:
-    """Return the characteristic length: the longest path along the links from a root to a tip
-    [m].
-    """
+    """Return the characteristic length: the longest path along links to a tip [m]."""
     model, far = mech.model, {"ground": 0.0}
     longest = mech.packed.length
     for name in mech.names:
@@ -198,9 +194,7 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
 
 
 def _distances(x: Array, y: Array, size: float) -> Array:
-    """Return distances (n,) relative to the mechanism's length or the largest |y|, if that is
-    larger.
-    """
+    """Return distances (n,) relative to the mechanism's length or the largest |y| if larger."""
     scale = max(size, float(np.abs(y).max(initial=0.0)))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.linalg.norm(x - y, axis=1) / (scale or 1.0)
@@ -266,9 +260,7 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def least(values: Sequence[float]) -> Spread:
-    """Return the minimum, twice, and the upper quartile. Other programs only add to processor
-    time.
-    """
+    """Return the minimum, twice, and the upper quartile: other programs only add time."""
     return min(values), min(values), spread(values)[2]
 
 

@@ -194,9 +194,7 @@ def finest(
 def _of_a_part(
     task: Task, rate: float, step: float, watch: Callable[[], Progress], failures: list[str]
 ) -> tuple[Reference, Task]:
-    """Return a reference for the part of the motion that is computable in time. Raises
-    InputError.
-    """
+    """Return a reference for the part of the motion computable in time. Raises InputError."""
     shorter = task.t_end / SHORTER
     if LATE not in failures or shorter * SHORTER**MOST_DIVISIONS < task.asked:
         why = next((text for text in failures if text != LATE), "they would take too long")
@@ -223,9 +221,7 @@ def growth_of(t: Array, apart: Array) -> float:
 
 
 def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:
-    """Yield the finest and second finest settings for each method, starting with the best
-    candidate.
-    """
+    """Yield the finest and second finest settings of each method, the best candidate first."""
     if task.impulses:
         fine, coarse = FINEST["dop853"]
         yield ("dop853", Setting(rtol=10 * fine)), ("dop853", Setting(rtol=10 * coarse))
@@ -254,9 +250,7 @@ class KnownMotion(NamedTuple):
     energy: float  # range of its energies [J]
 
     def at(self, t: Array) -> Array:
-        """Return the states at the given times as a (len(t), nq) array. The times must be in the
-        run.
-        """
+        """Return the states at times of the run as a (len(t), nq) array."""
         return self.run.q[np.searchsorted(self.run.t, t * (1 - ROUNDING) - 1e-300)]
 
 
@@ -324,9 +318,7 @@ def weight_of(mech: Mechanism) -> int:
 
 
 def per_step(method: str, nv: int) -> int:
-    """Return the approximate evaluations per step, including those for a finite-difference
-    Jacobian.
-    """
+    """Return the approximate evaluations per step, with those of a numerical Jacobian."""
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
         return NEWTON_COST * chosen.evaluations

@@ -71,9 +71,7 @@ class Row:
     def of(
         cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
     ) -> Row:
-        """Build the row for one run. Errors below `limit` are raised to the limit of the
-        reference.
-        """
+        """Build the row of one run. Errors below `limit`, the reference's, are raised to it."""
         limited = found is not None and found.rms < limit
         rms = None if found is None else max(found.rms, limit) if limited else found.rms
         return cls(
@@ -101,9 +99,7 @@ class Row:
 
     @property
     def digits(self) -> float | None:
-        """The number of correct digits, -log10(error), or a lower bound at the limit of the
-        reference.
-        """
+        """The number of correct digits, -log10(error), or a bound at the reference's limit."""
         if self.error is None:
             return None
         return float(-np.log10(self.error)) if self.error > 0 else 17.0
@@ -282,9 +278,7 @@ class Study(Portable):
         return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
 
     def against_peers(self) -> list[dict[str, Any]]:
-        """Return one row per error and peer, with our time, the peer's time, and the ratio theirs /
-        ours.
-        """
+        """Return one row per error and peer, with our time, the peer's and theirs / ours."""
         peers = {row.method for row in self.rows if row.peer}
         found = []
         for level in LEVELS:
@@ -319,9 +313,7 @@ class Study(Portable):
         return "" if self.quantity == "position" else f"of the {self.quantity} "
 
     def _foot(self) -> tuple[str, ...]:
-        """Return the footer lines: observed orders, recommendation, notes and timings of the
-        study.
-        """
+        """Return the footer: observed orders, recommendation, notes and timings of the study."""
         orders = (
             f"{name} {'none observed' if seen is None else f'{seen:.2f}'} ({nominal:g})"
             for name, (seen, nominal) in self.orders.items()
@@ -482,9 +474,7 @@ def seconds_at(rows: tuple[Row, ...], error: float) -> float:
 
 
 def plain(value: Any) -> Any:
-    """Convert nested values to plain ones for JSON, replacing numbers that are not finite by
-    None.
-    """
+    """Convert nested values to plain ones for JSON, with None for numbers not finite."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):

@@ -16,9 +16,7 @@ from ..units import Dim, M, S
 
 
 def changed(body: Body, **fields: object) -> Body:
-    """Return a validated body with some fields changed, and with derived values as plain
-    numbers.
-    """
+    """Return a validated body with some fields changed, and derived values as numbers."""
     own = {**fields_of(body), "derived": (), "density": None}
     return Body(**{**own, **fields})
 
@@ -37,9 +35,7 @@ class Scale:
     time: float
 
     def of(self, dim: Dim, slides: bool = False) -> float:
-        """Return the scale factor for a dimension. Coordinates of sliding joints count as
-        lengths.
-        """
+        """Return the scale factor of a dimension. Sliding coordinates count as lengths."""
         return dim.factor(self.length, self.mass, self.time, self.length if slides else 1.0)
 
     def fields(self, part: Frozen, slides: bool = False) -> dict[str, Any]:

@@ -385,9 +385,7 @@ def steps_of(t_end: float, step: float) -> int:
 
 
 def times_of(t_end: float, step: float) -> Array:
-    """Return the recording times for a cell's runs: selected step ends, including all early
-    ones.
-    """
+    """Return the times recorded in a cell's runs: some step ends, with all early ones."""
     n = steps_of(t_end, step)
     early = np.arange(min(n, EARLY) + 1)
     chosen = np.unique(np.concatenate((early, np.linspace(0, n, MAP_TIMES).round().astype(int))))

@@ -218,9 +218,7 @@ class Task:
 
     @property
     def _times(self) -> dict[str, Any]:
-        """The times as a number of frames if evenly spaced, so that the mechanism can reuse its
-        plan.
-        """
+        """The times as a number of frames if even, so that the mechanism can reuse its plan."""
         even = np.linspace(0.0, self.t_end, len(self.t))
         return {"frames": len(self.t)} if np.array_equal(even, self.t) else {"t_eval": self.t}
 
@@ -246,9 +244,7 @@ class Task:
         return fastest_rate(self.mech, acting, active_constraints(self.mech, given), q, v)
 
     def rate_at(self, states: list[tuple[Array, Array]]) -> float:
-        """Return the fastest rate over several states (q, v) [1/s], or 0 with contacts (no
-        slopes).
-        """
+        """Return the fastest rate over several states (q, v) [1/s], 0 with contacts."""
         if contact_tables(self.mech.packed, touching_contacts(self.mech, self._given)) is not None:
             return 0.0
         return max(replace(self, q=q, v=v).rate() for q, v in states)
@@ -350,9 +346,7 @@ def installed_peers() -> dict[str, EntryPoint]:
 def engine_participants(
     task: Task, ladder: Ladder, names: Sequence[str]
 ) -> tuple[list[Participant], list[str]]:
-    """Return participants for the engines that can run the motion, and a message for each other
-    one.
-    """
+    """Return participants of engines that can run the motion, and messages of the others."""
     participants: list[Participant] = []
     if names and task.quantity != "position":
         return [], [f"other engines are compared by their positions, not by the {task.quantity}"]

@@ -292,9 +292,7 @@ class Work:
     def _first_runs(
         self, participants: list[Participant], known: Reference
     ) -> list[tuple[Callable[[], float], float]]:
-        """Fill `rows`. Return for each row a function that repeats its timing and the seconds it
-        took.
-        """
+        """Fill `rows`. Return functions that repeat each row's timing, and the seconds taken."""
         began = time.perf_counter()
         runs: list[tuple[Callable[[], float], float]] = []
         part, total = (
@@ -340,9 +338,7 @@ class Work:
         return Row.of(one, setting, done, reached, known.limit)
 
     def _order(self, name: str, known: Reference) -> float | None:
-        """Return the observed order for one of our methods, from its rows or from extra fixed-step
-        runs.
-        """
+        """Return the observed order of one of our methods, from its rows or from more runs."""
         points = [
             (self.task.t_end / row.step, row.error)
             for row in self.rows

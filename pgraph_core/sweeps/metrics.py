@@ -73,9 +73,7 @@ def said_of(metric: Any) -> str:
 
 
 def _said_of_function(function: Any, above: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Describe a function, with the functions from its module that it calls and the constants it
-    reads.
-    """
+    """Describe a function, with the functions of its module and constants that it uses."""
     held = [_constant(cell.cell_contents) for cell in function.__closure__ or ()]
     values = (function.__defaults__, function.__kwdefaults__, held)
     read = []
@@ -102,9 +100,7 @@ def _said_of_code(code: CodeType) -> tuple[Any, ...]:
 
 
 def _constant(value: Any) -> Any:
-    """Return an immutable value, or the type name of one that may change while metrics are
-    computed.
-    """
+    """Return an immutable value, or the type name of one that may change meanwhile."""
     fixed = isinstance(value, (int, float, complex, str, bytes, tuple, frozenset, type(None)))
     return value if fixed else type(value).__qualname__
 

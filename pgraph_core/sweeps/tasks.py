@@ -78,9 +78,7 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
 def _rows_together(
     task: Task, together: Together, paths: Sequence[Path], points: Sequence[Any]
 ) -> list[Row]:
-    """Run the points in one batch and return their rows. Points that fail are run again on their
-    own.
-    """
+    """Run the points in one batch and return their rows. Those that fail run again alone."""
     design = np.array([values for _, values in points])
     metrics = [str(metric) for metric in task.metrics.values()]
     values, ended = together.measured(task.model, task.paths, design, metrics)
@@ -118,9 +116,7 @@ def _unseen(run: Result) -> str:
 
 
 def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]:
-    """Return (value, ""), or nan and the reason, so that one failing metric does not affect the
-    others.
-    """
+    """Return (value, ""), or nan and the reason: one metric does not spoil the others."""
     try:
         value = measured(run, metric)
     except PgraphError as error:

@@ -150,17 +150,13 @@ def last_event(motion: Motion, given: Given) -> Array:
 
 
 def frequencies(motion: Motion, given: Given) -> Array:
-    """Return the natural frequencies with indices `modes` about the first state [rad/s],
-    ascending.
-    """
+    """Return the natural frequencies `modes` about the first state [rad/s], ascending."""
     found = linear.frequencies(motion.mechanism, motion.q[0])
     return np.reshape(found[given["modes"]], (-1, 1))
 
 
 def response(motion: Motion, given: Given) -> Array:
-    """Return the acceleration of `point` on `body` along `direction` per newton along `force`
-    [1/kg].
-    """
+    """Return the acceleration of `point` along `direction` per newton along `force` [1/kg]."""
     mech, place = motion.mechanism, given["point"]
     number = mech.topology.number(given["body"]) - 1
     found = []
@@ -256,9 +252,7 @@ class Observable:
         return found if self.frames is None else found[list(self.frames)]
 
     def errors(self, motion: Motion) -> Array:
-        """Return the error for each row in the reference (n,), or inf after the end of a failed
-        run.
-        """
+        """Return the error of each row in the reference (n,), or inf after a failed run's end."""
         found = np.full_like(self.reference, np.inf)
         try:
             there = self.of(motion)[: len(found)]

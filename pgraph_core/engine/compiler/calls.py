@@ -214,9 +214,7 @@ class _Take:
         self.number(value, self.b.fcmp_ordered("==", value, DOUBLE(-1.0)))
 
     def array(self) -> None:
-        """Lay out an array. Its kind has the axes, NumPy's description, bytes per entry, and
-        flags.
-        """
+        """Lay out an array. Its kind has the axes, NumPy's description, entry size, and flags."""
         b, code = self.b, self.code
         self.must(self.is_a(code.pointer(self.ndarray)))
         start = b.add(b.ptrtoint(self.given, WORD), self.head)

@@ -124,9 +124,7 @@ def meeting(rows, a, b):
 
 @part
 def carry(rows, blocks_i, i, work, space):
-    """Compute Y for a block between bodies, from A and B to their common row and on to the
-    ground.
-    """
+    """Compute Y of a block between bodies, from A and B to their common row and the ground."""
     y, slots, place = space.y, space.slots, space.place
     a, b = ends_of(blocks_i, i)
     meet = meeting(rows, a, b)
@@ -222,9 +220,7 @@ def into_free(work, k, moment, force, y, i, slot):
 
 @part
 def carry_coordinates(rows, const, blocks, i, work, space):
-    """Compute Y for a coordinate row: unit joint torques on its terms, with reactions on the
-    parents.
-    """
+    """Compute Y of a coordinate row: unit torques on its terms, reactions on the parents."""
     blocks_i, terms_i, terms_f = blocks.blocks_i, blocks.terms_i, blocks.terms_f
     y, slots, whole = space.y, space.slots, space.carried
     none = (0.0, 0.0, 0.0)
@@ -326,9 +322,7 @@ def unspread(rows, const, work, speeds):
 
 @part
 def spread(rows, const, work, step):
-    """Compute M⁻¹ Jᵀ λ, the response of all joints, from diag(1/d) Yᵀ λ in `step`. Overwrites
-    V'.
-    """
+    """Compute M⁻¹ Jᵀ λ, the response of all joints, from diag(1/d) Yᵀ λ in `step`, into V'."""
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)

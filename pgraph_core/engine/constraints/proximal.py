@@ -87,9 +87,7 @@ def factor_proximal(omega, factor, nulls, m):
 
 @part
 def eliminate(factor, f, i, j, end):
-    """Eliminate block row i from block row j, storing the blocks of L and, above the diagonal,
-    Lᵀ.
-    """
+    """Eliminate block row i from block row j, storing the blocks of L and, above, of Lᵀ."""
     block = (
         load_triple(factor, i, j), load_triple(factor, i + 1, j), load_triple(factor, i + 2, j),
     )  # fmt: skip
@@ -133,9 +131,7 @@ def begin_null(factor, f, i, n, x, end):
 
 @sweep
 def refine_null(factor, mu, nulls, n, iterations, m):
-    """Refine null direction n by inverse iteration, orthogonal to earlier ones. Returns 1 if
-    null.
-    """
+    """Refine null direction n by inverse iteration, orthogonal to earlier ones. 1 if null."""
     growth = 0.0
     end = whole_blocks(m)
     for _ in range(iterations):

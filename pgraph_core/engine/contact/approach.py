@@ -215,9 +215,7 @@ def lead_of(law, speed, rtol):
 
 @part
 def leaving_speed(law, depth):
-    """Return the speed at which a contact point at rest at some depth separates without losses
-    [m/s].
-    """
+    """Return the speed at which a contact point at rest at some depth parts, lossless [m/s]."""
     slope = law.stiffness if law.law == PENALTY else 0.8 * law.stiffness * math.sqrt(depth)
     return depth * math.sqrt(slope / law.mass)
 

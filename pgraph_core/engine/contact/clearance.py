@@ -44,9 +44,7 @@ def save_guard(buffer, guard):
 
 @part
 def fastest(stages, j, count):
-    """Return the norm of `count` entries of v from j on, the larger one of both ends of the last
-    step.
-    """
+    """Return the norm of `count` entries of v from j on, the larger of the last step's ends."""
     before, now = 0.0, 0.0
     for n in range(j, j + count):
         before += stages[at.Y_OLD, n] ** 2
@@ -123,9 +121,7 @@ def pose(run, guard, row):
 
 @sweep
 def clearance(guard, ahead):
-    """Return the motion until a gap equals the margin, at most `ahead` [m], after calling
-    `pose`.
-    """
+    """Return the motion until a gap equals the margin, at most `ahead` [m], after `pose`."""
     may, found, margin = guard.candidates, guard.found, guard.state[0].margin
     n = find_contacts(
         guard.geometry, guard.ground, may, guard.poses, guard.search, ahead + margin, found
@@ -272,9 +268,7 @@ def set_clock(control, state, rows, stages, reach, left):
 
 @sweep
 def look_again(run):
-    """Recompute the clearance after a step, and return to its start if a contact may have
-    occurred.
-    """
+    """Recompute the clearance after a step. Return to its start if a contact may have been."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)

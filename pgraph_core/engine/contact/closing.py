@@ -106,9 +106,7 @@ def closing_bound(scene, i, j, normal, left):
 
 @part
 def motion_of(work, linear, shape, pose):
-    """Return a shape's velocity, angular speed and the point speed due to rotation (0 for a
-    ball).
-    """
+    """Return a shape's velocity, angular speed and speed of points by turning (0 for a ball)."""
     k = shape.row
     u = point_velocity(work, linear, k, xyz(pose.position))
     w = spin_of(work, k)

@@ -83,9 +83,7 @@ def touching(scene, margin, placed):
 
 @part
 def endpoints(contacts, n):
-    """Return (row A, row B, body A, body B, contact pair) for contact point n, with 0 for the
-    ground.
-    """
+    """Return (row A, row B, body A, body B, contact pair) of contact point n, 0: the ground."""
     point, shapes = contacts.found[n], contacts.geometry.shapes
     b = point.shape_b
     row_b = shapes[b].row if b >= 0 else 0

@@ -102,9 +102,7 @@ def triangle_nodes(geometry, i, triangle):
 
 @sweep
 def lay_out_prism(geometry, poses, i, triangle, origin, room, row):
-    """Write a prism in the same way as `lay_out`: top, three sides, bottom. Only outer sides
-    count.
-    """
+    """Write a prism as `lay_out` does: top, three sides, bottom. Only outer sides count."""
     shape = geometry.shapes[i]
     r = matrix(poses[i].rotation)
     shift = sub(xyz(poses[i].position), origin)
@@ -312,9 +310,7 @@ def clipped(geometry, room, row, a, face, b, deepest):
 
 @sweep
 def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n):
-    """Write the thinned clipped points above a's face, given the `radii` of the shapes of a and
-    b.
-    """
+    """Write the thinned clipped points above a's face, with the `radii` of the shapes."""
     radius, other_radius = radii
     _, normal = face_corner(geometry, room, a, face)
     kept = 0
@@ -352,9 +348,7 @@ def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin,
 
 @sweep
 def by_faces(geometry, room, row, a, b, found, least, below, radii, origin, size, margin, out, n):
-    """Try `by_face` for the face of a, then b, if its separation is at least `least` and under
-    `below`.
-    """
+    """Try `by_face` for the face of a, then b, if its separation is in `least` to `below`."""
     by_a, by_b = found
     written = -1
     if least <= by_a[0] < below:
@@ -481,9 +475,7 @@ def edge_number(geometry, room, b, v, n):
 
 @part
 def edge_at_right_angle(geometry, room, b, v, n):
-    """Return the unit direction of the edge from `edge_number`, and the cosine of its angle to
-    n.
-    """
+    """Return the unit direction of the edge from `edge_number`, and its cosine to n."""
     _, way = edge_line(geometry, room, b, edge_number(geometry, room, b, v, n))
     way = scale(1.0 / math.sqrt(dot(way, way)), way)
     return way, abs(dot(way, n))
@@ -504,9 +496,7 @@ def is_over(geometry, room, b, f, n, x):
 
 @sweep
 def vertex_to_face(geometry, room, a, b, way, base, best):
-    """Return (distance, vertex of a, face of b below it) below `best`, with face -1 if there is
-    none.
-    """
+    """Return (distance, vertex of a, face of b below it) under `best`, or face -1 if none."""
     found_v, found_f = -1, -1
     for k in range(a.vertices):
         if way * (base - room[a.first + k].height) >= best:
@@ -523,9 +513,7 @@ def vertex_to_face(geometry, room, a, b, way, base, best):
 
 @sweep
 def edge_to_edge(geometry, room, a, b, best):
-    """Return (distance, edge of a, edge of b, from a to b, on b) below `best`, or edge -1 if
-    none.
-    """
+    """Return (distance, edge of a, edge of b, from a to b, on b) under `best`, or edge -1."""
     edges = geometry.edges
     found_a, found_b, between, on_b = -1, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(a.ridges):

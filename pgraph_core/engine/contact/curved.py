@@ -440,9 +440,7 @@ def set_point(room, row, place, tag):
 
 @sweep
 def straight_edge(geometry, room, core, n, row):
-    """Write the ends of the edge from `edge_near`, starting at `row`. Returns its direction and
-    cosine.
-    """
+    """Write the ends of the edge from `edge_near` from `row` on. Returns direction, cosine."""
     direction, c = edge_near(geometry, room, core, n)
     if c > FLAT:
         return direction, c
@@ -518,9 +516,7 @@ def clip_to_edge(room, first, row, m, spare):
 
 @sweep
 def curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
-    """Append contacts within `margin` between two shapes, one of them a cylinder or an
-    ellipsoid.
-    """
+    """Append contacts within `margin` of two shapes, one a cylinder or an ellipsoid."""
     shapes = geometry.shapes
     origin = xyz(poses[i].position)
     a, row = core_of(geometry, poses, i, only_a, origin, room, 0)

@@ -267,9 +267,7 @@ def drop(scene, n):
 
 @sweep
 def largest_velocity(scene, n):
-    """Return the largest velocity of island n's rows, either without impulses or before the
-    impact.
-    """
+    """Return the largest velocity of island n's rows, without impulses or before the impact."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     vectors = data.space.vectors
@@ -287,9 +285,7 @@ def largest_velocity(scene, n):
 
 @sweep
 def gained(scene, n):
-    """Return (energy added by island n's unilateral impulses [J], total energy that they
-    exchange).
-    """
+    """Return (energy added by island n's unilateral impulses [J], energy that they exchange)."""
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
@@ -314,9 +310,7 @@ def gained(scene, n):
 
 @part
 def bounces(scene, n):
-    """Return True if a contact in island n bounces, unless only the forces of the step press on
-    it.
-    """
+    """Return True if a contact in island n bounces, beyond what the step's forces press."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands

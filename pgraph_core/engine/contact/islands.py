@@ -162,9 +162,7 @@ def order_island(scene, n):
 
 @part
 def far_end_first(islands, begin):
-    """Write the trees of an island into `queue`, breadth first from one that is far from
-    `begin`.
-    """
+    """Write the trees of an island into `queue`, breadth first from one far from `begin`."""
     found = breadth_first(islands, begin, 1)
     return breadth_first(islands, islands.queue[found - 1], 2)
 

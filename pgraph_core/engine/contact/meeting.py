@@ -130,9 +130,7 @@ def approach(scene, i, j, left):
 
 @part
 def outruns(scene, i, j, left):
-    """Return True if two shapes may move by their thickness within `left`. Use j = -1 for the
-    ground.
-    """
+    """Return True if two shapes may move by their thickness in `left`. j = -1: the ground."""
     shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
     thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
     return approach(scene, i, j, left) > thick
@@ -297,9 +295,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
 
 @part
 def time_to_close(way, closing, curving):
-    """Return the time in which a gap shrinks by at most `way`, given its closing speed and a bound
-    on the change.
-    """
+    """Return the time in which a gap shrinks by `way`, from its closing speed and its bound."""
     speed = SURE * max(closing, 0.0)
     root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
     return 2.0 * way / root if root > 0.0 else math.inf
@@ -363,9 +359,7 @@ def nearest(contacts, i, j, pair):
 
 @part
 def straight(scene, i, j):
-    """Return the time in which the paths of two touching shapes curve little for their thickness
-    [s].
-    """
+    """Return the time in which paths of touching shapes curve little for their thickness [s]."""
     contacts = contacts_at(opened(scene).links.contacts)
     thin, curving = thinner(contacts, i, j), curving_bound(scene, i, j)
     return math.sqrt(SAG * thin / curving) if thin * curving > 0.0 else math.inf

@@ -88,9 +88,7 @@ def points(shapes, i):
 
 @part
 def cell_range(x, width, count):
-    """Return (first, last) of the `count` cells that cover x[0] to x[1], possibly an empty
-    range.
-    """
+    """Return (first, last) of the `count` cells that cover x[0] to x[1], possibly empty."""
     low = max(x[0] / width, 0.0)
     high = min(x[1] / width, count - 1.0)
     return int(low), int(high) if high >= 0.0 else -1
@@ -278,9 +276,7 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 
 @sweep
 def pair_gap(geometry, poses, i, j, room, probe):
-    """Return the signed distance between two shapes [m], using `probe` as scratch for contact
-    points.
-    """
+    """Return the signed distance of two shapes [m], with `probe` as scratch for points."""
     gap = math.inf
     if geometry.shapes[i].kind == HEIGHTFIELD:
         i, j = j, i

@@ -80,9 +80,7 @@ def passes(contacts, i, j):
 
 @part
 def seen_from(pose, shape, other_pose, other):
-    """Return the centre of another shape relative to a shape's centre, in the axes of the
-    latter.
-    """
+    """Return the centre of another shape relative to a shape's centre, in its axes."""
     p = add(xyz(other_pose.position), mul(matrix(other_pose.rotation), xyz(other.middle)))
     return sub(mul_t(matrix(pose.rotation), sub(p, xyz(pose.position))), xyz(shape.middle))
 

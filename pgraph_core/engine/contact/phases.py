@@ -214,9 +214,7 @@ def into_cone(points, s, place, i, lam, r):
 
 @sweep
 def slide_columns(blocks, work, space, contact, k, m):
-    """Write c_j and Ω_·n of each sliding point into `columns`, as the factorisation overwrites
-    Ω.
-    """
+    """Write c_j and Ω_·n of each sliding point into `columns`: the factors overwrite Ω."""
     points, columns = contact.points, contact.columns
     slots, omega, place = space.slots, space.omega, space.place
     j = 0
@@ -237,9 +235,7 @@ def slide_columns(blocks, work, space, contact, k, m):
 
 @sweep
 def reduce_slides(contact, held, k):
-    """Write the k equations for sliding contact: the matrix in the first k rows of `small`,
-    then r.
-    """
+    """Write the k equations of sliding contact: the matrix in rows of `small`, then r."""
     points, columns, small = contact.points, contact.columns, contact.small
     i = 0
     n = held

@@ -209,9 +209,7 @@ def point_accelerations(scene, t, q, v, vdot, flow):
 
 @kernel(i8(i8, f8, F1, F1), later=True)
 def impulse_rows(scene, t, q, v):
-    """Compute Ω and the velocities (in RHS) of the active rows for impulses. Returns their
-    number.
-    """
+    """Compute Ω and the velocities (in RHS) of the active rows. Returns their number."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors = space.vectors
@@ -241,9 +239,7 @@ def add_impulses(scene, v):
 
 @sweep
 def watch(contact, row, w):
-    """Fill row `row` of `watched` at a time w after the start of the step, from the observed
-    points.
-    """
+    """Fill row `row` of `watched` at a time w after the start of the step, from its points."""
     points, watched = contact.points, contact.watched
     largest = 0.0
     for s in range(points.shape[0]):
@@ -352,9 +348,7 @@ def dip_of_gap(contact, s, h):
 
 @sweep
 def urgent(watched, width, sides):
-    """Return the step size from `lo` to the first zero by the secant method, with weights
-    `sides`.
-    """
+    """Return the step size from `lo` to the first zero by the secant rule, weighed by `sides`."""
     best = width
     for n in range(watched.shape[1]):
         low = watched[LOW, n]
@@ -382,9 +376,7 @@ def bracket_of(watched, end):
 
 @sweep
 def next_try(watched, bracket, n, h):
-    """Return the next step size to examine in a step of h: secants, with a bisection every third
-    time.
-    """
+    """Return the next step size to examine in a step of h: secants, a third bisections."""
     lo, hi, _, _, _ = bracket
     w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
     return min(max(w, lo + 0.3 * WIDTH * h), hi - 0.3 * WIDTH * h)

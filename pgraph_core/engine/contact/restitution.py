@@ -39,9 +39,7 @@ SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
 
 @part
 def lost_share(law, speed, stored):
-    """Return χ d' / V for a contact point closing at `speed` [m/s], with `stored` = 2 E w
-    [m²/s²].
-    """
+    """Return χ d' / V of a contact point closing at `speed` [m/s], with `stored` = 2 E w."""
     return law.loss * speed / max(math.sqrt(speed * speed + stored), SLOWEST)
 
 

@@ -103,9 +103,7 @@ def node_of_cell(geometry, i, x, k):
 
 @part
 def boundary_of_field(geometry, i, k, x):
-    """Do the same as `boundary` for the faces of a cell: its triangle, four sides and the
-    bottom.
-    """
+    """Do as `boundary` for the faces of a cell: its triangle, four sides and the bottom."""
     shape = geometry.shapes[i]
     half = xyz(shape.half_extents)
     if k == 5:

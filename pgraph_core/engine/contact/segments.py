@@ -29,9 +29,7 @@ def ball_ball(out, n, centre_a, radius_a, centre_b, radius_b, margin, feature):
 
 @part
 def along(p, start, way):
-    """Return the parameter t of the point on start + t way nearest to a point, or 0 for zero
-    length.
-    """
+    """Return the parameter t of the point on start + t way nearest to a point, 0 for no length."""
     size = dot(way, way)
     return dot(sub(p, start), way) / size if size > 0.0 else 0.0
 
@@ -74,9 +72,7 @@ def end_pair(k, p, d, q, e, slack):
 
 @part
 def crossing(p, d, q, e):
-    """Return (s, t) where two lines are nearest, or -1 for both if they are parallel or have no
-    length.
-    """
+    """Return (s, t) where two lines are nearest, or -1 for both if parallel or a point."""
     r = sub(p, q)
     dd, ee, de = dot(d, d), dot(e, e), dot(d, e)
     n = cross(d, e)
@@ -89,9 +85,7 @@ def crossing(p, d, q, e):
 
 @part
 def apart(d, e, middle):
-    """Return a unit direction away from the second of two crossing segments, with the sign of
-    `middle`.
-    """
+    """Return a unit direction away from the second of two crossing segments, as `middle`."""
     n = cross(d, e)
     size = dot(n, n)
     if size <= ALIKE * dot(d, d) * dot(e, e) or size == 0.0:

@@ -27,9 +27,7 @@ UPRIGHT = 1e-12  # rad: a tilt below it is rounding
 
 @sweep
 def place(shapes, work, poses):
-    """Compute the poses of all shapes from the rows that carry them, after `outboard` and
-    `positions`.
-    """
+    """Compute the poses of all shapes from the rows that carry them, after `positions`."""
     for i in range(shapes.shape[0]):
         k = shapes[i].row
         r = rotation_of(work, k)
@@ -99,9 +97,7 @@ def far_apart(shapes, poses, i, j, margin):
 
 @sweep
 def put(out, n, on_b, normal, gap, feature):
-    """Write contact point n and return n + 1. Points beyond the buffer's capacity are only
-    counted.
-    """
+    """Write contact point n and return n + 1. Points beyond the capacity are only counted."""
     if n < out.shape[0]:
         set_xyz(out[n].point_a, add_scaled(on_b, gap, normal))
         set_xyz(out[n].point_b, on_b)

@@ -162,9 +162,7 @@ def move_on(scene, n, slot, count):
 
 @sweep
 def combine(normal, count):
-    """Write the weights of the last `count` sweeps into row DEPTH, which holds the right-hand
-    side.
-    """
+    """Write the weights of the last `count` sweeps into row DEPTH, the right-hand side."""
     share = normal[DEPTH]
     begin = DEPTH + 1  # first row of the factor
     largest = 0.0
@@ -240,9 +238,7 @@ def held(own, i, u, old):
 
 @part
 def in_disc(a, b, c, x, y, radius):
-    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, opposing the slip on its
-    rim.
-    """
+    """Minimise ½ tᵀ[a b, b c]t + (x, y)·t in a disc: no slip inside, against it on the rim."""
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)

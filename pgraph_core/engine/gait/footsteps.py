@@ -80,18 +80,14 @@ def height_at(terrain, s, x, z):
 
 @part
 def within(edges, i, x, low, high):
-    """Return the position nearest to x in interval i that is `low` and `high` away from its
-    ends.
-    """
+    """Return the position nearest to x in interval i, `low` and `high` away from its ends."""
     a, b = edges[i] + low, edges[i + 1] - high
     return 0.5 * (a + b) if a > b else min(max(x, a), b)
 
 
 @part
 def beside_edges(terrain, s, heading, at):
-    """Return the position nearest to (x, z), in heading axes, in the same cell but away from its
-    edges.
-    """
+    """Return the position nearest to (x, z), in heading axes, in its cell off the edges."""
     p = out_of(heading, (at[0], 0.0, at[1]))
     i, j = cell(terrain.x, p[0]), cell(terrain.z, p[2])
     if i < 0 or j < 0:
@@ -108,9 +104,7 @@ def beside_edges(terrain, s, heading, at):
 
 @sweep
 def ground_between(terrain, s, heading, leave, land):
-    """Return the heights of the known ground: (lift-off point, landing point, maximum along the
-    path).
-    """
+    """Return heights of the known ground: (lift-off, landing, maximum along the path)."""
     top = -1e300
     first = 0.0
     last = 0.0
@@ -127,9 +121,7 @@ def ground_between(terrain, s, heading, leave, land):
 
 @sweep
 def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
-    """Return the lift-off and landing points of a foot from its hip's motion, level, in heading
-    axes.
-    """
+    """Return a foot's lift-off and landing from its hip's motion, level, in heading axes."""
     half = 0.5 * legs[f].duty * s.stride
     whole = (1.0 - legs[f].duty) * s.stride
     x = hip[0] + legs[f].ahead
@@ -165,9 +157,7 @@ def eased(z):
 
 @part
 def over_felt(s, z, whole, felt, m, m1, leave, land):
-    """Return (height, rate, acceleration) of a swing foot above the ground sensed by the other
-    feet.
-    """
+    """Return (height, rate, acceleration) of a swing foot above ground that others sense."""
     y, y1, y2 = lift(s, z, whole, s.clearance)
     y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
     y1 += felt[2] * m1 * (land[0] - leave[0])

@@ -34,9 +34,7 @@ def clamp(x, bound):
 
 @part
 def reach(legs, f, x, y):
-    """Return the (hip, knee) angles that bring the foot to (x, y) from the hip, or as close as
-    possible.
-    """
+    """Return the (hip, knee) angles that bring the foot to (x, y) from the hip, or nearest."""
     ax, ay = legs[f].long[0], legs[f].long[1]
     bx, by = legs[f].shank[0], legs[f].shank[1]
     aa = ax * ax + ay * ay

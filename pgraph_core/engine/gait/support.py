@@ -131,9 +131,7 @@ def weigh(feet, s, com, mat):
 
 @sweep
 def factor(mat):
-    """Compute the Cholesky factor of the first six columns in place, with the inverse of the
-    diagonal.
-    """
+    """Compute the Cholesky factor of six columns in place, with the diagonal's inverse."""
     for j in range(6):
         x = mat[j, j]
         for k in range(j):

@@ -91,9 +91,7 @@ FOOT = record(  # heading axes
 
 
 class Terrain(NamedTuple):
-    """Heights of the ground's steps above its plane. Cell [i, j] spans x[i] to x[i + 1], and z from
-    z[j].
-    """
+    """Heights of the ground's steps above its plane. Cell [i, j] begins at x[i] and z[j]."""
 
     x: Any  # (n + 1,) edges [m], empty if the ground is a plane
     z: Any  # (m + 1,)

@@ -109,9 +109,7 @@ def feel(work, linear, legs, s, phase, heading, feet):
 
 @part
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
-    """Return the desired wrench from the feet, [torque about the centre of mass, force], in heading
-    axes.
-    """
+    """Return the feet's desired wrench in heading axes: torque about the centre of mass, force."""
     sure, middle, slope, _ = felt
     rise, rise_u, rise_a = wave(waves, RISE, s, phase)
     nod, nod_u, nod_a = wave(waves, NOD, s, phase)
@@ -138,9 +136,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
 
 @part
 def base_acceleration(work, feet, s, heading, com, vdot):
-    """Return the root's acceleration due to the foot forces in world axes, also written to
-    `vdot`.
-    """
+    """Return the root's acceleration by the foot forces in world axes, also in `vdot`."""
     none = 0.0 * s.mass
     force = (none, none, none)
     moment = (none, none, none)
@@ -244,9 +240,7 @@ def copied_bias(work, out):
 
 @part
 def slow_down(v, vdot, s, lies):
-    """Set v' so that all joints slow down at the same rate, regardless of load, where the walker
-    lies.
-    """
+    """Set v' so that all joints slow down at the same rate where the walker lies."""
     for j in range(v.shape[0]):
         slow = -s.limp * v[j] if j >= 6 else 0.0 * s.limp
         vdot[j] = chosen(lies, -s.gravity if j == 4 else slow, vdot[j])
@@ -273,9 +267,7 @@ def falls(walk, work, t, com, level):
 
 @part
 def control(walk, work, t):
-    """Compute τ for one walk or for lanes from the frames in `work`. Joints slow down after a
-    fall.
-    """
+    """Compute τ of a walk or of lanes from the frames in `work`. Joints brake after a fall."""
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     v, tau, vdot, limit = walk.v, walk.tau, walk.vdot, walk.limit

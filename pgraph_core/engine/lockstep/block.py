@@ -107,9 +107,7 @@ def fits(contacts, data, control):
 
 @sweep
 def take_in(run, ways, drives, b, w, all_):
-    """Copy the instance in the run into lane w, with its constants if `all_`. Returns True if it
-    fits.
-    """
+    """Copy the run's instance into lane w, with constants if `all_`. True if it fits."""
     this = opened_run(run)
     data, control = opened(this.scene), this.control[0]
     contacts = contacts_at(data.links.contacts)

@@ -113,9 +113,7 @@ SOLVED, ALL_SOLVED, ROUNDS, ALL_ROUNDS = range(4)  # iterations and rounds: of a
 
 @sweep
 def factor_proximal(h, m):
-    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, or zero without
-    any.
-    """
+    """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, or zero."""
     omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, LIVES]
     trace = 0.0
     for r in range(m):
@@ -163,9 +161,7 @@ def keep(x, mask, end):
 
 @sweep
 def solve_proximal(h, mu, count, m, enough, asked):
-    """Run `proximal.solve_proximal` in lanes `asked`. Late null directions make a lane continue
-    alone.
-    """
+    """Run `proximal.solve_proximal` in lanes `asked`. One with late null directions goes alone."""
     omega, factor, nulls, lane = h.omega, h.factor, h.nulls, h.lane[0]
     rhs, lam, change = h.rows[RHS], h.rows[LAMBDA], h.rows[CHANGE]
     end = whole_blocks(m)

@@ -295,9 +295,7 @@ def finish(rows, drives, ways, near, b, h, passive):
 
 @sweep
 def commit(rows, ways, near, b, h):
-    """Commit state and history after the step as in `booking.book`, in lanes that do not continue
-    alone.
-    """
+    """Commit state and history after the step as `booking.book`, in lanes that stay together."""
     x, lane, points, pairs = b.vectors, b.lane[0], b.points, b.pairs
     good = without(lane[LIVES], lane[ALONE])
     zero = 0.0 * lane[COUNT]

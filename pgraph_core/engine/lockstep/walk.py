@@ -59,9 +59,7 @@ def numbers_into(one, all_, w):
 
 @sweep
 def exchange_armatures(rows, const, x):
-    """Swap the drive inertias with and without stiffness terms, as the controller uses none of
-    these.
-    """
+    """Swap the drive inertias with and without stiffness terms: the controller uses none."""
     for k in range(1, rows.shape[0]):
         if kind_of(rows, k) <= TRANSLATE:
             j = v_of(rows, k)

@@ -43,9 +43,7 @@ def forward_in_lanes(rows, const, drives, loads, t, q, v, given, work, tau, vdot
 
 @kernel(*[void(*acts, *[F3] * 4, F2, F2, F3, i8, i8) for acts in ACTS], nogil=True, lanes=True)
 def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none, tau, begin, end):
-    """Compute τ for blocks `begin` to `end` - 1, eq. (24), without the contribution of springs and
-    dampers.
-    """
+    """Compute τ of blocks `begin` to `end` - 1, eq. (24), without springs and dampers."""
     w = lanes(work)
     s = lanes(passive)
     for i in range(begin, end):

@@ -215,9 +215,7 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 @part
 def log_depth(tally, depth, thickness, pair, t):
-    """Record the penetration of two shapes relative to their thickness [m], or the depth itself for
-    points.
-    """
+    """Record the penetration of two shapes over their thickness [m], of points as it is."""
     tally.penetration = max(tally.penetration, depth)
     share = depth / thickness if thickness > 0.0 else depth
     if share > tally.deepest:
@@ -229,9 +227,7 @@ def log_depth(tally, depth, thickness, pair, t):
 
 @part
 def thickness_at(contacts, n):
-    """Return the thickness of the thinner shape at contact point n, or else the size of the shapes
-    [m].
-    """
+    """Return the thickness of the thinner shape at contact point n, or the shapes' size [m]."""
     a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
     thick = 2.0 * thinner(contacts, a, b)
     return thick if thick > 0.0 else smaller_size(contacts, a, b)

@@ -59,9 +59,7 @@ WIDER = 8  # growth of the interval after an instant at which a value is and sta
 
 @kernel(PROJECTION, nogil=True, later=True)
 def event_projection(scene, t, q, v, rounds):
-    """Run `projection` onto the held constraints. Returns the number of iterations, or -1 on
-    failure.
-    """
+    """Run `projection` onto the held constraints. Returns the iterations, or -1."""
     links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 
@@ -158,9 +156,7 @@ def values_of_events(run, t, q, v):
 
 @sweep
 def watch_events(run):
-    """Compute the monitors for user events, which are positive while the event values keep their
-    sign.
-    """
+    """Compute the monitors of user events, positive while the values keep their sign."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
@@ -213,9 +209,7 @@ def undecided(signs):
 
 @sweep
 def take_sides(run, low, width):
-    """Set the signs of events whose value is exactly zero at `low` to those immediately after
-    it.
-    """
+    """Set the signs of events that are exactly zero at `low` to those just after it."""
     data = opened_run(run)
     signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
@@ -284,9 +278,7 @@ def least_gap(run, low, s, w, widths):
 
 @sweep
 def locate(run, low, end):
-    """Return the width from `low` to the first event. Its state is in TRIAL, and the event in
-    NOW.
-    """
+    """Return the width from `low` to the first event. Its state is in TRIAL, its number in NOW."""
     data = opened_run(run)
     watched, h = data.watched, data.control[0].old_width
     bracket = bracket_of(watched, end)

@@ -48,9 +48,7 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
 
 @sweep
 def moving(rows, const, work, v, linear):
-    """Write the positions of all origins to X and their velocities to `linear`, in U until
-    `inboard`.
-    """
+    """Write the positions of all origins to X and velocities to `linear`, in U till `inboard`."""
     positions(rows, work)
     velocities(rows, const, work, v, linear)
 

@@ -168,9 +168,7 @@ def out_of_chart(rows, xi, p, negative, out):
 
 @sweep
 def reach(rows, real, q):
-    """Return qᵀ M q for the mass matrix in `real`, with attitudes as 1 rad, as the scale for
-    rounding.
-    """
+    """Return qᵀ M q of the mass matrix in `real`, attitudes as 1 rad: the scale of rounding."""
     total = 0.0
     for k in range(1, rows.shape[0]):
         i = v_of(rows, k)

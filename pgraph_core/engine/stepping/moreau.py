@@ -397,9 +397,7 @@ def account(scene, lasts, ledger):
 
 @sweep
 def turn_rates(rows, const, work, v):
-    """Compute the angular velocities of all rows for other joint velocities, with unchanged
-    frames.
-    """
+    """Compute the angular velocities of all rows for other joint velocities, same frames."""
     for k in range(1, rows.shape[0]):
         p = parent_of(rows, k)
         j = v_of(rows, k)

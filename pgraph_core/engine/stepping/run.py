@@ -137,9 +137,7 @@ def is_due(run):
 
 @sweep
 def blurred(run, h):
-    """Return the step's error due to rounding of time, over its tolerance. No step size reduces
-    it.
-    """
+    """Return the step's error by rounding of time, over its tolerance, which no step reduces."""
     data = opened_run(run)
     stages = data.stages
     nq, nv = size_of_state(run)

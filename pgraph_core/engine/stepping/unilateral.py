@@ -237,9 +237,7 @@ def lands_together(contacts, n, count):
 
 @part
 def carried(contacts, n):
-    """Return True if contact point n carried load in the last step. Standing, rotating bodies drift
-    off.
-    """
+    """Return True if contact point n carried load in the last step. Turning bodies drift off."""
     k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
     return k >= 0 and contacts.kept[k].value[0] > 0.0
 

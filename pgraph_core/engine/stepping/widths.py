@@ -20,9 +20,7 @@ from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 @sweep
 def extremes(rows, size, stages, row, spin, speed, length):
-    """Return the largest rotation speed, linear speed and displacement, of `row` and the given
-    values.
-    """
+    """Return the largest angular speed, speed and way, of `row` and the given values."""
     nq, state = size[0], stages[row]
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)

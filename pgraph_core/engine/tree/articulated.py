@@ -121,9 +121,7 @@ def reduce_hinge(rows, const, work, k, tau):
 
 @part
 def reduce_ball(rows, const, work, k, tau):
-    """Apply `reduce_hinge` to three rotations simultaneously, which leaves the inertia m - bᵀ j⁻¹
-    b.
-    """
+    """Apply `reduce_hinge` to three rotations at once, which leaves the inertia m - bᵀ j⁻¹ b."""
     j, b, m = inertia_of(work, k)
     i = v_of(rows, k)
     p = parent_of(rows, k)
@@ -240,17 +238,13 @@ def articulated(rows, const, q, v, tau, work, vdot):
 
 @part
 def vanishes(size, inverse):
-    """Return True if a pivot, given by its inverse, is rounding error for an inertia of this
-    size.
-    """
+    """Return True if a pivot, given by its inverse, is rounding for an inertia of this size."""
     return not (16 * EPS * size * inverse < 1.0 and inverse > 0.0)
 
 
 @sweep
 def singular_row(rows, work):
-    """Return the first row, from the tips, without inertia up to rounding, or 0 if there is
-    none.
-    """
+    """Return the first row, from the tips, without inertia up to rounding, or 0 if none."""
     for k in range(rows.shape[0] - 1, 0, -1):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)

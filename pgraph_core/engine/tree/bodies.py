@@ -128,9 +128,7 @@ def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
 
 @sweep
 def gather(bodies_i, position, force):
-    """Accumulate F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (checklist
-    B18).
-    """
+    """Accumulate F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (B18)."""
     for b in range(bodies_i.shape[0] - 1, 0, -1):
         p = bodies_i[b, at.BODY_PARENT]
         if p > 0:

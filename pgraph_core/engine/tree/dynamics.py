@@ -45,9 +45,7 @@ from .kinematics import accelerate, base_axes, joint_force, outboard, positions
 
 @sweep
 def apply_external(bodies_i, bodies_f, external, work):
-    """Subtract wrenches [torque, force] on the bodies, in world axes at their origins, from the
-    bias.
-    """
+    """Subtract wrenches [torque, force] on the bodies, in world axes, from the bias."""
     for b in range(external.shape[0]):
         k = carrier_of(bodies_i, b + 1)
         if k == 0:  # welded to the ground, which takes any force
@@ -137,9 +135,7 @@ def motion(rows, const, work, k, column):
 
 @sweep
 def composite_inertia(rows, work):
-    """Compute I_c of every row: its own inertia plus, shifted by φ, those of all rows that it
-    carries.
-    """
+    """Compute I_c of every row: its own inertia and, shifted by φ, those that it carries."""
     zero = (0.0, 0.0, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
         p = parent_of(rows, k)
@@ -149,9 +145,7 @@ def composite_inertia(rows, work):
 
 @sweep
 def joint_inertia(rows, const, work, m):
-    """Compute M of eq. (25) after `outboard`, carrying F = I_c H down the path, F_p = φᵀ F, eq.
-    (12).
-    """
+    """Compute M of eq. (25) after `outboard`, with F = I_c H and F_p = φᵀ F, eq. (12)."""
     composite_inertia(rows, work)
     for k in range(1, rows.shape[0]):
         for column in range(nv_of(kind_of(rows, k))):

@@ -199,9 +199,7 @@ angles = by_lanes(turn_all, turn_by_fours)
 
 @sweep
 def outboard(rows, const, work, q, v):
-    """First sweep, root to tips: compute frames, velocities, a, b and rigid inertias of all
-    rows.
-    """
+    """First sweep, root to tips: compute frames, velocities, a, b and rigid inertias."""
     set_ground(const, work)
     angles(rows, work, q)
     for k in range(1, rows.shape[0]):
@@ -280,9 +278,7 @@ def accelerate(rows, const, work, v, vdot):
 
 @part
 def linear_velocity(rows, const, work, v, k, parent_velocity):
-    """Compute v_k = v_p + ω_p × l + h ḋ, eq. (5), the velocity of row k's origin from its
-    parent's.
-    """
+    """Compute v_k = v_p + ω_p × l + h ḋ, eq. (5), the velocity of row k's origin."""
     p = parent_of(rows, k)
     j = v_of(rows, k)
     kind = kind_of(rows, k)

@@ -52,9 +52,7 @@ def normalise(q, i):
 
 @sweep
 def rate(rows, q, v, out):
-    """Compute q' for given v, where quaternions have the rate half ω times q with ω in the parent's
-    axes.
-    """
+    """Compute q' of v. Quaternions have the rate half ω times q with ω in the parent's axes."""
     for k in range(1, rows.shape[0]):
         i = q_of(rows, k)
         j = v_of(rows, k)

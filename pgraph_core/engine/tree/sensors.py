@@ -38,9 +38,7 @@ STILL = (0.0, 0.0, 0.0)
 
 @part
 def quaternion_of(r):
-    """Return [w, x, y, z] of a rotation with the largest entry positive, the best conditioned of
-    four forms.
-    """
+    """Return [w, x, y, z] of a rotation with the largest entry positive, the best of four forms."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = r
     squares = (1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz)
     if squares[0] >= max(squares[1], squares[2], squares[3]):
@@ -110,9 +108,7 @@ def turned(p, q):
 
 @part
 def of_frame(sensor, gravity, b, pose, velocity, acceleration, force):
-    """Return a three-number reading for a frame fixed to body b, counted from 0, or to the ground,
-    -1.
-    """
+    """Return a three-number reading of a frame fixed to body b, from 0, or the ground, -1."""
     turn, place, speed, omega = quaternion_matrix(1.0, 0.0, 0.0, 0.0), STILL, STILL, STILL
     alpha, linear, torque, push = STILL, STILL, STILL, STILL
     if b >= 0:

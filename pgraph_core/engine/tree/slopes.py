@@ -339,9 +339,7 @@ def last_freedoms(outer, last):
 
 @sweep
 def take_four(x, i, a, rows, begin, end):
-    """Subtract a · (four rows of x) from x_i in columns `begin` to `end` - 1, in one pass over row
-    i.
-    """
+    """Subtract a · (four rows of x) from x_i in columns `begin` to `end` - 1, in one pass."""
     to, one, two = x[i, begin:end], x[rows[0], begin:end], x[rows[1], begin:end]
     three, four = x[rows[2], begin:end], x[rows[3], begin:end]
     for c in range(end - begin):  # slices from 0: columns of no known sign take no SIMD lanes

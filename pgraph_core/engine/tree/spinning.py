@@ -405,9 +405,7 @@ def rate_after(inertia, before, alpha, h):
 
 @part
 def middle_turn(inertia, turn, torque):
-    """Solve 2 I (θ - θ₀) + θ × I θ = h² τ for θ by Newton's method. Returns θ and a success
-    flag.
-    """
+    """Solve 2 I (θ - θ₀) + θ × I θ = h² τ for θ by Newton's method. Returns (θ, success)."""
     theta = turn
     for _ in range(NEWTON):
         momentum = sym_mul(inertia, theta)
@@ -428,8 +426,6 @@ def middle_turn(inertia, turn, torque):
 
 @part
 def column(inertia, theta, momentum, e):
-    """Return the derivative of the midpoint rule's residual along unit vector e: 2 I e + θ × I e +
-    e × I θ.
-    """
+    """Return the slope of the midpoint residual along a unit e: 2 I e + θ × I e + e × I θ."""
     along = sym_mul(inertia, e)
     return add(add_cross(scale(2.0, along), theta, along), cross(e, momentum))

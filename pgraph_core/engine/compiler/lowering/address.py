@@ -61,9 +61,7 @@ def opening(described: Group, of_duals: Group | None) -> Any:
 
 
 def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], Any], Any]) -> None:
-    """Call `act(path, pointer)` for every scalar of an aggregate, as whole structs compile
-    badly.
-    """
+    """Call `act(path, pointer)` for each scalar of an aggregate: whole structs compile badly."""
     zero = ir.Constant(ir.IntType(32), 0)
 
     def visit(kind: Any, path: tuple[int, ...]) -> None:

@@ -95,9 +95,7 @@ def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
 
 @intrinsic
 def near(typingctx: Any, x: Any) -> Any:
-    """Return (sin x, cos x) for a lane or number up to FAR. Inlined, it takes half as long as a
-    call.
-    """
+    """Return (sin x, cos x) for a lane or number up to FAR. Inlined, it takes half the time."""
     pair = types.UniTuple(x, 2)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:

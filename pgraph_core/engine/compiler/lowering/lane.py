@@ -178,9 +178,7 @@ def lanes(typingctx: Any, array: Any) -> Any:
 
 @intrinsic
 def constants(typingctx: Any, array: Any, block: Any) -> Any:
-    """Return the constants of a block: a shared array (rows, columns) unchanged, or its own from
-    (blocks, rows, columns, W) as lanes.
-    """
+    """Return a block's constants: a shared array (rows, columns), or its own as lanes."""
     if array.ndim == 2:
         return array(array, block), lambda context, builder, sig, args: args[0]
     view = _view_type(array, 2)
@@ -203,9 +201,7 @@ def _view_type(array: Any, ndim: int) -> types.Array:
 
 
 def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: int) -> Any:
-    """View the memory of `source` from `start` as an array of lanes, with `skip` leading axes
-    indexed.
-    """
+    """View `source` from `start` as an array of lanes, with `skip` leading axes indexed."""
     target = context.make_array(view)(context, builder)
     shape = cgutils.unpack_tuple(builder, source.shape)[skip:-1]
     strides = cgutils.unpack_tuple(builder, source.strides)[skip:-1]
@@ -286,9 +282,7 @@ def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any)
 
 
 def _binary_of_threes(name: str, *operators: Any) -> None:
-    """Typing and lowering of a binary operation between triples of lanes, or a triple and a
-    lane.
-    """
+    """Typing and lowering of an operation between triples of lanes, or a triple and a lane."""
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:

@@ -46,9 +46,7 @@ class LaneRecord(types.Type):
         super().__init__(name=f"{type(self).__name__}({kind})")
 
     def field(self, name: str) -> tuple[int, int, bool]:
-        """Return (index of its first word, number of values, whether they are integers) for a
-        field.
-        """
+        """Return (index of the first word, number of values, whether they are integers)."""
         known: Any = self.kind.fields
         inside, first = known[name][:2]
         return first // WORD, inside.itemsize // WORD, inside.base.kind == "i"
