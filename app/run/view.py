@@ -251,7 +251,7 @@ def made(
 
 def table(run: Run) -> bytes:
     """Return a table of all quantities over time, with units in the first line."""
-    return run.result.to_csv().encode()
+    return run.result.to_csv(bodies=True).encode()
 
 
 def arrays(run: Run) -> tuple[str, bytes]:

@@ -23,6 +23,15 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 LEDGER = ("energy", "kinetic_energy", "potential_energy", "work", "dissipation")
+OF_BODIES = {  # name: (unit, attribute of a run (n, nb, ...), first of three columns)
+    "position": ("m", "body_pose", 0),
+    "velocity": ("m/s", "body_velocity", 3),
+    "angular_velocity": ("rad/s", "body_velocity", 0),
+    "acceleration": ("m/s^2", "body_acceleration", 3),
+    "angular_acceleration": ("rad/s^2", "body_acceleration", 0),
+    "joint_force": ("N", "joint_force", 3),
+    "joint_torque": ("N m", "joint_force", 0),
+}
 OTHER_WORDS = {"time": "t", "total_energy": "energy"}
 
 
@@ -33,8 +42,8 @@ class Column(NamedTuple):
     values: Any
 
 
-def columns_of(run: Any) -> dict[str, Column]:
-    """Return all columns of a run by name.
+def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
+    """Return all columns of a run by name, with the motion and joint forces of bodies if wanted.
 
     A coordinate or an output whose name another column has is called `q.NAME`, `outputs.NAME`.
     """
@@ -56,7 +65,20 @@ def columns_of(run: Any) -> dict[str, Column]:
             name = ".".join(filter(None, (o.name, part)))
             taken = name in found or name in forces
             found[f"outputs.{name}" if taken else name] = Column(o.reading.unit, x)
-    return found | forces
+    found |= forces
+    return found | (_bodies(run) if bodies else {})
+
+
+def _bodies(run: Any) -> dict[str, Column]:
+    """Return the motion of all body frames in world axes, and the wrenches of their joints."""
+    found: dict[str, Column] = {}
+    for kind, (unit, attribute, first) in OF_BODIES.items():
+        for name, values in zip(run.mechanism.names, getattr(run, attribute).swapaxes(0, 1)):
+            found |= {
+                f"{kind}.{name}.{axis}": Column(unit, values[:, first + i])
+                for i, axis in enumerate("xyz")
+            }
+    return found
 
 
 def _forces(run: Any) -> dict[str, Column]:

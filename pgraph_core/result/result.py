@@ -202,12 +202,20 @@ class Result(EqualByFields, Portable):
             if name in columns:
                 return columns[name].values
             other = name in ARRAYS or name in self.mechanism.names
-            if not other and (found := meant(columns, name)):
-                picked = [columns[c].values for c in found]
+            if not other and (found := self._meant(name)):
+                picked = [column.values for column in found.values()]
                 return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
             raise InputError(Problem("run", "name", self._no_joint(name)))
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
+
+    def _meant(self, name: str) -> dict[str, Column]:
+        """Return the columns that match a name. Those of bodies match only if no others do."""
+        for bodies in (False, True):
+            columns = columns_of(self, bodies)
+            if found := meant(columns, name):
+                return {column: columns[column] for column in found}
+        return {}
 
     def __bool__(self) -> bool:
         """Return True. Use `status.ok` to test whether the run reached its end."""
@@ -318,21 +326,21 @@ class Result(EqualByFields, Portable):
         slope = (8.0 * (found[2] - found[1]) - (found[3] - found[0])) / (12.0 * step)
         return slope if slope.ndim else float(slope)
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self, *, bodies: bool = False) -> Any:
         """Return a pandas DataFrame of `columns` with one row per frame, indexed by time t [s].
 
         Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
         columns of the joint. An unknown name raises a KeyError that lists the columns.
-        `table.attrs["units"]` holds the units. Needs pandas.
+        `table.attrs["units"]` holds the units. `bodies` as for `columns`. Needs pandas.
         """
-        return frame(columns_of(self))
+        return frame(columns_of(self, bodies))
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self, *, bodies: bool = False) -> Any:
         """Return an xarray Dataset of `columns` over time t [s], with units.
 
-        Columns of words are omitted. Needs xarray.
+        Columns of words are omitted. `bodies` as for `columns`. Needs xarray.
         """
-        return dataset(columns_of(self))
+        return dataset(columns_of(self, bodies))
 
     def plot(self, *names: str) -> Any:
         """Plot columns over time with Matplotlib, by default all coordinates.
@@ -356,12 +364,13 @@ class Result(EqualByFields, Portable):
         --------
             run.plot("knee", "energy").savefig("knee.png")
         """
-        columns, picked = columns_of(self), dict[str, Column]()
+        picked = dict[str, Column]()
         for name in names or ("q",):
-            found = [c for c in meant(columns, name) if c != "t"]
+            found = self._meant(name)
+            found.pop("t", None)
             if not found and names:
-                raise InputError(Problem("plot", "", no_column(columns, name)))
-            picked |= {c: columns[c] for c in found}
+                raise InputError(Problem("plot", "", no_column(columns_of(self, True), name)))
+            picked |= found
         return _show().figure(self.t, picked, self.mechanism.model.name)
 
     def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
@@ -723,28 +732,34 @@ class Result(EqualByFields, Portable):
         }
         return cls(mech, status, **loaded, **given)
 
-    def to_csv(self) -> str:
+    def to_csv(self, *, bodies: bool = False) -> str:
         """Return `columns` as CSV text with units in the header line, "knee [rad]".
 
-        A name that a spreadsheet would interpret as a formula begins with a quote.
+        A name that a spreadsheet would interpret as a formula begins with a quote. `bodies` as for
+        `columns`.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        columns = columns_of(self)
+        columns = columns_of(self, bodies)
         heads = (f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
         writer.writerow(f"'{head}" if head[:1] in FORMULA else head for head in heads)
         writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
         return text.getvalue()
 
-    def columns(self) -> dict[str, Any]:
-        """Return the columns of the run as a table {name: (n,)}: "t", "knee", "v.knee", "energy",
-        ...
+    def columns(self, *, bodies: bool = False) -> dict[str, Any]:
+        """Return the columns of the run as a table {name: (n,)}.
 
-        A coordinate is called as its body; everything else as the attribute of the run that holds
-        it, with what it is of after a dot. Of several numbers each has its place or axis:
-        "trunk.3", "contact_force.paw.z". `to_csv` adds the units.
+        A coordinate has the name of its body, "knee". Every other column begins with the name of
+        its quantity: "v.knee", "energy", "contact_force.paw.z". `to_csv` adds the units.
+
+        Parameters
+        ----------
+        bodies : bool, optional
+            Whether to add the motion of all body frames in world axes and the wrenches of their
+            joints: "position.hand.x", "angular_acceleration.hand.z", "joint_force.hand.x". These
+            are found by `run["position.hand"]` and `run.plot("velocity.hand")` in any case.
         """
-        return {name: column.values for name, column in columns_of(self).items()}
+        return {name: column.values for name, column in columns_of(self, bodies).items()}
 
 
 WRITTEN = "give a file written by Result.save"

@@ -125,6 +125,9 @@ def test_a_finished_run_is_exported_with_what_the_page_shows(run):
     state = after(ran(state, run.result), do.Show(ME, "footprints", True), do.Export(ME, "csv"))
     assert state.exporting.what == "csv"
     assert "footprints" in state.exporting.shown
+    _, table = view.made(state.exporting)
+    heads = table.decode().partition("\n")[0].split(",")
+    assert [x for x in heads if x.startswith(f"angular_acceleration.{run.result.mechanism.names[0]}")]
 
 
 @pytest.mark.parametrize(("what", "begins"), [("png", b"\x89PNG"), ("gif", b"GIF89a")])

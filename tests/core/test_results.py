@@ -133,6 +133,28 @@ def test_the_table_has_the_columns_of_the_csv(run):
         np.testing.assert_array_equal(frame[name], frame.loc[:, column])
 
 
+def test_columns_of_bodies_are_the_motion_of_their_frames():
+    run = pg.simulate(tumbling(), t_end=0.2)
+    arrays = {
+        "position": run.body_pose[:, :, :3],
+        "velocity": run.body_velocity[:, :, 3:],
+        "angular_velocity": run.body_velocity[:, :, :3],
+        "acceleration": run.body_acceleration[:, :, 3:],
+        "angular_acceleration": run.body_acceleration[:, :, :3],
+        "joint_force": run.joint_force[:, :, 3:],
+        "joint_torque": run.joint_force[:, :, :3],
+    }
+    columns, plain = run.columns(bodies=True), run.columns()
+    assert len(columns) == len(plain) + 3 * len(arrays) * len(run.mechanism.names)
+    for kind, values in arrays.items():
+        for k, name in enumerate(run.mechanism.names):
+            np.testing.assert_array_equal(run[f"{kind}.{name}"], values[:, k])
+            np.testing.assert_array_equal(columns[f"{kind}.{name}.z"], values[:, k, 2])
+    assert run.to_csv(bodies=True).partition("\n")[0].count(",") == len(columns) - 1
+    with pytest.raises(pg.InputError, match=r"position\.box"):
+        run.plot("position.boxx")
+
+
 def test_a_joint_s_name_means_all_its_columns():
     pd = pytest.importorskip("pandas")
     body = pg.Body(name="energy", joint="free", mass=1.0)  # the name of a column
