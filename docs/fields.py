@@ -15,7 +15,7 @@ HEAD = """# All fields
 Generated from the classes by `docs/fields.py`. [Models](description.md) explains the parts.
 A required field must be given, an optional one may be left out. Units stand in brackets.
 """
-BASES = {"Constraints": pg.Constraint, "Forces": pg.Force}
+BASES = {"Constraints": pg.Constraint, "Forces": pg.Force, "Controls": pg.Control}
 PARTS = {
     "Model": (pg.Model, pg.Ground, pg.Step),
     "Bodies": (pg.Body, pg.Shape),

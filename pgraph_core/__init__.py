@@ -39,14 +39,17 @@ if TYPE_CHECKING:
     from .gait.footing import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
+    from .model import PID as PID
     from .model import Actuator as Actuator
     from .model import Body as Body
     from .model import Constraint as Constraint
     from .model import Contact as Contact
+    from .model import Control as Control
     from .model import Coupling as Coupling
     from .model import Cylindrical as Cylindrical
     from .model import Distance as Distance
     from .model import Drag as Drag
+    from .model import Filter as Filter
     from .model import Footfall as Footfall
     from .model import Force as Force
     from .model import Gains as Gains
@@ -65,6 +68,7 @@ if TYPE_CHECKING:
     from .model import Prismatic as Prismatic
     from .model import Revolute as Revolute
     from .model import Rolling as Rolling
+    from .model import Sampled as Sampled
     from .model import Scenario as Scenario
     from .model import Servo as Servo
     from .model import Shape as Shape
@@ -73,6 +77,7 @@ if TYPE_CHECKING:
     from .model import Skate as Skate
     from .model import SpeedServo as SpeedServo
     from .model import Spring as Spring
+    from .model import State as State
     from .model import Step as Step
     from .model import Switch as Switch
     from .model import Table as Table
@@ -127,9 +132,11 @@ _MODULES = {
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
     "model": (
-        "Actuator Body Constraint Contact Coupling Cylindrical Distance Drag Footfall Force "
+        "Actuator Body Constraint Contact Control Coupling Cylindrical Distance Drag Filter "
+        "Footfall Force "
         "Gains Gait Gear Ground Line Model Motion Motor Orientation Output Plane Point Polynomial "
-        "Prismatic Revolute Rolling Scenario Servo Shape Sine Site Skate SpeedServo Spring Step "
+        "PID Prismatic Revolute Rolling Sampled Scenario Servo Shape Sine Site Skate SpeedServo "
+        "Spring State Step "
         "Switch Table Tendon Torsion Universal VectorTable Velocity Weld Wrench"
     ),
     "paper": "home_poses",

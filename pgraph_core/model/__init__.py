@@ -36,6 +36,11 @@ from .constraint import Universal as Universal
 from .constraint import Velocity as Velocity
 from .constraint import Weld as Weld
 from .contact import Contact as Contact
+from .control import PID as PID
+from .control import Control as Control
+from .control import Filter as Filter
+from .control import Sampled as Sampled
+from .control import State as State
 from .model import Model as Model
 from .output import Output as Output
 from .output import Site as Site

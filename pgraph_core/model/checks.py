@@ -14,6 +14,7 @@ from ..sentences import no_such_field
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
+from .control import Control, loop_problems
 from .expressions import Known, expression_problems
 from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
@@ -334,6 +335,7 @@ def reference_problems(
     scenarios: Sequence[Scenario],
     sites: Sequence[Site],
     outputs: Sequence[Output],
+    controls: Sequence[Control],
     names: tuple[Sequence[str], Sequence[str]],
     parameters: Mapping[str, float],
 ) -> list[Problem]:
@@ -349,7 +351,11 @@ def reference_problems(
         *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
         *site_problems(sites, bodies),
         *output_problems(outputs, bodies, [s.name for s in sites]),
-        *varying_problems((constraints, forces), scenarios, Known(bodies, outputs, parameters)),
+        *unique("control", [c.name for c in controls]),
+        *loop_problems(controls),
+        *varying_problems(
+            (constraints, forces, controls), scenarios, Known(bodies, outputs, controls, parameters)
+        ),
     ]
 
 
@@ -442,6 +448,7 @@ PARTS: dict[str, type[Described]] = {
     "scenarios": Scenario,
     "sites": Site,
     "outputs": Output,
+    "controls": Control,
 }
 
 

@@ -15,7 +15,8 @@ from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
 from .contact import Contact
-from .expressions import read_by, renamed_in
+from .control import Control
+from .expressions import controls_read, read_by, renamed_in
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
@@ -201,7 +202,7 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
     if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
-    if isinstance(part, (Force, Constraint)):
+    if isinstance(part, (Force, Constraint, Control)):
         update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part
 
@@ -219,7 +220,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         states = {"q": swapped(s.q), "v": swapped(s.v)}
         return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
-    named = ("bodies", "constraints", "contacts", "forces", "sites", "outputs")
+    named = ("bodies", "constraints", "contacts", "forces", "sites", "outputs", "controls")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
     return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
 
@@ -227,16 +228,16 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 def in_expressions(
     parts: Mapping[str, Sequence[Any]], names: Mapping[str, str], group: str
 ) -> dict[str, tuple[Any, ...]]:
-    """Return forces, constraints and scenarios with renamed names in their expressions.
+    """Return the parts with expressions, in which names are renamed.
 
-    `group` is "out" for names of outputs and "" for those of parameters.
+    `group` is "out" for outputs, "x" for controls and "" for parameters.
     """
 
     def new(part: Any) -> Any:
         update = renamed_in(part, names, group)
         return part.unchecked_copy(update) if update else part
 
-    found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints")}
+    found = {key: tuple(map(new, parts[key])) for key in ("forces", "constraints", "controls")}
     scenarios = list[Scenario]()
     for s in parts["scenarios"]:
         switches = followed(s.switches, ("holds",), lambda x: with_names(x, names, (group,)))
@@ -357,9 +358,14 @@ def without(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the parts without the bodies `names`, and notices of the removed parts."""
 
-    def touched(part: Constraint | Contact | Force | Site | Output) -> bool:
-        read = {x for x, _ in read_by(part, parts["outputs"])} if isinstance(part, Force) else set()
-        return not names.isdisjoint((*part.touches, *read))
+    def reads(part: Force | Control) -> bool:
+        read = {x for x, _ in read_by(part, parts["outputs"])}
+        return not (names.isdisjoint(read) and lost_controls.isdisjoint(controls_read(part)))
+
+    def touched(part: Constraint | Contact | Force | Site | Output | Control) -> bool:
+        if isinstance(part, (Force, Control)) and reads(part):
+            return True
+        return not names.isdisjoint(part.touches)
 
     def lame(s: Scenario) -> bool:
         return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)
@@ -371,7 +377,7 @@ def without(
             switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
         )
         read = lambda x: {name for _, name, _ in signals_in(x)}  # noqa: E731
-        lost = names | gone["outputs"]
+        lost = names | gone["outputs"] | lost_controls
         switches = followed(switches, ("holds",), lambda x: None if read(x) & lost else x)
         return s.unchecked_copy(
             {
@@ -385,9 +391,12 @@ def without(
             }
         )
 
+    lost_controls = set[str]()
+    for _ in parts["controls"]:  # one may read another
+        lost_controls |= {c.name for c in parts["controls"] if reads(c)}
     gone = {
         kind: {part.name for part in parts[kind] if touched(part)}
-        for kind in ("constraints", "contacts", "forces", "sites", "outputs")
+        for kind in ("constraints", "contacts", "forces", "sites", "outputs", "controls")
     }
     gone["outputs"] |= {o.name for o in parts["outputs"] if o.at in gone["sites"]}
     kept = {

@@ -16,6 +16,7 @@ from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of
 from ..units import RAD, Dim, M, Q, S
 from .body import Body
 from .constraint import Motion
+from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
 
 Bodies = Mapping[str, Body | None]
@@ -49,13 +50,22 @@ def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[
 class Known:
     """The names that expressions in a model may use."""
 
-    def __init__(self, bodies: Bodies, outputs: Sequence[Output], parameters: Mapping[str, float]):
+    def __init__(
+        self, bodies: Bodies, outputs: Sequence[Output], controls: Sequence[Control],
+        parameters: Mapping[str, float],
+    ):  # fmt: skip
         self.bodies, self.parameters = bodies, parameters
         self.outputs = {o.name: o for o in outputs}
+        self.controls = {c.name: c for c in controls}
 
-    def dim(self, node: Node) -> Dim:
-        """Return the dimension of a signal. Raises Unreadable for an unknown signal."""
+    def dim(self, node: Node) -> Dim | None:
+        """Return the dimension of a signal, None for a value of a control, which fits everything.
+
+        Raises Unreadable for an unknown signal.
+        """
         group, name, k = node.signal
+        if group == "x":
+            return self._of_control(node, name, k)
         if group == "out":
             return self._of_output(node, name, k)
         return self._of_joint(node, name, k, group == "v")
@@ -74,6 +84,15 @@ class Known:
             text = f"a ball's turn is no single number; take v[{shown(name)}][{k}]"
             raise Unreadable(node.column, text)
         return kinds_of(body)[k] / (S if rate else S / S)
+
+    def _of_control(self, node: Node, name: str, k: int) -> None:
+        control = self.controls.get(name)
+        if control is None:
+            do = nearest(name, self.controls) if self.controls else "the model has none"
+            raise Unreadable(node.column, f"no control is named {shown(name)}; {do}")
+        if k > (count := len(control.own)):
+            text = f"control {shown(name)} has its value, 0, and states from 1 to {count}; given "
+            raise Unreadable(node.column, f"{text}{k}")
 
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
         output = self.outputs.get(name)
@@ -140,12 +159,25 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
             wanted = _wanted(part, name, known.bodies)
             if problem := known.problem(text, wanted, of_time=isinstance(part, Motion)):
                 found.append(Problem(where, name, problem))
+        if isinstance(part, PID) and not found and (problem := _error_problem(part, known)):
+            found.append(Problem(f"{part.word()} {shown(part.name)}", "setpoint", problem))
     return found
+
+
+def _error_problem(part: PID, known: Known) -> str:
+    """Return why the difference of a controller's setpoint and signal has no meaning, or ""."""
+    texts = [x for x in (part.signal, part.setpoint) if isinstance(x, str)]
+    found = [dim for x in texts if (dim := dim_of(parsed(x), known.dim)) is not None]
+    if len(found) < 2 or fits(*found):
+        return ""
+    return f"gives {unit(found[1])}, and the signal {unit(found[0])}; give one a factor"
 
 
 def _wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
     """Return the dimension of a field, given the coordinates on which the part acts."""
     dim = part._dim_of(name)
+    if isinstance(part, Control):
+        return None  # its numbers are gains, which have any unit
     if isinstance(part, OnJoint) and name == part.INPUT and part.own_kind() == "actuator":
         return None  # its gain has any unit
     if not dim.coordinate:
@@ -165,4 +197,13 @@ def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
     """Return (body, degree of freedom) for each joint that the expressions in a part read."""
     of = {o.name: (o.at, o.coordinate) for o in outputs}
     named = {signal for _, _, text in expressions_of(part) for signal in signals_in(text)}
-    return {of.get(name, (name, k)) if group == "out" else (name, k) for group, name, k in named}
+    return {
+        of.get(name, (name, k)) if group == "out" else (name, k)
+        for group, name, k in named if group != "x"
+    }  # fmt: skip
+
+
+def controls_read(part: Described) -> set[str]:
+    """Return the controls that the expressions in a part read."""
+    named = (signal for _, _, text in expressions_of(part) for signal in signals_in(text))
+    return {name for group, name, _ in named if group == "x"}

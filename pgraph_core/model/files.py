@@ -24,13 +24,14 @@ from ..signals.meaning import varies
 from .body import Body
 from .constraint import Constraint
 from .contact import Contact
+from .control import VERSION, Control
 from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
 from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
-# 4: without bushings and struts; 5: without expressions
-SCHEMA_VERSION = 6
+# 4: without bushings and struts; 5: without expressions; 6: without controls
+SCHEMA_VERSION = VERSION
 EXPRESSIONS = 6
 STEP = 1e-3  # step of a scenario without one before version 4 [s]
 SCHEMA = "pgraph-model"
@@ -91,7 +92,7 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     plain = Ground().model_dump(mode="json", exclude_none=True)
     if data["ground"] == _without_new(Ground, plain):
         del data["ground"]
-    for key in ("contacts", "parameters", "sites", "outputs"):
+    for key in ("contacts", "parameters", "sites", "outputs", "controls"):
         if not data[key]:
             del data[key]
     lines = []
@@ -107,6 +108,7 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
 def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[OfKinds]]]:
     """Yield (object, key, class) for each list of parts that have kinds."""
     yield data, "constraints", Constraint
+    yield data, "controls", Control
     for holder in (data, *data["scenarios"]):
         yield holder, "forces", Force
 

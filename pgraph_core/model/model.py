@@ -30,6 +30,7 @@ from .checks import PARTS, model_problems, problems
 from .columns import bodies_of
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
+from .control import Control
 from .copies import Mirror, branch, copied, names_of_copies, other_side
 from .doubts import doubts
 from .editing import (
@@ -66,7 +67,7 @@ from .world import DOWN, World
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
 
-Part = Body | Constraint | Contact | Force | Scenario | Site | Output
+Part = Body | Constraint | Contact | Force | Scenario | Site | Output | Control
 TOLD = "edits told"  # among the attributes of a model
 LOST = "lost in reading"  # likewise
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
@@ -93,6 +94,10 @@ def _sites_in(value: Iterable[Site | Mapping[str, Any]]) -> tuple[Site, ...]:
 
 
 def _outputs_in(value: Iterable[Output | Mapping[str, Any]]) -> tuple[Output, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _controls_in(value: Iterable[Control | Mapping[str, Any]]) -> tuple[Control, ...]:
     return value  # type: ignore[return-value]
 
 
@@ -123,6 +128,7 @@ class Model(World):
     )
     sites: tuple[Site, ...] = field("a list of sites", converter=_sites_in, default=())
     outputs: tuple[Output, ...] = field("a list of outputs", converter=_outputs_in, default=())
+    controls: tuple[Control, ...] = field("a list of controls", converter=_controls_in, default=())
     formulas: tuple[Formula, ...] = field("formulas of cells", converter=_formulas_in, default=())
 
     if not TYPE_CHECKING:
@@ -274,6 +280,8 @@ class Model(World):
     @overload
     def part(self, name: str, /, kind: Literal["output"]) -> Output: ...
     @overload
+    def part(self, name: str, /, kind: Literal["control"]) -> Control: ...
+    @overload
     def part(self, name: str, /, kind: str | None = None) -> Part: ...
     def part(self, name: str, /, kind: str | None = None) -> Part:
         """Return the part with a name.
@@ -283,8 +291,8 @@ class Model(World):
         name : str
             Name of a body or of any other part. A body has priority.
         kind : str, optional
-            "body", "constraint", "contact", "force", "scenario", "site" or "output", to choose
-            among several parts with this name.
+            "body", "constraint", "contact", "force", "scenario", "site", "output" or "control",
+            to choose among several parts with this name.
 
         Raises
         ------
@@ -488,8 +496,9 @@ class Model(World):
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
             if key == "sites":
                 fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
-            if key == "outputs":
-                fields |= in_expressions(self._others(), names, "out")
+            if key in ("outputs", "controls"):
+                group = "out" if key == "outputs" else "x"
+                fields |= in_expressions({**self._others(), **fields}, names, group)
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
         return self._with(notices, formulas=formulas, **fields)
 
@@ -636,7 +645,7 @@ class Model(World):
 
         Parameters
         ----------
-        part : Body, Constraint, Contact, Force, Scenario, Site or Output
+        part : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
             The part to add.
         after : str, optional
             Name of the part of the same kind that it follows. By default it becomes the last.
@@ -655,7 +664,8 @@ class Model(World):
             given = f"given {shown(part)} ({type(part).__name__})"
             if isinstance(part, type) and issubclass(part, Part):
                 given = f"given its class; write pg.{part.__name__}(name=..., ...)"
-            text = f"must be a Body, Constraint, Contact, Force, Scenario, Site or Output; {given}"
+            text = "must be a Body, Constraint, Contact, Force, Scenario, Site, Output or Control; "
+            text += given
             raise ModelError(Problem("model", "add", text))
         key = PARTS_OF[part.word()]
         parts = list(getattr(self, key))
@@ -885,7 +895,7 @@ class Model(World):
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def cells(
-        self, part: Body | Constraint | Contact | Force, kind: str = "bodies", /
+        self, part: Body | Constraint | Contact | Force | Control, kind: str = "bodies", /
     ) -> dict[str, Any]:
         """Return the fields of a part as in a file, with formulas in their cells."""
         mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))

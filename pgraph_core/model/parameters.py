@@ -20,8 +20,8 @@ from ..fields import Frozen, Text, fields_of, is_expression
 from ..signals.grammar import RESERVED, Unreadable, parsed
 from ..signals.meaning import constant, varies
 
-PartKind = Literal["bodies", "constraints", "contacts", "forces"]
-KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")
+PartKind = Literal["bodies", "constraints", "contacts", "forces", "controls"]
+KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces", "controls")
 TEXT = {  # fields that hold words, of parts and what is in them
     "name", "parent", "joint", "kind", "body", "other", "law", "frame", "file",
 }  # fmt: skip
@@ -58,6 +58,7 @@ _WORD = {
     "constraints": "constraint",
     "contacts": "contact",
     "forces": "force",
+    "controls": "control",
 }
 
 
@@ -190,7 +191,7 @@ def _name(item: Any) -> str:
 
 def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[Formula]:
     for item in items if isinstance(items, (list, tuple)) else ():
-        if isinstance(item, Frozen) and kind in ("forces", "constraints"):
+        if isinstance(item, Frozen) and kind in ("forces", "constraints", "controls"):
             fields: Any = fields_of(item)
         else:
             fields = item

@@ -27,7 +27,7 @@ def model_html(model: Any) -> str:
         counted(len(getattr(model, field)), one)
         for field, one in (("constraints", "constraint"), ("contacts", "contact"),
                            ("forces", "force"), ("scenarios", "scenario"), ("sites", "site"),
-                           ("outputs", "output"))
+                           ("outputs", "output"), ("controls", "control"))
         if getattr(model, field)
     ]  # fmt: skip
     dof = sum(body.dof for body in model.bodies)

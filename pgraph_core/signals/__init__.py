@@ -7,6 +7,7 @@ expression into a program, which a kernel evaluates.
 
 from .grammar import Node as Node
 from .grammar import Unreadable as Unreadable
+from .grammar import filled as filled
 from .grammar import is_expression as is_expression
 from .grammar import parsed as parsed
 from .grammar import signals_in as signals_in

@@ -1,6 +1,6 @@
 """A parser for expressions, using precedence climbing [Pratt 1973].
 
-    number  name  q.arm  q["upper arm"][1]  v.arm  out.tip[2]  (x)  f(x, ...)
+    number  name  q.arm  q["upper arm"][1]  v.arm  out.tip[2]  x.speed  (x)  f(x, ...)
     x ^ y (also **), -x, x * y, x / y, x + y, x - y, x < y (<=, >, >=), not x, x and y, x or y
 
 The text and its brackets are bounded, so that every text is read or refused in bounded time.
@@ -19,7 +19,7 @@ LONGEST = 2000  # characters of an expression
 MOST_LEVELS = 50  # brackets and signs inside each other
 DEEPEST = 250  # operations inside each other: a sum of that many terms
 KEPT = 512  # trees of the last texts
-GROUPS = ("q", "v", "out")  # coordinates, velocities, outputs
+GROUPS = ("q", "v", "out", "x")  # coordinates, velocities, outputs, controls
 
 _DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
 TOKEN = re.compile(
@@ -249,8 +249,19 @@ def walk(node: Node) -> Iterator[Node]:
         left += one.args
 
 
+def filled(text: str, **given: Node) -> Node:
+    """Return the tree of a text with trees in place of its names."""
+
+    def put(node: Node) -> Node:
+        if node.op == "name" and node.signal[1] in given:
+            return given[node.signal[1]]
+        return node._replace(args=tuple(map(put, node.args)))
+
+    return put(parsed(text))
+
+
 def signals_in(text: str) -> set[tuple[str, str, int]]:
-    """Return the coordinates, velocities and outputs in a text, none if it is unreadable."""
+    """Return the signals in a text, or nothing if it cannot be parsed."""
     try:
         return {n.signal for n in walk(parsed(text)) if n.op == "signal"}
     except Unreadable:
@@ -266,7 +277,7 @@ def names_in(text: str) -> set[str]:
 
 
 def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> str:
-    """Rename bodies ("q", "v"), outputs ("out") or parameters ("") in a text."""
+    """Rename bodies ("q", "v"), outputs ("out"), controls ("x") or parameters ("") in a text."""
     found = [n for n in walk(parsed(text)) if n.op in ("name", "signal")]
     for n in sorted(found, key=lambda n: n.span, reverse=True):
         group, name, _ = n.signal

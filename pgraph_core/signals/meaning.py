@@ -113,7 +113,8 @@ def margin(node: Node, value: Callable[[Node], float]) -> float:
 # -- units -----------------------------------------------------------------------------------------
 
 NAMES = {J: "N m", J / RAD: "N m", N: "N", RAD / S: "rad/s", M / S: "m/s"}
-Units = Callable[[Node], Dim]  # the dimension of a signal. Raises Unreadable for an unknown one
+# the dimension of a signal, None where it fits everything. Raises Unreadable for an unknown one
+Units = Callable[[Node], Dim | None]
 
 
 def dim_of(node: Node, units: Units) -> Dim | None:

@@ -22,6 +22,7 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "scenarios": "scenario",
     "sites": "site",
     "outputs": "output",
+    "controls": "control",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
 

@@ -275,7 +275,8 @@ def conditions_of(
 def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], float]:
     """Return the margin of a signal comparison as a function of (t, q, v). Raises InputError."""
     model, packed = mech.model, mech.packed
-    known = Known({b.name: b for b in model.bodies}, model.outputs, model.parameters)
+    bodies = {b.name: b for b in model.bodies}
+    known = Known(bodies, model.outputs, model.controls, model.parameters)
     if problem := known.problem(text, None):  # of a switch that the call gives
         raise refusal("simulate", "switches", problem)
     tree, places = parsed(text), Places(model, packed.topology, packed.system)

@@ -1,0 +1,285 @@
+"""Controls: states of one's own, filters, PID and sampled controllers, by one mechanism.
+
+A control has states and a value, which expressions name `x.NAME`. A state changes at a rate, or
+jumps to a new value at its samples; both are expressions. The kinds differ in these alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Literal, NamedTuple, Self
+
+from pydantic import model_validator
+
+from ..errors import Problem, shown
+from ..fields import Expression, Number, OfKinds, Text, field, refuse
+from ..signals import Node, filled, parsed, signals_in
+from ..units import S
+
+VERSION = 7  # of files that have controls
+KIND = "the name of a kind of control"
+STATE = "state"  # the group of signals that names the states of a control, within its own trees
+
+
+def varying(value: float | str) -> Number | Expression:
+    """Accept a number or an expression in time and the motion."""
+    return value  # type: ignore[return-value]
+
+
+class Own(NamedTuple):
+    """A state of a control.
+
+    `change` is its rate, or its new value at multiples of `sample` [s] where that is not 0. `start`
+    is its first value, or an expression for it.
+    """
+
+    change: Node
+    start: float | Node
+    sample: float = 0.0
+
+
+class Control(OfKinds):
+    """A part with states, whose value expressions name `x.NAME`.
+
+    `x.NAME[1]` is its first state, `x.NAME[2]` the second one.
+    """
+
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
+    WORD: ClassVar[str] = "control"
+    SINCE: ClassVar[int] = VERSION
+
+    name: Text = field("text that is not empty", label="Name")
+    kind: Text = field(KIND, label="Kind")
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """No body: its expressions name what it reads."""
+        return ()
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        """The states, in the order of their numbers."""
+        raise NotImplementedError
+
+    @property
+    def value(self) -> Node:
+        """The value, an expression of the states and of what the control reads."""
+        return self._state(0)
+
+    def _state(self, k: int) -> Node:
+        return Node("signal", signal=(STATE, self.name, k))
+
+    def _number(self, name: str) -> Node:
+        """Return a field's number, which keeps an instruction of its own so that it may vary."""
+        return Node("name", signal=("", f"{self.name} {name}", 0))
+
+    def _read(self, name: str) -> Node:
+        value = getattr(self, name)
+        return parsed(value) if isinstance(value, str) else self._number(name)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The fields that are numbers, by the names that the trees use."""
+        found = {name: getattr(self, name) for name in type(self).model_fields}
+        return {f"{self.name} {k}": x for k, x in found.items() if isinstance(x, float)}
+
+
+class State(Control):
+    """A state of one's own, whose `rate` is integrated with the motion."""
+
+    ABOUT: ClassVar[str] = "a state with a rate of one's own"
+
+    kind: Literal["state"] = field(KIND, default="state")
+    rate: Number | Expression = field(
+        "a number or an expression [1/s]", converter=varying,
+        help="its rate: =1 - q.arm, =-x.heat/30",
+    )  # fmt: skip
+    start: Number = field("a number", default=0.0, since=VERSION, help="its value at the start")
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        return (Own(self._read("rate"), self.start),)
+
+
+class Filter(Control):
+    """A first-order filter, lag x' = input - x."""
+
+    ABOUT: ClassVar[str] = "a first-order filter (lag) of a signal"
+
+    kind: Literal["filter"] = field(KIND, default="filter")
+    input: Number | Expression = field(
+        "a number or an expression", converter=varying, help="what it follows: =v.arm"
+    )
+    lag: Number = field("a time > 0 [s]", gt=0, dim=S, help="its time constant")
+    start: Number | None = field(
+        "a number, or nothing: its input at the start", default=None, since=VERSION,
+        help="its value at the start; empty: its input there",
+    )  # fmt: skip
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        given, lag = self._read("input"), self._number("lag")
+        rate = filled("(given - x)/lag", given=given, x=self._state(0), lag=lag)
+        return (Own(rate, given if self.start is None else self.start),)
+
+
+class PID(Control):
+    """A PID controller of a signal, with limits, a filtered derivative and anti-windup.
+
+    Its value is kp e + I + D within `low` and `high`, with e = setpoint - signal, I' = ki e, and D
+    the derivative kd s/(filter s + 1) of e, which is 0 at the start. While its value is at a limit,
+    "clamp" stops the integral from growing further, and "back" adds (value - kp e - I - D)/tracking
+    to I' [Astrom, Hagglund 2006, 3.5]. With `sample` it acts at samples and holds its value between
+    them: I by Euler's forward rule, D by the backward one. Its states are I and the filtered error.
+    """
+
+    ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"
+
+    kind: Literal["pid"] = field(KIND, default="pid")
+    signal: Number | Expression = field(
+        "an expression", converter=varying, help="what it controls: =q.arm"
+    )
+    setpoint: Number | Expression = field(
+        "a number or an expression", converter=varying, default=0.0, since=VERSION,
+        help="where the signal should be",
+    )  # fmt: skip
+    kp: Number = field("a number", default=0.0, since=VERSION, label="kp", help="value per error")
+    ki: Number = field(
+        "a number", default=0.0, since=VERSION, label="ki", help="rate of the value per error"
+    )
+    kd: Number = field(
+        "a number", default=0.0, since=VERSION, label="kd", help="value per rate of the error"
+    )
+    filter: Number | None = field(
+        "a time > 0 [s], or nothing without kd", default=None, gt=0, dim=S, since=VERSION,
+        help="time constant of the derivative's filter",
+    )  # fmt: skip
+    low: Number | None = field(
+        "a number, or nothing", default=None, since=VERSION, help="its least value"
+    )
+    high: Number | None = field(
+        "a number, or nothing", default=None, since=VERSION, help="its greatest value"
+    )
+    windup: Literal["clamp", "back", "none"] = field(
+        "one of clamp, back, none", default="clamp", since=VERSION, label="Anti-windup",
+        help="what its integral does at a limit",
+    )  # fmt: skip
+    tracking: Number | None = field(
+        "a time > 0 [s], for windup 'back'", default=None, gt=0, dim=S, since=VERSION,
+        help="time in which the integral follows a limit",
+    )  # fmt: skip
+    start: Number = field("a number", default=0.0, since=VERSION, help="its integral at the start")
+    sample: Number | None = field(
+        "a time > 0 [s], or nothing: it acts at all times", default=None, gt=0, dim=S,
+        since=VERSION, help="time between its samples; empty: none",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        found = []
+        if self.kd and self.filter is None:
+            found.append(("filter", "kd needs the time constant of a filter [s]; given none"))
+        if self.windup == "back" and self.tracking is None:
+            found.append(("tracking", "windup 'back' needs a time > 0 [s]; given none"))
+        low, high = self.low, self.high
+        if low is not None and high is not None and low >= high:
+            found.append(("low", f"must be below high, {shown(high)}; given {shown(low)}"))
+        refuse(found)
+        return self
+
+    @property
+    def value(self) -> Node:
+        return self._state(1 + bool(self.kd)) if self.sample else self._sum(limited=True)
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        e, i, d = self._error(), self._state(0), self._state(1)
+        rate, lag, h = self._integral(), self._lag(), self._number("sample")
+        if not self.sample:
+            slope = filled("(e - d)/lag", e=e, d=d, lag=lag)
+            return (Own(rate, self.start), Own(slope, e))[: 1 + bool(self.kd)]
+        whole = filled("i + h*rate", i=i, h=h, rate=rate)
+        follows = filled("d + h*(e - d)/lag", d=d, e=e, h=h, lag=lag)
+        found = (Own(whole, self.start, self.sample), Own(follows, e, self.sample))
+        return (*found[: 1 + bool(self.kd)], Own(self._sum(limited=True), 0.0, self.sample))
+
+    def _lag(self) -> Node:
+        """Return the time over which the derivative is taken."""
+        lag = self._number("filter")
+        return filled("T + h", T=lag, h=self._number("sample")) if self.sample else lag
+
+    def _error(self) -> Node:
+        return filled("w - y", w=self._read("setpoint"), y=self._read("signal"))
+
+    def _sum(self, *, limited: bool) -> Node:
+        e, i = self._error(), self._state(0)
+        found = filled("kp*e + i", kp=self._number("kp"), e=e, i=i)
+        if self.kd:
+            kd, d, lag = self._number("kd"), self._state(1), self._lag()
+            found = filled("u + kd*(e - d)/lag", u=found, kd=kd, e=e, d=d, lag=lag)
+        for name, text in (("low", "max(u, end)"), ("high", "min(u, end)")):
+            if limited and getattr(self, name) is not None:
+                found = filled(text, u=found, end=self._number(name))
+        return found
+
+    def _integral(self) -> Node:
+        """Return the rate of the integral."""
+        rate = filled("ki*e", ki=self._number("ki"), e=self._error())
+        free, value = self._sum(limited=False), self._sum(limited=True)
+        if self.windup == "none" or value == free:
+            return rate
+        if self.windup == "back":
+            t = self._number("tracking")
+            return filled("rate + (u - free)/t", rate=rate, u=value, free=free, t=t)
+        return filled("if((free - u)*rate > 0, 0, rate)", free=free, u=value, rate=rate)
+
+
+class Sampled(Control):
+    """A value that becomes `update` at every multiple of `sample`, and is held in between.
+
+    In its own `update`, x.NAME is the value before. The first sample is at the start of a run that
+    begins at such a multiple. All samples of an instant read the values before it.
+    """
+
+    ABOUT: ClassVar[str] = "a value computed at samples and held in between"
+
+    kind: Literal["sampled"] = field(KIND, default="sampled")
+    update: Number | Expression = field(
+        "a number or an expression", converter=varying,
+        help="its value from a sample on: =-8*q.arm, =x.count + 1",
+    )  # fmt: skip
+    sample: Number = field("a time > 0 [s]", gt=0, dim=S, help="time between its samples")
+    start: Number = field(
+        "a number", default=0.0, since=VERSION, help="its value before the first sample"
+    )
+
+    @property
+    def own(self) -> tuple[Own, ...]:
+        return (Own(self._read("update"), self.start, self.sample),)
+
+
+def loop_problems(controls: Sequence[Control]) -> list[Problem]:
+    """Return the algebraic loops among values that follow from each other without a state."""
+    reads = {c.name: _named(c) for c in controls if isinstance(c, PID) and not c.sample}
+    done = set[str]()
+    for first in reads:
+        path, left = [first], [iter(reads[first])]
+        while left:
+            name = next(left[-1], None)
+            if name is None:
+                done.add(path.pop())
+                left.pop()
+            elif name in path:
+                round_ = " -> ".join(f"x.{x}" for x in (*path[path.index(name) :], name))
+                text = f"an algebraic loop: {round_}; put a filter or a state between them"
+                return [Problem(f"control {shown(name)}", "signal", text)]
+            elif name in reads and name not in done:
+                path.append(name)
+                left.append(iter(reads[name]))
+    return []
+
+
+def _named(c: PID) -> list[str]:
+    texts = [x for x in (c.signal, c.setpoint) if isinstance(x, str)]
+    found = (signal for x in texts for signal in signals_in(x))
+    return sorted({name for group, name, k in found if group == "x" and k == 0})
