@@ -55,6 +55,14 @@ class Method(NamedTuple):
         return getattr(import_module(f"{STEPPING}.{module}"), name)
 
     @property
+    def of_duals(self) -> Any:
+        """The kernel that repeats a step with derivatives."""
+        if not self.implicit:
+            return import_module(f"{STEPPING}.duals").explicit_of_duals
+        name = self.step.partition(".")[2]
+        return getattr(import_module(f"{STEPPING}.implicit_duals"), f"{name}_of_duals")
+
+    @property
     def starts(self) -> bool:
         """Return True if a step requires v' at its start."""
         return self.name != "moreau_jean"

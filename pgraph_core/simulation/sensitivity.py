@@ -183,7 +183,7 @@ class Carried:
         groups = [slopes[k : k + MOST] for k in range(0, len(slopes), MOST)]
         self._runs = [_RunOfDuals(record, start, group) for group in groups]
         self._addresses = np.array([run.address for run in self._runs])
-        self._step, self._note = map(address_of, (duals.explicit_of_duals, duals.note_duals))
+        self._step, self._note = map(address_of, (record.plan.method.of_duals, duals.note_duals))
         self._advance = address_of(_advance_run())
         self._kernel = duals.advance_with_duals
         record.steps.carried = self
@@ -276,8 +276,6 @@ def _advance_run() -> Any:
 
 def _refuse(given: Given) -> None:
     plan, why = given.plan, ""
-    if plan.method.implicit or not plan.method.starts:
-        why = f"{plan.method.name} has no derivatives yet; choose 'rk4', 'dopri5' or 'dop853'"
     if plan.contacts is not None or plan.contact_points:
         why = "contacts and joint limits have no derivatives yet; switch them off"
     if callable(given.tau) or plan.tau is not None:

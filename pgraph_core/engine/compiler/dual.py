@@ -20,4 +20,5 @@ def of_numbers(function: Any) -> Any:
 
 carries: Any = late("dual", "carries", lambda x: False)  # whether an array holds duals
 duals: Any = late("dual", "duals")  # a float64 array (..., WIDTH) as one of duals
+parted: Any = late("dual", "parted")  # the way back
 revalued: Any = late("dual", "revalued")  # the derivatives of a dual, with another value

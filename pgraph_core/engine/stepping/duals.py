@@ -78,12 +78,19 @@ def take_values(run, numbers, row, source):
 
 
 @sweep
-def begin_step(run, numbers):
-    """Go back to the start of the last step of numbers, with v' there."""
+def go_back(run, numbers):
+    """Go back to the start of the last step of numbers."""
     control, given = opened_run(run).control[0], opened_run(numbers).control[0]
     take_values(run, numbers, at.Y, at.Y_OLD)
     control.time = given.old_time
     control.clip = given.clip
+
+
+@sweep
+def begin_step(run, numbers):
+    """Go back to the start of the last step of numbers, with v' there."""
+    go_back(run, numbers)
+    control = opened_run(run).control[0]
     if control.fresh == 0:
         acceleration_of(run, control.time, at.Y, at.SLOPE)
 

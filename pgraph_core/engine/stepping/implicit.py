@@ -222,8 +222,8 @@ def factor_radau(run, h):
 
 
 @sweep
-def correct_stages(run, h):
-    """Perform one Newton iteration on W and Z. Returns the correction over its tolerance."""
+def correct(run, h, slopes, decoupled, stages):
+    """Perform one Newton iteration on W and Z from the slopes of Z. RIGHT keeps the change of W."""
     data = opened_run(run)
     real, pair, rows = data.real, data.pair, opened(data.scene).rows
     nv = data.control[0].nv
@@ -236,28 +236,36 @@ def correct_stages(run, h):
     for j in range(2 * nv):
         x = y = z = 0.0
         for i in range(3):
-            f = real[base + F + i, j]
+            f = slopes[i, j]
             x += inverse[0, i] * f
             y += inverse[1, i] * f
             z += inverse[2, i] * f
-        right[j] = x - shift * real[base + W, j]
-        right_c[j] = complex(y, z) - shift_c * complex(real[base + W + 1, j], real[base + W + 2, j])
+        right[j] = x - shift * decoupled[0, j]
+        right_c[j] = complex(y, z) - shift_c * complex(decoupled[1, j], decoupled[2, j])
     scratch = real[base + SCRATCH]
     solve(rows, shift, real, nv, real[2 * nv : base], real[base + PIVOTS], right, scratch)
     solve(rows, shift_c, real, nv, pair[:nv], real[base + PIVOTS_C], right_c, pair[nv + 1])
-    weights = real[base + WEIGHTS]
-    change = max(size_of_local(right, weights, 2 * nv), size_of_local(right_c, weights, 2 * nv))
     for j in range(2 * nv):
-        real[base + W, j] += right[j]
-        real[base + W + 1, j] += right_c[j].real
-        real[base + W + 2, j] += right_c[j].imag
+        decoupled[0, j] += right[j]
+        decoupled[1, j] += right_c[j].real
+        decoupled[2, j] += right_c[j].imag
         for i in range(3):
-            real[base + Z + i, j] = (
-                t[i, 0] * real[base + W, j]
-                + t[i, 1] * real[base + W + 1, j]
-                + t[i, 2] * real[base + W + 2, j]
+            stages[i, j] = (
+                t[i, 0] * decoupled[0, j] + t[i, 1] * decoupled[1, j] + t[i, 2] * decoupled[2, j]
             )
-    return change
+
+
+@sweep
+def correct_stages(run, h):
+    """Perform one Newton iteration on W and Z. Returns the correction over its tolerance."""
+    data = opened_run(run)
+    real, pair, nv = data.real, data.pair, data.control[0].nv
+    base = 3 * nv
+    f, w, z = base + F, base + W, base + Z
+    correct(run, h, real[f : f + 3], real[w : w + 3], real[z : z + 3])
+    weights = real[base + WEIGHTS]
+    right = size_of_local(real[base + RIGHT], weights, 2 * nv)
+    return max(right, size_of_local(pair[nv], weights, 2 * nv))
 
 
 @sweep

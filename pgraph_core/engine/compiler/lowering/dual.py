@@ -299,20 +299,40 @@ def duals(typingctx: Any, array: Any) -> Any:
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         source = context.make_array(sig.args[0])(context, builder, args[0])
-        target = context.make_array(view)(context, builder)
-        shape = cgutils.unpack_tuple(builder, source.shape)[:-1]
-        strides = cgutils.unpack_tuple(builder, source.strides)[:-1]
-        count = context.get_constant(types.intp, 1)
-        for n in shape:
-            count = builder.mul(count, n)
-        target.data = builder.bitcast(source.data, VECTOR.as_pointer())
-        target.nitems, target.itemsize = count, context.get_constant(types.intp, 8 * WIDTH)
-        target.shape = cgutils.pack_array(builder, shape)
-        target.strides = cgutils.pack_array(builder, strides)
-        target.meminfo, target.parent = source.meminfo, source.parent
-        return target._getvalue()
+        axes = [cgutils.unpack_tuple(builder, x)[:-1] for x in (source.shape, source.strides)]
+        return _viewed(context, builder, source, view, axes)
 
     return view(array), code
+
+
+@intrinsic
+def parted(typingctx: Any, array: Any) -> Any:
+    """An array (...) of duals as a float64 array (..., WIDTH) over the same memory."""
+    view = types.Array(types.float64, array.ndim + 1, "C", aligned=False)
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        axes = [cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides)]
+        for axis, more in zip(axes, (WIDTH, 8)):
+            axis.append(context.get_constant(types.intp, more))
+        return _viewed(context, builder, source, view, axes)
+
+    return view(array), code
+
+
+def _viewed(context: Any, builder: Any, source: Any, view: Any, axes: Any) -> Any:
+    """The memory of an array as one of another type, with (shape, strides)."""
+    target = context.make_array(view)(context, builder)
+    entry = context.get_value_type(view.dtype)
+    count = context.get_constant(types.intp, 1)
+    for n in axes[0]:
+        count = builder.mul(count, n)
+    target.data = builder.bitcast(source.data, entry.as_pointer())
+    target.nitems = count
+    target.itemsize = context.get_constant(types.intp, context.get_abi_sizeof(entry))
+    target.shape, target.strides = (cgutils.pack_array(builder, axis) for axis in axes)
+    target.meminfo, target.parent = source.meminfo, source.parent
+    return target._getvalue()
 
 
 def of_numbers(function: Any) -> Any:

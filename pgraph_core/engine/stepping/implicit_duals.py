@@ -1,0 +1,232 @@
+"""Implicit steps of duals: derivatives of the stages that a run of numbers has solved for.
+
+The stages z solve r(z, p) = 0. The simplified Newton's method that found them also finds their
+derivatives: it evaluates r of duals at the values of z, and corrects the derivatives alone with the
+factors of the run of numbers. They converge at the rate of the values ([Griewank & Walther 2008,
+section 15.3]).
+"""
+
+import math
+
+from ...tolerances import ROUNDING, SOLVED
+from .. import layout as at
+from ..arrays import opened_run
+from ..compiler.dual import WIDTH, parted, revalued
+from ..compiler.jit import kernel, part, sweep
+from ..linear import substitute
+from ..motion import opened
+from ..tree.moving import advance, local_rate
+from . import gauss as by_gauss
+from . import implicit as by_radau
+from .duals import STEP_OF_DUALS, end_step, go_back
+from .implicit import finish_local, local_slope
+from .state import copied, size_of_state
+
+ROUNDS = 60  # of corrections: a rate of 0.6 is to reach ROUNDING
+CHANGED, BEFORE, SIZE = 0, 1, 2  # of each derivative: its correction, the one before, its size
+REPORT = by_gauss.WANTED + 1  # row of these in Gauss' collocation
+
+
+@part
+def open_report(report):
+    """Reset the sizes of corrections."""
+    for k in range(WIDTH):
+        report[CHANGED, k] = 0.0
+        report[BEFORE, k] = math.inf
+        report[SIZE, k] = 0.0
+
+
+@sweep
+def settled(report):
+    """Return True if every derivative has converged, is not finite or no longer improves."""
+    done = True
+    for k in range(1, WIDTH):
+        done = done and has_settled(report, k)
+    if not done:
+        for k in range(1, WIDTH):
+            report[BEFORE, k] = report[CHANGED, k]
+            report[CHANGED, k] = 0.0
+    return done
+
+
+@part
+def has_settled(report, k):
+    """Return True if derivative k has converged, is not finite or is left with rounding alone."""
+    change, size = report[CHANGED, k], report[SIZE, k]
+    rounded = change >= report[BEFORE, k] and change <= SOLVED * size
+    return change <= ROUNDING * size or rounded or not change < math.inf
+
+
+@sweep
+def reject(report, row):
+    """Make the derivatives of a row nan that have not converged."""
+    derivatives = parted(row)
+    for k in range(1, WIDTH):
+        if not has_settled(report, k):
+            for i in range(row.shape[0]):
+                derivatives[i, k] = math.nan
+
+
+# -- Radau IIA -------------------------------------------------------------------------------------
+
+
+@sweep
+def correct_radau(run, numbers, h, report):
+    """Correct the derivatives of the stages once."""
+    real, given = opened_run(run).real, opened_run(numbers).real
+    nv = opened_run(run).control[0].nv
+    base = 3 * nv
+    parts, weights = parted(real), given[base + by_radau.WEIGHTS]
+    f, w, z = base + by_radau.F, base + by_radau.W, base + by_radau.Z
+    for k in range(1, WIDTH):
+        slopes, decoupled = parts[f : f + 3, :, k], parts[w : w + 3, :, k]
+        by_radau.correct(numbers, h, slopes, decoupled, parts[z : z + 3, :, k])
+        change = by_radau.size_of_local(given[base + by_radau.RIGHT], weights, 2 * nv)
+        pair = by_radau.size_of_local(opened_run(numbers).pair[nv], weights, 2 * nv)
+        report[CHANGED, k] = max(change, pair)
+        for i in range(3):
+            size = by_radau.size_of_local(parts[z + i, :, k], weights, 2 * nv)
+            report[SIZE, k] = max(report[SIZE, k], size)
+
+
+@kernel(STEP_OF_DUALS, nogil=True, later=True)
+def radau_of_duals(run, numbers):
+    """Repeat a step of Radau IIA."""
+    go_back(run, numbers)
+    data, given = opened_run(run), opened_run(numbers)
+    control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
+    nv, h = control.nv, given.control[0].old_width
+    base = 3 * nv
+    report, y = parted(real[base + by_radau.WEIGHTS]), parted(stages[at.Y])
+    open_report(report)
+    for k in range(1, WIDTH):
+        for i in range(control.nq + nv):
+            size = abs(y[i, k]) * given.stages[at.WEIGHT, i]
+            report[SIZE, k] = max(report[SIZE, k], size)
+    for i in range(3):
+        for j in range(2 * nv):
+            real[base + by_radau.Z + i, j] = given.real[base + by_radau.Z + i, j]
+            real[base + by_radau.W + i, j] = 0.0
+    for _ in range(ROUNDS):
+        for i in range(3):
+            t = min(control.time + data.tableau.c[i] * h, control.clip)
+            local_slope(run, t, real[base + by_radau.Z + i], real[base + by_radau.F + i])
+            real[base + by_radau.POWERS, 2 * i] = flow[0]
+            real[base + by_radau.POWERS, 2 * i + 1] = flow[1]
+        correct_radau(run, numbers, h, report)
+        if settled(report):
+            break
+    power = 0.0 * flow[0]
+    loss = 0.0 * flow[0]
+    for i in range(3):
+        power += h * data.tableau.b[i] * real[base + by_radau.POWERS, 2 * i]
+        loss += h * data.tableau.b[i] * real[base + by_radau.POWERS, 2 * i + 1]
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    finish_local(run, real[base + by_radau.Z + 2], power, loss)
+    reject(report, stages[at.CANDIDATE])
+    end_step(run, numbers)
+
+
+# -- Gauss' collocation ----------------------------------------------------------------------------
+
+
+@sweep
+def correct_gauss(run, numbers, h, report):
+    """Correct the derivatives of the stages' velocities once."""
+    data, given = opened_run(run), opened_run(numbers)
+    real, nv = data.real, data.control[0].nv
+    rows = opened(data.scene).rows
+    parts, x = parted(real), given.real[nv + by_gauss.SCRATCH]
+    wanted, scratch = real[nv + by_gauss.WANTED], real[nv + by_gauss.SCRATCH]
+    for i in range(data.tableau.b.shape[0]):
+        z, p = real[nv + by_gauss.Z + i], real[nv + by_gauss.KEPT + i]
+        by_gauss.collocated(run, data.tableau.a[i], h, wanted)
+        p_of_xi, negative = wanted[nv : 2 * nv], scratch[nv : 2 * nv]
+        by_gauss.out_of_chart(rows, z[:nv], p_of_xi, negative, scratch[:nv])
+        for j in range(nv):
+            scratch[j] -= p[j]
+        for k in range(1, WIDTH):
+            for j in range(nv):
+                x[j] = parts[nv + by_gauss.SCRATCH, j, k]
+            substitute(given.real, nv, given.real[nv + by_gauss.PIVOTS], x)
+            for j in range(nv):
+                parts[nv + by_gauss.Z + i, nv + j, k] += x[j]
+                report[CHANGED, k] = max(report[CHANGED, k], abs(x[j]))
+                size = abs(parts[nv + by_gauss.Z + i, nv + j, k])
+                report[SIZE, k] = max(report[SIZE, k], size)
+        local_rate(rows, z[:nv], z[nv : 2 * nv], real[nv + by_gauss.RATE + i, :nv])
+    for i in range(data.tableau.b.shape[0]):
+        by_gauss.collocated(run, data.tableau.a[i], h, wanted)
+        for j in range(nv):
+            real[nv + by_gauss.Z + i, j] = wanted[j]
+
+
+@sweep
+def finish_gauss(run, numbers, h):
+    """Compute q and v of CANDIDATE from the rates of the stages.
+
+    The mass matrix at its end, which the run of numbers has factored, gives the derivatives of v
+    from those of the momentum less those that it has at the values of v.
+    """
+    data, given = opened_run(run), opened_run(numbers)
+    real, stages = data.real, data.stages
+    nq, nv = size_of_state(run)
+    scene = opened(data.scene)
+    wanted, scratch = real[nv + by_gauss.WANTED], real[nv + by_gauss.SCRATCH]
+    by_gauss.collocated(run, data.tableau.b, h, wanted)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    q, v = stages[at.CANDIDATE, :nq], stages[at.CANDIDATE, nq : nq + nv]
+    advance(scene.rows, q, wanted[:nv], 1.0)
+    by_gauss.out_of_chart(
+        scene.rows, wanted[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv]
+    )
+    for j in range(nv):
+        v[j] = given.stages[at.CANDIDATE, nq + j]
+    p, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.KEPT, :nv]
+    by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, p, unused)
+    parts, x = parted(scratch), given.real[nv + by_gauss.SCRATCH]
+    speeds, momentum = parted(v), parted(p)
+    for k in range(1, WIDTH):
+        for j in range(nv):
+            x[j] = parts[j, k] - momentum[j, k]
+        substitute(given.real, nv, given.real[nv + by_gauss.PIVOTS], x)
+        for j in range(nv):
+            speeds[j, k] = x[j]
+
+
+@kernel(STEP_OF_DUALS, nogil=True, later=True)
+def gauss_of_duals(run, numbers):
+    """Repeat a step of Gauss' collocation."""
+    go_back(run, numbers)
+    data, given = opened_run(run), opened_run(numbers)
+    control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
+    nq, nv = size_of_state(run)
+    h, count = given.control[0].old_width, data.tableau.b.shape[0]
+    scene = opened(data.scene)
+    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
+    start, unused = real[nv + by_gauss.START, :nv], real[nv + by_gauss.SCRATCH, :nv]
+    by_gauss.momenta(scene.rows, scene.const, scene.work, q, v, start, unused)
+    report = parted(real[nv + REPORT])
+    open_report(report)
+    for i in range(count):
+        for j in range(nv):
+            z, values = real[nv + by_gauss.Z + i], given.real[nv + by_gauss.Z + i]
+            z[j] = revalued(data.tableau.c[i] * h * v[j], values[j])
+            z[nv + j] = revalued(v[j], values[nv + j])
+    power = 0.0 * flow[0]
+    loss = 0.0 * flow[0]
+    for _ in range(ROUNDS):
+        power = 0.0 * flow[0]
+        loss = 0.0 * flow[0]
+        for i in range(count):
+            by_gauss.evaluate(run, min(control.time + data.tableau.c[i] * h, control.clip), i)
+            power += h * data.tableau.b[i] * flow[0]
+            loss += h * data.tableau.b[i] * flow[1]
+        correct_gauss(run, numbers, h, report)
+        if settled(report):
+            break
+    finish_gauss(run, numbers, h)
+    stages[at.CANDIDATE, nq + nv] += power
+    stages[at.CANDIDATE, nq + nv + 1] += loss
+    reject(report, stages[at.CANDIDATE])
+    end_step(run, numbers)
