@@ -18,18 +18,18 @@ from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet
 from .core.door import token_for
 from .core.events import Event, from_page
-from .core.state import initial
 from .core.store import Store
 from .core.views import Desk, made
-from .features import places, update
+from .features import initial, places, update
+from .gait.live import LiveRunner
 from .model.update import recovered
 from .model.worker import Errands
 from .report.worker import Analyst
-from .run.live import LiveRunner
-from .run.worker import Compiler, Files, Simulator
+from .run.worker import Compiler, Simulator
 from .session.autosave import Autosave, left_behind
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT
+from .session.worker import Files
 
 AGAIN = 0.2  # s, how often a server that waits asks whether it is to stop
 

@@ -55,8 +55,7 @@ def playback(effort: Effort, n: int, server: Any) -> Iterator[Row]:
 
 def moving(n: int) -> Any:
     """The page's state with a run in which all bodies move."""
-    from pgraph_app.core.state import initial
-    from pgraph_app.features import update
+    from pgraph_app.features import initial, update
     from pgraph_app.run.update import Simulate, Simulated
     from pgraph_app.scene.update import Show, Viewport
     from pgraph_app.session.update import Connected

@@ -20,8 +20,7 @@ import trimesh
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.core import cells
-from pgraph_app.core.state import initial
-from pgraph_app.features import update
+from pgraph_app.features import initial, update
 from pgraph_app.model import archive
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import Paste

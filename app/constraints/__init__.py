@@ -6,10 +6,10 @@ form that stand for a part of a field.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin
 
 import pgraph_core as pg
 from pgraph_core import fields
@@ -17,6 +17,9 @@ from pgraph_core.fields import About
 from pgraph_core.forces import OnJoint
 from pgraph_core.model.output import OF_JOINT, READINGS
 from pgraph_core.units import UNITS
+
+from .. import model, pose
+from ..core.state import Names
 
 Part = Literal["constraints", "contacts", "forces", "sites", "outputs"]
 Slot = Literal["body", "other"]
@@ -157,3 +160,44 @@ def takes_other(part: str, kind: str) -> bool:
     if kinds is None:
         return part in ("contacts", "loops")
     return "other" in kinds[kind].model_fields and kind != "skate"
+
+
+@dataclass(frozen=True)
+class Client(model.Client, pose.Client):
+    picking: Picking | None = None
+    opened: tuple[str, str] | None = None  # (part, name) of what the constraints tab shows whole
+    listed: str | None = None  # body whose constraints alone are listed
+    called: int = 0  # number of requests to show the constraints tab
+
+    def afresh(self) -> Self:
+        return replace(super().afresh(), picking=None, opened=None, listed=None)
+
+    def followed(self, old: pg.Model, new: pg.Model, names: Names) -> Self:
+        opened = self.opened and (self.opened[0], names.get(self.opened, self.opened[1]))
+        listed = self.listed and names.get(("bodies", self.listed), self.listed)
+        return replace(super().followed(old, new, names), opened=opened, listed=listed)
+
+    def choosing(self, body: str | None, bodies: tuple[str, ...]) -> Self:
+        return replace(super().choosing(body, bodies), opened=None)
+
+    def escaped(self) -> Self | None:
+        return super().escaped() if self.opened is None else replace(self, opened=None)
+
+    def again(self, fresh: Any) -> Self:
+        return replace(super().again(fresh), called=fresh.called)
+
+
+@dataclass(frozen=True)
+class State(model.State, pose.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)
+    mobility: MobilityReport | None = None
+    mobility_asked: pg.Model | None = None  # a large model, whose report takes long
+
+    @property
+    def freedom(self) -> str:
+        """'1 DoF (3 in tree)' once the mobility is known."""
+        tree, report = self.derived.dof, self.mobility
+        found = report.found if report and report.model is self.model else None
+        if found and found.dof != tree:
+            return f"{found.dof} DoF ({tree} in tree)"
+        return super().freedom

@@ -12,8 +12,8 @@ import pgraph_core as pg
 from pgraph_core.errors import counted
 
 from ..core.events import Event
-from ..core.state import State
 from ..core.views import Payload
+from . import State
 from .update import MobilityFound
 
 # translations and rotations that a kind holds: the kind to choose where others are redundant

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast
 
 import pgraph_core as pg
 
 from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Entries, Event, FromPage, Text, on, on_edit
-from ..core.state import Notice, State, display_of, told, with_client
+from ..core.state import Notice, display_of, told, with_client
 from ..model import Found
 from ..model.update import sent
-from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, about, parts, takes_other
+from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, State, about, parts, takes_other
+
+S = TypeVar("S", bound=State)
 
 # -- editing -----------------------------------------------------------------------------------
 
@@ -157,7 +159,7 @@ def picking_of(state: State, client: int) -> Picking | None:
     return page.picking if page is not None else None
 
 
-def picked(state: State, client: int, body: str | None) -> State:
+def picked(state: S, client: int, body: str | None) -> S:
     """Assign a body clicked while picking, or the ground. None (Escape) ends picking."""
     picking = picking_of(state, client)
     if picking is None or body is None:
@@ -179,7 +181,7 @@ def allowed(picking: Picking) -> tuple[str, ...]:
     return (parts.GROUND,) if picking.slot == "other" or picking.part == "sites" else ()
 
 
-def _next(state: State, client: int, body: str) -> State:
+def _next(state: S, client: int, body: str) -> S:
     picking = picking_of(state, client)
     assert picking is not None
     if picking.name is not None:
@@ -209,7 +211,7 @@ def _with_body(state: State, part: Part, name: str, slot: str, body: str):
     return state.model.replace(**{part: items})
 
 
-def _made(state: State, client: int, picking: Picking, body: str, other: str) -> State:
+def _made(state: S, client: int, picking: Picking, body: str, other: str) -> S:
     """Create the new part between the picked bodies and open it, with one part for each of
     `more`.
     """
@@ -231,11 +233,11 @@ def _made(state: State, client: int, picking: Picking, body: str, other: str) ->
     return _to_tab(after, client, part, made)
 
 
-def _to_tab(state: State, client: int, part: str, name: str) -> State:
+def _to_tab(state: S, client: int, part: str, name: str) -> S:
     return _called(with_client(state, client, opened=(part, name)), client)
 
 
-def _called(state: State, client: int) -> State:
+def _called(state: S, client: int) -> S:
     page = state.clients.get(client)
     return state if page is None else with_client(state, client, called=page.called + 1)
 

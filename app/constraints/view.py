@@ -21,10 +21,23 @@ from ..core.cells import (
     group,
     shown,
 )
-from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, audience
 from ..pose.solving import degrees
-from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, rare, typed_as
+from . import (
+    CELLS,
+    KINDS,
+    TITLES,
+    WORD,
+    Client,
+    Part,
+    Picking,
+    State,
+    about,
+    own_fields,
+    parts,
+    rare,
+    typed_as,
+)
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 

@@ -18,12 +18,8 @@ from pgraph_core.errors import counted
 from pgraph_core.joints import AXIAL, SIZE
 from pgraph_core.model.model import TOLD
 
-from ..gait import Walking
-from ..model import Step
-from ..plots import MANY
-from ..run import FREE_RUN, Live, Run, first_request
 from .cells import LISTS, Key, Refusal, Rows, names_of
-from .state import Client, Notice, Rename, State, replied, told
+from .state import Notice, Rename, S, Step, replied, told
 
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
@@ -35,13 +31,13 @@ IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of 
 
 
 def edited(
-    state: State,
+    state: S,
     client: int,
     make: Callable[[], tuple[pg.Model, str]],
     serial: int | None = None,
     offer: Callable[[], str] = lambda: "",
     at: int | None = None,
-) -> State:
+) -> S:
     """Apply the new model from `make() -> (model, what was done)` as one undo step.
 
     What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
@@ -61,7 +57,7 @@ def edited(
     return _noticed(state, client, said)
 
 
-def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
+def attempted(state: S, client: int, make: Callable[[], pg.Model], label: str) -> S:
     """Apply the new model from `make()`, or notify the page about the reason for its failure."""
     return edited(state, client, lambda: (make(), label))
 
@@ -79,14 +75,14 @@ def _pointed(before: pg.Model, now: pg.Model) -> Iterator[str]:
             )
 
 
-def _noticed(state: State, client: int, said: Sequence[str]) -> State:
+def _noticed(state: S, client: int, said: Sequence[str]) -> S:
     """Notify the page about side effects of the edit, and about parts that it did not change."""
     first, *more = said or ("",)
     text = f"{first}; and {len(more)} more" if len(more) > 1 else "; ".join((first, *more))
     return told(state, client, Notice("Also changed", text)) if text else state
 
 
-def with_model(state: State, model: pg.Model, label: str, at: int | None = None) -> State:
+def with_model(state: S, model: pg.Model, label: str, at: int | None = None) -> S:
     """Replace the current model by `model`, as one undo step. Do nothing if it is the same."""
     if model is state.model:
         return state
@@ -96,152 +92,32 @@ def with_model(state: State, model: pg.Model, label: str, at: int | None = None)
     return replace(showing(state, model, at), undo=undo, redo=(), greeting=None)
 
 
-def replaced(state: State, model: pg.Model, label: str) -> State:
+def replaced(state: S, model: pg.Model, label: str) -> S:
     """Open a different model as one undo step, with its own run settings and camera view.
 
     What was selected, drawn, plotted and measured of the one before goes with it.
     """
-    after = with_model(state, model, label)
-    at_start = replace(after.playback, time=0.0, playing=False, preview=False)
-    return replace(
-        after,
-        last_run=state.last_run,  # not of this model, also where it is the same once more
-        playback=after.playback if after.live else at_start,
-        renames=state.renames,  # the bodies of its rows are others, not renamed ones
-        rows=Rows(),
-        request=first_request(model),
-        framed=state.framed + 1,
-        document=state.framed + 1,
-        walking=Walking(),
-        run_problem="",
-        clients={number: _afresh(client) for number, client in after.clients.items()},
-        runs=(),
-        report=None,
-        analysis=None,
-        analysis_problem="",
-        posed=None,
-        pull=None,
-    )
+    after = with_model(state, model, label).opened(state)
+    return replace(after, framed=state.framed + 1, document=state.framed + 1)
 
 
-def _afresh(client: Client) -> Client:
-    """Return the page with all choices for the previous model reset."""
-    none = Client()
-    of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "picking", "aim",
-                "opened", "listed")  # fmt: skip
-    looked = client.inspected  # its tab may be in sight: the same operator, all of it
-    whole = None if looked is None else replace(looked, rows=None, columns=None)
-    return replace(client, inspected=whole, **{name: getattr(none, name) for name in of_model})
-
-
-def showing(
-    state: State, model: pg.Model, at: int | None = None, earlier: Step | None = None
-) -> State:
+def showing(state: S, model: pg.Model, at: int | None = None, earlier: Step | None = None) -> S:
     """Show `model`. Selections follow names or rows, and the playback is reset to its start.
 
     `at` is the place of the row that was edited; `earlier` is the step that comes back.
     """
     changed = list(renamed(state.model, model))
-    names = {(kind, old): new for kind, old, new in changed}
     if earlier is not None and earlier.model is model:
         rows = replace(earlier.rows, given=state.rows.given)
     else:
         back = earlier and (earlier.model, earlier.rows)
         rows = followed(state.rows, state.model, model, changed, at, back)
-    clients = {
-        key: _named(_follows(client, state.model, model), names)
-        for key, client in state.clients.items()
-    }
-    request = state.request
-    if request.scenario != FREE_RUN and all(s.name != request.scenario for s in model.scenarios):
-        request = replace(request, scenario=FREE_RUN)
-    live = state.live and _live_on(state.live, state.model, model)
-    return replace(
-        state,
-        last_run=state.last_run and run_on(state.last_run, state.model, model),
-        live=live,
-        model=model,
-        rows=rows,
-        renames=remembered(state.renames, changed),
-        clients=clients,
-        request=request,
-        playback=state.playback
-        if live or (state.run is not None and _same_motion(state.model, model))
-        else replace(state.playback, time=0.0, playing=False, preview=False),
-    )
+    renames = remembered(state.renames, changed)
+    names = {(kind, old): new for kind, old, new in changed}
+    return replace(state, model=model, rows=rows, renames=renames).followed(state, names)
 
 
-def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
-    """Carry a run over to the new model if an edit changed only names or appearance."""
-    if run.model is not old or not _same_motion(old, new):
-        return run
-    result = run.result
-    if hasattr(result, "mechanism"):
-        result = replace(result, mechanism=pg.Mechanism(new))
-    return replace(run, model=new, result=result)
-
-
-def _same_motion(old: pg.Model, new: pg.Model) -> bool:
-    """Return True if two models have the same motion, ignoring body names and visual shapes."""
-    if old is new:
-        return True
-    if len(old.bodies) != len(new.bodies):
-        return False
-    alike = old
-    for a, b in zip(old.bodies, new.bodies):
-        if a is not b and a.name != b.name:
-            if b.name in alike.row:
-                return False
-            alike = alike.edit(a.name, name=b.name)
-    others = [field for field in pg.Model.model_fields if field not in ("bodies", "name")]
-    return all(getattr(alike, field) == getattr(new, field) for field in others) and all(
-        a is b or _bare(a) == _bare(b) for a, b in zip(alike.bodies, new.bodies)
-    )
-
-
-def _bare(body: pg.Body) -> pg.Body:
-    """Return a body without its purely visual parts."""
-    touching = tuple(s.unchecked_copy({"role": "collision", "colour": None}) for s in body.touching)
-    return body.unchecked_copy({"shapes": touching})
-
-
-def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
-    """Continue the live run of an edited model if its joints are unchanged, or else restart it."""
-
-    def joints(model: pg.Model) -> list[tuple[str, str, int]]:
-        return [(body.name, body.parent, len(body.q)) for body in model.bodies]
-
-    return live if joints(old) == joints(new) else replace(live, parts=(), joined=(), falls=())
-
-
-def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
-    """Transfer the page's selection to the new model, by name, or by row if a body was renamed."""
-    if not client.selected:
-        return client
-    if len(old.bodies) == len(new.bodies):
-        names = {a.name: b.name if a.name not in new.row else a.name
-                 for a, b in zip(old.bodies, new.bodies)}  # fmt: skip
-    else:
-        names = {name: name for name in new.row}
-    kept = sorted((names[n] for n in client.selected if n in names), key=new.row.__getitem__)
-    last = names.get(client.selection or "", kept[-1] if kept else None)
-    return replace(client, selection=last, selected=tuple(kept))
-
-
-def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
-    """Rename the parts that a page has opened, listed or plotted."""
-    if not names:
-        return client
-    opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
-    listed = client.listed and names.get(("bodies", client.listed), client.listed)
-    plots = tuple(
-        (kind, MANY.join(names.get(("bodies", name), name) for name in of.split(MANY)))
-        for kind, of in client.plots
-    )
-    return replace(client, opened=opened, listed=listed, plots=plots)
-
-
-def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
+def selected(state: S, client: int, body: str | None, bodies: tuple[str, ...]) -> S:
     """Return `state` with these bodies selected on one page, or unchanged if `body` is unknown."""
     if body is not None and body not in state.model.row:
         return state
@@ -249,8 +125,7 @@ def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...
     if page is None:
         return state
     known = tuple(b.name for b in state.model.bodies if b.name in wanted)
-    changed = replace(page, selection=body, selected=known, opened=None)
-    return replace(state, clients={**state.clients, client: changed})
+    return replace(state, clients={**state.clients, client: page.choosing(body, known)})
 
 
 # -- names that changed ----------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from pgraph_core.errors import PgraphError
 
 from .cells import Refusal, placed, touched
 from .edit import as_now, edited
-from .state import Notice, State, replied, told, with_client
+from .state import Notice, S, State, replied, told, with_client
 
 Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -43,6 +43,14 @@ class Event:
 
     # several in a row are drawn once, as the last leaves them, when the pages show what they have
     collapses: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class Tick(Event):
+    """Wall-clock time that passed while something moves [s]."""
+
+    collapses = True
+    dt: float
 
 
 @dataclass(frozen=True)
@@ -65,10 +73,10 @@ class OfScenario(FromPage):
     scenario: int | None = field(default=None, kw_only=True)
 
 
-Handler = TypeVar("Handler", bound=Callable[[State, Any], State])
-Edit = TypeVar("Edit", bound=Callable[[State, Any], tuple[pg.Model, str]])
-News = TypeVar("News", bound=Callable[[State, Any, Any], State])
-HANDLERS: dict[type[Event], Callable[[State, Any], State]] = {}
+Handler = TypeVar("Handler", bound=Callable[[Any, Any], State])
+Edit = TypeVar("Edit", bound=Callable[[Any, Any], tuple[pg.Model, str]])
+News = TypeVar("News", bound=Callable[[Any, Any, Any], State])
+HANDLERS: dict[type[Event], Callable[[Any, Any], Any]] = {}
 
 
 def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
@@ -135,7 +143,7 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
 
 
 def on_edit(
-    *kinds: type[FromPage], offer: Callable[[State, Any], str] = lambda state, event: ""
+    *kinds: type[FromPage], offer: Callable[[Any, Any], str] = lambda state, event: ""
 ) -> Callable[[Edit], Edit]:
     """Like `on`, but for edits. A function (state, event) -> (new model, label) makes one undo
     step.
@@ -157,13 +165,13 @@ def on_edit(
     return keep
 
 
-def update(state: State, event: Event) -> State:
+def update(state: S, event: Event) -> S:
     """Return the state after `event` (pure). Invalid and stale events change nothing, except
     notices.
     """
     event = as_now(state.renames, event)
     try:
-        event = placed(state.rows, state.model, state.request.scenario, of_selection(state, event))
+        event = placed(state.rows, state.model, state.scenario, of_selection(state, event))
     except (Refusal, PgraphError) as gone:
         client, serial = getattr(event, "client", 0), getattr(event, "serial", None)
         if serial is None:

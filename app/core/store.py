@@ -9,10 +9,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
-from ..core.events import Event, FromPage, update
-from ..playback.update import Tick
+from .events import Event, FromPage, Tick, update
 from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
@@ -25,7 +24,7 @@ log = logging.getLogger(__name__)
 class View(Protocol):
     """An observer of the state that draws, or works, on differences between `old` and `new`."""
 
-    def render(self, old: State, new: State) -> None: ...
+    def render(self, old: Any, new: Any) -> None: ...
 
 
 class Closed(Exception):
@@ -110,8 +109,8 @@ class Queue:
 class Store:
     """An event loop. `send(event)` is thread-safe, and all else runs in the store's own thread."""
 
-    def __init__(self, state: State, update: Callable[[State, Event], State] = update):
-        self.state = state
+    def __init__(self, state: State, update: Callable[[Any, Event], Any] = update):
+        self.state: Any = state
         self._update = update
         self._events = Queue()
         self._thread = threading.Thread(target=self._loop, name="pgraph-store", daemon=True)
@@ -157,7 +156,7 @@ class Store:
         with contextlib.suppress(Closed):
             ticked, event = time.perf_counter(), None
             while True:
-                playing = self.state.playback.moves
+                playing = self.state.moves
                 held = AGAIN if self._drawn is not self.state else math.inf
                 left = ticked + FRAME - time.perf_counter() if playing else held
                 if left <= 0 and not isinstance(event, Tick):
@@ -204,7 +203,7 @@ class Store:
         if new is old or not (at_once or self.ready()):
             return {}
         self._drawn = new
-        with self.together(new.going is not None):
+        with self.together(new.streams):
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from pgraph_core.errors import counted
 from pgraph_core.show.shapes import hue_of
 
 from .bridge import Bridge
@@ -40,15 +39,6 @@ def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
 def hue(branch: int) -> str:
     """Return the hue for a branch as a CSS variable, which each theme defines."""
     return f"var(--branch-{hue_of(branch)})"
-
-
-def count(state: State) -> str:
-    """Return '16 bodies, 21 DoF', or '3 bodies, 1 DoF (3 in tree)' once the mobility is known."""
-    tree, report = state.derived.dof, state.mobility
-    left = f"{tree} DoF"
-    if report and report.found and report.model is state.model and report.found.dof != tree:
-        left = f"{report.found.dof} DoF ({tree} in tree)"
-    return f"{counted(len(state.derived.names), 'body', 'bodies')}, {left}"
 
 
 # -- places ----------------------------------------------------------------------------------------

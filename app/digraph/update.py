@@ -8,7 +8,7 @@ from typing import Literal
 import pgraph_core as pg
 
 from ..core.events import FromPage, Text, on_edit, on_page
-from ..core.state import State
+from . import State
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.state import State
 from ..core.views import Host, Payload, Place, audience, hue
 from ..pose.solving import home, shown_q
+from . import State
 
 SAMPLE = 0.3  # [rad, m] sample motion of joints in a frame update from the initial state
 

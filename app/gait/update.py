@@ -11,10 +11,9 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import with_model
 from ..core.events import FromPage, Text, on, on_typed
-from ..core.state import State
 from ..run import Request
 from ..run.update import Continue, GoLive, Simulate, asked, go_live, idle
-from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
+from . import LAWS, Offer, State, Walking, checked, chosen, grounded, law, offered, offers
 
 STRONGEST = 20.0  # push over the weight
 SHOWN = frozenset({"forces", "cones", "footprints"})  # once somebody walks

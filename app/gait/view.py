@@ -13,17 +13,16 @@ from pgraph_core.result.records import PHASES, SWING
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
-from ..core.state import State
 from ..core.views import Host, Payload, Place, audience, hue
+from ..run.footfalls import Change, prints
 from . import (
     LAWS,
-    Change,
+    State,
     friction,
     has_feet,
     law,
     offered,
     offers,
-    prints,
     step_height,
     turns,
     why_not,

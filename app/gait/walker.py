@@ -10,7 +10,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.show.shapes import to_matrix
 
-from ..core.state import Live
+from ..run import Live
 from . import LASTS, PUSH, SIDES, Offer, Walking, offered
 
 LYING = 0.8  # [s] duration for which a fall is shown

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pgraph_core as pg
 
-
-@dataclass(frozen=True)
-class Step:
-    """A user action as an undo step, with the model before it and a description."""
-
-    model: pg.Model
-    label: str
-    rows: Any = None  # the Rows of that model
-    document: int = 0  # `State.document` of that model
+from .. import run
+from ..core import state
 
 
 @dataclass(frozen=True)
@@ -55,3 +48,40 @@ class Errand:
     file: str = ""  # name of the model file that is read
     apart: bool = False
     leaves: Path | None = None  # a folder that `work` makes
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The model of a session that no longer runs, read from its file."""
+
+    path: Path
+    given: str  # the model that the session was started with
+    time: float  # time of the last edit [s since 1970]
+    text: str  # JSON
+    ended: bool  # the server was stopped, not killed
+    name: str  # name of the model
+
+
+@dataclass(frozen=True)
+class Client(state.Client):
+    downloads: int = 0  # number of requested downloads of the model
+    download: str = ".json"  # its suffix
+    conversion: pg.Report | None = None  # of the last file of another format that it opened
+    members: Members | None = None  # models of the last archive, of which it is to choose one
+    gallery: int = 0  # number of requests for the pictures of the models
+
+    def again(self, fresh: Any) -> Self:
+        return replace(
+            super().again(fresh), downloads=fresh.downloads, conversion=fresh.conversion,
+            members=fresh.members, gallery=fresh.gallery,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class State(run.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)
+    gallery: Mapping[str, str] = field(default_factory=dict)  # built-in name -> JSON text
+    kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
+    saved: tuple[int, pg.Model] | None = None  # document and model that were written last by Save
+    errands: tuple[Errand, ...] = ()  # under way, in order
+    errand_count: int = 0  # number of errands sent, the id of the last one

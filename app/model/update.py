@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
@@ -24,9 +24,8 @@ from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
 from ..core.events import Event, FromPage, Text, on, on_edit
-from ..core.state import Notice, State, replied, told, with_client
-from ..session import Kept
-from . import Errand, Found, Members, Step
+from ..core.state import Notice, Step, replied, told, with_client
+from . import Errand, Found, Kept, Members, State
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
 
 EditField = Literal[
@@ -38,6 +37,9 @@ LONG = 500_000  # characters of a model that are read at once
 MOST_HEIGHTS = 100_000  # limit on the heights of all heightfields, which are drawn
 MOST_PARTS = 2000  # limit on the parts of any other kind, which are listed
 MOST_NAMED = 5  # models of earlier sessions that the greeting names
+
+
+S = TypeVar("S", bound=State)
 
 
 @dataclass(frozen=True)
@@ -421,7 +423,7 @@ def errand_done(state: State, event: ErrandDone) -> State:
 
 
 def sent(
-    state: State,
+    state: S,
     client: int,
     label: str,
     work: Callable[[pg.Model], Found],
@@ -429,7 +431,7 @@ def sent(
     file: str = "",
     apart: bool = False,
     leaves: Path | None = None,
-) -> State:
+) -> S:
     """Start an errand for the current model. If `compiled`, it waits for the kernels.
 
     An errand `apart` is refused while another one reads a file for the same page.
@@ -444,14 +446,14 @@ def sent(
 
 
 def sent_file(
-    state: State,
+    state: S,
     client: int,
     content: str,
     label: str,
     work: Callable[[bytes, Any], Found],
     leaves: Callable[[bytes], Path],
     file: str = "",
-) -> State:
+) -> S:
     """Start an errand that reads an uploaded base64 file in a child process.
 
     `leaves` gives the place at which it keeps what was read.

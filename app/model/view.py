@@ -8,9 +8,8 @@ from pgraph_core.show.notebook import picture
 
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
-from ..core.state import State
-from ..core.views import Host, Payload, Place, audience, count
-from ..session import Kept
+from ..core.views import Host, Payload, Place, audience
+from . import Kept, State
 from .update import reading
 
 
@@ -42,7 +41,7 @@ def toolbar(state: State, client: int) -> Payload:
     return {
         "name": state.model.name,
         "unnamed": STAND_IN.fullmatch(state.model.name) is not None,
-        "count": count(state),
+        "count": state.counts,
         "unsaved": unsaved(state),
         "counts": counts(state.model),
         "undo": state.undo[-1].label if state.undo else None,

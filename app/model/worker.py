@@ -7,8 +7,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 
 from ..core.events import Event
-from ..core.state import State
-from . import Errand
+from . import Errand, State
 from .apart import Reader, refused
 from .update import ErrandDone
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+from .. import pose
 
 
 @dataclass(frozen=True)
@@ -12,3 +16,22 @@ class Inspected:
     what: str  # key of TITLES in `view.py`
     rows: tuple[int, int] | None = None  # from, to
     columns: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Client(pose.Client):
+    inspected: Inspected | None = None  # the operator it looks at
+    exported: tuple[int, str, str] = (0, "", "")  # number of requested exports, and the last one
+
+    def afresh(self) -> Self:
+        looked = self.inspected  # its tab may be in sight: the same operator, all of it
+        whole = None if looked is None else replace(looked, rows=None, columns=None)
+        return replace(super().afresh(), inspected=whole)
+
+    def again(self, fresh: Any) -> Self:
+        return replace(super().again(fresh), exported=fresh.exported)
+
+
+@dataclass(frozen=True)
+class State(pose.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..core.events import FromPage, on
-from ..core.state import State, with_client
-from . import Inspected
+from ..core.state import with_client
+from . import Inspected, State
 
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
 What = Literal["", "M", "J", "eps_phi", "Phi", "S"]

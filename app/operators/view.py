@@ -15,9 +15,9 @@ from pgraph_core.errors import counted
 from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
-from ..core.state import Client, Inspected, State
-from ..core.views import Host, Payload, Place, count
+from ..core.views import Host, Payload, Place
 from ..pose.solving import shown_q
+from . import Client, Inspected, State
 
 PACE = 0.2  # [s] between pictures while a run plays
 
@@ -72,7 +72,7 @@ def facts(state: State) -> str:
     """Return '16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies'."""
     d = state.derived
     separation = counted(len(d.separation), "separation body", "separation bodies")
-    return f"{count(state)}, {separation}, {counted(len(d.tips), 'tip body', 'tip bodies')}"
+    return f"{state.counts}, {separation}, {counted(len(d.tips), 'tip body', 'tip bodies')}"
 
 
 # -- matrices --------------------------------------------------------------------------------------

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Self
 
+from .. import constraints, scene
 from ..constraints import Part
 
 Vector = tuple[float, float, float]
@@ -33,3 +35,27 @@ class Aim:
     name: str = ""  # and its name
     spots: tuple[Spot, ...] = ()  # measured spots
     under: Spot | None = None  # the pointer now
+
+
+@dataclass(frozen=True)
+class Client(scene.Client, constraints.Client):
+    aim: Aim | None = None  # pick in progress in its 3D view
+    menu: tuple[int, str | None, tuple[float, float]] = (0, None, (0.0, 0.0))  # the last asked for
+
+    @property
+    def aims(self) -> bool:
+        return self.aim is not None
+
+    def afresh(self) -> Self:
+        return replace(super().afresh(), aim=None)
+
+    def escaped(self) -> Self | None:
+        return super().escaped() if self.aim is None else replace(self, aim=None)
+
+    def again(self, fresh: Any) -> Self:
+        return replace(super().again(fresh), menu=fresh.menu)
+
+
+@dataclass(frozen=True)
+class State(scene.State, constraints.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)

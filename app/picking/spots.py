@@ -13,9 +13,9 @@ from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.shapes import Piece
 
-from ..core.state import State, poses
+from ..pose import poses
 from ..scene.marks import looks
-from . import GROUND, Spot
+from . import GROUND, Spot, State
 
 EVEN = 1e-9  # distance added before weighting, so that weights decide between equal distances
 BEHIND = 0.02  # depth behind the picked face, relative to the piece, at which corners count

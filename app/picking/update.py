@@ -15,9 +15,10 @@ from ..constraints import Part, parts
 from ..core.cells import Display, Refusal, place_of
 from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, Text, on
-from ..core.state import Notice, State, poses, told, with_client
+from ..core.state import Notice, told, with_client
+from ..pose import poses
 from ..properties.body_cells import edit_of
-from . import GROUND, Aim, Spot
+from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot
 
 Vector = tuple[Finite, Finite, Finite]

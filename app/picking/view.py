@@ -8,9 +8,8 @@ import numpy as np
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
-from ..core.state import Client, State
 from ..core.views import Payload, Place
-from . import Aim, Spot
+from . import Aim, Client, Spot, State
 from .update import place
 
 

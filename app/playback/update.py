@@ -7,10 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..core.events import Event, Finite, FromPage, on
-from ..core.state import State
+from ..core.events import Finite, FromPage, Tick, on
 from ..run.update import at_its_end
-from . import SPEEDS
+from . import SPEEDS, State
 
 
 @dataclass(frozen=True)
@@ -101,14 +100,6 @@ def loop(state: State, event: Loop) -> State:
     if state.t_end <= state.t_start:
         return state
     return replace(state, playback=replace(state.playback, loop=event.loop))
-
-
-@dataclass(frozen=True)
-class Tick(Event):
-    """Wall-clock time that passed during playback [s]."""
-
-    collapses = True
-    dt: float
 
 
 @on(Tick)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..core.bridge import Bridge
-from ..core.state import SPEEDS, State
 from ..core.views import Host, Payload, Place, audience
+from . import SPEEDS, State
 
 
 class PlaybackView:

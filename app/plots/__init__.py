@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -11,6 +12,10 @@ import pgraph_core as pg
 from pgraph_core.show.animation import between
 from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
+
+from .. import run
+from ..core import state
+from ..core.state import Names
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
 XYZ = ("x", "y", "z")
@@ -259,3 +264,23 @@ def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:
         some = np.array(sorted({0, *order, len(t) - 1}))
         t, y = t[some], y[some]
     return Curve(label, t.tolist(), y.tolist())
+
+
+@dataclass(frozen=True)
+class Client(state.Client):
+    plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
+
+    def afresh(self) -> Self:
+        return replace(super().afresh(), plots=())
+
+    def followed(self, old: pg.Model, new: pg.Model, names: Names) -> Self:
+        plots = tuple(
+            (kind, MANY.join(names.get(("bodies", name), name) for name in of.split(MANY)))
+            for kind, of in self.plots
+        )
+        return replace(super().followed(old, new, names), plots=plots)
+
+
+@dataclass(frozen=True)
+class State(run.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)

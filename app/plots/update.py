@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..core.events import FromPage, Text, on
-from ..core.state import State, with_client
-from . import KINDS, Signal
+from ..core.state import with_client
+from . import KINDS, Signal, State
 
 MOST_PLOTS = 12
 

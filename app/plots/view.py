@@ -9,14 +9,15 @@ import numpy as np
 from pgraph_core.errors import counted
 
 from ..core.bridge import Bridge
-from ..core.state import Client, State
 from ..core.views import Host, Payload, Place
 from . import (
     KINDS,
     OF_BODIES,
     POSES,
+    Client,
     Curve,
     Signal,
+    State,
     components,
     curves,
     idle,

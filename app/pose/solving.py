@@ -16,7 +16,8 @@ from pgraph_core.paper import frames
 from pgraph_core.paper.motion import bodies_of, elementary, q_slices
 from pgraph_core.show.shapes import to_wxyz
 
-from ..core.state import Pose, Run, State
+from ..run import Run
+from . import Pose, State
 
 HAND = "held by hand"  # the constraint that keeps a moved joint where it was put
 HELD = 1e-6  # [rad, m] to which it is

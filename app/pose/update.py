@@ -18,8 +18,8 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import attempted
 from ..core.events import Finite, FromPage, Text, on, on_edit, on_page
-from ..core.state import State, display_of, replied, with_client
-from . import Grip, solving
+from ..core.state import display_of, replied, with_client
+from . import Grip, State, solving
 
 Vector = tuple[Finite, Finite, Finite]
 NOTCH = math.radians(15)  # dragged rotations snap to multiples of it

@@ -14,9 +14,9 @@ from pgraph_core.show.bodies import at_rest
 from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
 from ..core.events import Event
-from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, hue, watching
 from ..properties.body_cells import euler_of
+from . import Client, State
 from .solving import coordinates
 from .update import Gripped
 

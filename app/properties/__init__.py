@@ -1,1 +1,6 @@
-"""Properties of the selected bodies, the model and its parameters."""
+"""The form of the selected bodies, and that of the world."""
+
+from __future__ import annotations
+
+from ..model import Client as Client
+from ..model import State as State

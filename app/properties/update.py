@@ -20,10 +20,11 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import edited
 from ..core.events import Chosen, Entries, OfBodies, Text, on, on_edit
-from ..core.state import State, display_of, replied
+from ..core.state import display_of, replied
 from ..model import Found
 from ..model.archive import mesh_folder
 from ..model.update import sent, sent_file
+from . import State
 from . import world as world  # its events
 from .body_cells import edit_of, mended, rod_of
 from .length import stretched

@@ -27,8 +27,8 @@ from ..core.cells import (
     shapes_by_number,
     shown,
 )
-from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, audience, hue
+from . import Client, State
 from .body_cells import (
     ALL,
     MOTIONS,

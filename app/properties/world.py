@@ -28,7 +28,8 @@ from ..core.cells import (
     shown,
 )
 from ..core.events import Entries, FromPage, Text, on_edit
-from ..core.state import State, display_of
+from ..core.state import display_of
+from . import State
 
 # -- the form --------------------------------------------------------------------------------------
 

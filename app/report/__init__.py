@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import pgraph_core as pg
 
+from .. import run
+from ..core import state
 from ..run import Request
 
 
@@ -56,3 +59,23 @@ def advised(report: Report | None) -> Request | None:
     if row is None:
         return None
     return Request(method=row.method, step=row.step, rtol=getattr(row, "rtol", None))
+
+
+@dataclass(frozen=True)
+class Client(state.Client):
+    reports: tuple[int, str] = (0, "")  # number of requested report files, and the last kind
+
+    def again(self, fresh: Any) -> Self:
+        return replace(super().again(fresh), reports=fresh.reports)
+
+
+@dataclass(frozen=True)
+class State(run.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)
+    reporting: ReportRequest = field(default_factory=ReportRequest)
+    analysis: Analysis | None = None
+    analysis_problem: str = ""  # why the last one gave no report
+    report: Report | None = None
+
+    def opened(self, before: Any) -> Self:
+        return replace(super().opened(before), report=None, analysis=None, analysis_problem="")

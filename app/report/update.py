@@ -10,8 +10,8 @@ from pgraph_core.study.axes import AXES
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
-from ..core.state import State, with_client
-from . import Analysis, Report, ReportRequest, advised, latest
+from ..core.state import with_client
+from . import Analysis, Report, ReportRequest, State, advised, latest
 
 LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred times
 

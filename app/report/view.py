@@ -9,9 +9,8 @@ from typing import Any
 from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
-from ..core.state import Report, State
 from ..core.views import Host, Payload, Place, audience, watching
-from . import latest
+from . import Report, State, latest
 
 KINDS = ("precision", "stability")
 KNOWN = ": known to "

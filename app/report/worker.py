@@ -10,9 +10,9 @@ from typing import Any
 import pgraph_core as pg
 
 from ..core.events import Event
-from ..core.state import Analysis, State
-from ..report.update import Measured, Measuring, NotMeasured
 from ..run import FREE_RUN
+from . import Analysis, State
+from .update import Measured, Measuring, NotMeasured
 
 REPORT = 0.1  # [s] between progress events
 ROUNDS = 3  # rounds of timing, few because a page waits

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,8 +13,10 @@ import pgraph_core as pg
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import extent, looks
 
-from ..gait import Change, changes
-from ..scene import SHOWN_AT_FIRST
+from ..core import state
+from ..core.state import Client as Client
+from ..core.state import Names
+from .footfalls import Change, changes
 
 TRAVELS = 1.0  # a picture of all of a longer way shows the model at less than half its size
 FREE_RUN = ""  # the scenario of a run that has none
@@ -126,17 +128,6 @@ class Live:
 
 
 @dataclass(frozen=True)
-class Exporting:
-    """A pending export of a run to one page as a file."""
-
-    client: int
-    what: str
-    run: Run
-    shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
-    time: float = 0.0  # time that the page shows [s]
-
-
-@dataclass(frozen=True)
 class Kernels:
     """Progress of the compilation: `done` of `total` kernels, with `name` in progress."""
 
@@ -153,3 +144,171 @@ def first_request(model: pg.Model) -> Request:
         return Request()
     s = model.scenarios[0]
     return Request(s.name, s.t_end, s.step, s.method)
+
+
+@dataclass(frozen=True)
+class Playback:
+    """The displayed moment of a run, and how it moves on."""
+
+    time: float = 0.0  # [s]
+    playing: bool = False
+    preview: bool = False  # True while a new run is shown once, until a person takes over
+    unseen: bool = False  # the preview waits at its beginning for the first page that has a 3D view
+    speed: float = 1.0
+    loop: bool = True
+
+    @property
+    def moves(self) -> bool:
+        """True if time is advancing."""
+        return self.playing or (self.preview and not self.unseen)
+
+
+@dataclass(frozen=True)
+class State(state.State):
+    """What is computed, what of it is shown, and when."""
+
+    request: Request = field(default_factory=Request)
+    last_run: Run | None = None
+    run_framed: int = 0  # `framed` when it was made
+    job: Job | None = None
+    jobs: int = 0  # number of requested jobs, the id of the last one
+    live: Live | None = None
+    runs: tuple[KeptRun, ...] = ()  # earlier ones, shown together with this one
+    run_problem: str = ""  # why the last job gave no result
+    kernels: Kernels = field(default_factory=Kernels)
+    playback: Playback = field(default_factory=Playback)
+
+    def opened(self, before: Any) -> Self:
+        at_start = replace(self.playback, time=0.0, playing=False, preview=False)
+        return replace(
+            super().opened(before),
+            last_run=before.last_run,  # not of this model, also where it is the same once more
+            playback=self.playback if self.live else at_start,
+            request=first_request(self.model),
+            run_problem="",
+            runs=(),
+        )
+
+    def followed(self, before: Any, names: Names) -> Self:
+        old, new, request = before.model, self.model, self.request
+        if all(s.name != request.scenario for s in new.scenarios):
+            request = replace(request, scenario=FREE_RUN)
+        stays = self.live or (before.run is not None and same_motion(old, new))
+        at_start = replace(self.playback, time=0.0, playing=False, preview=False)
+        return replace(
+            super().followed(before, names),
+            last_run=self.last_run and run_on(self.last_run, old, new),
+            live=self.live and _live_on(self.live, old, new),
+            request=request,
+            playback=self.playback if stays else at_start,
+        )
+
+    @property
+    def going(self) -> Live | None:
+        """The live run, or None if it was stopped."""
+        return None if self.live is None or self.live.over else self.live
+
+    @property
+    def run(self) -> Run | None:
+        """The run to play: the live run's part at the current time, or the last run of this
+        model.
+        """
+        if self.live is not None:
+            live = self.live
+            part = live.part_at(self.playback.time) if live.parts else None
+            return None if part is None else Run(self.model, live.request, part)
+        run = self.last_run
+        return run if run is not None and run.model is self.model else None
+
+    @property
+    def earlier(self) -> Run | None:
+        """The last run if the model was edited since, or None if another model was opened."""
+        last = self.last_run
+        gone = last is None or self.live is not None or self.run is not None
+        return None if gone or self.run_framed != self.framed else last
+
+    @property
+    def plotted(self) -> Run | None:
+        """The run used for plots: the one to play, or else that of the model before its last
+        edits.
+        """
+        return self.run or self.earlier
+
+    @property
+    def falls(self) -> tuple[Change, ...]:
+        """The foot phase changes in the run to play."""
+        if self.live is not None:
+            return self.live.falls
+        return self.run.falls if self.run is not None else ()
+
+    @property
+    def t_end(self) -> float:
+        """The end time of the run to play [s], or 0 if there is none."""
+        if self.live is not None:
+            return float(self.live.parts[-1].t[-1]) if self.live.parts else 0.0
+        return float(self.run.result.t[-1]) if self.run is not None else 0.0
+
+    @property
+    def t_start(self) -> float:
+        """The start time of the run to play [s]."""
+        if self.live is not None:
+            return float(self.live.parts[0].t[0]) if self.live.parts else 0.0
+        return float(self.run.result.t[0]) if self.run is not None else 0.0
+
+    @property
+    def moves(self) -> bool:
+        return self.playback.moves
+
+    @property
+    def streams(self) -> bool:
+        return self.going is not None
+
+    @property
+    def scenario(self) -> str:
+        return self.request.scenario
+
+
+# -- runs that an edit leaves valid ----------------------------------------------------------------
+
+
+def run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
+    """Carry a run over to the new model if an edit changed only names or appearance."""
+    if run.model is not old or not same_motion(old, new):
+        return run
+    result = run.result
+    if hasattr(result, "mechanism"):
+        result = replace(result, mechanism=pg.Mechanism(new))
+    return replace(run, model=new, result=result)
+
+
+def same_motion(old: pg.Model, new: pg.Model) -> bool:
+    """Return True if two models have the same motion, ignoring body names and visual shapes."""
+    if old is new:
+        return True
+    if len(old.bodies) != len(new.bodies):
+        return False
+    alike = old
+    for a, b in zip(old.bodies, new.bodies):
+        if a is not b and a.name != b.name:
+            if b.name in alike.row:
+                return False
+            alike = alike.edit(a.name, name=b.name)
+    others = [field for field in pg.Model.model_fields if field not in ("bodies", "name")]
+    return all(getattr(alike, field) == getattr(new, field) for field in others) and all(
+        a is b or _bare(a) == _bare(b) for a, b in zip(alike.bodies, new.bodies)
+    )
+
+
+def _bare(body: pg.Body) -> pg.Body:
+    """Return a body without its purely visual parts."""
+    touching = tuple(s.unchecked_copy({"role": "collision", "colour": None}) for s in body.touching)
+    return body.unchecked_copy({"shapes": touching})
+
+
+def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
+    """Continue the live run of an edited model if its joints are unchanged, or else restart it."""
+
+    def joints(model: pg.Model) -> list[tuple[str, str, int]]:
+        return [(body.name, body.parent, len(body.q)) for body in model.bodies]
+
+    return live if joints(old) == joints(new) else replace(live, parts=(), joined=(), falls=())

@@ -10,8 +10,8 @@ import numpy as np
 from pgraph_core.analysis.singular import TOO_LOW
 from pgraph_core.model.scenario import METHOD_NAMES
 
-from ..core.state import Run, State
 from ..core.views import Payload
+from . import Run, State
 
 POOR = 1e-2  # relative error or drift above which a run is rough
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -13,11 +13,9 @@ from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.edit import run_on
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
-from ..core.state import State
-from ..gait import changes, since
-from . import FREE_RUN, Exporting, Job, KeptRun, Kernels, Live, Request, Run
+from . import FREE_RUN, Job, KeptRun, Kernels, Live, Request, Run, State, run_on
+from .footfalls import changes, since
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
@@ -25,6 +23,8 @@ MOST_FRAMES = 36_000  # limit on the frames of a live run (ten minutes), older o
 TOGETHER, TWICE = 32, 2  # number of parts joined into one, and levels of joining
 MOST_FALLS = 36_000  # and of the changes of feet
 MOST_KEPT = 5  # runs beside the present one
+
+S = TypeVar("S", bound=State)
 
 # -- settings ----------------------------------------------------------------------------------
 
@@ -107,7 +107,7 @@ class Continue(FromPage):
     """
 
 
-def asked(state: State, before: Any, gait: pg.Gait | None = None) -> State:
+def asked(state: S, before: Any, gait: pg.Gait | None = None) -> S:
     """Start a simulation, optionally from the end of `before` or with another gait."""
     job = Job(
         state.jobs + 1, state.model, state.request, before=before, gait=gait, framed=state.framed
@@ -219,33 +219,6 @@ def run_dropped(state: State, event: DropRun) -> State:
 
 
 @dataclass(frozen=True)
-class Export(FromPage):
-    """Export the run as a file."""
-
-    what: Literal["csv", "npz", "html", "live", "png", "mp4", "gif"]
-
-
-@on(Export)
-def export(state: State, event: Export) -> State:
-    if state.plotted is None or state.live is not None:
-        return state
-    asked = Exporting(event.client, event.what, state.plotted, state.shown, state.playback.time)
-    return replace(state, exporting=asked)
-
-
-@dataclass(frozen=True)
-class CancelExport(FromPage):
-    """Cancel the latest requested export."""
-
-
-@on(CancelExport)
-def export_cancelled(state: State, event: CancelExport) -> State:
-    asked = state.exporting
-    mine = asked is not None and asked.client == event.client
-    return replace(state, exporting=None) if mine else state
-
-
-@dataclass(frozen=True)
 class Compiling(Event):
     """Progress report: the compiler has finished `done` of `total` kernels."""
 
@@ -283,7 +256,7 @@ class GoLive(FromPage):
     here: bool = False
 
 
-def go_live(state: State, here: bool = False) -> State:
+def go_live(state: S, here: bool = False) -> S:
     """Start a live run from the initial state, or from the displayed state if `here`."""
     start = None
     if here and (run := state.run) is not None:

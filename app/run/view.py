@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 import math
-import re
-import tempfile
-import threading
-import time
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import viser
 
-from pgraph_core import InputError, show
 from pgraph_core.model.scenario import AUTO, METHOD_NAMES
-from pgraph_core.show.animation import Extra
 from pgraph_core.show.stage import GRID
 from pgraph_core.simulation.options import ADAPTIVE
 
 from ..core.bridge import Bridge
-from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
 from ..core.views import Host, Payload, Place, audience
-from ..gait import prints
-from ..gait.view import MOST, FootprintsView
-from ..model.archive import zipped
-from ..scene.overlays import Overlays
-from . import FREE_RUN, Request
+from . import FREE_RUN, Request, Run, State
+from .footfalls import prints
 from .trust import outcome, trust
 
-OFTEN = 0.2  # [s] between reports of how far a film is
-OPEN = 8  # masses that the reader of a living figure may change
 PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
 
 
@@ -182,139 +167,6 @@ def measures(run: Run) -> dict[str, str]:
     return found
 
 
-class ExportView:
-    """Creates files in a thread and sends them to their pages, one at a time per page."""
-
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-        self._making: dict[int, Exporting] = {}  # by page; another one or none: it is cancelled
-
-    def render(self, old: State, new: State) -> None:
-        asked, before = new.exporting, old.exporting
-        if asked is None and before is not None and self._making.get(before.client) is before:
-            del self._making[before.client]
-        if asked is not None and asked is not before:
-            threading.Thread(
-                target=self._send, args=(asked,), name="pgraph-export", daemon=True
-            ).start()
-
-    def _send(self, asked: Exporting) -> None:
-        client, told = asked.client, 0.0
-        handle = self._bridge.server.get_clients().get(client)
-        if handle is None:
-            return
-        if client in self._making:
-            text = "The file asked for before is still being made; ask again when it has come."
-            self._refuse(client, text)
-            return
-        self._making[client] = asked
-
-        def progress(fraction: float) -> bool:
-            nonlocal told
-            if time.monotonic() - told > OFTEN:
-                told = time.monotonic()
-                self._bridge.send(client, "making", {"fraction": float(fraction)})
-            return self._making.get(client) is asked
-
-        name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
-        try:
-            suffix, content = made(asked, progress)
-        except Exception as error:  # shown on the page: the session goes on
-            self._refuse(client, f"{type(error).__name__}: {error}")
-            return
-        finally:
-            if self._making.get(client) is asked:
-                del self._making[client]
-            self._bridge.send(client, "making", None)
-        if content:
-            handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
-
-    def _refuse(self, client: int, text: str) -> None:
-        self._bridge.send(client, "notice", {"title": "Not exported", "text": text, "bad": True})
-
-
-def made(
-    asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True
-) -> tuple[str, bytes]:
-    """Return (suffix, content) of the requested file. There is no content if it was cancelled."""
-    match asked.what:
-        case "csv":
-            return "csv", table(asked.run)
-        case "npz":
-            return arrays(asked.run)
-        case "live":
-            return "live.html", living(asked.run)
-        case "png" | "mp4" | "gif":
-            return asked.what, drawn(asked, progress)
-    return "html", animation(asked.run, asked.shown)
-
-
-def table(run: Run) -> bytes:
-    """Return a table of all quantities over time, with units in the first line."""
-    return run.result.to_csv(bodies=True).encode()
-
-
-def arrays(run: Run) -> tuple[str, bytes]:
-    """Return (suffix, content) for the run with its model, readable by `pg.Result.load`.
-
-    With meshes, a zip of that and them.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "run.npz"
-        run.result.save(path)
-        if any(file.is_dir() for file in path.parent.iterdir()):
-            return "zip", zipped(path.parent)
-        return "npz", path.read_bytes()
-
-
-def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
-    """Return a standalone HTML file that plays the run.
-
-    Forces, friction cones, footprints and marks of bodies are in it where they are `shown`.
-    """
-    return show.animation_html(run.result, lambda server: overlays(server, run, shown)).encode()
-
-
-def living(run: Run) -> bytes:
-    """Return a standalone HTML file in which the reader can run the mechanism.
-
-    Masses may be changed there, if the browser can follow them.
-    """
-    from pgraph_core.live.export import page  # compiles kernels of its own
-
-    heavy = [body.name for body in run.model.bodies if body.mass > 0 and "." not in body.name]
-    try:
-        return page(run.result, [f"bodies.{name}.mass" for name in heavy[:OPEN]]).encode()
-    except InputError:
-        return page(run.result).encode()
-
-
-def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
-    """Render a picture of the current view, or a film of the run, without a page."""
-    run = asked.run.result
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, f"run.{asked.what}")
-        if asked.what in ("mp4", "gif"):
-            run.to_film(path, progress=progress)
-        else:
-            run.to_image(path, t=float(np.clip(asked.time, run.t[0], run.t[-1])))
-        return path.read_bytes() if path.exists() else b""
-
-
-def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:
-    """Draws the overlays in `shown` on top of the bodies of one picture."""
-    state = State(run.model, run.request, last_run=run, shown=shown)
-    marks, feet = Overlays(server), FootprintsView(server)
-
-    def draw(time: float, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray) -> None:
-        now = replace(state, playback=Playback(time))
-        marks.render(now, positions, wxyz, gone)
-        if "footprints" in shown:
-            feet.show(now, prints(run.falls, time, MOST) - gone)
-
-    return draw
-
-
 VIEWS = (
     Place(
         lambda desk: RunView(desk.bridge),
@@ -323,7 +175,5 @@ VIEWS = (
         Host("trust", "trust"),
         Host("outcome", "drawer", "Accuracy", 45),
         Host("compare", "drawer", "Compare"),
-        Host("export", "top"),
     ),
-    Place(lambda desk: ExportView(desk.bridge), 74),
 )

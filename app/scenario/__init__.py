@@ -10,6 +10,8 @@ from pgraph_core.joints import KINDS
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.scenario import coordinates, known_names
 
+from ..constraints import Client as Client
+from ..constraints import State as State
 from ..core import cells
 from ..core.cells import Display, Quantity, Refusal
 from ..run import Request

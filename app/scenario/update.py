@@ -14,10 +14,11 @@ from ..constraints import KINDS, parts
 from ..core.cells import Refusal, scenario, touched
 from ..core.edit import attempted, edited
 from ..core.events import Entries, FromPage, OfScenario, Text, on
-from ..core.state import Notice, State, display_of, told
+from ..core.state import Notice, display_of, told
 from ..pose import solving
 from ..run import FREE_RUN, Request
 from . import (
+    State,
     as_forces,
     changed,
     copied,

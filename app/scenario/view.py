@@ -10,7 +10,6 @@ from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.bridge import Bridge
 from ..core.cells import Display, button, by_number, cell, field, group, shown
-from ..core.state import Client, State
 from ..core.views import Host, Payload, Place, watching
 from ..run import FREE_RUN
 from . import (
@@ -18,6 +17,8 @@ from . import (
     ON,
     TIME,
     WAITS,
+    Client,
+    State,
     acting,
     as_forces,
     names_of,
@@ -125,7 +126,7 @@ def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
 
 def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
     draft = as_forces(state.model, s) if s.forces else state.model
-    of = State(draft, state.request, rows=state.rows)
+    of = State(draft, request=state.request, rows=state.rows)
     return [
         {
             "id": number,

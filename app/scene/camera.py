@@ -9,8 +9,8 @@ from pgraph_core.show import bodies, shapes, stage
 from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
-from ..core.state import Client, State, poses
-from . import marks
+from ..pose import poses
+from . import Client, State, marks
 from .marks import looks
 
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed

@@ -16,7 +16,7 @@ from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
 
-from ..core.state import State
+from . import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.8  # length of the arrow of the usual largest force over the model's size

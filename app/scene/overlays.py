@@ -10,8 +10,7 @@ import viser
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import SEPARATE
 
-from ..core.state import State
-from . import marks
+from . import State, marks
 
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..core.events import Event, FromPage, on
-from ..core.state import Notice, State, told, with_client
+from ..core.state import Notice, told, with_client
+from . import State
 
 Showable = Literal[
     "shapes", "axes", "links", "coms", "inertias", "frames", "names", "sites", "points", "forces",

@@ -25,18 +25,19 @@ from pgraph_core.show.bodies import (
 
 from ..core.bridge import Bridge
 from ..core.events import Event
-from ..core.state import Client, Run, State, poses
 from ..core.views import Host, Payload, Place, audience
+from ..pose import poses
 from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
+from ..run import Run
 from ..run.update import GoLive
-from ..scene.update import Unreadable
 from ..session.update import Select
-from . import marks
+from . import Client, State, marks
 from .camera import CameraView
 from .camera import viewpoint as viewpoint
 from .marks import looks
 from .overlays import Overlays
+from .update import Unreadable
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page
@@ -93,7 +94,7 @@ class SceneView:
 
     def _clicked(self, client: int, number: int) -> None:
         page = self._state.clients.get(client) if self._state else None
-        if number <= len(self._names) and (page is None or page.aim is None):
+        if number <= len(self._names) and not (page and page.aims):
             self._send(Select(client, self._names[number - 1]))
 
     def _dragged(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
@@ -225,7 +226,7 @@ class GhostView:
             self._place(ghost, new.playback.time)
 
     def _drawn(self, ghost: Run) -> list[viser.MeshHandle]:
-        of = State(ghost.model, ghost.request)
+        of = State(ghost.model)
         nodes = []
         for k, look in enumerate(looks(of), 1):
             solid = shapes.mesh(look.pieces)

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import pgraph_core as pg
 
-
-@dataclass(frozen=True)
-class Kept:
-    """The model of a session that no longer runs, read from its file."""
-
-    path: Path
-    given: str  # the model that the session was started with
-    time: float  # time of the last edit [s since 1970]
-    text: str  # JSON
-    ended: bool  # the server was stopped, not killed
-    name: str  # name of the model
+from .. import constraints, plots
 
 
 @dataclass(frozen=True)
@@ -30,3 +20,16 @@ class Saving:
     model: pg.Model
     replace: bool  # also a file that this session did not write
     document: int = 0  # `State.document` of the model
+
+
+@dataclass(frozen=True)
+class Client(plots.Client, constraints.Client):
+    pass
+
+
+@dataclass(frozen=True)
+class State(plots.State, constraints.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)
+    left: Mapping[str, Client] = field(default_factory=dict)
+    saving: Saving | None = None
+    not_kept: str = ""  # why edits are not kept on disk

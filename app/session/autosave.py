@@ -25,8 +25,9 @@ import pgraph_core as pg
 from pgraph_core.model.files import user_folder
 
 from ..core.events import Event
-from ..core.state import Kept, State
-from ..session.update import NotKept
+from ..model import Kept
+from . import State
+from .update import NotKept
 
 try:
     import fcntl

@@ -49,12 +49,12 @@
   });
 
   // -- panes -------------------------------------------------------------------------------------
-  const PANES = [["toolbar", "export", "session"], ["table", "constraints", "scenario"], ["digraph", "gait"], ["plots", "reports", "operators", "events", "compare"], ["run", "playback", "trust"], ["heading", "joints", "properties"]];
   const FIRST = 'tr.selected, g.node[tabindex="0"], tr[data-name], button.play, button:not(:disabled), input, select, summary';
   const view = () => document.querySelector(".pgraph-views");
   function panes() {
-    const hosts = PANES.map((names) => names.map(host).filter(Boolean));
-    return [...hosts.filter((some) => some.length), ...(view() ? [[view()]] : [])];
+    const { slot } = pgraph.frame, views = [...slot("left").querySelectorAll("[data-view]")].map((one) => [one]);
+    const all = [[slot("top")], ...views, [slot("drawer")], [slot("run"), slot("time"), slot("trust")], [slot("right")], [view()]];
+    return all.map((pane) => pane.filter((part) => part?.getClientRects().length)).filter((pane) => pane.length);
   }
   function enter(pane) {
     for (const first of FIRST.split(", ")) for (const part of pane) {

@@ -11,9 +11,9 @@ from ..constraints import update as constraints
 from ..core.cells import Display
 from ..core.edit import selected
 from ..core.events import Event, FromPage, OfServer, Text, on, on_page
-from ..core.state import Client, Notice, State, replied, told, with_client
+from ..core.state import Notice, replied, told, with_client
 from ..plots import KINDS, Signal
-from . import Saving
+from . import Saving, State
 
 MOST_LEFT = 50  # pages that are remembered
 
@@ -25,7 +25,7 @@ class Connected(OfServer):
 
 @on(Connected)
 def connected(state: State, event: Connected) -> State:
-    page = Client(notice=unkept(state.not_kept) or state.greeting)
+    page = state.CLIENT(notice=unkept(state.not_kept) or state.greeting)
     return replace(state, clients={**state.clients, event.client: page})
 
 
@@ -58,12 +58,8 @@ def greeted(state: State, event: Hello) -> State:
         (x for key, x in state.clients.items() if x.page == event.page and key != client), fresh
     )
     page = replace(
-        old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
-        aspect=fresh.aspect, notice=fresh.notice, downloads=fresh.downloads,
-        conversion=fresh.conversion, members=fresh.members, reports=fresh.reports,
-        exported=fresh.exported, view=fresh.view, gallery=fresh.gallery, called=fresh.called,
-        menu=fresh.menu, selection=None, selected=(),
-    )  # fmt: skip
+        old.again(fresh), page=event.page, dark=event.dark, display=Display(*event.display)
+    )
     if event.plots is not None and not page.plots:
         known = tuple(plot for plot in event.plots if Signal(*plot).quantity in KINDS)
         page = replace(page, plots=known)
@@ -120,10 +116,9 @@ def select(state: State, event: Select) -> State:
     """Select a body, or use it as the picked body of a constraint."""
     if constraints.picking_of(state, event.client) is not None:
         return constraints.picked(state, event.client, event.body)
-    if event.body is None and (page := state.clients.get(event.client)):
-        for what in ("aim", "opened"):  # Escape ends one thing at a time
-            if getattr(page, what) is not None:
-                return with_client(state, event.client, **{what: None})
+    page = state.clients.get(event.client)
+    if event.body is None and page is not None and (without := page.escaped()) is not None:
+        return replace(state, clients={**state.clients, event.client: without})
     bodies = () if event.body is None else (event.body,)
     return selected(state, event.client, event.body, bodies)
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.state import Client, Notice, State
+from ..core.state import Notice
 from ..core.views import Host, Payload, Place, audience
 from ..model.archive import converted
+from . import Client, State
 
 ACCENT = (47, 111, 208)
 PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")

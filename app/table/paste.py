@@ -15,7 +15,7 @@ from pgraph_core.model.copies import free_name
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..model.derived import CONTACT
+from ..core.derived import CONTACT
 
 COLUMNS = ("name", "parent", "dof", "constraint")
 HEADINGS = {

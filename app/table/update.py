@@ -14,7 +14,8 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, STAND_IN, attempted, replaced, selected, with_model
 from ..core.events import Bodies, FromPage, Text, on, on_edit
-from ..core.state import Notice, State, replied, told
+from ..core.state import Notice, replied, told
+from . import State
 from . import paste as pasting
 
 GROUND = "ground"

@@ -7,9 +7,9 @@ from functools import lru_cache
 from pgraph_core.show.digraph import gutter
 
 from ..core.bridge import Bridge
-from ..core.state import State
-from ..core.views import Host, Payload, Place, audience, count, hue
-from ..model.derived import CONTACT
+from ..core.derived import CONTACT
+from ..core.views import Host, Payload, Place, audience, hue
+from . import State
 from .paste import COPIED, copied
 
 
@@ -67,7 +67,7 @@ def table(state: State) -> Payload:
         })  # fmt: skip
     return {
         "rows": rows,
-        "count": count(state),
+        "count": state.counts,
         "lanes": max(lanes.lane, default=0) + 1,
         "loops": [loop.name for loop in d.loops],
         "beside": lanes.loops,

@@ -17,8 +17,7 @@ import time
 from pathlib import Path
 
 import pgraph_core as pg
-from pgraph_app.core.state import initial
-from pgraph_app.features import update
+from pgraph_app.features import initial, update
 from pgraph_app.model.update import OpenKept, Redo, Undo, recovered
 from pgraph_app.session.autosave import Autosave, left_behind
 

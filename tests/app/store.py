@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.core.events import HANDLERS, Event
-from pgraph_app.core.state import Kernels, initial
-from pgraph_app.features import update
+from pgraph_app.features import initial, update
 from pgraph_app.model.worker import answer
+from pgraph_app.run import Kernels
 
 ME, OTHER = 1, 2
 LIMIT = 120.0  # [s] for a state that must come; only reached when something is broken

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.core.state import initial
+from pgraph_app.features import initial
 from pgraph_app.model.update import recovered
 from pgraph_app.session.autosave import Autosave, left_behind, state_folder
 

@@ -9,8 +9,7 @@ import numpy as np
 import viser
 
 from pgraph_app.core import bridge
-from pgraph_app.core.state import State, initial
-from pgraph_app.features import update
+from pgraph_app.features import State, initial, update
 from pgraph_app.model.update import Edit
 from pgraph_app.scenario.view import ScenarioView
 from pgraph_app.server import serve

@@ -12,9 +12,9 @@ import trimesh
 import viser
 
 import pgraph_core as pg
-from pgraph_app.core.state import Exporting, Request, Run, State
-from pgraph_app.model.derived import derive
-from pgraph_app.run import view
+from pgraph_app.export import Exporting, view
+from pgraph_app.features import State
+from pgraph_app.run import Request, Run
 from pgraph_app.scene import marks
 from pgraph_core.live import module
 from pgraph_core.show import animation
@@ -108,7 +108,7 @@ def test_an_animation_shows_forces_and_footprints_where_the_page_does(walk):
     pictures = drawn(walk, "forces", "cones", "footprints")
     assert all(set(MARKS) == set(picture) for picture in pictures[1:])
     assert len(pictures[-1]["/footprints"]) > len(pictures[0]["/footprints"])
-    state = State(walk.model, derive(walk.model), walk.request, last_run=walk)
+    state = State(walk.model, request=walk.request, last_run=walk)
     longest = marks.scale(state) * max(
         np.linalg.norm(force[:, 3:], axis=1).max() for force in walk.result.contact_force.values()
     )
@@ -127,7 +127,9 @@ def test_a_finished_run_is_exported_with_what_the_page_shows(run):
     assert "footprints" in state.exporting.shown
     _, table = view.made(state.exporting)
     heads = table.decode().partition("\n")[0].split(",")
-    assert [x for x in heads if x.startswith(f"angular_acceleration.{run.result.mechanism.names[0]}")]
+    assert [
+        x for x in heads if x.startswith(f"angular_acceleration.{run.result.mechanism.names[0]}")
+    ]
 
 
 @pytest.mark.parametrize(("what", "begins"), [("png", b"\x89PNG"), ("gif", b"GIF89a")])

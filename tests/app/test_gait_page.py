@@ -8,7 +8,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.core.state import initial
+from pgraph_app.features import initial
 from pgraph_app.gait.view import gait
 from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server

@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core.events import from_page, page_events
-from pgraph_app.core.state import State
+from pgraph_app.features import State
 
 from .store import ME, after, begun, built_in, do
 

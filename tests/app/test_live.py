@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.core.state import poses
 from pgraph_app.core.store import Store
-from pgraph_app.run.live import Clock, LiveRunner, Motion
+from pgraph_app.gait.live import Clock, LiveRunner, Motion
+from pgraph_app.pose import poses
 from pgraph_app.run.update import TOGETHER, grown, joined
 from pgraph_app.run.view import measures, run
 from pgraph_app.run.worker import simulated

@@ -9,7 +9,7 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
-from pgraph_app.core.state import Inspected
+from pgraph_app.operators import Inspected
 from pgraph_app.operators import view as matrices
 from pgraph_app.operators.view import operator
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 from pgraph_app.core import cells
 from pgraph_app.core.cells import Display
-from pgraph_app.core.state import Client, initial
+from pgraph_app.features import Client, initial
 from pgraph_app.model import Found
 from pgraph_app.model.worker import Errands
 from pgraph_app.properties import body_cells as forms

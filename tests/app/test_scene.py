@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.core.state import poses
 from pgraph_app.digraph.view import digraph
+from pgraph_app.pose import poses
 from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded

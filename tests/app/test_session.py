@@ -8,8 +8,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core.events import Event
-from pgraph_app.core.state import State, initial
 from pgraph_app.digraph.view import digraph
+from pgraph_app.features import State, initial
 from pgraph_app.session.view import others
 from pgraph_app.table.view import table
 

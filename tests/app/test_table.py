@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.core.state import initial
+from pgraph_app.features import initial
 from pgraph_app.model.view import toolbar
 from pgraph_app.table import update
 from pgraph_app.table.paste import copied

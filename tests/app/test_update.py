@@ -10,15 +10,16 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core import edit
+from pgraph_app.core.derived import derive
 from pgraph_app.core.events import from_page
-from pgraph_app.core.state import Report, Request, poses, with_client
+from pgraph_app.core.state import with_client
 from pgraph_app.core.store import Store
 from pgraph_app.model import Found
-from pgraph_app.model.derived import derive
 from pgraph_app.model.update import LONG, sent
 from pgraph_app.model.worker import answer
-from pgraph_app.playback import Playback
-from pgraph_app.run import FREE_RUN, Run
+from pgraph_app.pose import poses
+from pgraph_app.report import Report
+from pgraph_app.run import FREE_RUN, Playback, Request, Run
 from pgraph_app.run.trust import summary
 from pgraph_app.run.view import hints, kept
 from pgraph_core.show.animation import between

@@ -20,13 +20,12 @@ from pgraph_core.result.records import Event as ContactEvent
 from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 
 from ..core.events import Event
-from ..core.state import Live, State
-from ..gait import Walking
-from ..gait.walker import LYING, Walker, gait_of
 from ..pose.solving import pull_force
 from ..pose.update import Pull
+from ..run import FREE_RUN, Live
 from ..run.update import Advanced, Joined, Stuck, joined
-from . import FREE_RUN
+from . import State, Walking
+from .walker import LYING, Walker, gait_of
 
 PICTURES = 60  # a second
 LONGEST_PART = 0.1  # [s] longest part of motion, so that slow models show progress
