@@ -16,7 +16,7 @@ from .fields import Expression, Frozen, Number, Numbers, Vec3s, field, refuse, s
 class Table(Frozen):
     """A number over time, interpolated linearly between knots and constant outside them.
 
-    As `q_of_t` of a constraint a smooth curve instead: a cubic spline at rest at both ends.
+    As `q_of_t` of a constraint it is a `spline` instead.
     """
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
@@ -40,6 +40,20 @@ class Table(Frozen):
         found = np.stack((t, x, slopes, x), axis=1)
         found.flags.writeable = False
         return found
+
+    def spline(self, interpolation: str) -> Any:
+        """Return a SciPy cubic spline through two or more knots, at rest at the first and the last.
+
+        A "monotone" one has the slopes of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984)
+        at inner knots, so that it stays between the values of neighbouring knots.
+        """
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+
+        if interpolation == "spline":
+            return CubicSpline(self.t, self.value, bc_type="clamped")
+        slopes = PchipInterpolator(self.t, self.value).derivative()(self.t)
+        slopes[[0, -1]] = 0.0
+        return CubicHermiteSpline(self.t, self.value, slopes)
 
 
 class VectorTable(Frozen):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 import pgraph_core as pg
 from pgraph_core.forces import OnJoint
 
@@ -43,6 +45,7 @@ from .update import allowed
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs")
 OVER_TIME = "over time: 0 0; 1 0.5; 2 0 is 0 at 0 s, 0.5 at 1 s, 0 at 2 s"
+DRAWN = 120  # points of a drawn curve, two or three pixels apart
 Q_OF_T = {
     "sine": ("mean", "amplitude", "frequency", "phase"),
     "polynomial": ("c0", "c1", "c2", "c3"),
@@ -219,6 +222,8 @@ def _field(
             return [_name_field(model, part, item, name)]
         case "q_of_t":
             return _curve(item)
+        case "interpolation" if not isinstance(item.q_of_t, pg.Table):
+            return []
         case "coefficients":
             return _coefficients(item, cells)
         case "points":
@@ -301,7 +306,7 @@ def _curve(item: pg.Motion) -> list[Payload]:
         one = cell((), parts.knots(curve))
         shows = CELLS["table"]
         return [*found, field("table", shows.label, [one], help=shows.help, kind="text",
-                              note=shows.help)]  # fmt: skip
+                              note=shows.help, curve=_drawn(item))]  # fmt: skip
     if isinstance(curve, pg.Sine):
         numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
     else:
@@ -310,6 +315,17 @@ def _curve(item: pg.Motion) -> list[Payload]:
     row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, Q_OF_T[kind]))]
     shows = CELLS[kind]
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
+
+
+def _drawn(item: pg.Motion) -> Payload | None:
+    """Return the curve through the knots of a prescribed motion and the range of its values."""
+    if not isinstance(item.q_of_t, pg.Table) or len(item.q_of_t.t) < 2:
+        return None
+    knots = np.array(item.q_of_t.t)
+    t = np.unique([*np.linspace(knots[0], knots[-1], DRAWN), *knots])
+    value = item.q_of_t.spline(item.interpolation)(t)
+    low, high = value.min(), value.max()
+    return {"t": t.tolist(), "value": value.tolist(), "range": f"from {low:.4g} to {high:.4g}"}
 
 
 def _coefficients(item: Any, cells: Any) -> list[Payload]:

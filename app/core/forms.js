@@ -116,6 +116,18 @@ pgraph.forms = (() => {
     else if (!what.querySelector(".pick")) what.append(picker(box, el));
     what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);
     el.querySelector(".note").textContent = field.note;
+    curve(el, field.curve);
+  }
+  // The picture of a curve over time, below its row: its range stands beside it.
+  function curve(el, drawn) {
+    el.querySelector(":scope > .curve")?.remove();
+    if (!drawn) return;
+    const { t, value, range } = drawn, scaled = (x) => { const low = Math.min(...x), size = Math.max(...x) - low || 1; return x.map((one) => (one - low) / size); };
+    const x = scaled(t), y = scaled(value), picture = make("div", { className: "curve", role: "img", ariaLabel: `curve, ${range}` });
+    picture.innerHTML = '<svg viewBox="0 -0.02 1 1.04" preserveAspectRatio="none"><path/></svg><span class="muted"></span>';
+    picture.querySelector("path").setAttribute("d", `M${x.map((at, i) => `${at},${1 - y[i]}`).join("L")}`);
+    picture.lastChild.textContent = range;
+    el.append(picture);
   }
 
   // The row's numbers are taken from the next click in the 3D view.

@@ -268,6 +268,11 @@ class Motion(OfOne):
         "a table over time, {'kind': 'sine' or 'polynomial', ...}, or an expression of t [rad, m]",
         converter=_followed, dim=Q, label="Follows", help="how the position depends on time",
     )  # fmt: skip
+    interpolation: Literal["spline", "monotone"] = field(
+        "'spline' (smooth, may overshoot) or 'monotone' (stays between neighbouring values)",
+        default="spline", since=7,
+        label="Interpolation", help="how a table is interpolated between its times",
+    )  # fmt: skip
 
 
 # -- velocities of places --------------------------------------------------------------------------

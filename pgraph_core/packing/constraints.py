@@ -240,11 +240,11 @@ def _motion(e: Endpoints, c: Motion) -> list[Block]:
         rows = tuple(map(tuple, of_time(q, e.model.parameters).tolist()))
         return [Block(at.T_COORD, 1, e.scaled(), (own,), rows, at.SINE - len(rows) // 2)]
     knots = at.SINE if isinstance(q, Sine) else None
-    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(q), knots)]
+    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(q, c.interpolation), knots)]
 
 
-def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
-    """Return the rows for `curves`. A table becomes a cubic spline with zero end velocities."""
+def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[float, ...], ...]:
+    """Return the rows for `curves`, where a table becomes a cubic spline."""
     match q_of_t:
         case Sine(mean=mean, amplitude=amplitude, frequency=frequency, phase=phase):
             return ((mean, amplitude, frequency, phase, 0.0),)
@@ -254,9 +254,7 @@ def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
             first, last = ((t[k], value[k], 0.0, 0.0, 0.0) for k in (0, -1))
             if len(t) == 1:
                 return (last,)
-            from scipy.interpolate import CubicSpline
-
-            pieces = CubicSpline(t, value, bc_type="clamped").c[::-1].T
+            pieces = q_of_t.spline(interpolation).c[::-1].T
             return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
 
 

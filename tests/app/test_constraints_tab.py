@@ -241,6 +241,14 @@ def test_motions_over_time(state):
     state = edit(state, "constraints", "motion", "table", ((), "0 0; 1 0.5; 2 0"))
     assert state.model.constraints[0].q_of_t.value == (0.0, 0.5, 0.0)
     assert edit(state, "constraints", "motion", "table", ((), "0 0; 0 1")).model is state.model
+    kerb = edit(state, "constraints", "motion", "table", ((), "0 0; 0.1 0; 0.12 0.05; 0.2 0.05"))
+    for way, most in (("spline", 0.0749), ("monotone", 0.05)):
+        kerb = edit(kerb, "constraints", "motion", "interpolation", ((), way))
+        motion = kerb.model.constraints[0]
+        rows = form(kerb, Display(), "constraints", motion)[0]["fields"]
+        (drawn,) = [row["curve"] for row in rows if row["field"] == "table"]
+        assert motion.interpolation == way
+        assert max(drawn["value"]) == pytest.approx(most, rel=0.01)
     table = {"t": (0.0, 0.5), "value": (1.0, -2.5)}
     assert table_of(knots(table), 1) == table
     assert table_of("0\t1\n0.5\t-2.5\n", 1) == table  # pasted from a spreadsheet

@@ -166,3 +166,29 @@ def test_motions_hold_for_all_times(curve, begin):
     assert run.q[:, 0] == pytest.approx(known[:, 0], abs=1e-9 * size)
     assert run.v[:, 0] == pytest.approx(known[:, 1], abs=1e-9 * size)
     assert run.vdot[:-1, 0] == pytest.approx(known[:-1, 2], abs=1e-9 * size)
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5", "radau5", "semi_implicit_euler"])
+@pytest.mark.parametrize(("size", "time"), [(0.05, 1.0), (-2.0, 10.0), (1e-4, 0.1)])
+def test_a_monotone_motion_stays_between_its_knots(method: str, size: float, time: float):
+    """The values of a kerb, where a spline swings out by half of its height."""
+    t, value = np.array([0.0, 0.1, 0.12, 0.2]) * time, np.array([0.0, 0.0, 1.0, 1.0]) * size
+    kerb = {"t": t, "value": value}
+    runs = {}
+    for interpolation in ("spline", "monotone"):
+        drive = pg.Motion(name="m", body="b", q_of_t=kerb, interpolation=interpolation)
+        body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1))
+        model = pg.Model(bodies=(body,), constraints=(drive,))
+        assert pg.Model.from_json(model.to_json()) == model
+        runs[interpolation] = pg.simulate(
+            model, t_end=0.25 * time, method=method, step=1e-3 * time, frames=251
+        )
+    low, high = sorted((0.0, size))
+    assert np.ptp(runs["spline"].q) > 1.5 * abs(size)
+    run = runs["monotone"]
+    assert run.status.ok, run.message
+    assert run.q.min() == pytest.approx(low, abs=1e-9 * abs(size))
+    assert run.q.max() == pytest.approx(high, abs=1e-9 * abs(size))
+    assert (np.diff(run.q[:, 0]) * size >= -1e-12 * size**2).all()
+    s = np.clip((run.t - t[1]) / (t[2] - t[1]), 0.0, 1.0)  # zero slopes: a cubic step
+    np.testing.assert_allclose(run.q[:, 0], size * s**2 * (3 - 2 * s), atol=1e-9 * abs(size))
