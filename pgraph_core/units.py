@@ -44,7 +44,7 @@ UNITS = {  # "length" and "angle" follow the page's units
     NONE: "", M: "length", RAD: "angle", KG: "kg", S: "s", M / S: "m/s", M / S**2: "m/s²",
     KG * M**2: "kg m²", KG / M**3: "kg/m³", PA * S: "Pa s",
     N: "N", N / M: "N/m", N * S / M: "N s/m", N / M**1.5: "N/m^1.5", S / M: "s/m",
-    J: "N m", J / RAD: "N m/rad", J * S / RAD: "N m s/rad",
+    RAD / S: "rad/s", J: "N m", J / RAD: "N m/rad", J * S / RAD: "N m s/rad",
     Q: "rad, m", Q / S: "rad/s, m/s",
     J * S**2 / Q**2: "kg m², kg", J / Q: "N m, N",
     J / Q**2: "N m/rad, N/m", J * S / Q**2: "N m s/rad, N s/m",

@@ -162,24 +162,71 @@ def test_an_override_of_friction_holds_for_all(tmp_path, friction):
     assert [c.friction for c in model.contacts] == [float(friction.split()[0])]
 
 
-@pytest.mark.parametrize(
-    ("attribute", "word"),
-    [('adhesion="50"', "adhesion"), ('surfacevel=".5 0 0 0 0 0"', "surfacevel")],
-)
 @pytest.mark.parametrize("where", ["geom", "default", "class"])
-def test_what_a_surface_does_and_cannot_do_here_is_named(tmp_path, attribute, word, where):
+@pytest.mark.parametrize("kind", ["box", "plane"])
+@pytest.mark.parametrize("does", ['adhesion="50"', 'surfacevel=".5 0 0 0 0 0"'])
+def test_what_a_surface_does_is_read_or_named(tmp_path, does, kind, where):
+    """A belt moves as in MuJoCo. The ground does not move, and nothing sticks."""
+    attribute = does
     own = {"geom": attribute, "default": "", "class": 'class="c"'}[where]
     default = {
         "geom": "",
         "default": f"<default><geom {attribute}/></default>",
         "class": f'<default><default class="c"><geom {attribute}/></default></default>',
     }[where]
-    belt = f'<geom name="belt" type="box" size="2 .5 .1" pos="0 0 -.1" {own}/>'
-    text = world(f"{belt}<body><freejoint/>{BOX}</body>").replace("<option", f"{default}<option")
-    _, report = read(tmp_path, text)
+    belt = f'<geom name="belt" type="{kind}" size="2 .5 .1" pos="0 0 -.1" {own}/>'
+    loose = BOX.replace("<geom", '<geom adhesion="0" surfacevel="0 0 0 0 0 0"', 1)
+    text = world(f"{belt}<body><freejoint/>{loose}</body>").replace("<option", f"{default}<option")
+    model, report = read(tmp_path, text)
+    moved = [
+        shape.surface_velocity for body in model.bodies for shape in body.shapes if shape.moves
+    ]
+    if kind == "box" and "surfacevel" in does:
+        assert report.loaded
+        assert moved == [(0.5, 0.0, 0.0)]
+        return
+    assert not moved
     assert not report.loaded
-    assert word in left_out(report)
+    assert does.partition("=")[0] in left_out(report)
     assert "belt" in left_out(report)
+
+
+@pytest.mark.parametrize("kind", ["box", "mesh"])
+@pytest.mark.parametrize("turn", ["1 0 0 0", "0.8 0 0 0.6", "0.9 0.1 -0.2 0.3"])
+def test_a_moving_surface_survives_export_and_import(tmp_path, kind, turn):
+    """The velocity of its surface at any point of the world is that of MuJoCo's own field."""
+    asset = (
+        '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 2 0 0 0 1 1 2 .5"/></asset>'
+        if kind == "mesh"
+        else ""
+    )
+    own = 'mesh="m"' if kind == "mesh" else 'size="1 2 .3"'
+    geom = f'<geom type="{kind}" {own} pos="1 2 3" quat="{turn}" surfacevel="1 2 3 4 5 6"/>'
+    text = world(f'<body name="b" pos="0 1 0">{geom}</body>')
+    text = text.replace("<worldbody>", asset + "<worldbody>")
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    points = np.random.default_rng(3).normal(size=(5, 3))
+
+    def field(text):
+        m = mujoco.MjModel.from_xml_string(text)
+        d = mujoco.MjData(m)
+        mujoco.mj_kinematics(m, d)
+        (g,) = np.flatnonzero(m.geom_surfacevel.any(axis=1))
+        axes = d.geom_xmat[g].reshape(3, 3)
+        u, w = axes @ m.geom_surfacevel[g, :3], axes @ m.geom_surfacevel[g, 3:]
+        return u + np.cross(w, points - d.geom_xpos[g])
+
+    (shape,) = [s for s in model.body("b").shapes if s.moves]
+    axes = matrix(shape.rotation)
+    at = np.array((0, 1, 0)) + shape.position
+    here = axes @ shape.surface_velocity
+    here = here + np.cross(axes @ shape.surface_spin, points - at)
+    assert here == pytest.approx(field(text), abs=1e-6)
+    if kind == "box":
+        path = tmp_path / "again.xml"
+        pg.write_mjcf(model, path)
+        assert field(path.read_text()) == pytest.approx(here, abs=1e-9)
 
 
 @pytest.mark.parametrize("pos", ["0 0 0", "0 0 -.5", "1 2 .3"])

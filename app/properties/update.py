@@ -42,6 +42,7 @@ BodyField = Literal[
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
     "shape_rotation",
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "shape_opacity",
+    "shape_surface_velocity", "shape_surface_spin",
     "derived",
     "body_length",
 ]  # fmt: skip

@@ -322,6 +322,8 @@ class _Form:
         found.append(field(prefix + "colour", "Colour", colour, kind="text",
                            help=shows("shape_colour").help))  # fmt: skip
         found.append(self.vector(prefix + "opacity"))
+        if shape.role != "visual":
+            found += [self.vector(prefix + f, XYZ) for f in ("surface_velocity", "surface_spin")]
         if at == len(shapes) - 1 < MOST_SHAPES - 1:
             more = button("+ shape", "", "one more shape", field=f"shape_{at + 1}_kind",
                           index=[], text="sphere")  # fmt: skip

@@ -52,6 +52,7 @@ def on_feet(stepper: Stepper) -> bool:
         and (kinds[2:] <= at.TRANSLATE).all()
         and not (kinds == at.SCREW).any()
         and np.isin(shapes["kind"], OF_VERTICES).all()
+        and not shapes["moves"].any()
         and all(is_plain(row) for row in scene.drives.table)
     )
 

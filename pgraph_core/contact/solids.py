@@ -305,6 +305,7 @@ class Placed(NamedTuple):
     body: int
     position: Sequence[float] = (0.0, 0.0, 0.0)
     rotation: Any = np.eye(3)
+    surface: tuple[Sequence[float], Sequence[float]] = (3 * (0.0,), 3 * (0.0,))  # velocity, spin
 
 
 def packed(
@@ -329,7 +330,8 @@ def packed(
         rotation = np.asarray(shape.rotation, float).ravel()
         place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
         beside = before, len(neighbours[i])
-        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *beside, *place)
+        surface = any(map(any, shape.surface)), *shape.surface
+        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *beside, *place, *surface)
         first += counts
         before += len(neighbours[i])
     rings = [ring for s in solids for ring in s.rings]

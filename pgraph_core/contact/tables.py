@@ -209,6 +209,10 @@ class _Shapes:
         if not shapes:
             text = f"body '{body.name}' has no shape; give it one, or give the contact points"
             raise ModelError(Problem(f"contact '{c.name}'", "body", text))
+        if c.law == "penalty" and any(shape.moves for shape in body.touching) and not own:
+            text = f"a penalty contact sticks to the body, and the surface of '{body.name}' moves"
+            text += " past it; use 'soft' or 'complementarity'"
+            raise ModelError(Problem(f"contact '{c.name}'", "law", text))
         found = []
         for k, shape in enumerate(shapes):
             key = (body.name, own or k)
@@ -236,7 +240,8 @@ class _Shapes:
             excess = solids.hull_excess(shape.file or "", shape.scale)
             if excess > 1 + NAMED:
                 self.hulls.append((excess, body.name))
-        return [Placed(solid, row, number, position, rotation) for solid in parts]
+        surface = shape.surface_velocity, shape.surface_spin
+        return [Placed(solid, row, number, position, rotation, surface) for solid in parts]
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
         neighbours = solids.neighbours_of(self.placed, self._partners())

@@ -97,6 +97,7 @@ SIZE = 27  # scale of the gaps of a limit [rad, m]
 REBOUND = 16  # restitution of a limit
 HELD = 16  # force of a joint's friction in the last step [N m, N]
 LOCATED = 17  # gap of a limit from which its impact was last located within this step [rad, m]
+SURFACE = 18  # 3, velocity [m/s] or spin [rad/s] of A's surface past B's along DIR at a contact
 BLOCK_F = 28
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0

@@ -536,6 +536,14 @@ class _Reader:
                 text = "a plane on a body that moves" if kind == PLANE else f"a geom of type {kind}"
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
+        if g in m.set_in("geom_surfacevel"):
+            about = np.array(place) - [p - o for p, o in zip(geom.pos, self.pivot[b].tolist())]
+            axes, old = matrix(turn), matrix(unit(geom.quat))
+            spin = old @ m.geom_surfacevel[g, 3:]
+            shape["surface_velocity"] = tuple(
+                axes.T @ (old @ m.geom_surfacevel[g, :3] + np.cross(spin, about))
+            )
+            shape["surface_spin"] = tuple(axes.T @ spin)
         shape["position"], shape["rotation"] = tuple(place), turn
         return shape
 

@@ -108,6 +108,7 @@ class Reading(Protocol):
     pivot: Array  # (nbody, 3) our origins in their axes
     gravity: Array  # (3,) that acts [m/s^2]
     groups: list[list[Group]]
+    planes: set[int]  # geoms that are the ground
     place_of_joint: dict[int, tuple[str, int]]  # body and degree of freedom
     freedoms: dict[str, int]  # degrees of freedom of the joint of each body
 

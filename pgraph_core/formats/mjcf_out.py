@@ -297,6 +297,8 @@ class _Writer:
                 geom.set(friction=law, condim=_condim(law))
             if shape.colour is not None or shape.opacity < 1.0:
                 geom.set(rgba=(*(shape.colour or GREY[:3]), shape.opacity))
+            if shape.moves:
+                geom.set(surfacevel=(*shape.surface_velocity, *shape.surface_spin))
             yield geom
 
     def _asset(self, shape: Any) -> str:

@@ -693,13 +693,12 @@ class Parts:
     def rest(self) -> None:
         """Report element types that are skipped entirely."""
         m, reader = self.m, self.reader
-        for table, text in (
-            ("geom_adhesion", "adhesion: it does not stick to what it touches"),
-            ("geom_surfacevel", "surfacevel: its surface does not move"),
-        ):
-            for g in map(int, m.set_in(table)):
-                if m.touching[g]:
-                    reader.left_out("geom", m.geom(g).name, text)
+        for g in map(int, m.set_in("geom_adhesion")):
+            if m.touching[g]:
+                text = "adhesion: it does not stick to what it touches"
+                reader.left_out("geom", m.geom(g).name, text)
+        for g in sorted(reader.planes.intersection(m.set_in("geom_surfacevel").tolist())):
+            reader.left_out("geom", m.geom(g).name, "surfacevel: the ground does not move")
         for p in map(int, m.set_in("pair_adhesion")):
             if m.pair_dim[p]:
                 reader.left_out("pair", m.pair(p).name, "adhesion of a pair")

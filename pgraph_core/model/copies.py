@@ -348,6 +348,9 @@ class Mirror:
         if shape.end_radius is not None and self.sign[2] < 0:
             w, x, y, z = moved["rotation"]
             moved["rotation"] = (-x, w, z, -y)  # half a turn about its own x
+            for name in ("surface_velocity", "surface_spin"):
+                x, y, z = moved[name]
+                moved[name] = (x, -y, -z)
         return shape.unchecked_copy(moved)
 
     def value(self, x: Any, reflect: Callable[[Any], Any]) -> Any:

@@ -28,7 +28,7 @@ def doubts(model: Any) -> list[str]:
     return [
         *_units(model), *_gravity(model), *_defaults(bodies, by_name),
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
-        *_meshes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
+        *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
     ]  # fmt: skip
 
@@ -66,12 +66,15 @@ def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tu
             )
 
 
-def _meshes(bodies: Sequence[Body]) -> Iterator[str]:
-    """Yield warnings about missing mesh files."""
+def _shapes(bodies: Sequence[Body]) -> Iterator[str]:
+    """Yield warnings about missing mesh files and moving surfaces that nothing touches."""
     for body in bodies:
         for shape in body.shapes:
             if shape.file is not None and not Path(shape.file).is_file():
                 yield f"body '{body.name}': there is no mesh {shape.file}; a stand-in is drawn"
+            if shape.moves and shape.role == "visual":
+                text = "its surface moves, but nothing touches it: its role is 'visual'"
+                yield f"body '{body.name}': shape {body.shapes.index(shape)}: {text}"
 
 
 def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Iterator[str]:

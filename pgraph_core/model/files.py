@@ -30,7 +30,7 @@ from .shape import Shape
 from .world import Ground
 
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
-# 4: without bushings and struts; 5: without expressions; 6: without controls
+# 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces
 SCHEMA_VERSION = VERSION
 EXPRESSIONS = 6
 STEP = 1e-3  # step of a scenario without one before version 4 [s]
@@ -125,6 +125,8 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
     parts = [(Ground, data["ground"])]
     parts += [(Body, x) for x in data["bodies"]] + [(Contact, x) for x in data["contacts"]]
+    shaped = (x.get("shapes") or [x.get("shape")] for x in data["bodies"])
+    parts += [(Shape, shape) for shapes in shaped for shape in shapes if shape]
     for holder, name, kinds in _of_kinds(data):
         parts += [(kinds.class_for(x), x) for x in holder[name]]
     named = data["parameters"]
@@ -180,7 +182,9 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-USUAL = {"role": "both", "opacity": 1.0}  # default fields of shapes, which files omit
+USUAL = {  # default fields of shapes, which files omit
+    "role": "both", "opacity": 1.0, "surface_velocity": [0.0] * 3, "surface_spin": [0.0] * 3,
+}  # fmt: skip
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:

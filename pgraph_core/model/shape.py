@@ -29,7 +29,7 @@ from ..fields import (
 )
 from ..mesh_files import load_mesh
 from ..rotation import matrix
-from ..units import NONE, M
+from ..units import NONE, RAD, M, S
 
 Array = np.ndarray
 
@@ -129,6 +129,17 @@ class Shape(Frozen):
         "a number from 0 to 1", default=1.0, dim=NONE, since=2, ge=0, le=1,
         help="1: nothing is seen through it; 0: not drawn",
     )  # fmt: skip
+    surface_velocity: Vec3 = field(
+        "three finite numbers [m/s], in the axes of the shape: how its surface moves past the body",
+        converter=vector, default=(0.0, 0.0, 0.0), dim=M / S, role="vector", since=7,
+        help="of its surface past the body, as of a belt; contacts take the part along them",
+    )  # fmt: skip
+    surface_spin: Vec3 = field(
+        "three finite numbers [rad/s], in the axes of the shape: how its surface turns past the "
+        "body, about the origin of the shape",
+        converter=vector, default=(0.0, 0.0, 0.0), dim=RAD / S, role="axial", since=7,
+        help="of its surface about the shape's origin, as of a turntable",
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod
@@ -181,6 +192,11 @@ class Shape(Frozen):
             problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
         refuse(problems)
         return self
+
+    @property
+    def moves(self) -> bool:
+        """True if the surface moves past the body."""
+        return any(self.surface_velocity) or any(self.surface_spin)
 
     def _scales(self) -> bool:
         """Return True if a mesh still has a volume after applying `scale`."""

@@ -100,7 +100,7 @@ class Result(EqualByFields, Portable):
     vdot: Array  # (n, nv)
     kinetic_energy: Array  # (n,) [J]
     potential_energy: Array  # (n,) [J], springs included
-    work: Array  # (n,) [J] put in by motors, servos, given torques, wrenches, prescribed motions
+    work: Array  # (n,) [J] by motors, servos, given torques, wrenches, prescribed motions and belts
     dissipation: Array  # (n,) [J] taken out by dampers and friction
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`

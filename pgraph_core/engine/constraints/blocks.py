@@ -366,7 +366,10 @@ def slip(blocks_i, i, work, linear, place):
 
 @part
 def residual_velocity(blocks, work, space, t, v, out):
-    """Compute g' = J v less the prescribed rates, after `locate` and `velocities`."""
+    """Compute g' = J v less the prescribed rates, after `locate` and `velocities`.
+
+    Of contacts, that is the velocity of the surfaces, which may move past their bodies.
+    """
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
@@ -385,6 +388,8 @@ def residual_velocity(blocks, work, space, t, v, out):
             u = slip(blocks_i, i, work, linear, place)
         for r in range(size_of(blocks_i, i)):
             out[at_r + r] = dot(along(place, i, r), u)
+            if kind == T_CONTACT or kind == T_TURN:
+                out[at_r + r] += blocks_f[i, at.SURFACE + r]
 
 
 @part

@@ -15,6 +15,7 @@ from ..rows import offset_of, origin_of, rotation_of
 from ..tree.kinematics import outboard, positions
 from ..vec import (
     add,
+    add_cross,
     add_scaled,
     add_xyz,
     cross,
@@ -107,6 +108,33 @@ def tangents(n):
 
 
 @part
+def surface_motion(contacts, i):
+    """Return (velocity at the frame's origin, spin) of shape i's surface past its body, or zero."""
+    still = (0.0, 0.0, 0.0)
+    if i < 0 or contacts.geometry.shapes[i].moves == 0:
+        return still, still
+    r, shape = matrix(contacts.poses[i].rotation), contacts.geometry.shapes[i]
+    return mul(r, xyz(shape.surface_velocity)), mul(r, xyz(shape.surface_spin))
+
+
+@part
+def surface_velocity(contacts, i, p):
+    """Return the velocity of shape i's surface past its body at p, which is zero for the ground."""
+    u, spin = surface_motion(contacts, i)
+    return add_cross(u, spin, sub(p, xyz(contacts.poses[max(i, 0)].position)))
+
+
+@part
+def surface_slip(contacts, n, p):
+    """Return the velocity of A's surface past its body less that of B's, along contact point n."""
+    point = contacts.found[n]
+    normal = xyz(point.normal)
+    mine = surface_velocity(contacts, point.shape_a, p)
+    u = sub(mine, surface_velocity(contacts, point.shape_b, p))
+    return add_scaled(u, -dot(u, normal), normal)
+
+
+@part
 def set_block(contacts, blocks, n, i, slides):
     """Write contact point n as block i, with static friction unless it slides."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
@@ -125,6 +153,8 @@ def set_block(contacts, blocks, n, i, slides):
     law = contacts.laws[pair]
     blocks_f[i, at.FRICTION] = law.friction if slides else law.static_friction
     blocks_f[i, at.BOUNCE] = law.restitution
+    slip = surface_slip(contacts, n, middle(point))
+    store(blocks_f, i, at.SURFACE, (0.0, dot(t, slip), dot(s, slip)))
 
 
 @part
@@ -133,6 +163,11 @@ def set_turn(contacts, blocks, n, i):
     set_block(contacts, blocks, n, i, True)
     blocks.blocks_i[i, at.B_TYPE] = at.T_TURN
     blocks.blocks_f[i, at.BOUNCE] = 0.0
+    point = contacts.found[n]
+    _, mine = surface_motion(contacts, point.shape_a)
+    _, other = surface_motion(contacts, point.shape_b)
+    turn = dot(sub(mine, other), xyz(point.normal))
+    store(blocks.blocks_f, i, at.SURFACE, (turn, 0.0, 0.0))
 
 
 @part
@@ -151,6 +186,7 @@ def slides_now(contacts, work, linear, n):
     p = middle(point)
     u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
     across = add_scaled(u, -dot(u, xyz(point.normal)), xyz(point.normal))
+    across = add(across, surface_slip(contacts, n, p))
     return dot(across, across) > SLIDING * SLIDING
 
 
@@ -237,7 +273,8 @@ def note_turn(address, n, torque):
 
 @kernel(CONTACT_FORCES, nogil=True)
 def contact_forces(scene, v, tau, flow):
-    """Add contact forces to the rows and τ, after `outboard`, and the dissipated power to flow[1].
+    """Add contact forces to the rows and τ, after `outboard`, the power of moving surfaces to
+    flow[0], and the dissipated power to flow[1].
 
     Soft and penalty contacts push by their depth. Rigid ones push with the forces of the last step
     of time stepping if `frozen`.
@@ -281,10 +318,13 @@ def contact_forces(scene, v, tau, flow):
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
+            past = surface_slip(contacts, n, p)
+            u = add(u, past)
             force, slip = compliant_force(contacts, n, laws[pair], u, loss)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
             note(opened(scene).links.contacts, work, n, scale(share, force), slip)
+            flow[0] -= dot(force, past)
             flow[1] -= dot(force, u)
     return 0
 

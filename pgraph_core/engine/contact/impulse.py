@@ -108,10 +108,10 @@ def aim(scene, n):
     """Write joint speeds without impulses into FREE and the remaining row speeds of island n into
     TARGET.
 
-    Bounces are part of TARGET, and the speed at which a contact point may close the gap that it
-    drifted off by, or a length go on to its bound (`slack_of`). Where bodies move fast together,
-    differences of their speeds would be rounding: FREE is zero there, and TARGET the rows'
-    velocities.
+    TARGET includes bounces, the motion of surfaces past their bodies, and the speed at which a
+    contact point may close the gap that it drifted off by, or a length go on to its bound
+    (`slack_of`). Where bodies move fast together, differences of their speeds would be rounding:
+    FREE is zero there, and TARGET the rows' velocities.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -144,7 +144,7 @@ def aim(scene, n):
             if together:
                 vectors[TARGET, r + c] = vectors[RHS, r + c]
             elif unilateral:
-                vectors[TARGET, r + c] = 0.0
+                vectors[TARGET, r + c] = blocks_f[i, at.SURFACE + c]
         if together:
             for s in range(joints_of(slots, i)):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0

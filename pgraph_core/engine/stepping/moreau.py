@@ -42,6 +42,7 @@ from ..constraints.blocks import (
     first_of,
     locate,
     residual_velocity,
+    size_of,
     type_of,
     velocities,
 )
@@ -371,15 +372,16 @@ def solve_part(scene, own, q, v, vdot, ledger):
             break
         turn_rates(rows, const, work, v)
         velocities(rows, const, work, v, space.linear)
-    account(scene, w if w > 0.0 else h, ledger)
+    account(scene, first, w if w > 0.0 else h, ledger)
     if w == 0.0:
         note_chain(scene, first, t)
     return taken
 
 
 @sweep
-def account(scene, lasts, ledger):
-    """Record the energy loss of impulses in the ledger, and the solver's report in the tally.
+def account(scene, first, lasts, ledger):
+    """Record the energy loss of impulses in the ledger, the work of moving surfaces, and the
+    solver's report in the tally.
 
     A velocity that misses a law lasts until the next solve, for the time `lasts`.
     """
@@ -387,6 +389,12 @@ def account(scene, lasts, ledger):
     tally = contacts_at(data.links.contacts).tally[0]
     report = data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[GAINED]
+    blocks, lam = data.blocks, data.space.vectors[LAMBDA]
+    for j in range(first, blocks.active[0] + 1):
+        i = blocks.active[j]
+        r = first_of(data.space.slots, i)
+        for c in range(size_of(blocks.blocks_i, i)):
+            ledger[at.WORK_DONE] -= lam[r + c] * blocks.blocks_f[i, at.SURFACE + c]
     tally.residual = max(tally.residual, report[MISSED])
     tally.strayed += lasts * report[STRAYS]
     if report[HARD] > 0.0:
