@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from numbers import Integral
 from typing import (
@@ -262,6 +262,21 @@ def several(value: npt.ArrayLike) -> Numbers:
 def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
     """Accept names in a tuple or list, or None."""
     return listed(value)
+
+
+def parts_of(kind: type[Held]) -> Callable[[Iterable[Held | Mapping[str, Any]]], tuple[Held, ...]]:
+    """Accept parts of a kind, each as an object or as its fields."""
+    return listed
+
+
+def part_of(kind: type[Held]) -> Callable[[Held | Mapping[str, Any]], Held]:
+    """Accept a part of a kind, as an object or as its fields."""
+    return listed
+
+
+def maybe_part_of(kind: type[Held]) -> Callable[[Held | Mapping[str, Any] | None], Held | None]:
+    """Accept a part of a kind, as an object or as its fields, or None."""
+    return listed
 
 
 class Fixed(dict[str, Any]):

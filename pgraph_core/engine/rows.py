@@ -11,37 +11,85 @@ from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, sto
 
 ROTATE, SCREW, TRANSLATE, BALL, FREE = at.ROTATE, at.SCREW, at.TRANSLATE, at.BALL, at.FREE
 
+# -- what stands in columns: a function that reads them, then functions that write them ------------
+
+
+def number(column):
+    """Return functions that read and write a column."""
+
+    @part
+    def get(table, k):
+        return table[k, column]
+
+    @part
+    def put(table, k, x):
+        table[k, column] = x
+
+    return get, put
+
+
+def vector(column):
+    """Return functions that read and write three columns."""
+
+    @part
+    def get(table, k):
+        return load(table, k, column)
+
+    @part
+    def put(table, k, x):
+        store(table, k, column, x)
+
+    return get, put
+
+
+def whole_matrix(column):
+    """Return functions that read and write the nine columns of a 3x3 matrix."""
+
+    @part
+    def get(table, k):
+        return load9(table, k, column)
+
+    @part
+    def put(table, k, x):
+        store9(table, k, column, x)
+
+    return get, put
+
+
+def pair(column):
+    """Return functions that read, write and increase (angular, linear), as (moment, force)."""
+
+    @part
+    def get(table, k):
+        return load(table, k, column), load(table, k, column + 3)
+
+    @part
+    def put(table, k, angular, linear):
+        store(table, k, column, angular)
+        store(table, k, column + 3, linear)
+
+    @part
+    def increase(table, k, angular, linear):
+        accumulate(table, k, column, angular)
+        accumulate(table, k, column + 3, linear)
+
+    return get, put, increase
+
+
 # -- place in the tree ----------------------------------------------------------------------------
 
-
-@part
-def parent_of(rows, k):
-    return rows[k, at.PARENT]
-
-
-@part
-def kind_of(rows, k):
-    return rows[k, at.KIND]
-
-
-@part
-def q_of(rows, k):
-    """Return the first index into q."""
-    return rows[k, at.QI]
-
-
-@part
-def v_of(rows, k):
-    """Return the first index into v."""
-    return rows[k, at.VI]
+parent_of, set_parent = number(at.PARENT)
+kind_of, set_kind = number(at.KIND)
+q_of, set_q = number(at.QI)  # first index into q
+v_of, set_v = number(at.VI)  # first index into v
 
 
 @part
 def set_row(rows, k, parent, kind, q, v):
-    rows[k, at.PARENT] = parent
-    rows[k, at.KIND] = kind
-    rows[k, at.QI] = q
-    rows[k, at.VI] = v
+    set_parent(rows, k, parent)
+    set_kind(rows, k, kind)
+    set_q(rows, k, q)
+    set_v(rows, k, v)
 
 
 @part
@@ -58,42 +106,30 @@ def nq_of(kind):
 
 # -- constants, home axes -------------------------------------------------------------------------
 
-
-@part
-def home_axis(const, k):
-    return load(const, k, at.AXIS)
-
-
-@part
-def home_link(const, k):
-    """Return the vector from the parent row's origin [m]."""
-    return load(const, k, at.LINK)
+home_axis, set_home_axis = vector(at.AXIS)
+home_link, set_home_link = vector(at.LINK)  # from the parent row's origin [m]
+home_base, set_home_base = whole_matrix(at.BASE)  # parent's orientation: axes of a ball's q and v
+home_pitch, set_home_pitch = number(at.PITCH)  # way along the axis of a screw [m/rad]
+armature_of, set_armature = number(at.ARMATURE)
 
 
 @part
-def home_base(const, k):
-    """Return the parent body's orientation, the axes of a ball's or free motion's q and v."""
-    return load9(const, k, at.BASE)
+def gravity_of(const):
+    return load(const, 0, at.GRAVITY)
+
+
+@part
+def set_gravity(const, gravity):
+    store(const, 0, at.GRAVITY, gravity)
 
 
 @part
 def set_motion(const, k, axis, link, base, armature, pitch):
-    store(const, k, at.AXIS, axis)
-    store(const, k, at.LINK, link)
-    store9(const, k, at.BASE, base)
-    const[k, at.ARMATURE] = armature
-    const[k, at.PITCH] = pitch
-
-
-@part
-def home_pitch(const, k):
-    """Way along the axis of a screw [m/rad]."""
-    return const[k, at.PITCH]
-
-
-@part
-def armature_of(const, k):
-    return const[k, at.ARMATURE]
+    set_home_axis(const, k, axis)
+    set_home_link(const, k, link)
+    set_home_base(const, k, base)
+    set_armature(const, k, armature)
+    set_home_pitch(const, k, pitch)
 
 
 @part
@@ -110,82 +146,24 @@ def set_mass(const, k, mass, com, inertia):
     store(const, k, at.INERTIA + 3, inertia[3:])
 
 
-@part
-def gravity_of(const):
-    return load(const, 0, at.GRAVITY)
-
-
-@part
-def set_gravity(const, gravity):
-    store(const, 0, at.GRAVITY, gravity)
-
-
 # -- workspace, world axes at the row's origin ----------------------------------------------------
 
-
-@part
-def rotation_of(work, k):
-    return load9(work, k, at.R)
-
-
-@part
-def set_rotation(work, k, r):
-    store9(work, k, at.R, r)
-
-
-@part
-def axis_of(work, k):
-    return load(work, k, at.H)
-
-
-@part
-def set_axis(work, k, h):
-    store(work, k, at.H, h)
-
-
-@part
-def link_of(work, k):
-    """Return the vector from the parent row's origin, including displacement [m]."""
-    return load(work, k, at.L)
-
-
-@part
-def set_link(work, k, link):
-    store(work, k, at.L, link)
-
-
-@part
-def spin_of(work, k):
-    """Angular velocity [rad/s]."""
-    return load(work, k, at.W)
-
-
-@part
-def set_spin(work, k, w):
-    store(work, k, at.W, w)
-
-
-@part
-def origin_of(work, k):
-    """Return the position of the origin [m], after `positions`."""
-    return load(work, k, at.X)
-
-
-@part
-def set_origin(work, k, x):
-    store(work, k, at.X, x)
-
-
-@part
-def coriolis_of(work, k):
-    """Return a of eq. (8) as (angular, linear)."""
-    return load(work, k, at.A), load(work, k, at.A + 3)
-
-
-@part
-def set_coriolis(work, k, angular, linear):
-    store(work, k, at.A, angular)
-    store(work, k, at.A + 3, linear)
+rotation_of, set_rotation = whole_matrix(at.R)
+axis_of, set_axis = vector(at.H)
+link_of, set_link = vector(at.L)  # from the parent row's origin, with displacement [m]
+spin_of, set_spin = vector(at.W)  # angular velocity [rad/s]
+origin_of, set_origin = vector(at.X)  # position of the origin [m], after `positions`
+velocity_of, set_velocity = vector(at.VELOCITY)  # of the origin [m/s], as stored by a sweep
+coriolis_of, set_coriolis, _ = pair(at.A)  # a of eq. (8)
+bias_of, set_bias, add_bias = pair(at.BIAS)  # b of eq. (12), articulated after the inboard sweep
+# V' of eq. (8) with gravity's -g, stored over the bias
+acceleration_of, set_acceleration, _ = pair(at.ACCELERATION)
+force_of, set_force, add_force = pair(at.FORCE)  # F of eq. (12), transmitted by the joint
+projected_of, set_projected, _ = pair(at.PROJECTED)  # U = I h of a hinge, with articulated I
+solved_of, set_solved, _ = pair(at.SOLVED)  # the solution from a free motion's factor
+pitch_of, set_pitch = number(at.ADVANCE)  # way along the axis of a screw [m/rad]
+inverse_pivot_of, set_inverse_pivot = number(at.D)  # 1 / (hᵀ U + armature) of a hinge
+left_of, set_left = number(at.LEFT)  # u = τ - hᵀ b of a hinge
 
 
 @part
@@ -201,100 +179,11 @@ def set_sine_cosine(work, k, sine, cosine):
 
 
 @part
-def bias_of(work, k):
-    """Return b of eq. (12) as (moment, force), articulated after the inboard sweep."""
-    return load(work, k, at.BIAS), load(work, k, at.BIAS + 3)
-
-
-@part
-def set_bias(work, k, moment, force):
-    store(work, k, at.BIAS, moment)
-    store(work, k, at.BIAS + 3, force)
-
-
-@part
-def add_bias(work, k, moment, force):
-    accumulate(work, k, at.BIAS, moment)
-    accumulate(work, k, at.BIAS + 3, force)
-
-
-@part
-def acceleration_of(work, k):
-    """Return V' of eq. (8) with gravity's -g as (angular, linear), stored over the bias."""
-    return load(work, k, at.ACCELERATION), load(work, k, at.ACCELERATION + 3)
-
-
-@part
-def set_acceleration(work, k, angular, linear):
-    store(work, k, at.ACCELERATION, angular)
-    store(work, k, at.ACCELERATION + 3, linear)
-
-
-@part
-def force_of(work, k):
-    """Return F of eq. (12), transmitted by the joint, as (moment, force)."""
-    return load(work, k, at.FORCE), load(work, k, at.FORCE + 3)
-
-
-@part
-def set_force(work, k, moment, force):
-    store(work, k, at.FORCE, moment)
-    store(work, k, at.FORCE + 3, force)
-
-
-@part
-def add_force(work, k, moment, force):
-    accumulate(work, k, at.FORCE, moment)
-    accumulate(work, k, at.FORCE + 3, force)
-
-
-@part
-def velocity_of(work, k):
-    """Return the velocity of the origin [m/s], as stored by a sweep."""
-    return load(work, k, at.VELOCITY)
-
-
-@part
-def set_velocity(work, k, velocity):
-    store(work, k, at.VELOCITY, velocity)
-
-
-@part
-def projected_of(work, k):
-    """Return U = I h of a rotation or translation, with articulated I, as (angular, linear)."""
-    return load(work, k, at.PROJECTED), load(work, k, at.PROJECTED + 3)
-
-
-@part
-def pitch_of(work, k):
-    """Way along the axis of a screw [m/rad], from the first sweep."""
-    return work[k, at.ADVANCE]
-
-
-@part
-def set_pitch(work, k, pitch):
-    work[k, at.ADVANCE] = pitch
-
-
-@part
-def inverse_pivot_of(work, k):
-    """Return 1 / (hᵀ U + armature) for a rotation or translation."""
-    return work[k, at.D]
-
-
-@part
-def left_of(work, k):
-    """Return u = τ - hᵀ b for a rotation or translation."""
-    return work[k, at.LEFT]
-
-
-@part
 def set_hinge(work, k, angular, linear, pivot, left):
     """Store U, 1 / (hᵀ U + armature) and u."""
-    store(work, k, at.PROJECTED, angular)
-    store(work, k, at.PROJECTED + 3, linear)
-    work[k, at.D] = pivot
-    work[k, at.LEFT] = left
+    set_projected(work, k, angular, linear)
+    set_inverse_pivot(work, k, pivot)
+    set_left(work, k, left)
 
 
 @part
@@ -308,18 +197,6 @@ def set_ball(work, k, factor, left):
     store(work, k, at.FACTOR3, factor[:3])
     store(work, k, at.FACTOR3 + 3, factor[3:])
     store(work, k, at.LEFT, left)
-
-
-@part
-def solved_of(work, k):
-    """Return the solution from a free motion's factor as (angular, linear)."""
-    return load(work, k, at.SOLVED), load(work, k, at.SOLVED + 3)
-
-
-@part
-def set_solved(work, k, angular, linear):
-    store(work, k, at.SOLVED, angular)
-    store(work, k, at.SOLVED + 3, linear)
 
 
 @part
@@ -391,23 +268,9 @@ def traces_of(work, k):
 
 # -- bodies: by number, 0 is the ground; home axes ------------------------------------------------
 
-
-@part
-def carrier_of(bodies_i, b):
-    """Return the row that carries body b."""
-    return bodies_i[b, at.ROW]
-
-
-@part
-def offset_of(bodies_f, b):
-    """Return the vector from the carrying row's origin to the body's origin [m]."""
-    return load(bodies_f, b, at.OFFSET)
-
-
-@part
-def home_of(bodies_f, b):
-    """Return the home orientation of body b."""
-    return load9(bodies_f, b, at.HOME)
+carrier_of, _ = number(at.ROW)  # the row that carries a body
+offset_of, set_offset = vector(at.OFFSET)  # from that row's origin to the body's [m]
+home_of, set_home = whole_matrix(at.HOME)  # home orientation
 
 
 @part
@@ -418,8 +281,8 @@ def body_mass_of(bodies_f, b):
 
 @part
 def set_body(bodies_f, b, offset, home, mass, com, inertia):
-    store(bodies_f, b, at.OFFSET, offset)
-    store9(bodies_f, b, at.HOME, home)
+    set_offset(bodies_f, b, offset)
+    set_home(bodies_f, b, home)
     bodies_f[b, at.B_MASS] = mass
     store(bodies_f, b, at.B_COM, com)
     store(bodies_f, b, at.B_INERTIA, inertia[:3])

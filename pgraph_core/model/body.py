@@ -29,8 +29,10 @@ from ..fields import (
     field,
     inertia_matrix,
     listed,
+    maybe_part_of,
     maybe_vector,
     name_problem,
+    parts_of,
     per_motion,
     quaternion,
     refuse,
@@ -71,17 +73,7 @@ def _limits_in(
     return listed(value)
 
 
-def _shape_in(value: Shape | Mapping[str, Any] | None) -> Shape | None:
-    """Convert a shape, given as an object or as its fields."""
-    return value  # type: ignore[return-value]
-
-
 Derived = Literal["mass", "com", "inertia", "tip"]
-
-
-def _shapes_in(value: Sequence[Shape | Mapping[str, Any]]) -> tuple[Shape, ...]:
-    """Convert shapes, given as objects or as their fields."""
-    return value  # type: ignore[return-value]
 
 
 def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
@@ -190,12 +182,15 @@ class Body(Described):
         help="way along the axis of a screw in a turn; negative for a left-handed thread",
     )  # fmt: skip
     shape: OneShape | None = field(
-        "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None, role="parts"
+        "a shape such as {'kind': 'sphere', ...}",
+        converter=maybe_part_of(Shape),
+        default=None,
+        role="parts",
     )
 
     shapes: tuple[OneShape, ...] = field(
         "a list of shapes; the first of them is `shape`",
-        converter=_shapes_in,
+        converter=parts_of(Shape),
         default=(),
         role="parts",
         since=2,

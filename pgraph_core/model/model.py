@@ -21,7 +21,7 @@ from ..errors import (
     nearest_first,
     shown,
 )
-from ..fields import GROUND, Vec3, field, fields_of, listed, whole
+from ..fields import GROUND, Vec3, field, fields_of, listed, parts_of, whole
 from ..forces import Force, ends_of
 from ..sentences import in_our_words
 from . import files
@@ -73,42 +73,6 @@ LOST = "lost in reading"  # likewise
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
-def _bodies_in(value: Iterable[Body | Mapping[str, Any]]) -> tuple[Body, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _constraints_in(value: Iterable[Constraint | Mapping[str, Any]]) -> tuple[Constraint, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _contacts_in(value: Iterable[Contact | Mapping[str, Any]]) -> tuple[Contact, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _forces_in(value: Iterable[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _sites_in(value: Iterable[Site | Mapping[str, Any]]) -> tuple[Site, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _outputs_in(value: Iterable[Output | Mapping[str, Any]]) -> tuple[Output, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _controls_in(value: Iterable[Control | Mapping[str, Any]]) -> tuple[Control, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _scenarios_in(value: Iterable[Scenario | Mapping[str, Any]]) -> tuple[Scenario, ...]:
-    return value  # type: ignore[return-value]
-
-
-def _formulas_in(value: Iterable[Formula | Mapping[str, Any]]) -> tuple[Formula, ...]:
-    return value  # type: ignore[return-value]
-
-
 @explained
 class Model(World):
     """A multibody system, consisting of the table rows in order and the parts that act on them.
@@ -117,19 +81,25 @@ class Model(World):
     change makes a new, validated model; the old one stays as it was.
     """
 
-    bodies: tuple[Body, ...] = field("a list of bodies", converter=_bodies_in, default=())
+    bodies: tuple[Body, ...] = field("a list of bodies", converter=parts_of(Body), default=())
     constraints: tuple[Constraint, ...] = field(
-        "a list of constraints", converter=_constraints_in, default=()
+        "a list of constraints", converter=parts_of(Constraint), default=()
     )
-    contacts: tuple[Contact, ...] = field("a list of contacts", converter=_contacts_in, default=())
-    forces: tuple[Force, ...] = field("a list of forces", converter=_forces_in, default=())
+    contacts: tuple[Contact, ...] = field(
+        "a list of contacts", converter=parts_of(Contact), default=()
+    )
+    forces: tuple[Force, ...] = field("a list of forces", converter=parts_of(Force), default=())
     scenarios: tuple[Scenario, ...] = field(
-        "a list of scenarios", converter=_scenarios_in, default=()
+        "a list of scenarios", converter=parts_of(Scenario), default=()
     )
-    sites: tuple[Site, ...] = field("a list of sites", converter=_sites_in, default=())
-    outputs: tuple[Output, ...] = field("a list of outputs", converter=_outputs_in, default=())
-    controls: tuple[Control, ...] = field("a list of controls", converter=_controls_in, default=())
-    formulas: tuple[Formula, ...] = field("formulas of cells", converter=_formulas_in, default=())
+    sites: tuple[Site, ...] = field("a list of sites", converter=parts_of(Site), default=())
+    outputs: tuple[Output, ...] = field("a list of outputs", converter=parts_of(Output), default=())
+    controls: tuple[Control, ...] = field(
+        "a list of controls", converter=parts_of(Control), default=()
+    )
+    formulas: tuple[Formula, ...] = field(
+        "formulas of cells", converter=parts_of(Formula), default=()
+    )
 
     if not TYPE_CHECKING:
 

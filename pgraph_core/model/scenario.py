@@ -22,7 +22,9 @@ from ..fields import (
     by_name,
     field,
     listed,
+    maybe_part_of,
     names_or_none,
+    parts_of,
     refuse,
 )
 from ..forces import Force
@@ -228,11 +230,6 @@ class When(Frozen):
         return self
 
 
-def _when_in(value: When | Mapping[str, Any] | None) -> When | None:
-    """Convert a condition, given as an object or as its fields."""
-    return value  # type: ignore[return-value]
-
-
 class Switch(Frozen):
     """A constraint switched on or off during a run, at a given time or on a condition."""
 
@@ -244,7 +241,7 @@ class Switch(Frozen):
     when: When | None = field(
         "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
         "'below': value or 'active': bool}, or {'holds': '=q.arm > 0.5 and v.arm < 0'}",
-        converter=_when_in, default=None,
+        converter=maybe_part_of(When), default=None,
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -252,21 +249,6 @@ class Switch(Frozen):
         if (self.t is None) == (self.when is None):
             refuse([("t", f"give t or when, {'not both' if self.when else 'one of them'}")])
         return self
-
-
-def _forces_in(value: Sequence[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
-    """Convert forces, given as objects or as their fields."""
-    return value  # type: ignore[return-value]
-
-
-def _switches_in(value: Sequence[Switch | Mapping[str, Any]]) -> tuple[Switch, ...]:
-    """Convert switches, given as objects or as their fields."""
-    return value  # type: ignore[return-value]
-
-
-def _gait_in(value: Gait | Mapping[str, Any] | None) -> Gait | None:
-    """Convert a gait, given as an object or as its fields."""
-    return value  # type: ignore[return-value]
 
 
 class Scenario(Described):
@@ -277,7 +259,7 @@ class Scenario(Described):
     q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
     v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
     forces: tuple[Force, ...] = field(
-        "a list of forces besides those of the model", converter=_forces_in, default=()
+        "a list of forces besides those of the model", converter=parts_of(Force), default=()
     )
     constraints: tuple[str, ...] | None = field(
         "names of the active constraints; left out: the model's own choice",
@@ -285,7 +267,7 @@ class Scenario(Described):
     )  # fmt: skip
     switches: tuple[Switch, ...] = field(
         "constraints switched on or off during the run, {t or when, constraint, active}",
-        converter=_switches_in, default=(),
+        converter=parts_of(Switch), default=(),
     )  # fmt: skip
     contacts: tuple[str, ...] | None = field(
         "names of the active contacts; left out: the model's own choice",
@@ -293,7 +275,7 @@ class Scenario(Described):
     )  # fmt: skip
     gait: Gait | None = field(
         "a gait that drives the joints, or nothing: {'name': ...}",
-        converter=_gait_in, default=None,
+        converter=maybe_part_of(Gait), default=None,
     )  # fmt: skip
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] | None = Field(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy.typing as npt
@@ -21,6 +21,8 @@ from ..fields import (
     fixed,
     listed,
     maybe_vector,
+    part_of,
+    parts_of,
     refuse,
 )
 from ..units import NONE, RAD, M, S
@@ -54,11 +56,6 @@ class Step(Frozen):
             given = f"given {shown(self.low)} and {shown(self.high)}"
             refuse([("ground", f"a step's low must be less than its high; {given}")])
         return self
-
-
-def _steps_in(value: Sequence[Step | Mapping[str, Any]]) -> tuple[Step, ...]:
-    """Convert steps, given as objects or as their fields."""
-    return value  # type: ignore[return-value]
 
 
 class Ground(Frozen):
@@ -96,7 +93,7 @@ class Ground(Frozen):
     )  # fmt: skip
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}",
-        converter=_steps_in,
+        converter=parts_of(Step),
         default=(),
         role="parts",
     )
@@ -127,11 +124,6 @@ def _gravity_in(value: npt.ArrayLike | None) -> Vec3:
     return listed(value)
 
 
-def _ground_in(value: Ground | Mapping[str, Any]) -> Ground:
-    """Convert a ground, given as an object or as its fields."""
-    return value  # type: ignore[return-value]
-
-
 def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
     """Numbers by name."""
     return value  # type: ignore[return-value]
@@ -150,7 +142,7 @@ class World(Described):
         role="vector",
     )
     ground: Ground = field(
-        "the ground: {'slope': ..., 'steps': ...}", converter=_ground_in, default=Ground()
+        "the ground: {'slope': ..., 'steps': ...}", converter=part_of(Ground), default=Ground()
     )
     parameters: Annotated[dict[str, Number], AfterValidator(fixed)] = field(
         "names and finite numbers, for formulas such as '=thigh/2'",

@@ -37,6 +37,16 @@ def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
     return late("lane", "by_lanes", of_lanes, of_lanes, of_numbers)
 
 
+def in_lanes_of(kind: Any) -> Any:
+    """Return a function that views a float64 array (records, words, W) as records in lanes."""
+    return late("records", "in_lanes_of", None, kind)
+
+
+def in_each(function: Any) -> Any:
+    """Apply a compiled function of one number to each element of a lane, or to a number."""
+    return late("elementary", "in_each", function, function)
+
+
 lanes: Any = late("lane", "lanes")
 constants: Any = late("lane", "constants")
 four: Any = late("lane", "four")

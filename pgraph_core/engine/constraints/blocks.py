@@ -33,7 +33,16 @@ from ..layout import (
     T_TURN,
     T_VELOCITY,
 )
-from ..rows import acceleration_of, origin_of, parent_of, point_velocity, rotation_of, spin_of
+from ..rows import (
+    acceleration_of,
+    number,
+    origin_of,
+    parent_of,
+    point_velocity,
+    rotation_of,
+    spin_of,
+    vector,
+)
 from ..signals import differentiate, evaluate
 from ..tree.kinematics import linear_velocity
 from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
@@ -41,15 +50,13 @@ from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, stor
 # -- columns of a block, of where it acts, and of the joints that it moves ------------------------
 
 
-@part
-def type_of(blocks_i, i):
-    return blocks_i[i, at.B_TYPE]
-
-
-@part
-def size_of(blocks_i, i):
-    """Return the number of rows, 1 to 3."""
-    return blocks_i[i, at.B_SIZE]
+type_of, _ = number(at.B_TYPE)
+size_of, _ = number(at.B_SIZE)  # number of rows, 1 to 3
+value_of, _ = number(at.VALUE)  # length, radius [m], offset [rad, m] or velocity of a block
+place_a, set_place_a = vector(at.PLACE_P)  # where a block acts on A
+place_b, set_place_b = vector(at.PLACE_Q)  # and on B
+first_of, _ = number(at.FIRST)  # first row of an active block among all rows
+joints_of, _ = number(at.SLOTS)  # number of joints on a block's paths
 
 
 @part
@@ -66,24 +73,6 @@ def terms_of(blocks_i, i):
 
 
 @part
-def value_of(blocks_f, i):
-    """Return the length, radius [m], offset [rad, m] or velocity [rad/s, m/s] of a block."""
-    return blocks_f[i, at.VALUE]
-
-
-@part
-def place_a(place, i):
-    """Return the point at which a block acts on A."""
-    return load(place, i, at.PLACE_P)
-
-
-@part
-def place_b(place, i):
-    """Return the point at which a block acts on B."""
-    return load(place, i, at.PLACE_Q)
-
-
-@part
 def along(place, i, r):
     """Return the direction of row r of a block."""
     return load(place, i, at.PLACE_D + 3 * r)
@@ -91,25 +80,13 @@ def along(place, i, r):
 
 @part
 def set_place(place, i, on_a, on_b):
-    store(place, i, at.PLACE_P, on_a)
-    store(place, i, at.PLACE_Q, on_b)
+    set_place_a(place, i, on_a)
+    set_place_b(place, i, on_b)
 
 
 @part
 def set_along(place, i, r, d):
     store(place, i, at.PLACE_D + 3 * r, d)
-
-
-@part
-def first_of(slots, i):
-    """Return the index of the first row of an active block among all rows."""
-    return slots[i, at.FIRST]
-
-
-@part
-def joints_of(slots, i):
-    """Return the number of joints on a block's paths."""
-    return slots[i, at.SLOTS]
 
 
 @part

@@ -11,7 +11,7 @@ import math
 from ..compiler import elementary
 from ..compiler.elementary import atan2, sine_cosine
 from ..compiler.jit import part, sweep
-from ..compiler.lane_records import in_each
+from ..compiler.lane import in_each
 from ..compiler.masks import chosen, larger, more, most, smaller
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either

@@ -14,7 +14,7 @@ from ..compiler.address import stored
 from ..compiler.elementary import atan2
 from ..compiler.jit import kernel, part
 from ..compiler.kinds import I1, f8, i8, plain, u8, void
-from ..compiler.lane_records import in_each
+from ..compiler.lane import in_each
 from ..compiler.masks import any_of, both, chosen, either, larger, more, smaller, without
 from ..constraints.blocks import velocities
 from ..rows import axis_of, bias_of, parent_of, set_bias, set_force, v_of

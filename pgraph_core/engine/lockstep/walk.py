@@ -6,8 +6,7 @@ from .. import layout as at
 from ..compiler.address import caller, stored
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F2, F3, I1, I2, f8, i8, named, plain, void
-from ..compiler.lane import lanes
-from ..compiler.lane_records import in_lanes_of
+from ..compiler.lane import in_lanes_of, lanes
 from ..gait.tables import FOOT, GAIT_SETTINGS, LEG, Walk
 from ..gait.walking import control
 from ..rows import TRANSLATE, armature_of, kind_of, v_of

@@ -98,7 +98,7 @@ def type_of(made: Any) -> Any:
 @cache
 def _know_all() -> None:
     """Register all our types and functions with numba."""
-    from . import address, dual, dual_records, elementary, lane, lane_records, masks  # noqa: F401
+    from . import address, dual, elementary, lane, masks, records  # noqa: F401
 
 
 def lowered(kernel: Kernel, variant: int, name: str) -> tuple[str, Any]:

@@ -13,20 +13,30 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, types
-from numba.core import cgutils
-from numba.core.typing import templates
-from numba.core.typing.templates import AbstractTemplate, signature
-from numba.extending import lower_builtin, lower_cast
+from numba import types
+from numba.core.typing.templates import signature
+from numba.extending import lower_cast
 
-from .kinds import DUAL, INLINED, WIDTH, Dual
+from .kinds import (
+    DOUBLE,
+    DUAL,
+    INLINED,
+    PLACE,
+    WIDTH,
+    Dual,
+    axes_of,
+    intrinsic,
+    llvm,
+    operation,
+    overload,
+    splat,
+    viewed,
+    viewer,
+)
 
-infer_global: Any = templates.infer_global  # untyped in numba
-intrinsic: Any = extending.intrinsic
-overload: Any = extending.overload
-DOUBLE, PLACE = ir.DoubleType(), ir.IntType(32)
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
-NUMBERS = (types.Float, types.Integer)
+PAIRS = ((Dual, Dual), (Dual, types.Float), (types.Float, Dual))
+duals = viewer(DUAL)
 
 
 def value_in(builder: Any, x: Any) -> Any:
@@ -41,9 +51,7 @@ def with_value(builder: Any, x: Any, value: Any) -> Any:
 
 def everywhere(builder: Any, value: Any) -> Any:
     """A number in all places."""
-    one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), value, PLACE(0))
-    mask = ir.Constant(ir.VectorType(PLACE, WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), mask)
+    return splat(builder, value, WIDTH)
 
 
 def dual_of(context: Any, builder: Any, value: Any, given: Any) -> Any:
@@ -98,23 +106,23 @@ def _divided(builder: Any, x: Any, y: Any) -> Any:
     return with_value(builder, builder.fdiv(change, everywhere(builder, below)), quotient)
 
 
+def _of_two(result: Any, *, cast: bool = False) -> Callable[[Any], Any]:
+    """Return the typing of a function of two duals, or a dual and a number, `cast` to a dual."""
+
+    def typed(args: Any) -> Any:
+        fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
+        fits = fits and all(isinstance(a, (Dual, types.Float, types.Integer)) for a in args)
+        kinds = [DUAL if cast or isinstance(a, Dual) else types.float64 for a in args]
+        return signature(result, *kinds) if fits else None
+
+    return typed
+
+
 def _binary(emit: Callable[..., Any], *operators: Any) -> None:
     """Typing and lowering of one operation between duals, or a dual and a number."""
-
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
-            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
-            kinds = [a if isinstance(a, Dual) else types.float64 for a in args]
-            return signature(DUAL, *kinds) if fits else None
-
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return emit(builder, *args)
-
-    for op in operators:
-        infer_global(op)(Template)
-        for pair in ((Dual, Dual), (Dual, types.Float), (types.Float, Dual)):
-            lower_builtin(op, *pair)(lower)
+    operation(
+        operators, _of_two(DUAL), lambda context, builder, sig, args: emit(builder, *args), *PAIRS
+    )
 
 
 _binary(_added, operator.add, operator.iadd)
@@ -126,21 +134,12 @@ _binary(_divided, operator.truediv, operator.itruediv)
 def _comparison(relation: str, op: Any) -> None:
     """Typing and lowering of a comparison of values."""
 
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
-            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
-            kinds = [a if isinstance(a, Dual) else types.float64 for a in args]
-            return signature(types.boolean, *kinds) if fits else None
-
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         x, y = (value_in(builder, a) if a.type == VECTOR else a for a in args)
         compare = builder.fcmp_unordered if relation == "!=" else builder.fcmp_ordered
         return compare(relation, x, y)
 
-    infer_global(op)(Template)
-    for pair in ((Dual, Dual), (Dual, types.Float), (types.Float, Dual)):
-        lower_builtin(op, *pair)(lower)
+    operation((op,), _of_two(types.boolean), lower, *PAIRS)
 
 
 for _relation in ("<", "<=", ">", ">=", "==", "!="):
@@ -151,26 +150,17 @@ for _relation in ("<", "<=", ">", ">=", "==", "!="):
 def _unary(function: Any, result: Any, emit: Callable[..., Any]) -> None:
     """Typing and lowering of a function of one dual."""
 
-    @infer_global(function)
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            fits = len(args) == 1 and isinstance(args[0], Dual)
-            return signature(result, *args) if fits else None
+    def typed(args: Any) -> Any:
+        fits = len(args) == 1 and isinstance(args[0], Dual)
+        return signature(result, *args) if fits else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return emit(builder, args[0])
-
-    lower_builtin(function, Dual)(lower)
-
-
-def _of_double(builder: Any, name: str, x: Any) -> Any:
-    kind = ir.FunctionType(DOUBLE, [DOUBLE])
-    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.f64")
-    return builder.call(function, [x])
+    operation(
+        (function,), typed, lambda context, builder, sig, args: emit(builder, args[0]), (Dual,)
+    )
 
 
 def _root(builder: Any, x: Any) -> Any:
-    root = _of_double(builder, "sqrt", value_in(builder, x))
+    root = llvm(builder, "sqrt", value_in(builder, x))
     slope = everywhere(builder, builder.fdiv(ir.Constant(DOUBLE, 0.5), root))
     return with_value(builder, builder.fmul(x, slope), root)
 
@@ -179,7 +169,7 @@ def _size(builder: Any, x: Any) -> Any:
     value = value_in(builder, x)
     negative = builder.fcmp_ordered("<", value, ir.Constant(DOUBLE, 0.0))
     size = builder.select(negative, builder.fneg(x), x)
-    return with_value(builder, size, _of_double(builder, "fabs", value))
+    return with_value(builder, size, llvm(builder, "fabs", value))
 
 
 _unary(operator.neg, DUAL, lambda builder, x: builder.fneg(x))
@@ -188,9 +178,7 @@ _unary(abs, DUAL, _size)
 _unary(
     math.floor,
     types.int64,
-    lambda builder, x: builder.fptosi(
-        _of_double(builder, "floor", value_in(builder, x)), ir.IntType(64)
-    ),
+    lambda builder, x: builder.fptosi(llvm(builder, "floor", value_in(builder, x)), ir.IntType(64)),
 )
 _unary(
     math.isnan,
@@ -203,19 +191,12 @@ _unary(int, types.int64, lambda builder, x: builder.fptosi(value_in(builder, x),
 def _extreme(function: Any, relation: str) -> None:
     """min and max of two: the second where it stands in `relation` to the first, as Python's."""
 
-    @infer_global(function)
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            fits = len(args) == 2 and any(isinstance(a, Dual) for a in args)
-            fits = fits and all(isinstance(a, (Dual, *NUMBERS)) for a in args)
-            return signature(DUAL, DUAL, DUAL) if fits else None
-
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         x, y = args
         other = builder.fcmp_ordered(relation, value_in(builder, y), value_in(builder, x))
         return builder.select(other, y, x)
 
-    lower_builtin(function, Dual, Dual)(lower)
+    operation((function,), _of_two(DUAL, cast=True), lower, (Dual, Dual))
 
 
 _extreme(min, "<")
@@ -293,46 +274,18 @@ def _carries(x: Any) -> Any:
 
 
 @intrinsic
-def duals(typingctx: Any, array: Any) -> Any:
-    """A C-contiguous float64 array (..., WIDTH) as an array (...) of duals over the same memory."""
-    view = types.Array(DUAL, array.ndim - 1, "C", aligned=False)
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        source = context.make_array(sig.args[0])(context, builder, args[0])
-        axes = [cgutils.unpack_tuple(builder, x)[:-1] for x in (source.shape, source.strides)]
-        return _viewed(context, builder, source, view, axes)
-
-    return view(array), code
-
-
-@intrinsic
 def parted(typingctx: Any, array: Any) -> Any:
     """An array (...) of duals as a float64 array (..., WIDTH) over the same memory."""
     view = types.Array(types.float64, array.ndim + 1, "C", aligned=False)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         source = context.make_array(sig.args[0])(context, builder, args[0])
-        axes = [cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides)]
+        axes = axes_of(builder, source)
         for axis, more in zip(axes, (WIDTH, 8)):
             axis.append(context.get_constant(types.intp, more))
-        return _viewed(context, builder, source, view, axes)
+        return viewed(context, builder, view, source, source.data, axes)
 
     return view(array), code
-
-
-def _viewed(context: Any, builder: Any, source: Any, view: Any, axes: Any) -> Any:
-    """The memory of an array as one of another type, with (shape, strides)."""
-    target = context.make_array(view)(context, builder)
-    entry = context.get_value_type(view.dtype)
-    count = context.get_constant(types.intp, 1)
-    for n in axes[0]:
-        count = builder.mul(count, n)
-    target.data = builder.bitcast(source.data, entry.as_pointer())
-    target.nitems = count
-    target.itemsize = context.get_constant(types.intp, context.get_abi_sizeof(entry))
-    target.shape, target.strides = (cgutils.pack_array(builder, axis) for axis in axes)
-    target.meminfo, target.parent = source.meminfo, source.parent
-    return target._getvalue()
 
 
 def of_numbers(function: Any) -> Any:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, types
+from numba import types
 
 from .. import elementary
 from ..elementary import COS, PI_4, SIN
 from .dual import chained, joined, value_of
-from .kinds import INLINED, Dual
-from .lane import DOUBLE, Lane, intrinsic, llvm
+from .kinds import DOUBLE, INLINED, Dual, intrinsic, llvm, overload
+from .lane import LANE_WIDTH, Lane
 
-overload: Any = extending.overload  # typed too narrowly in numba
 WORD = ir.IntType(64)
 
 
@@ -161,15 +161,36 @@ def _any_atan2(y: Any, x: Any) -> Any:
         return of_duals
     if not isinstance(x, Lane):
         return lambda y, x: of_numbers(y, x)
-    width = x.width
 
     def of_lanes(y: Any, x: Any) -> Any:  # one place after the other: few ask for it
         found = y
-        for n in range(width):
+        for n in range(LANE_WIDTH):
             found = with_place(found, n, of_numbers(place_of(y, n), place_of(x, n)))
         return found
 
     return of_lanes
+
+
+def in_each(function: Callable[[Any], Any]) -> Any:
+    """Apply a compiled function of one number to each element of a lane, or to a number."""
+
+    def of_any(x: Any) -> Any:
+        return function(x)
+
+    @overload(of_any, jit_options=INLINED, strict=False)
+    def _of_any(x: Any) -> Any:
+        if not isinstance(x, Lane):
+            return lambda x: function(x)
+
+        def of_lanes(x: Any) -> Any:
+            found = x
+            for n in range(LANE_WIDTH):
+                found = with_place(found, n, function(place_of(x, n)))
+            return found
+
+        return of_lanes
+
+    return of_any
 
 
 def with_slope(of_number: Any, slope: Any) -> Any:

@@ -15,21 +15,30 @@ from functools import partial
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typeconv.castgraph import Conversion
-from numba.core.typing import templates
-from numba.core.typing.templates import AbstractTemplate, signature
-from numba.extending import lower_builtin, lower_cast, models, register_model
+from numba.core.typing.templates import signature
+from numba.extending import lower_cast, models, register_model
 
 from ..lane import LANE_WIDTH
 from .dual import multiplied
-from .kinds import DUAL, INLINED, Dual
-
-DOUBLE = ir.DoubleType()
-infer_global: Any = templates.infer_global  # untyped in numba
-intrinsic: Any = extending.intrinsic
-overload: Any = extending.overload  # typed too narrowly in numba
+from .kinds import (
+    DOUBLE,
+    DUAL,
+    INLINED,
+    PLACE,
+    Dual,
+    axes_of,
+    intrinsic,
+    llvm,
+    operation,
+    overload,
+    splat,
+    view_type,
+    viewed,
+    viewer,
+)
 
 
 class Lane(types.Type):
@@ -53,14 +62,6 @@ class LaneModel(models.PrimitiveModel):
         super().__init__(dmm, fe_type, ir.VectorType(DOUBLE, fe_type.width))
 
 
-def splat(builder: Any, value: Any, width: int) -> Any:
-    """Broadcast a double to all elements of a vector."""
-    vector = ir.VectorType(DOUBLE, width)
-    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.IntType(32)(0))
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
-    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
-
-
 def as_vector(context: Any, builder: Any, value: Any, given: Any, lane: Lane) -> Any:
     """Return a lane unchanged, or broadcast a number to a lane."""
     if isinstance(given, Lane):
@@ -74,14 +75,18 @@ def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any
     return as_vector(context, builder, value, fromty, toty)
 
 
+def _lane(args: Any, *others: Any) -> Any:
+    """Return the lane among arguments that are lanes and these types, or None."""
+    lane = next((a for a in args if isinstance(a, Lane)), None)
+    return lane if all(isinstance(a, (Lane, *others)) for a in args) else None
+
+
 def _binary(name: str, *operators: Any) -> None:
     """Typing and lowering of a binary operation between lanes, or a lane and a number."""
 
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            lane = next((a for a in args if isinstance(a, Lane)), None)
-            fits = all(isinstance(a, (Lane, types.Float, types.Integer)) for a in args)
-            return signature(lane, *args) if lane is not None and len(args) == 2 and fits else None
+    def typed(args: Any) -> Any:
+        lane = _lane(args, types.Float, types.Integer)
+        return signature(lane, *args) if lane is not None and len(args) == 2 else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         x, y = (
@@ -90,16 +95,8 @@ def _binary(name: str, *operators: Any) -> None:
         )
         return getattr(builder, name)(x, y)
 
-    for op in operators:
-        infer_global(op)(Template)
-        for pair in (
-            (Lane, Lane),
-            (Lane, types.Float),
-            (types.Float, Lane),
-            (Lane, types.Integer),
-            (types.Integer, Lane),
-        ):
-            lower_builtin(op, *pair)(lower)
+    numbers = [(Lane, x) for x in (types.Float, types.Integer)]
+    operation(operators, typed, lower, (Lane, Lane), *numbers, *(pair[::-1] for pair in numbers))
 
 
 _binary("fadd", operator.add, operator.iadd)
@@ -111,69 +108,40 @@ _binary("fdiv", operator.truediv, operator.itruediv)
 def _unary(function: Any, emit: Any) -> None:
     """Typing and lowering of a function of one lane."""
 
-    @infer_global(function)
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            return (
-                signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lane) else None
-            )
+    def typed(args: Any) -> Any:
+        return signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lane) else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return emit(builder, args[0], sig.return_type.width)
-
-    lower_builtin(function, Lane)(lower)
-
-
-def llvm(builder: Any, name: str, value: Any) -> Any:
-    """Call an LLVM intrinsic for a vector or a double."""
-    kind = f"v{value.type.count}f64" if isinstance(value.type, ir.VectorType) else "f64"
-    function = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(value.type, [value.type]), f"llvm.{name}.{kind}"
+    operation(
+        (function,), typed, lambda context, builder, sig, args: emit(builder, args[0]), (Lane,)
     )
-    return builder.call(function, [value])
 
 
-_unary(operator.neg, lambda builder, x, width: builder.fneg(x))
-_unary(math.sqrt, lambda builder, x, width: llvm(builder, "sqrt", x))
-_unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
+_unary(operator.neg, lambda builder, x: builder.fneg(x))
+_unary(math.sqrt, lambda builder, x: llvm(builder, "sqrt", x))
+_unary(math.floor, lambda builder, x: llvm(builder, "floor", x))
+_unary(abs, lambda builder, x: llvm(builder, "fabs", x))
 
 
 def _clamp(function: Any, relation: str) -> None:
     """Lower min and max of a lane and a lane or number. The first is chosen if `relation` holds."""
 
-    @infer_global(function)
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            lane = next((a for a in args if isinstance(a, Lane)), None)
-            fits = all(isinstance(a, (Lane, types.Float)) for a in args)
-            return signature(lane, lane, args[1]) if lane and len(args) == 2 and fits else None
+    def typed(args: Any) -> Any:
+        lane = _lane(args, types.Float)
+        return signature(lane, lane, args[1]) if lane and len(args) == 2 else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bound = as_vector(context, builder, args[1], sig.args[1], sig.return_type)
         keep = builder.fcmp_unordered(relation, args[0], bound)  # nan stays nan
         return builder.select(keep, args[0], bound)
 
-    lower_builtin(function, Lane, types.Float)(lower)
-    lower_builtin(function, Lane, Lane)(lower)
+    operation((function,), typed, lower, (Lane, types.Float), (Lane, Lane))
 
 
 _clamp(min, "<")
 _clamp(max, ">")
 
 
-@intrinsic
-def lanes(typingctx: Any, array: Any) -> Any:
-    """View a C-contiguous float64 array (..., W) as an array (...) of lanes in the same memory.
-
-    The caller sees to it that the last axis is `LANE_WIDTH` long.
-    """
-    view = _view_type(array, array.ndim - 1)
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        source = context.make_array(sig.args[0])(context, builder, args[0])
-        return _view(context, builder, view, source, source.data, 0)
-
-    return view(array), codegen
+lanes = viewer(Lane(LANE_WIDTH))
 
 
 @intrinsic
@@ -181,40 +149,16 @@ def constants(typingctx: Any, array: Any, block: Any) -> Any:
     """Return a block's constants: a shared array (rows, columns), or its own as lanes."""
     if array.ndim == 2:
         return array(array, block), lambda context, builder, sig, args: args[0]
-    view = _view_type(array, 2)
+    view = view_type(array, LANE, 2)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         source = context.make_array(sig.args[0])(context, builder, args[0])
-        stride = cgutils.unpack_tuple(builder, source.strides)[0]
+        axes = axes_of(builder, source)
         index = context.cast(builder, args[1], sig.args[1], types.intp)
-        start = cgutils.pointer_add(builder, source.data, builder.mul(index, stride))
-        return _view(context, builder, view, source, start, 1)
+        start = cgutils.pointer_add(builder, source.data, builder.mul(index, axes[1][0]))
+        return viewed(context, builder, view, source, start, [axis[1:-1] for axis in axes])
 
     return view(array, block), codegen
-
-
-def _view_type(array: Any, ndim: int) -> types.Array:
-    """Return the type of a view as lanes. It is unaligned because NumPy's memory may be."""
-    if not (isinstance(array, types.Array) and array.layout == "C"):
-        raise TypeError("lanes view C-contiguous arrays")
-    return types.Array(Lane(LANE_WIDTH), ndim, "C", aligned=False)
-
-
-def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: int) -> Any:
-    """View `source` from `start` as an array of lanes, with `skip` leading axes indexed."""
-    target = context.make_array(view)(context, builder)
-    shape = cgutils.unpack_tuple(builder, source.shape)[skip:-1]
-    strides = cgutils.unpack_tuple(builder, source.strides)[skip:-1]
-    count = context.get_constant(types.intp, 1)
-    for n in shape:
-        count = builder.mul(count, n)
-    target.data = builder.bitcast(start, context.get_data_type(view.dtype).as_pointer())
-    target.nitems = count
-    target.itemsize = context.get_constant(types.intp, 8 * view.dtype.width)
-    target.shape = cgutils.pack_array(builder, shape)
-    target.strides = cgutils.pack_array(builder, strides)
-    target.meminfo, target.parent = source.meminfo, source.parent
-    return target._getvalue()
 
 
 # -- triples: three numbers in one register, or three lanes ---------------------------------------
@@ -258,7 +202,6 @@ THREE, THREE_DUALS = Three(LANE), Three(DUAL)
 THREES = {LANE: THREE, DUAL: THREE_DUALS}  # by the entries of an array
 PAIR = ir.VectorType(DOUBLE, 2)
 WHOLE = ir.VectorType(DOUBLE, 4)
-PLACE = ir.IntType(32)
 
 
 def _parts(builder: Any, three: Any) -> list[Any]:
@@ -284,13 +227,12 @@ def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any)
 def _binary_of_threes(name: str, *operators: Any) -> None:
     """Typing and lowering of an operation between triples of lanes, or a triple and a lane."""
 
-    class Template(AbstractTemplate):
-        def generic(self, args: Any, kws: Any) -> Any:
-            if len(args) != 2 or not any(isinstance(a, Three) for a in args):
-                return None
-            three = next(a for a in args if isinstance(a, Three))
-            kinds = [three if isinstance(a, (Three, Triple)) else three.lane for a in args]
-            return signature(three, *kinds)
+    def typed(args: Any) -> Any:
+        if len(args) != 2 or not any(isinstance(a, Three) for a in args):
+            return None
+        three = next(a for a in args if isinstance(a, Three))
+        kinds = [three if isinstance(a, (Three, Triple)) else three.lane for a in args]
+        return signature(three, *kinds)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         x, y = (
@@ -302,10 +244,9 @@ def _binary_of_threes(name: str, *operators: Any) -> None:
             emit = partial(multiplied, builder)
         return _three(context, builder, [emit(a, b) for a, b in zip(x, y)])
 
-    for op in operators:
-        infer_global(op)(Template)
-        for pair in ((Three, Three), (Three, Lane), (Lane, Three), (Three, Dual), (Dual, Three)):
-            lower_builtin(op, *pair)(lower)
+    elements = [(Three, x) for x in (Lane, Dual)]
+    pairs = (Three, Three), *elements, *(pair[::-1] for pair in elements)
+    operation(operators, typed, lower, *pairs)
 
 
 _binary_of_threes("fadd", operator.add, operator.iadd)
@@ -313,15 +254,16 @@ _binary_of_threes("fsub", operator.sub, operator.isub)
 _binary_of_threes("fmul", operator.mul, operator.imul)
 
 
-@infer_global(operator.neg)
-class _NegThree(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
-        return signature(args[0], args[0]) if isinstance(args[0], Three) else None
-
-
-@lower_builtin(operator.neg, Three)
-def _neg_three(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def _neg(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return _three(context, builder, [builder.fneg(x) for x in _parts(builder, args[0])])
+
+
+operation(
+    (operator.neg,),
+    lambda args: signature(args[0], args[0]) if isinstance(args[0], Three) else None,
+    _neg,
+    (Three,),
+)
 
 
 def _mask(*places: int) -> Any:

@@ -6,15 +6,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core.typing import templates
-from numba.core.typing.templates import AbstractTemplate, signature
-from numba.extending import lower_builtin
 
 from .dual import dual_of, value_in
-from .kinds import Dual
-from .lane import Lane, as_vector, intrinsic, llvm
-
-infer_global: Any = templates.infer_global  # untyped in numba
+from .kinds import Dual, intrinsic
+from .lane import Lane, as_vector
 
 
 def _constant(kind: Any, x: float) -> Any:
@@ -123,15 +118,3 @@ def any_of(typingctx: Any, mask: Any) -> Any:
         return builder.icmp_unsigned("!=", builder.bitcast(found, whole), ir.Constant(whole, 0))
 
     return types.boolean(mask), code
-
-
-@infer_global(abs)
-class _Abs(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
-        fits = len(args) == 1 and isinstance(args[0], Lane)
-        return signature(args[0], *args) if fits else None
-
-
-@lower_builtin(abs, Lane)
-def _abs(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return llvm(builder, "fabs", args[0])
