@@ -1,6 +1,7 @@
 """Constraints between two bodies, or a body and the ground, in addition to the joints of the tree.
 
-One class a kind; `Constraint(kind=...)` makes them too.
+One class a kind; `Constraint(kind=...)` makes them too. `_blocks` makes a kind's rows for the
+kernels of points and directions in body axes (`packing.constraints.Endpoints`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import model_validator
 
 from ..curves import Curve
@@ -28,6 +30,8 @@ from ..fields import (
     refuse_no_direction,
     vector,
 )
+from ..rotation import normals_of, unit_vector
+from ..tolerances import NOTABLE
 from ..units import NONE, M, Q, S
 
 KIND = (
@@ -61,6 +65,10 @@ class Constraint(OfKinds):
     def __init__(self, /, **data: Any):
         """Create a constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
+
+    def _blocks(self, e: Any) -> list[Any]:
+        """Return the blocks of rows. Raises ModelError if the initial state contradicts them."""
+        raise NotImplementedError(self.kind)
 
 
 # -- between places of bodies ----------------------------------------------------------------------
@@ -108,6 +116,9 @@ class Point(AtPoints):
     ABOUT: ClassVar[str] = "holds a point of one body at a point of the other: 3 rows"
     kind: Literal["point"] = field(KIND, default="point")
 
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.held()]
+
 
 class Weld(AtPoints):
     """A constraint that fixes the position and orientation of `body` relative to `other`."""
@@ -115,6 +126,9 @@ class Weld(AtPoints):
     ROWS: ClassVar[int] = 6
     ABOUT: ClassVar[str] = "holds point and orientation, as if glued: 6 rows"
     kind: Literal["weld"] = field(KIND, default="weld")
+
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.held(), e.turned_as_at_home()]
 
 
 class Revolute(AlongAxes):
@@ -124,6 +138,10 @@ class Revolute(AlongAxes):
     ABOUT: ClassVar[str] = "a hinge: point, and one axis along the other: 5 rows"
     kind: Literal["revolute"] = field(KIND, default="revolute")
 
+    def _blocks(self, e: Any) -> list[Any]:
+        axis, other = e.directions()
+        return [e.held(), e.aligned(axis, normals_of(other))]
+
 
 class Prismatic(AlongAxes):
     """A slider. The orientation is fixed, and `point` stays on the line along `other_axis`."""
@@ -132,6 +150,17 @@ class Prismatic(AlongAxes):
     ABOUT: ClassVar[str] = "a slider: orientation, and the point on a line: 5 rows"
     kind: Literal["prismatic"] = field(KIND, default="prismatic")
 
+    def _blocks(self, e: Any) -> list[Any]:
+        axis, other = e.directions()
+        apart = float(np.arccos(np.clip(abs(other @ e.turn @ axis), 0.0, 1.0)))
+        if apart > NOTABLE:
+            text = (
+                "a prismatic constraint keeps the orientation of the initial state, in which axis "
+                f"and other_axis are {apart:.3g} rad apart; leave one of them out"
+            )
+            raise e.refuse("other_axis", text)
+        return [e.turned_as_at_home(), e.held(normals_of(other))]
+
 
 class Cylindrical(AlongAxes):
     """A constraint that keeps `axis` parallel to `other_axis` and `point` on that line."""
@@ -139,6 +168,11 @@ class Cylindrical(AlongAxes):
     ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "slides and turns: one axis along the other: 4 rows"
     kind: Literal["cylindrical"] = field(KIND, default="cylindrical")
+
+    def _blocks(self, e: Any) -> list[Any]:
+        axis, other = e.directions()
+        normals = normals_of(other)
+        return [e.aligned(axis, normals), e.held(normals)]
 
 
 class Universal(AlongAxes):
@@ -155,6 +189,13 @@ class Universal(AlongAxes):
             refuse([(missing, "a universal constraint takes both axis and other_axis, or none")])
         return self
 
+    def _blocks(self, e: Any) -> list[Any]:
+        if self.axis is None:  # like the joint: about x of `other`, then about y of `body`
+            axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
+        else:
+            axis, other = e.directions()
+        return [e.held(), e.aligned(axis, [other])]
+
 
 class Distance(AtPoints):
     """A massless rod that keeps the points `length` apart."""
@@ -170,6 +211,13 @@ class Distance(AtPoints):
         "a length > 0 [m]; left out: as in the initial state",
         default=None, gt=0, dim=M, help="of the rod; empty: as in the initial state",
     )  # fmt: skip
+
+    def _blocks(self, e: Any) -> list[Any]:
+        length = float(np.linalg.norm(e.apart())) if self.length is None else self.length
+        if length <= 1e-12 * e.size:
+            text = "the two points coincide in the initial state; give a length > 0 [m]"
+            raise e.refuse("length", f"{text}, or use kind 'point'")
+        return [e.rod(length)]
 
 
 class OneDirection(AlongAxes):
@@ -193,6 +241,9 @@ class Line(OneDirection):
     OF: ClassVar[str] = "along the line"
     kind: Literal["line"] = field(KIND, default="line")
 
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.held(normals_of(e.directions()[1]))]
+
 
 class Plane(OneDirection):
     """A constraint that keeps `point` on the plane through `other_point` across `direction`."""
@@ -202,6 +253,9 @@ class Plane(OneDirection):
     OF: ClassVar[str] = "normal to the plane"
     kind: Literal["plane"] = field(KIND, default="plane")
 
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.held([e.directions()[1]])]
+
 
 class Orientation(ToOther):
     """A constraint that keeps the initial orientation of `body` relative to `other`."""
@@ -209,6 +263,9 @@ class Orientation(ToOther):
     ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "the orientation stays, the place is free: 3 rows"
     kind: Literal["orientation"] = field(KIND, default="orientation")
+
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.turned_as_at_home()]
 
 
 # -- between coordinates of joints -----------------------------------------------------------------
@@ -256,6 +313,11 @@ class Gear(OfOne):
             refuse([("other", text)])
         return self
 
+    def _blocks(self, e: Any) -> list[Any]:
+        own = e.coordinate(self.body, self.coordinate)
+        other = e.coordinate(self.other, self.other_coordinate, -self.ratio)
+        return [e.sum_of_q((own, other), self.offset)]
+
 
 class Motion(OfOne):
     """A prescribed motion: the joint of `body` follows a function of time with any force."""
@@ -274,6 +336,10 @@ class Motion(OfOne):
         label="Interpolation", help="how a table is interpolated between its times",
     )  # fmt: skip
 
+    def _blocks(self, e: Any) -> list[Any]:
+        own = e.coordinate(self.body, self.coordinate)
+        return [e.following(own, self.q_of_t, self.interpolation)]
+
 
 # -- velocities of places --------------------------------------------------------------------------
 
@@ -288,6 +354,13 @@ class Rolling(AlongAxes):
         "a radius > 0 [m]; left out: that of the body's shape",
         default=None, gt=0, dim=M, help="empty: that of the body's shape",
     )  # fmt: skip
+
+    def _blocks(self, e: Any) -> list[Any]:
+        normal = e.ground_normal if self.other_axis is None else unit_vector(self.other_axis)
+        shape = e.model.body(self.body).shape
+        radius = self.radius if self.radius is not None else shape.radius if shape else None
+        axis = None if self.axis is None else unit_vector(self.axis)
+        return [e.rolling(radius or 0.0, [normal, *normals_of(normal)], axis)]
 
 
 class Skate(AtPoint, ToOther):
@@ -308,6 +381,9 @@ class Skate(AtPoint, ToOther):
         refuse_no_direction(axis=self.axis)
         return self
 
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.blade(unit_vector(self.axis))]
+
 
 class Sum(OnSum, InJoints):
     """A constraint on the sum of `coefficients` x joint coordinates."""
@@ -325,6 +401,9 @@ class Velocity(Sum):
         default=0.0, dim=Q / S, help="what the sum of coefficients × v is",
     )  # fmt: skip
 
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.sum_of_v(e.terms(), self.value)]
+
 
 class Coupling(Sum):
     """A constant weighted sum of joint positions: the sum of coefficients x q is `value`."""
@@ -338,3 +417,6 @@ class Coupling(Sum):
         "a finite number [rad, m]",
         default=0.0, dim=Q, help="what the sum of coefficients × q is",
     )  # fmt: skip
+
+    def _blocks(self, e: Any) -> list[Any]:
+        return [e.sum_of_q(e.terms(), self.value)]

@@ -1,12 +1,12 @@
 """Constraints as blocks of kernel rows, with the columns defined in `engine/layout.py`.
 
-`Endpoints` holds the points and directions of one constraint in the axes of its two bodies. Each
-kind is a short function that makes blocks of them. `blocks` packs all constraints of a model.
+`Endpoints` holds the points and directions of one constraint in the axes of its two bodies. The
+class of each kind makes blocks of them. `blocks` packs all constraints of a model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -14,33 +14,9 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import ModelError, Problem
-from ..fields import OfKinds
-from ..model import (
-    Constraint,
-    Coupling,
-    Cylindrical,
-    Distance,
-    Gear,
-    Line,
-    Model,
-    Motion,
-    Orientation,
-    Plane,
-    Point,
-    Polynomial,
-    Prismatic,
-    Revolute,
-    Rolling,
-    Sine,
-    Skate,
-    Table,
-    Universal,
-    Velocity,
-    Weld,
-)
-from ..model.constraint import AlongAxes, AtPoints
-from ..rotation import normals_of, unit_vector
-from ..tolerances import NOTABLE
+from ..model import Constraint, Model, Polynomial, Rolling, Sine, Table
+from ..model.constraint import AtPoints
+from ..rotation import unit_vector
 from ..topology import Topology
 from . import (
     Array,
@@ -54,6 +30,8 @@ from . import (
 from .forces import terms_of
 from .signals import of_time
 
+Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
+
 
 class Block(NamedTuple):
     """A block of up to three rows of the same type."""
@@ -61,7 +39,7 @@ class Block(NamedTuple):
     type: int
     rows: int
     values: Array  # (28,)
-    terms: tuple[tuple[int, int, float], ...] = ()  # index into v, into q or -1, coefficient
+    terms: tuple[Term, ...] = ()
     curve: tuple[tuple[float, ...], ...] = ()
     knots: int | None = None  # B_KNOTS, None: the rows of the curve
 
@@ -95,8 +73,9 @@ class Endpoints:
         world = self.position_a + self.rotation_a @ self.point
         return self.rotation_b.T @ (world - self.position_b)
 
-    def directions(self, c: AlongAxes) -> tuple[Array, Array]:
+    def directions(self) -> tuple[Array, Array]:
         """Return (axis, other_axis) as unit vectors in body axes, coinciding at home by default."""
+        c: Any = self.c  # one along axes
         axis, other = c.axis, c.other_axis
         if axis is not None and other is not None:
             return unit_vector(axis), unit_vector(other)
@@ -144,10 +123,55 @@ class Endpoints:
         dirs = [self.size * normal for normal in normals]
         return Block(at.T_ALIGN, len(dirs), self.values(dirs=dirs, aims=[axis for _ in normals]))
 
-    def coordinate(self, name: str, k: int, factor: float) -> tuple[int, int, float]:
+    def apart(self) -> Array:
+        """Return the vector from the point on b to that on a in the initial state [m]."""
+        own = self.position_a + self.rotation_a @ self.point
+        return own - (self.position_b + self.rotation_b @ self.other_point)
+
+    def rod(self, length: float) -> Block:
+        """Return a block that keeps the points a length apart [m]."""
+        return Block(at.T_DISTANCE, 1, self.values(length))
+
+    @property
+    def ground_normal(self) -> Array:
+        """The normal (3,) of the ground, or the direction z of another body."""
+        return np.array(self.model.ground_normal if self.b == 0 else (0.0, 0.0, 1.0))
+
+    def rolling(self, radius: float, dirs: Sequence[Array], axis: Array | None) -> Block:
+        """Return a block of a sphere, or a disc about an axis, on a plane of this normal first."""
+        if axis is None:
+            return Block(at.T_SPHERE, 3, self.values(radius, dirs))
+        return Block(at.T_DISC, 3, self.values(radius, dirs, [axis]))
+
+    def blade(self, axis: Array) -> Block:
+        """Return a block without velocity along an axis on a."""
+        return Block(at.T_BLADE, 1, self.values(aims=[axis]))
+
+    def coordinate(self, name: str, k: int, factor: float = 1.0) -> Term:
         """Return the block term (index in v, index in q, factor) for a joint coordinate."""
         at_v, at_q = joint_coordinates(self.packed, self.topology.number(name))[k]
         return at_v, at_q, factor
+
+    def terms(self) -> tuple[Term, ...]:
+        """Return the terms of a constraint on a sum of coordinates."""
+        c: Any = self.c  # one on a sum
+        return tuple(terms_of(c, self.topology, self.packed))
+
+    def sum_of_q(self, terms: tuple[Term, ...], value: float) -> Block:
+        """Return a block that keeps a sum of coordinates at a value."""
+        return Block(at.T_COORD, 1, self.scaled(value), terms)
+
+    def sum_of_v(self, terms: tuple[Term, ...], value: float) -> Block:
+        """Return a block that keeps a sum of velocities at a value."""
+        return Block(at.T_VELOCITY, 1, self.values(value), tuple((v, -1, x) for v, _, x in terms))
+
+    def following(self, own: Term, q: Any, interpolation: str) -> Block:
+        """Return a block in which a coordinate follows a function of time."""
+        if isinstance(q, str):
+            rows = tuple(map(tuple, of_time(q, self.model.parameters).tolist()))
+            return Block(at.T_COORD, 1, self.scaled(), (own,), rows, at.SINE - len(rows) // 2)
+        knots = at.SINE if isinstance(q, Sine) else None
+        return Block(at.T_COORD, 1, self.scaled(), (own,), curve(q, interpolation), knots)
 
     def refuse(self, field: str, text: str) -> ModelError:
         """Return an error about this constraint."""
@@ -158,89 +182,6 @@ def _pose(home: tuple[Array, Array], number: int) -> tuple[Array, Array]:
     if number == 0:
         return np.zeros(3), np.eye(3)
     return home[0][number - 1], home[1][number - 1]
-
-
-# -- kinds: each a short list of blocks -------------------------------------------------------
-
-
-def _revolute(e: Endpoints, c: Revolute) -> list[Block]:
-    axis, other = e.directions(c)
-    return [e.held(), e.aligned(axis, normals_of(other))]
-
-
-def _prismatic(e: Endpoints, c: Prismatic) -> list[Block]:
-    axis, other = e.directions(c)
-    apart = float(np.arccos(np.clip(abs(other @ e.turn @ axis), 0.0, 1.0)))
-    if apart > NOTABLE:
-        text = (
-            "a prismatic constraint keeps the orientation of the initial state, in which axis and "
-            f"other_axis are {apart:.3g} rad apart; leave one of them out"
-        )
-        raise e.refuse("other_axis", text)
-    return [e.turned_as_at_home(), e.held(normals_of(other))]
-
-
-def _cylindrical(e: Endpoints, c: Cylindrical) -> list[Block]:
-    axis, other = e.directions(c)
-    normals = normals_of(other)
-    return [e.aligned(axis, normals), e.held(normals)]
-
-
-def _universal(e: Endpoints, c: Universal) -> list[Block]:
-    if c.axis is None:  # like the universal joint: about x of `other`, then about y of `body`
-        axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
-    else:
-        axis, other = e.directions(c)
-    return [e.held(), e.aligned(axis, [other])]
-
-
-def _distance(e: Endpoints, c: Distance) -> list[Block]:
-    apart = e.position_a + e.rotation_a @ e.point - (e.position_b + e.rotation_b @ e.other_point)
-    length = float(np.linalg.norm(apart)) if c.length is None else c.length
-    if length <= 1e-12 * e.size:
-        text = "the two points coincide in the initial state; give a length > 0 [m]"
-        raise e.refuse("length", f"{text}, or use kind 'point'")
-    return [Block(at.T_DISTANCE, 1, e.values(length))]
-
-
-def _line(e: Endpoints, c: Line) -> list[Block]:
-    return [e.held(normals_of(e.directions(c)[1]))]
-
-
-def _plane(e: Endpoints, c: Plane) -> list[Block]:
-    return [e.held([e.directions(c)[1]])]
-
-
-def _rolling(e: Endpoints, c: Rolling) -> list[Block]:
-    if c.other_axis is not None:
-        normal = unit_vector(c.other_axis)
-    else:
-        normal = np.array(e.model.ground_normal if e.b == 0 else (0.0, 0.0, 1.0))
-    shape = e.model.body(c.body).shape
-    radius = c.radius if c.radius is not None else shape.radius if shape else None
-    dirs = [normal, *normals_of(normal)]
-    if c.axis is None:
-        return [Block(at.T_SPHERE, 3, e.values(radius or 0.0, dirs))]
-    return [Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [unit_vector(c.axis)]))]
-
-
-def _skate(e: Endpoints, c: Skate) -> list[Block]:
-    return [Block(at.T_BLADE, 1, e.values(aims=[unit_vector(c.axis)]))]
-
-
-def _gear(e: Endpoints, c: Gear) -> list[Block]:
-    own = e.coordinate(c.body, c.coordinate, 1.0)
-    other = e.coordinate(c.other, c.other_coordinate, -c.ratio)
-    return [Block(at.T_COORD, 1, e.scaled(c.offset), (own, other))]
-
-
-def _motion(e: Endpoints, c: Motion) -> list[Block]:
-    own, q = e.coordinate(c.body, c.coordinate, 1.0), c.q_of_t
-    if isinstance(q, str):
-        rows = tuple(map(tuple, of_time(q, e.model.parameters).tolist()))
-        return [Block(at.T_COORD, 1, e.scaled(), (own,), rows, at.SINE - len(rows) // 2)]
-    knots = at.SINE if isinstance(q, Sine) else None
-    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(q, c.interpolation), knots)]
 
 
 def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[float, ...], ...]:
@@ -258,35 +199,6 @@ def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[
             return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
 
 
-def _velocity(e: Endpoints, c: Velocity) -> list[Block]:
-    terms = ((at_v, -1, x) for at_v, _, x in terms_of(c, e.topology, e.packed))
-    return [Block(at.T_VELOCITY, 1, e.values(c.value), tuple(terms))]
-
-
-def _coupling(e: Endpoints, c: Coupling) -> list[Block]:
-    return [Block(at.T_COORD, 1, e.scaled(c.value), tuple(terms_of(c, e.topology, e.packed)))]
-
-
-BLOCKS: dict[type[OfKinds], Callable[[Endpoints, Any], list[Block]]] = {
-    Point: lambda e, _: [e.held()],
-    Weld: lambda e, _: [e.held(), e.turned_as_at_home()],
-    Revolute: _revolute,
-    Prismatic: _prismatic,
-    Cylindrical: _cylindrical,
-    Universal: _universal,
-    Distance: _distance,
-    Line: _line,
-    Plane: _plane,
-    Orientation: lambda e, _: [e.turned_as_at_home()],
-    Gear: _gear,
-    Motion: _motion,
-    Rolling: _rolling,
-    Skate: _skate,
-    Velocity: _velocity,
-    Coupling: _coupling,
-}
-
-
 # -- all constraints of a model ------------------------------------------------------------
 
 
@@ -302,20 +214,9 @@ class Blocks(NamedTuple):
     curves: Array  # (nk, 5)
 
 
-NO_BLOCKS = Blocks(
-    (),
-    np.zeros(1, np.int64),
-    np.zeros((0, at.BLOCK_I), np.int64),
-    np.zeros((0, at.BLOCK_F)),
-    np.zeros((0, 2), np.int64),
-    np.zeros(0),
-    np.zeros((0, 5)),
-)
-
-
 def blocks_of(ends: Endpoints) -> list[Block]:
     """Return the blocks for a constraint, depending on its kind. Raises ModelError."""
-    return BLOCKS[type(ends.c)](ends, ends.c)
+    return ends.c._blocks(ends)
 
 
 def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, Array]) -> Blocks:
@@ -362,6 +263,9 @@ def block_arrays(
         np.array(terms, dtype=np.int64).reshape(-1, 2),
         np.array(factors, dtype=float),
     )
+
+
+NO_BLOCKS = Blocks((), np.zeros(1, np.int64), *block_arrays((), (), (), ()), np.zeros((0, 5)))
 
 
 def values_of(

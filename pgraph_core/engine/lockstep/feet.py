@@ -46,57 +46,8 @@ from ..vec import (
     store9,
     sub,
 )
-from .block import (
-    ACTIVE,
-    ALONE,
-    BEFORE,
-    COUNT,
-    DINV,
-    DONE,
-    FOUND,
-    FREED,
-    GAINED,
-    GAP,
-    HELD,
-    KEPT,
-    LAM,
-    LENGTH,
-    LIVES,
-    MIDDLE,
-    MISSED,
-    NEW_Q,
-    NORMAL,
-    ON_A,
-    ON_B,
-    OPEN,
-    PULL,
-    RATE,
-    S_PLACE,
-    S_POSE,
-    S_POSED,
-    S_RADIUS,
-    S_REACH,
-    S_SIZE,
-    S_THIN,
-    S_TURN,
-    SIZE,
-    SLACK,
-    SLIP,
-    SPEEDS,
-    STEP,
-    SWEPT,
-    TARGET,
-    VALUE,
-    W_JOINT,
-    W_JOINTS,
-    W_KIND,
-    W_PAIR,
-    W_ROW,
-    W_SHAPE,
-    W_VERTEX,
-    closed_gap,
-    tolerated,
-)
+from . import block as of
+from .block import closed_gap, tolerated
 
 
 @sweep
@@ -106,81 +57,81 @@ def find(ways, near, b, h):
     Points that are near in any lane go into `near`: how many, then which.
     """
     lane, work, linear, shapes, points = b.lane[0], b.work, b.linear, b.shapes, b.points
-    normal = load(b.lane, 0, NORMAL)
-    zero = 0.0 * lane[COUNT]
+    normal = load(b.lane, 0, of.NORMAL)
+    zero = 0.0 * lane[of.COUNT]
     closed, margin = zero, zero
     for n in range(ways.shape[0]):
-        i, k = ways[n, W_SHAPE], ways[n, W_ROW]
-        points[n, FOUND] = zero
-        points[n, ACTIVE] = zero
-        if n > 0 and ways[n - 1, W_SHAPE] == i:
+        i, k = ways[n, of.W_SHAPE], ways[n, of.W_ROW]
+        points[n, of.FOUND] = zero
+        points[n, of.ACTIVE] = zero
+        if n > 0 and ways[n - 1, of.W_SHAPE] == i:
             continue
         r = rotation_of(work, k)
-        pose = add(origin_of(work, k), mul(r, load(shapes, i, S_PLACE)))
-        store(shapes, i, S_POSE, pose)
+        pose = add(origin_of(work, k), mul(r, load(shapes, i, of.S_PLACE)))
+        store(shapes, i, of.S_POSE, pose)
         closed = larger(closed, closed_gap(b, i, pose))
         u = point_velocity(work, linear, k, pose)
         turn = load(work, k, at.W)
-        arm = shapes[i, S_REACH] if ways[n, W_KIND] != SPHERE else zero
+        arm = shapes[i, of.S_REACH] if ways[n, of.W_KIND] != SPHERE else zero
         moved = h * (math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn)))
-        if ways[n, W_KIND] != POINTS:
-            lane[ALONE] = either(lane[ALONE], more(moved, shapes[i, S_THIN]))
-            moved = smaller(moved, shapes[i, S_THIN])
+        if ways[n, of.W_KIND] != POINTS:
+            lane[of.ALONE] = either(lane[of.ALONE], more(moved, shapes[i, of.S_THIN]))
+            moved = smaller(moved, shapes[i, of.S_THIN])
         margin = larger(margin, moved)
-    drift = larger(DEPTH * lane[LENGTH], WEIGHT * lane[PULL] * h * h)
+    drift = larger(DEPTH * lane[of.LENGTH], WEIGHT * lane[of.PULL] * h * h)
     within = larger(larger(8.0 * closed, DRIFT * drift), margin)
     count = 0
     shape = -1
     close = False
     for n in range(ways.shape[0]):
-        i, k = ways[n, W_SHAPE], ways[n, W_ROW]
-        pose = load(shapes, i, S_POSE)
-        above = most(dot(pose, normal) - shapes[i, S_REACH], 0.0 + within)
+        i, k = ways[n, of.W_SHAPE], ways[n, of.W_ROW]
+        pose = load(shapes, i, of.S_POSE)
+        above = most(dot(pose, normal) - shapes[i, of.S_REACH], 0.0 + within)
         if i != shape:
             shape = i
             close = any_of(above)
             if close:
-                turn = mat_mul(rotation_of(work, k), load9(shapes, i, S_TURN))
-                store9(shapes, i, S_POSED, turn)
+                turn = mat_mul(rotation_of(work, k), load9(shapes, i, of.S_TURN))
+                store9(shapes, i, of.S_POSED, turn)
         if not close:
             continue
-        p = add(pose, mul(load9(shapes, i, S_POSED), load(b.vertices, ways[n, W_VERTEX], 0)))
-        gap = dot(p, normal) - shapes[i, S_RADIUS]
+        p = add(pose, mul(load9(shapes, i, of.S_POSED), load(b.vertices, ways[n, of.W_VERTEX], 0)))
+        gap = dot(p, normal) - shapes[i, of.S_RADIUS]
         found = without(above, more(gap, within))
         if any_of(found):
             count += 1
             near[count] = n
-            points[n, FOUND] = found
-            points[n, GAP] = gap
-            store(points, n, ON_A, p)
+            points[n, of.FOUND] = found
+            points[n, of.GAP] = gap
+            store(points, n, of.ON_A, p)
     near[0] = count
     if count > SMALL:
-        lane[ALONE] = lane[LIVES]
+        lane[of.ALONE] = lane[of.LIVES]
         near[0] = 0
     kept = zero
     for n in range(ways.shape[0]):
-        kept = kept + points[n, KEPT]
-    lane[ALONE] = either(lane[ALONE], more(kept, NEARBY))
+        kept = kept + points[n, of.KEPT]
+    lane[of.ALONE] = either(lane[of.ALONE], more(kept, NEARBY))
     for m in range(near[0]):
         activate(ways, b, near[1 + m], h)
     for m in range(near[0]):
         n = near[1 + m]
         redundant = more(3.0 + zero, own_joints(ways, near, b, n))
-        lane[ALONE] = either(lane[ALONE], both(points[n, ACTIVE], redundant))
+        lane[of.ALONE] = either(lane[of.ALONE], both(points[n, of.ACTIVE], redundant))
 
 
 @part
 def own_joints(ways, near, b, n):
     """Return the number of joints that only point n moves among the active points."""
-    zero = 0.0 * b.lane[0, COUNT]
+    zero = 0.0 * b.lane[0, of.COUNT]
     own = zero
-    for s in range(ways[n, W_JOINTS]):
+    for s in range(ways[n, of.W_JOINTS]):
         shared = zero
         for m in range(near[0]):
             other = near[1 + m]
-            for r in range(ways[other, W_JOINTS]):
+            for r in range(ways[other, of.W_JOINTS]):
                 if other != n and joint(ways, other, r) == joint(ways, n, s):
-                    shared = either(shared, b.points[other, ACTIVE])
+                    shared = either(shared, b.points[other, of.ACTIVE])
         own = own + chosen(shared, 0.0, 1.0 + zero)
     return own
 
@@ -189,26 +140,28 @@ def own_joints(ways, near, b, n):
 def activate(ways, b, n, h):
     """Decide whether point n, whose position is in ON_A, is active and whether it hits."""
     lane, shapes, points = b.lane[0], b.shapes, b.points
-    i, k, gap = ways[n, W_SHAPE], ways[n, W_ROW], points[n, GAP]
-    normal = load(b.lane, 0, NORMAL)
-    on_b = add_scaled(load(points, n, ON_A), -gap - shapes[i, S_RADIUS], normal)
+    i, k, gap = ways[n, of.W_SHAPE], ways[n, of.W_ROW], points[n, of.GAP]
+    normal = load(b.lane, 0, of.NORMAL)
+    on_b = add_scaled(load(points, n, of.ON_A), -gap - shapes[i, of.S_RADIUS], normal)
     on_a = add_scaled(on_b, gap, normal)
     middle = scale(0.5, add(on_a, on_b))
-    store(points, n, ON_A, on_a)
-    store(points, n, ON_B, on_b)
-    store(points, n, MIDDLE, middle)
+    store(points, n, of.ON_A, on_a)
+    store(points, n, of.ON_B, on_b)
+    store(points, n, of.MIDDLE, middle)
     closing = -dot(point_velocity(b.work, b.linear, k, middle), normal)
     shut = closed_gap(b, i, on_a)
-    hits = both(more(closing * h, DEPTH * shapes[i, S_SIZE]), more(closing, HARD * lane[PULL] * h))
+    hits = both(
+        more(closing * h, DEPTH * shapes[i, of.S_SIZE]), more(closing, HARD * lane[of.PULL] * h)
+    )
     hits = both(hits, most(gap - 0.5 * h * closing, shut))
     near = 4.0 * shut
-    held = both(points[n, KEPT], more(points[n, VALUE], 0.0))
+    held = both(points[n, of.KEPT], more(points[n, of.VALUE], 0.0))
     drifts = both(more(gap, near), held)
     near = chosen(drifts, DRIFT * tolerated(b, i, h), near)
-    points[n, SLACK] = chosen(drifts, gap / h, 0.0)
-    active = both(points[n, FOUND], most(gap, near))
-    points[n, ACTIVE] = active
-    lane[ALONE] = either(lane[ALONE], both(points[n, FOUND], hits))
+    points[n, of.SLACK] = chosen(drifts, gap / h, 0.0)
+    active = both(points[n, of.FOUND], most(gap, near))
+    points[n, of.ACTIVE] = active
+    lane[of.ALONE] = either(lane[of.ALONE], both(points[n, of.FOUND], hits))
 
 
 @part
@@ -216,9 +169,9 @@ def directions(ways, near, b, column):
     """Compute the velocities of the points along the normal and tangents."""
     for m in range(near[0]):
         n = near[1 + m]
-        u = point_velocity(b.work, b.linear, ways[n, W_ROW], load(b.points, n, MIDDLE))
+        u = point_velocity(b.work, b.linear, ways[n, of.W_ROW], load(b.points, n, of.MIDDLE))
         for r in range(3):
-            b.points[n, column + r] = dot(load(b.lane, 0, NORMAL + 3 * r), u)
+            b.points[n, column + r] = dot(load(b.lane, 0, of.NORMAL + 3 * r), u)
 
 
 @part
@@ -234,11 +187,11 @@ def past_hinge(work, k, share, moment, force):
 def carry(rows, ways, b, n):
     """Compute Y of point n as in `paths.carry`, over the joints on its path."""
     work, y = b.work, b.y[n]
-    p = load(b.points, n, MIDDLE)
+    p = load(b.points, n, of.MIDDLE)
     for r in range(3):
-        k = ways[n, W_ROW]
+        k = ways[n, of.W_ROW]
         reach = taxicab(p) + taxicab(p)
-        force = load(b.lane, 0, NORMAL + 3 * r)
+        force = load(b.lane, 0, of.NORMAL + 3 * r)
         moment = cross(sub(p, origin_of(work, k)), force)
         s = 0
         while k > 0:
@@ -263,16 +216,16 @@ def carry(rows, ways, b, n):
 
 @part
 def joint(ways, n, s):
-    return ways[n, W_JOINT + s]
+    return ways[n, of.W_JOINT + s]
 
 
 @sweep
 def own_block(ways, b, n):
     """Compute `sweeps.own_block`."""
-    y, own, dinv = b.y[n], b.own[n], b.vectors[DINV]
+    y, own, dinv = b.y[n], b.own[n], b.vectors[of.DINV]
     for c in range(9):
         own[c] = 0.0
-    for s in range(ways[n, W_JOINTS]):
+    for s in range(ways[n, of.W_JOINTS]):
         d = dinv[joint(ways, n, s)]
         z = scale(d, (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
         for r in range(3):
@@ -283,10 +236,10 @@ def own_block(ways, b, n):
 @part
 def warm(b, n):
     """Return λ of the last step for an active point."""
-    goes_on = both(b.points[n, ACTIVE], b.points[n, KEPT])
+    goes_on = both(b.points[n, of.ACTIVE], b.points[n, of.KEPT])
     for c in range(3):
-        b.points[n, LAM + c] = chosen(goes_on, b.points[n, VALUE + c], 0.0)
-        b.points[n, HELD + c] = b.points[n, LAM + c]
+        b.points[n, of.LAM + c] = chosen(goes_on, b.points[n, of.VALUE + c], 0.0)
+        b.points[n, of.HELD + c] = b.points[n, of.LAM + c]
 
 
 @part
@@ -295,21 +248,21 @@ def gather(ways, b, n, row):
     y, z = b.y[n], b.vectors[row]
     zero = 0.0 * z[0]
     u = (zero, zero, zero)
-    for s in range(ways[n, W_JOINTS]):
+    for s in range(ways[n, of.W_JOINTS]):
         u = add_scaled(u, z[joint(ways, n, s)], (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
     return u
 
 
 @part
 def velocity(ways, b, n):
-    return add_scaled(gather(ways, b, n, STEP), 1.0, load(b.points, n, TARGET))
+    return add_scaled(gather(ways, b, n, of.STEP), 1.0, load(b.points, n, of.TARGET))
 
 
 @part
 def scatter(ways, b, n, change):
     """Add diag(1/d) Yᵀ times a change in λ to STEP."""
-    y, w, dinv = b.y[n], b.vectors[STEP], b.vectors[DINV]
-    for s in range(ways[n, W_JOINTS]):
+    y, w, dinv = b.y[n], b.vectors[of.STEP], b.vectors[of.DINV]
+    for s in range(ways[n, of.W_JOINTS]):
         k = joint(ways, n, s)
         w[k] += dinv[k] * dot((y[3 * s], y[3 * s + 1], y[3 * s + 2]), change)
 
@@ -318,29 +271,29 @@ def scatter(ways, b, n, change):
 def aim(ways, near, b):
     """Compute `impulse.aim`, and write the largest velocity into SIZE."""
     x, points, lane = b.vectors, b.points, b.lane[0]
-    size, carried = lane[COUNT] * 0.0, lane[COUNT] * 0.0
+    size, carried = lane[of.COUNT] * 0.0, lane[of.COUNT] * 0.0
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, ACTIVE]
+        here = points[n, of.ACTIVE]
         for c in range(3):
-            most_ = larger(abs(points[n, RATE + c]), abs(points[n, BEFORE + c]))
+            most_ = larger(abs(points[n, of.RATE + c]), abs(points[n, of.BEFORE + c]))
             size = larger(size, chosen(here, most_, 0.0))
         y = b.y[n]
-        for s in range(ways[n, W_JOINTS]):
+        for s in range(ways[n, of.W_JOINTS]):
             column = (y[3 * s], y[3 * s + 1], y[3 * s + 2])
-            one = abs(x[SPEEDS, joint(ways, n, s)]) * math.sqrt(dot(column, column))
+            one = abs(x[of.SPEEDS, joint(ways, n, s)]) * math.sqrt(dot(column, column))
             carried = larger(carried, chosen(here, one, 0.0))
     together = more(carried, TOGETHER * size)
     for j in range(x.shape[1]):
-        x[FREED, j] = chosen(together, 0.0 * size, x[SPEEDS, j])
+        x[of.FREED, j] = chosen(together, 0.0 * size, x[of.SPEEDS, j])
     for m in range(near[0]):
         n = near[1 + m]
-        pair = ways[n, W_PAIR]
+        pair = ways[n, of.W_PAIR]
         for c in range(3):
-            points[n, TARGET + c] = chosen(together, points[n, RATE + c], 0.0)
-        points[n, TARGET] += b.laws[pair, 1] * smaller(points[n, BEFORE], 0.0)
-        points[n, TARGET] += points[n, SLACK]
-    lane[SIZE] = size
+            points[n, of.TARGET + c] = chosen(together, points[n, of.RATE + c], 0.0)
+        points[n, of.TARGET] += b.laws[pair, 1] * smaller(points[n, of.BEFORE], 0.0)
+        points[n, of.TARGET] += points[n, of.SLACK]
+    lane[of.SIZE] = size
 
 
 @sweep
@@ -348,31 +301,31 @@ def gauss_seidel(ways, near, b):
     """Run `sweeps.gauss_seidel`. Finished lanes wait for the others."""
     x, points, lane = b.vectors, b.points, b.lane[0]
     for j in range(x.shape[1]):
-        x[STEP, j] = x[FREED, j]
+        x[of.STEP, j] = x[of.FREED, j]
     for m in range(near[0]):
         n = near[1 + m]
-        scatter(ways, b, n, load(points, n, LAM))
-    size = lane[SIZE]
+        scatter(ways, b, n, load(points, n, of.LAM))
+    size = lane[of.SIZE]
     touches = 0.0 * size
     for m in range(near[0]):
         n = near[1 + m]
-        touches = either(touches, points[n, ACTIVE])
-    open_ = both(touches, without(lane[LIVES], lane[ALONE]))
-    lane[ALONE] = either(lane[ALONE], both(open_, most(size, 0.0)))
-    lane[SWEPT] = 0.0
-    lane[OPEN] = 0.0
-    swept, left = lane[SWEPT], lane[OPEN]
+        touches = either(touches, points[n, of.ACTIVE])
+    open_ = both(touches, without(lane[of.LIVES], lane[of.ALONE]))
+    lane[of.ALONE] = either(lane[of.ALONE], both(open_, most(size, 0.0)))
+    lane[of.SWEPT] = 0.0
+    lane[of.OPEN] = 0.0
+    swept, left = lane[of.SWEPT], lane[of.OPEN]
     for _ in range(FEW_SWEEPS):
         if not any_of(open_):
             break
         change = 0.0 * size
         for m in range(near[0]):
             n = near[1 + m]
-            here = both(open_, points[n, ACTIVE])
+            here = both(open_, points[n, of.ACTIVE])
             if not any_of(here):
                 continue
-            old = load(points, n, LAM)
-            u, mu = velocity(ways, b, n), b.laws[ways[n, W_PAIR], 0]
+            old = load(points, n, of.LAM)
+            u, mu = velocity(ways, b, n), b.laws[ways[n, of.W_PAIR], 0]
             new = contact(b.own[n], u, old, mu, here)
             new = (
                 chosen(here, new[0], old[0]),
@@ -381,32 +334,32 @@ def gauss_seidel(ways, near, b):
             )
             step = sub(new, old)
             scatter(ways, b, n, step)
-            store(points, n, LAM, new)
+            store(points, n, of.LAM, new)
             for c in range(3):
                 change = larger(change, abs(step[c]) * b.own[n, 4 * c])
         swept += chosen(open_, 1.0 + 0.0 * size, 0.0)
         left = chosen(open_, change / size, left)
         open_ = both(open_, more(change, TOLERANCE * size))
-    lane[SWEPT] = swept
-    lane[OPEN] = left
-    lane[ALONE] = either(lane[ALONE], both(touches, more(left, TOLERANCE)))
+    lane[of.SWEPT] = swept
+    lane[of.OPEN] = left
+    lane[of.ALONE] = either(lane[of.ALONE], both(touches, more(left, TOLERANCE)))
 
 
 @sweep
 def gain_and_miss(ways, near, b):
     """Run `impulse.gained` and `note_missed`. Lanes whose bounce gains energy continue alone."""
     points, lane, own = b.points, b.lane[0], b.own
-    gain, size, bouncing = 0.0 * lane[SIZE], 0.0 * lane[SIZE], 0.0 * lane[SIZE]
+    gain, size, bouncing = 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE], 0.0 * lane[of.SIZE]
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, ACTIVE]
-        law = b.laws[ways[n, W_PAIR]]
+        here = points[n, of.ACTIVE]
+        law = b.laws[ways[n, of.W_PAIR]]
         u = velocity(ways, b, n)
-        lam = load(points, n, LAM)
-        before = load(points, n, BEFORE)
-        rate = load(points, n, RATE)
+        lam = load(points, n, of.LAM)
+        before = load(points, n, of.BEFORE)
+        rate = load(points, n, of.RATE)
         back = law[1] * smaller(before[0], 0.0)
-        back = back + points[n, SLACK]
+        back = back + points[n, of.SLACK]
         for c in range(3):
             mean = before[c] + u[c]
             if c == 0:
@@ -418,16 +371,18 @@ def gain_and_miss(ways, near, b):
             bouncing, both(here, both(more(law[1], 0.0), more(-before[0], 4.0 * pressed)))
         )
         moves = more(own[n, 0], 0.0)
-        points[n, MISSED] = chosen(moves, abs(lam[0] - larger(lam[0] - u[0] / own[n, 0], 0.0)), 0.0)
+        points[n, of.MISSED] = chosen(
+            moves, abs(lam[0] - larger(lam[0] - u[0] / own[n, 0], 0.0)), 0.0
+        )
         mobility = larger(own[n, 4], own[n, 8])
         x, y = lam[1] - u[1] / mobility, lam[2] - u[2] / mobility
         rim = law[0] * larger(lam[0], 0.0)
         pull = math.sqrt(x * x + y * y)
         fit = chosen(more(pull, rim), rim / pull, 1.0)
         x, y = lam[1] - fit * x, lam[2] - fit * y
-        points[n, MISSED + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
-    lane[GAINED] = gain
-    lane[ALONE] = either(lane[ALONE], both(bouncing, more(gain, GAIN * size)))
+        points[n, of.MISSED + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
+    lane[of.GAINED] = gain
+    lane[of.ALONE] = either(lane[of.ALONE], both(bouncing, more(gain, GAIN * size)))
 
 
 @sweep
@@ -435,61 +390,61 @@ def effects(ways, near, b, touches):
     """Write diag(1/d) Yᵀ λ into STEP, and compute the slip speeds of the points."""
     x, points = b.vectors, b.points
     for j in range(x.shape[1]):
-        x[STEP, j] = 0.0
+        x[of.STEP, j] = 0.0
     for m in range(near[0]):
         n = near[1 + m]
-        here = points[n, ACTIVE]
+        here = points[n, of.ACTIVE]
         for c in range(3):
-            points[n, LAM + c] = chosen(here, points[n, LAM + c], 0.0)
-        scatter(ways, b, n, load(points, n, LAM))
+            points[n, of.LAM + c] = chosen(here, points[n, of.LAM + c], 0.0)
+        scatter(ways, b, n, load(points, n, of.LAM))
     for m in range(near[0]):
         n = near[1 + m]
-        u = gather(ways, b, n, STEP)
-        along, across = points[n, RATE + 1] + u[1], points[n, RATE + 2] + u[2]
-        points[n, SLIP] = math.sqrt(along * along + across * across)
-    x[DONE, 1] -= chosen(touches, b.lane[0, GAINED], 0.0)
+        u = gather(ways, b, n, of.STEP)
+        along, across = points[n, of.RATE + 1] + u[1], points[n, of.RATE + 2] + u[2]
+        points[n, of.SLIP] = math.sqrt(along * along + across * across)
+    x[of.DONE, 1] -= chosen(touches, b.lane[0, of.GAINED], 0.0)
 
 
 @sweep
 def push_out(rows, ways, near, b, h):
     """Run `unilateral.push_out`, which moves the new state out of deep penetration."""
-    x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[DINV]
-    zero = 0.0 * b.lane[0, COUNT]
+    x, points, own, dinv = b.vectors, b.points, b.own, b.vectors[of.DINV]
+    zero = 0.0 * b.lane[0, of.COUNT]
     deepest, deep = zero, zero
     for m in range(near[0]):
         n = near[1 + m]
-        here, depth = points[n, ACTIVE], -points[n, GAP]
+        here, depth = points[n, of.ACTIVE], -points[n, of.GAP]
         deepest = larger(deepest, chosen(here, depth, 0.0))
-        deep = either(deep, both(here, more(depth, tolerated(b, ways[n, W_SHAPE], h))))
-        points[n, TARGET] = zero  # here the impulse that pushes out
+        deep = either(deep, both(here, more(depth, tolerated(b, ways[n, of.W_SHAPE], h))))
+        points[n, of.TARGET] = zero  # here the impulse that pushes out
     if not any_of(deep):
         return
-    z = x[STEP]
+    z = x[of.STEP]
     for j in range(x.shape[1]):
         z[j] = zero
-        x[FREED, j] = x[NEW_Q, j]
+        x[of.FREED, j] = x[of.NEW_Q, j]
     open_ = deep
     for _ in range(PUSH_SWEEPS):
         moved = zero
         for m in range(near[0]):
             n = near[1 + m]
-            y, lam = b.y[n], points[n, TARGET]
-            here = both(both(open_, points[n, ACTIVE]), more(own[n, 0], 0.0))
+            y, lam = b.y[n], points[n, of.TARGET]
+            here = both(both(open_, points[n, of.ACTIVE]), more(own[n, 0], 0.0))
             if not any_of(here):
                 continue
-            gap = RECOVER * (points[n, GAP] + 0.5 * tolerated(b, ways[n, W_SHAPE], h))
-            for s in range(ways[n, W_JOINTS]):
+            gap = RECOVER * (points[n, of.GAP] + 0.5 * tolerated(b, ways[n, of.W_SHAPE], h))
+            for s in range(ways[n, of.W_JOINTS]):
                 gap += y[3 * s] * z[joint(ways, n, s)]
             new = chosen(here, larger(0.0, lam - gap / own[n, 0]), lam)
-            for s in range(ways[n, W_JOINTS]):
+            for s in range(ways[n, of.W_JOINTS]):
                 k = joint(ways, n, s)
                 z[k] += dinv[k] * y[3 * s] * (new - lam)
             moved = larger(moved, abs(new - lam) * own[n, 0])
-            points[n, TARGET] = new
+            points[n, of.TARGET] = new
         open_ = both(open_, more(moved, ENOUGH * RECOVER * deepest))
         if not any_of(open_):
             break
     spread(rows, b.const, b.work, z)
-    advance(rows, x[NEW_Q], z, 1.0)
+    advance(rows, x[of.NEW_Q], z, 1.0)
     for j in range(x.shape[1]):
-        x[NEW_Q, j] = chosen(deep, x[NEW_Q, j], x[FREED, j])
+        x[of.NEW_Q, j] = chosen(deep, x[of.NEW_Q, j], x[of.FREED, j])

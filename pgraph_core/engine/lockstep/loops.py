@@ -62,20 +62,9 @@ from ..stepping.state import STEP_ROUNDS, copied, rate_of, size_of_state
 from ..tree.articulated import inboard, joint_acceleration
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance, normalise_all
-from .block import (
-    ALONE,
-    D_TARGET,
-    D_TORQUE,
-    LIVES,
-    LOST,
-    ORIGIN,
-    PUSHED,
-    PUT_IN,
-    TAU,
-    W,
-    take_drives,
-)
+from . import block as of
 from .block import TAKEN as STEPS
+from .block import take_drives
 from .step import BY_ITSELF, IN_LANES, LEAST_INSTANCES, OUT, act, exchange, is_running, load_run
 
 
@@ -114,7 +103,7 @@ SOLVED, ALL_SOLVED, ROUNDS, ALL_ROUNDS = range(4)  # iterations and rounds: of a
 @sweep
 def factor_proximal(h, m):
     """Run `proximal.factor_proximal`. Returns μ and the slots of null directions, or zero."""
-    omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, LIVES]
+    omega, factor, nulls, marks, lives = h.omega, h.factor, h.nulls, h.marks, h.lane[0, of.LIVES]
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
@@ -184,7 +173,7 @@ def solve_proximal(h, mu, count, m, enough, asked):
         taken = taken + open_
         stays = without(open_, more(0.5 * last, largest))
         late = both(stays, more(largest, 1e-9 * size))
-        lane[ALONE] = either(lane[ALONE], late)
+        lane[of.ALONE] = either(lane[of.ALONE], late)
         open_ = without(open_, stays)
         for r in range(end):
             lam[r] = chosen(open_, lam[r] + change[r], lam[r])
@@ -225,9 +214,9 @@ def set_inputs(table, times, h, t):
     for n in range(table.shape[0]):
         one = table[n]
         if one.coordinate >= 0 and one.targets > 1:
-            h.drives[n, D_TARGET] = between(times, h.knots, one.first_target, one.targets, t)
+            h.drives[n, of.D_TARGET] = between(times, h.knots, one.first_target, one.targets, t)
         if one.torques > 1:
-            h.drives[n, D_TORQUE] = between(times, h.knots, one.first_torque, one.torques, t)
+            h.drives[n, of.D_TORQUE] = between(times, h.knots, one.first_torque, one.torques, t)
 
 
 @part
@@ -253,7 +242,7 @@ def slope(data, drives, blocks, space, h, size, t, row, out):
     set_inputs(data.drives.table, data.drives.knots, h, t)
     act(drives, h, q, v)
     outboard(rows, const, work, q, v)
-    inboard(rows, const, work, h.vectors[TAU])
+    inboard(rows, const, work, h.vectors[of.TAU])
     joint_acceleration(rows, const, work, vdot)
     m = located(rows, blocks, space, h, v, turns_with_speed(blocks))
     residual_acceleration(blocks, work, space, t, vdot, rhs)
@@ -264,12 +253,12 @@ def slope(data, drives, blocks, space, h, size, t, row, out):
     mu, count = factor_proximal(h, m)
     for i in range(nq):
         h.rows[PLACED, i] = q[i]
-    h.counts[SOLVED, 0] += solve_proximal(h, mu, count, m, 0.0, lane[LIVES])
+    h.counts[SOLVED, 0] += solve_proximal(h, mu, count, m, 0.0, lane[of.LIVES])
     respond(rows, const, blocks, work, space)
     for j in range(nv):
         vdot[j] += h.rows[RESPONSE, j]
-    stages[out, nq + nv] = lane[PUT_IN] + driven_power(blocks, space, v)
-    stages[out, nq + nv + 1] = lane[LOST]
+    stages[out, nq + nv] = lane[of.PUT_IN] + driven_power(blocks, space, v)
+    stages[out, nq + nv + 1] = lane[of.LOST]
     return mu, count
 
 
@@ -289,7 +278,7 @@ def step(data, drives, blocks, space, h, tableau, size, t, end, width):
     a, weights, c = tableau
     rows, stages, lane = data.rows, h.stages, h.lane[0]
     n, count = stages.shape[1], weights.shape[0]
-    lane[ALONE] = 0.0
+    lane[of.ALONE] = 0.0
     h.counts[SOLVED, 0] = 0.0
     mu, slots = slope(data, drives, blocks, space, h, size, t, at.Y, at.SLOPE)
     if count == 0:
@@ -307,18 +296,20 @@ def step(data, drives, blocks, space, h, tableau, size, t, end, width):
     normalise_all(rows, stages[at.CANDIDATE, : size[0]])
     settled = settle(rows, blocks, space, h, size, end, mu, slots)
     h.counts[ROUNDS, 0] = settled
-    project(rows, blocks, space, h, size, end, without(lane[LIVES], either(settled, lane[ALONE])))
-    sum_ = 0.0 * lane[LIVES]
+    project(
+        rows, blocks, space, h, size, end, without(lane[of.LIVES], either(settled, lane[of.ALONE]))
+    )
+    sum_ = 0.0 * lane[of.LIVES]
     for i in range(n):
         sum_ += 0.0 * stages[at.CANDIDATE, i]
-    lane[ALONE] = either(lane[ALONE], without(lane[LIVES], most(abs(sum_), 0.0)))
+    lane[of.ALONE] = either(lane[of.ALONE], without(lane[of.LIVES], most(abs(sum_), 0.0)))
 
 
 @sweep
 def settle(rows, blocks, space, h, size, t, mu, count):
     """Run `constraints.settle` on CANDIDATE, leaving it unchanged where that fails."""
     nq, nv = size
-    const, work, lives, step = h.const, h.work, h.lane[0, LIVES], h.rows[RESPONSE]
+    const, work, lives, step = h.const, h.work, h.lane[0, of.LIVES], h.rows[RESPONSE]
     q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
     rhs, change, new, old = h.rows[RHS], h.moved[0], h.moved[1], h.moved[2]
     moved = 0.0 * lives
@@ -369,7 +360,7 @@ def move(rows, h, q, new, where):
 def project(rows, blocks, space, h, size, t, asked):
     """Run `constraints.project` on CANDIDATE. Lanes that fail continue alone."""
     nq, nv = size
-    const, work, lane, step, tau = h.const, h.work, h.lane[0], h.rows[RESPONSE], h.vectors[TAU]
+    const, work, lane, step, tau = h.const, h.work, h.lane[0], h.rows[RESPONSE], h.vectors[of.TAU]
     q, v = h.stages[at.CANDIDATE, :nq], h.stages[at.CANDIDATE, nq : nq + nv]
     rhs, open_ = h.rows[RHS], asked
     for _ in range(STEP_ROUNDS):
@@ -394,9 +385,9 @@ def project(rows, blocks, space, h, size, t, asked):
         correct(rows, blocks, space, h, mu, count, m, 0.0, open_)
         move(rows, h, q, h.moved[1], open_)
         still = both(open_, more(SMALL_MOVE + 0.0 * gap, largest_of(step, nv)))
-        lane[ALONE] = either(lane[ALONE], both(still, more(gap, CLOSED * far)))
-        open_ = without(open_, either(still, lane[ALONE]))
-    lane[ALONE] = either(lane[ALONE], open_)
+        lane[of.ALONE] = either(lane[of.ALONE], both(still, more(gap, CLOSED * far)))
+        open_ = without(open_, either(still, lane[of.ALONE]))
+    lane[of.ALONE] = either(lane[of.ALONE], open_)
 
 
 @part
@@ -411,7 +402,7 @@ def correct(rows, blocks, space, h, mu, count, m, enough, asked):
 @part
 def extent(rows, h):
     """Compute `constraints.extent`."""
-    size = 0.0 * h.lane[0, LIVES]
+    size = 0.0 * h.lane[0, of.LIVES]
     for k in range(1, rows.shape[0]):
         p = origin_of(h.work, k)
         size = larger(size, larger(abs(p[0]), larger(abs(p[1]), abs(p[2]))))
@@ -443,10 +434,10 @@ def take_in(run, drives, h, w):
     for i in range(control.nq):
         far = max(far, abs(y[i]))
     for j in range(control.nv):
-        h.vectors[PUSHED, j, w] = data.given[j]
+        h.vectors[of.PUSHED, j, w] = data.given[j]
     h.counts[ALL_SOLVED, 0, w] = 0.0
     h.counts[ALL_ROUNDS, 0, w] = 0.0
-    lane[ORIGIN, w] = control.origin
+    lane[of.ORIGIN, w] = control.origin
     lane[STEPS, w] = control.taken
     smooth = True  # lanes take whole steps: none may end at a corner of a table
     for t in this.corners:
@@ -515,9 +506,9 @@ def step_loops(
     while first < end:
         step_block(
             run, advance, copy, own, numbers, drives, held, tableau, state, tables, kind, codes,
-            trace, n, first, min(first + W, end),
+            trace, n, first, min(first + of.W, end),
         )  # fmt: skip
-        first += W
+        first += of.W
 
 
 @sweep
@@ -542,7 +533,7 @@ def step_block(
     running = 0
     for i in range(first, end):
         running += 1 if is_running(codes, i) else 0
-    for w in range(W):
+    for w in range(of.W):
         i = min(first + w, end - 1)
         since[w] = 0
         how[w] = OUT
@@ -561,23 +552,26 @@ def step_block(
     alone, left = 0, 0
     for k in range(n):
         leads = -1  # the lane whose time is that of all in lanes
-        for w in range(W):
+        for w in range(of.W):
             if how[w] == IN_LANES and leads < 0:
                 leads = w
-            same = lane[ORIGIN, w] == lane[ORIGIN, leads] and lane[STEPS, w] == lane[STEPS, leads]
-            lane[LIVES, w] = 1.0 if how[w] == IN_LANES and same else 0.0
+            same = (
+                lane[of.ORIGIN, w] == lane[of.ORIGIN, leads]
+                and lane[STEPS, w] == lane[STEPS, leads]
+            )
+            lane[of.LIVES, w] = 1.0 if how[w] == IN_LANES and same else 0.0
         if leads >= 0:
-            t = lane[ORIGIN, leads] + lane[STEPS, leads] * width
-            end_ = lane[ORIGIN, leads] + (lane[STEPS, leads] + 1.0) * width
+            t = lane[of.ORIGIN, leads] + lane[STEPS, leads] * width
+            end_ = lane[of.ORIGIN, leads] + (lane[STEPS, leads] + 1.0) * width
             step(data, drives, blocks, space, h, tableau, size, t, end_, width)
-            good = without(h.lane[0, LIVES], h.lane[0, ALONE])
+            good = without(h.lane[0, of.LIVES], h.lane[0, of.ALONE])
             for c in range(2):
                 h.counts[2 * c + 1, 0] += chosen(good, h.counts[2 * c, 0], 0.0)
             for i in range(h.stages.shape[1]):
                 h.stages[at.Y, i] = chosen(good, h.stages[at.CANDIDATE, i], h.stages[at.Y, i])
-        for w in range(W):
+        for w in range(of.W):
             i = first + w
-            if lane[LIVES, w] == 1.0 and lane[ALONE, w] == 0.0:
+            if lane[of.LIVES, w] == 1.0 and lane[of.ALONE, w] == 0.0:
                 since[w] += 1
                 lane[STEPS, w] += 1.0
             elif how[w] != OUT:
@@ -598,7 +592,7 @@ def step_block(
         if not traced and k >= 2 and 2 * alone > running * (k + 1):
             left = n - 1 - k  # lanes do not pay here
             break
-    for w in range(W):
+    for w in range(of.W):
         i = first + w
         if how[w] != OUT and (since[w] > 0 or left > 0):
             load_run(copy, own, numbers, tables, kind, i)
