@@ -89,7 +89,8 @@ def guarded(**advice: str) -> Callable[[Called], Called]:
         owner: Any = kind
 
         def refuse(self: Any, name: str, value: Any = None) -> None:
-            if name[0] == "_" or not (name in told or _is_ours(self) or hasattr(type(self), name)):
+            ours = type(self).__module__.startswith("pgraph_")
+            if name[0] == "_" or not (name in told or ours or hasattr(type(self), name)):
                 object.__setattr__(self, name, value)
                 return
             text = told.get(name, told["other"])
@@ -99,10 +100,6 @@ def guarded(**advice: str) -> Callable[[Called], Called]:
         return kind
 
     return decorate
-
-
-def _is_ours(value: Any) -> bool:
-    return type(value).__module__.startswith("pgraph_")
 
 
 def needed(module: str, extra: str = "") -> Any:

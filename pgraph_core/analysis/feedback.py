@@ -126,13 +126,8 @@ def place_poles(
         The feedback replaces the torque, target, speed or input of each drive.
     poles : (n,) array
         Eigenvalues of the closed loop [1/s], complex ones in pairs.
-    inputs : list of str, optional
-        Names of motors, servos and actuators; by default all of the model.
-    states : list of str, optional
-        Bodies whose coordinates are fed back, where constraints tie others to them: as many as
-        the motion is free in, by default the best conditioned ones.
-    q : (nq,) array, optional
-        Configuration, by default the initial one.
+    inputs, states, q :
+        As in `lqr`.
 
     Returns
     -------
@@ -242,7 +237,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
     """Express the same motion in other coordinates. Raises InputError."""
     if wanted is None:
         return found
-    names = _labels(mech)
+    names = [label for label, *_ in _degrees(mech)]  # as used by `linearise`
     for name in wanted:
         if name not in names:
             text = f"no coordinate is called {shown(name)}; {nearest(str(name), names)}"
@@ -258,11 +253,6 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
         found, A=both @ np.linalg.solve(both.T, found.A.T).T, B=both @ found.B,
         drift=both @ found.drift, coordinates=tuple(wanted), velocities=tuple(wanted),
     )  # fmt: skip
-
-
-def _labels(mech: Dynamics) -> list[str]:
-    """Return the names of the degrees of freedom, as used by `linearise`."""
-    return [label for label, *_ in _degrees(mech)]
 
 
 def _degrees(mech: Dynamics) -> list[tuple[str, str, int, bool]]:

@@ -298,7 +298,7 @@ def linearise(
     if conservative:
         values, shapes = _swinging(here, by_place, force_q)
     else:
-        values, vectors = _eigenvectors(A)
+        values, vectors = np.linalg.eig(A)
         shapes = by_place @ vectors[: len(chosen_q)]
     order = np.lexsort(
         (
@@ -330,10 +330,6 @@ def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
         text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
         found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
     return tuple(found)
-
-
-def _eigenvectors(A: Any) -> tuple[Any, Any]:
-    return np.linalg.eig(A)
 
 
 def _answered(here: Balance, force: Any) -> Any:

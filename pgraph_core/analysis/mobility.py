@@ -125,7 +125,7 @@ def mobility(
         branch=_taken(here, branches, v),
         prescribed=len(basis) - free,
         moved=float(np.max(np.abs(apart(mech, at, here.q)), initial=0.0)),
-        names=_joint_of_each(here),
+        names=tuple(name for name, x in here.joints for _ in range(x.stop - x.start)),
         doubts=tuple(text for text in mech.model.doubts if text.startswith("constraint")),
     )
 
@@ -300,10 +300,6 @@ def _upright(vectors: Array) -> list[Array]:
         rest = basis - np.outer(basis @ chosen, chosen)
         basis = np.linalg.svd(rest)[2][: len(basis) - 1]
     return found
-
-
-def _joint_of_each(state: Rows) -> tuple[str, ...]:
-    return tuple(name for name, span in state.joints for _ in range(span.stop - span.start))
 
 
 def _moving(state: Rows, basis: Array) -> tuple[str, ...]:

@@ -28,16 +28,10 @@ def accumulate(a, i, j, x):
 @part
 def load9(a, i, j):
     return (
-        a[i, j],
-        a[i, j + 1],
-        a[i, j + 2],
-        a[i, j + 3],
-        a[i, j + 4],
-        a[i, j + 5],
-        a[i, j + 6],
-        a[i, j + 7],
-        a[i, j + 8],
-    )
+        a[i, j], a[i, j + 1], a[i, j + 2],
+        a[i, j + 3], a[i, j + 4], a[i, j + 5],
+        a[i, j + 6], a[i, j + 7], a[i, j + 8],
+    )  # fmt: skip
 
 
 @part
@@ -77,16 +71,10 @@ def add_xyz(field, x):
 def matrix(field):
     """Return a field of nine numbers."""
     return (
-        field[0],
-        field[1],
-        field[2],
-        field[3],
-        field[4],
-        field[5],
-        field[6],
-        field[7],
-        field[8],
-    )
+        field[0], field[1], field[2],
+        field[3], field[4], field[5],
+        field[6], field[7], field[8],
+    )  # fmt: skip
 
 
 @part
@@ -279,16 +267,10 @@ def rodrigues(u, s, c):
     tx, ty, tz = t * u[0], t * u[1], t * u[2]
     sx, sy, sz = s * u[0], s * u[1], s * u[2]
     return (
-        c + tx * u[0],
-        tx * u[1] - sz,
-        tx * u[2] + sy,
-        tx * u[1] + sz,
-        c + ty * u[1],
-        ty * u[2] - sx,
-        tx * u[2] - sy,
-        ty * u[2] + sx,
-        c + tz * u[2],
-    )
+        c + tx * u[0], tx * u[1] - sz, tx * u[2] + sy,
+        tx * u[1] + sz, c + ty * u[1], ty * u[2] - sx,
+        tx * u[2] - sy, ty * u[2] + sx, c + tz * u[2],
+    )  # fmt: skip
 
 
 @part

@@ -426,7 +426,9 @@ class _Reader:
             numbers["armature"].append(float(m.dof_armature[dof]) if single else 0.0)
             if not single:
                 self._odd(j, dof)
-            limits.append(self._limit(j, start) if single else self._cone(j))
+                if m.jnt_limited[j]:
+                    self.left_out("joint", m.joint(j).name, "the limit of a ball joint")
+            limits.append(self._limit(j, start) if single else None)
             low, high = limits[-1] or (-math.inf, math.inf)
             begin = min(max(0.0, low), high)
             if begin:
@@ -448,10 +450,6 @@ class _Reader:
         low, high = (float(x) - start for x in m.jnt_range[j])
         low, high = within_margin(self, "joint", m.joint(j).name, low, high, float(m.jnt_margin[j]))
         return (low, high) if low < high else None
-
-    def _cone(self, j: int) -> None:
-        if self.m.jnt_limited[j]:
-            self.left_out("joint", self.m.joint(j).name, "the limit of a ball joint")
 
     def _odd(self, j: int, dof: int) -> dict[str, Any]:
         """Report properties that are not supported for ball and free joints."""

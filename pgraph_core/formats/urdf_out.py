@@ -135,11 +135,13 @@ class _Writer:
         """The file."""
         robot = Tag("robot", name=self.model.name)
         roots = [b for b in bodies if b.parent == GROUND]
-        plain_root = len(roots) == 1 and roots[0].joint == "weld" and _at_origin(roots[0])
-        if not plain_root:
+        root = roots[0] if len(roots) == 1 and roots[0].joint == "weld" else None
+        if root is not None and (any(root.link) or abs(unit(root.rotation)[0]) != 1.0):
+            root = None  # not at the origin
+        if root is None:
             robot.add(Tag("link", name=WORLD))
         for body in bodies:
-            robot.add(*self._chain(body, plain_root and body is roots[0]))
+            robot.add(*self._chain(body, body is root))
         for c in self.model.constraints:
             robot.add(self._loop(c))
         self._left_out()
@@ -333,10 +335,6 @@ def _plain(motor: Motor) -> bool:
     """Return True if a motor only limits its torque."""
     odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.has_state
     return motor.torque == 0.0 and motor.coordinate == 0 and not odd
-
-
-def _at_origin(body: Body) -> bool:
-    return not any(body.link) and abs(unit(body.rotation)[0]) == 1.0
 
 
 def _type(body: Body, k: int) -> str:

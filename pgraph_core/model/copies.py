@@ -104,11 +104,6 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
     return (*rows[: last + 1], *new, *rows[last + 1 :])
 
 
-def _takes_point(part: Constraint | Contact | Force) -> bool:
-    """Return True if `point` of a part has a default position."""
-    return "point" in type(part).model_fields
-
-
 class _Copy:
     """A copier for parts that act on bodies, which also records parts without a mirror image."""
 
@@ -203,7 +198,8 @@ class _Copy:
     def _in_reach(self, part: Constraint | Contact | Force) -> bool:
         """Return True if positions on bodies that stay are in the frame of the reflection."""
         own = (*self.names, self.root.parent)
-        if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
+        placed = "point" in type(part).model_fields or getattr(part, "points", ())
+        if part.body not in own and placed:
             return False
         if part.pair[1] in own:
             return True

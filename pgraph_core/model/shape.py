@@ -179,7 +179,8 @@ class Shape(Frozen):
                 text = "heights must be at least two rows of at least two numbers, equally long"
                 given = f"{len(self.heights)} rows of {found}"
                 problems.append(("shape", f"{text}, without holes; given {given}"))
-        if not self._scales():
+        scale = self.scale
+        if not (all(scale) if isinstance(scale, tuple) else scale > 0):
             text = f"scale must be > 0, or three factors that are not 0; given {shown(self.scale)}"
             problems.append(("shape", text))
         if self.end_radius is not None:
@@ -197,10 +198,6 @@ class Shape(Frozen):
     def moves(self) -> bool:
         """True if the surface moves past the body."""
         return any(self.surface_velocity) or any(self.surface_spin)
-
-    def _scales(self) -> bool:
-        """Return True if a mesh still has a volume after applying `scale`."""
-        return all(self.scale) if isinstance(self.scale, tuple) else self.scale > 0
 
     def _tapered(self) -> list[tuple[str, str]]:
         """Return problems with a tapered shape."""

@@ -83,7 +83,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
             turned, moved = np.maximum((turned, moved), apart(record, third, n))
     off = np.maximum(np.maximum(turned, moved), _left_open(record, n))
     error = np.maximum.accumulate(off) + _rounding(record, plan.times)
-    error[1:] += _strayed(record)
+    touching = record.scene.touching
+    if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
+        error[1:] += float(touching.tally["strayed"])
     _, slid = differences(rows, np.broadcast_to(q[:1], q.shape), q)
     size = max(length, float(slid.max(initial=0.0))) or 1.0
     together = np.maximum(turned, moved / size) <= PARTED
@@ -101,12 +103,6 @@ def _rounding(record: Recording, t: Array) -> Array:
     far, fastest = (float(np.abs(x[:n]).max(initial=0.0)) for x in (out.q, out.v))
     later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
     return EPS * (far + late * (fastest + later))
-
-
-def _strayed(record: Recording) -> float:
-    """Return the drift due to the contact solver's velocity residuals [rad, m]."""
-    touching = record.scene.touching
-    return 0.0 if touching is None else float(touching.tally["strayed"])
 
 
 def _left_open(record: Recording, n: int) -> Array | float:

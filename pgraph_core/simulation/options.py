@@ -263,18 +263,13 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
     if frames is not None or t_eval is not None:
         return frame_times(t_start, t_end, frames, t_eval)
     steps = max(int(np.ceil(span / step - 1e-9)), 1)
-    apart = _steps_apart(steps)
+    least = -(-steps // FRAMES)  # steps between recorded states, a divisor of all if possible
+    apart = next((n for n in range(least, 4 * least) if steps % n == 0), least)
     width = step if abs(steps * step - span) <= SOLVED * step else span / steps
     times: Array = t_start + width * np.arange(0.0, steps + apart, apart)
     times = times[: -(-steps // apart) + 1]
     times[-1] = t_end
     return times
-
-
-def _steps_apart(steps: int) -> int:
-    """Return the number of steps between recorded states, a divisor of the total if possible."""
-    least = -(-steps // FRAMES)
-    return next((n for n in range(least, 4 * least) if steps % n == 0), least)
 
 
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:

@@ -430,11 +430,8 @@ class Study(Portable):
         for name in ("orders", "reference", "timing", "machine"):
             data[name] = dict(data[name])
         found = {"against_peers": self.against_peers(), "answer": self.answer}
-        return data | found | {"recommended": self._recommended()}
-
-    def _recommended(self) -> int | None:
         row = self.advised()
-        return None if row is None else self.rows.index(row)
+        return data | found | {"recommended": None if row is None else self.rows.index(row)}
 
     def to_json(self) -> str:
         """Serialise the fields as a JSON object, with null for numbers that are not finite."""
