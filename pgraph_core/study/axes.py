@@ -7,7 +7,7 @@ InputError if the model lacks what they vary.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,31 +22,6 @@ from .rescaling import changed, rescaled
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 
 
-def unchanged(model: Model, value: float) -> Model:
-    """Return the model unchanged, for axes that vary the run instead."""
-    return model
-
-
-def unchanged_value(model: Model) -> float | None:
-    """Return None, for axes whose value is not defined by the model."""
-    return None
-
-
-def once(model: Model) -> float | None:
-    """Return 1, the model's own value on axes of factors."""
-    return 1.0
-
-
-def none_more(model: Model) -> float | None:
-    """Return 0, the model's own value on axes of additional copies and distances."""
-    return 0.0
-
-
-def same_pace(value: float) -> float:
-    """Return 1, so that steps and durations are not scaled."""
-    return 1.0
-
-
 class Axis(NamedTuple):
     """A quantity that makes a scene extreme when varied."""
 
@@ -54,12 +29,10 @@ class Axis(NamedTuple):
     what: str  # meaning of a value
     unit: str
     values: tuple[float, ...]  # usual ones
-    applied: Callable[[Model, float], Model] = unchanged
-    pace: Callable[[float], float] = same_pace  # factor on steps and duration
+    applied: Callable[[Model, float], Model] = lambda model, value: model
+    pace: Callable[[float], float] = lambda value: 1.0  # factor on steps and duration
     of_steps: bool = False  # the values are the steps themselves
-    own: Callable[[Model], float | None] = (
-        unchanged_value  # value of a model as it is, if it has one
-    )
+    own: Callable[[Model], float | None] = lambda model: None  # value of a model as it is
 
 
 def lacking(axis: str, what: str) -> InputError:
@@ -305,22 +278,9 @@ def _with_body(model: Model, old: Body, new: Body) -> Model:
     return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
 
 
-def own_speed(model: Model) -> float | None:
-    """Return the largest initial velocity, or None if the model is at rest."""
-    return max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None
-
-
-def own_friction(model: Model) -> float | None:
-    """Return the friction coefficient shared by all contacts, or None if they differ."""
-    return _one({c.friction for c in model.contacts})
-
-
-def own_contact_stiffness(model: Model) -> float | None:
-    """Return the stiffness shared by all soft contacts, or None if they differ."""
-    return _one({c.stiffness for c in model.contacts if c.law != "complementarity"})
-
-
-def _one(found: set[float | None]) -> float | None:
+def _shared(values: Iterable[float | None]) -> float | None:
+    """Return the value that all share, or None if they differ."""
+    found = {*values}
     return found.pop() if len(found) == 1 else None
 
 
@@ -331,30 +291,34 @@ TABLE = (
     Axis("damping_ratio", "damping over critical damping", "",
          (0, 0.01, 0.1, 0.5, 1, 2, 5, 10), damping_ratio),
     Axis("contact_stiffness", "stiffness of soft and penalty contacts", "N/m^1.5 or N/m",
-         (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness, own=own_contact_stiffness),
+         (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness, own=lambda model:
+         _shared(c.stiffness for c in model.contacts if c.law != "complementarity")),
     Axis("mass_ratio", "mass of the last tip body over its parent's", "",
          (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9), mass_ratio, own=own_mass_ratio),
     Axis("inertia", "factor on every inertia", "",
-         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia, own=once),
+         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia, own=lambda model: 1.0),
     Axis("chain_length", "links of a chain of the same length and mass", "links",
          (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length,
          own=own_chain_length),
     Axis("speed", "largest initial velocity", "rad/s or m/s",
-         (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed, own=own_speed),
+         (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed,
+         own=lambda model: max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None),
     Axis("friction", "Coulomb's coefficient of all contacts", "",
-         (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction, own=own_friction),
+         (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction,
+         own=lambda model: _shared(c.friction for c in model.contacts)),
     Axis("joint_friction", "friction of every hinge and slide", "N m or N",
          (0, 0.01, 0.1, 1, 3, 10), joint_friction),
     Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy,
-         own=none_more),
+         own=lambda model: 0.0),
     Axis("singularity", "distance of the first joint from its initial position", "rad or m",
-         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity, own=none_more),
+         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity, own=lambda model: 0.0),
     Axis("length_scale", "factor on every length, gravity too", "",
-         SCALES, lambda model, value: rescaled(model, length=value), own=once),
+         SCALES, lambda model, value: rescaled(model, length=value), own=lambda model: 1.0),
     Axis("mass_scale", "factor on every mass, forces too", "",
-         SCALES, lambda model, value: rescaled(model, mass=value), own=once),
+         SCALES, lambda model, value: rescaled(model, mass=value), own=lambda model: 1.0),
     Axis("time_scale", "factor on every time, steps and duration too", "",
-         SCALES, lambda model, value: rescaled(model, time=value), pace=float, own=once),
+         SCALES, lambda model, value: rescaled(model, time=value), pace=float,
+         own=lambda model: 1.0),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )
