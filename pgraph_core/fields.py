@@ -43,15 +43,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
 from . import words
-from .errors import (
-    ModelError,
-    Problem,
-    explained,
-    is_deep,
-    nearest,
-    nearest_first,
-    shown,
-)
+from .errors import ModelError, Problem, explained, is_deep, nearest, nearest_first, shown
 from .portable import Portable
 from .sentences import GROUND, PAIR, all_problems, in_our_words
 from .signals import Unreadable, is_expression, parsed

@@ -12,16 +12,7 @@ from typing import Any
 import numpy as np
 
 from .dynamics.arguments import wrong_type
-from .errors import (
-    InputError,
-    ModelError,
-    PgraphError,
-    Problem,
-    choices,
-    explained,
-    needed,
-    shown,
-)
+from .errors import InputError, ModelError, PgraphError, Problem, choices, explained, needed, shown
 from .markup import ordinary
 from .mechanism import Mechanism
 from .model import Model

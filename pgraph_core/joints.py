@@ -208,11 +208,7 @@ def _norm(x: tuple[float, ...]) -> float:
 
 
 def _cross(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def _kinds(motions: tuple[Motion, ...]) -> tuple[str, ...]:

@@ -298,14 +298,10 @@ def linearise(
     if conservative:
         values, shapes = _swinging(here, by_place, force_q)
     else:
-        values, vectors = np.linalg.eig(A)
+        found: Any = np.linalg.eig(A)
+        values, vectors = found
         shapes = by_place @ vectors[: len(chosen_q)]
-    order = np.lexsort(
-        (
-            -values.imag,
-            np.round(np.abs(values), 12),
-        )
-    )
+    order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
     names = _names(mech)
     drift = np.concatenate((v[chosen_q], here.vdot[chosen_v]))
     return Linearisation(

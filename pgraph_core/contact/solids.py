@@ -533,8 +533,7 @@ KINDS = {
         lambda s: (np.array([*product((-0.5, 0.5), repeat=3)]) * (s.size or ()), 0.0),
     ),
     "sphere": Kind(
-        lambda s: sphere(s.radius or 0.0),
-        lambda s: (np.zeros((1, 3)), s.radius or 0.0),
+        lambda s: sphere(s.radius or 0.0), lambda s: (np.zeros((1, 3)), s.radius or 0.0)
     ),
     "ellipsoid": Kind(lambda s: ellipsoid(s.radii or ())),
     "heightfield": Kind(lambda s: heightfield(s.size or (), s.heights or ())),
@@ -543,7 +542,7 @@ KINDS = {
             cylinder(s.radius or 0.0, s.length or 0.0)
             if s.end_radius is None
             else frustum(s.radius or 0.0, s.end_radius, s.length or 0.0)
-        ),
+        )
     ),
     "capsule": Kind(
         lambda s: capsule(s.radius or 0.0, s.length or 0.0),

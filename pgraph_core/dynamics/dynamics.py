@@ -302,11 +302,7 @@ class Dynamics(Portable):
         return self._inverse(q, v, self._rest, NO_EXTERNAL)
 
     def inverse_dynamics(
-        self,
-        q: Array,
-        v: Array,
-        vdot: Array,
-        external: Array | None = None,
+        self, q: Array, v: Array, vdot: Array, external: Array | None = None
     ) -> Array:
         """Return the τ (nv,) that produces v' in the tree, eq. (24), in addition to passive forces.
 
@@ -320,13 +316,7 @@ class Dynamics(Portable):
             self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
         return self._tree_torque(q, v, vdot, external)
 
-    def _tree_torque(
-        self,
-        q: Array,
-        v: Array,
-        vdot: Array,
-        external: Array | None = None,
-    ) -> Array:
+    def _tree_torque(self, q: Array, v: Array, vdot: Array, external: Array | None = None) -> Array:
         """The same as `inverse_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
@@ -334,11 +324,7 @@ class Dynamics(Portable):
         return tau - self._passive(q, v, self._rest) if self._springs else tau
 
     def forward_dynamics(
-        self,
-        q: Array,
-        v: Array,
-        tau: Array | None = None,
-        external: Array | None = None,
+        self, q: Array, v: Array, tau: Array | None = None, external: Array | None = None
     ) -> Array:
         """Return v' (nv,) of the tree without its constraints, eq. (26), in O(n).
 
@@ -351,11 +337,7 @@ class Dynamics(Portable):
         return self._tree_acceleration(q, v, tau, external)
 
     def _tree_acceleration(
-        self,
-        q: Array,
-        v: Array,
-        tau: Array | None = None,
-        external: Array | None = None,
+        self, q: Array, v: Array, tau: Array | None = None, external: Array | None = None
     ) -> Array:
         """The same as `forward_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
@@ -469,12 +451,7 @@ class Dynamics(Portable):
     # -- Jacobians -------------------------------------------------------------------------------
 
     def jacobian(
-        self,
-        q: Array,
-        name: str,
-        point: Sequence[float] = (0.0, 0.0, 0.0),
-        *,
-        frame: str = "world",
+        self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0), *, frame: str = "world"
     ) -> Array:
         """Return the Jacobian of a point on a body or site, eq. (20).
 

@@ -373,12 +373,7 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
 
 
 def workspace(
-    rows: Ints,
-    nq: int,
-    nv: int,
-    blocks: Blocks,
-    active: Ints,
-    contacts: Tables | None,
+    rows: Ints, nq: int, nv: int, blocks: Blocks, active: Ints, contacts: Tables | None
 ) -> Workspace:
     """Allocate the constraint kernels' workspace for the maximum number of active rows."""
     count, n, m = len(blocks.blocks_i), len(rows), 0

@@ -79,10 +79,7 @@ B_TYPE = 0  # one of the types below
 B_A, B_B = 1, 2  # rows of `body` and `other`, 0 for the ground
 B_SIZE = 3  # number of rows, 1 to 3
 B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
-B_CURVE, B_KNOTS = (
-    6,
-    7,
-)  # first knot, number of knots: 0 for VALUE, or a kind of curve
+B_CURVE, B_KNOTS = (6, 7)  # first knot, number of knots: 0 for VALUE, or a kind of curve
 B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
 BLOCK_I = 8
 

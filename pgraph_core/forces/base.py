@@ -11,17 +11,7 @@ import numpy.typing as npt
 from ..curves import Table, VectorTable
 from ..engine.records import INTEGER, record
 from ..errors import shown
-from ..fields import (
-    GROUND,
-    Entries3,
-    Expression,
-    Number,
-    OfKinds,
-    Text,
-    WithOther,
-    field,
-    refuse,
-)
+from ..fields import GROUND, Entries3, Expression, Number, OfKinds, Text, WithOther, field, refuse
 
 KIND = "the name of a kind of force"
 Array = npt.NDArray[np.float64]

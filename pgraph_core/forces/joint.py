@@ -10,18 +10,7 @@ from pydantic import model_validator
 
 from ..curves import Table
 from ..errors import shown
-from ..fields import (
-    EMPTY,
-    ByName,
-    Expression,
-    Flag,
-    Number,
-    OfSums,
-    Whole,
-    by_name,
-    field,
-    refuse,
-)
+from ..fields import EMPTY, ByName, Expression, Flag, Number, OfSums, Whole, by_name, field, refuse
 from ..units import NONE, Dim, J, Q, S
 from .base import KIND, Force, over_time
 

@@ -61,9 +61,7 @@ def load(
 
 
 def read_model(
-    path: str | Path,
-    roots: Iterable[str | Path] = (),
-    arguments: Mapping[str, Any] | None = None,
+    path: str | Path, roots: Iterable[str | Path] = (), arguments: Mapping[str, Any] | None = None
 ) -> tuple[Model, Report]:
     """Read (model, report) from a file, by its suffix. Raises FileError, ModelError or InputError.
 

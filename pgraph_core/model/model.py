@@ -50,15 +50,7 @@ from .editing import (
 )
 from .files import gathered, located
 from .output import Output, Site
-from .parameters import (
-    Formula,
-    cells_of,
-    followed,
-    formulas_in,
-    inlined,
-    resolved,
-    still_true,
-)
+from .parameters import Formula, cells_of, followed, formulas_in, inlined, resolved, still_true
 from .poses import home_poses, poses
 from .scenario import Scenario
 from .world import DOWN, World
@@ -946,13 +938,7 @@ class Model(World):
         return cls(**located(files.parse(text, source), folder, roots))
 
     @classmethod
-    def load(
-        cls,
-        path: str | Path,
-        /,
-        *,
-        roots: Iterable[str | Path] = (),
-    ) -> Self:
+    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
         """Load a model from a Pgraph JSON file.
 
         `pg.load` reads files of other formats too.

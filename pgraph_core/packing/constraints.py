@@ -18,15 +18,7 @@ from ..model import Constraint, Model, Polynomial, Rolling, Sine, Table
 from ..model.constraint import AtPoints
 from ..rotation import unit_vector
 from ..topology import Topology
-from . import (
-    Array,
-    Ints,
-    System,
-    home_of,
-    joint_coordinates,
-    point_in_row,
-    row_of_velocity,
-)
+from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .forces import terms_of
 from .signals import of_time
 

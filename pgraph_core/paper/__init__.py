@@ -17,14 +17,7 @@ from ..joints import SIZE
 from ..model import Body, Model
 from ..rotation import Array, skew
 from ..topology import Topology
-from .motion import (
-    Joint,
-    blocks,
-    bodies_of,
-    joint_motion,
-    q_slices,
-    v_slices,
-)
+from .motion import Joint, blocks, bodies_of, joint_motion, q_slices, v_slices
 from .motion import frames as frames
 from .motion import home_poses as home_poses
 from .motion import kernel_operator as kernel_operator

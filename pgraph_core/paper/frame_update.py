@@ -19,15 +19,7 @@ from ..joints import AXIAL, SIZE, Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, multiply, rodrigues, unit
 from ..topology import Ints, Topology
-from .motion import (
-    axes_of_motion,
-    bodies_of,
-    displacement,
-    elementary,
-    q_slices,
-    turn,
-    v_slices,
-)
+from .motion import axes_of_motion, bodies_of, displacement, elementary, q_slices, turn, v_slices
 
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # factors that conjugate a quaternion
 

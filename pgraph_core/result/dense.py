@@ -22,10 +22,7 @@ CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smo
 
 
 def states_at(
-    rows: Ints,
-    frames: tuple[Array, Array, Array, Array],
-    known: Array,
-    asked: Any,
+    rows: Ints, frames: tuple[Array, Array, Array, Array], known: Array, asked: Any
 ) -> tuple[Array, Array, Any]:
     """Return (q, v, error) at the times `asked`, a scalar or an array, from frames (t, q, v, v').
 

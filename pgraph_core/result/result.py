@@ -19,14 +19,7 @@ import numpy as np
 
 from .. import hooks
 from ..dynamics.scene import load_wrenches
-from ..dynamics.states import (
-    BodyMotion,
-    Sensors,
-    bodies_over,
-    no_motion,
-    size_of_motion,
-    turned,
-)
+from ..dynamics.states import BodyMotion, Sensors, bodies_over, no_motion, size_of_motion, turned
 from ..errors import FileError, InputError, PgraphError, Problem, choices, explained, guarded
 from ..markup import ordinary, reason_of
 from ..model import Force, Model

@@ -15,11 +15,7 @@ MOST_LANES = 24  # beside a list: further branches share the last one
 CHARACTER, NODE = 6.2, 26.0  # [px] width of a letter and of a node
 LONGEST = 20  # shown letters of a name
 LABEL = NODE / 2 + 14  # [px] from a node's middle to where its name begins
-CLEAR, BELOW, APART = (
-    13.0,
-    17.0,
-    4.0,
-)  # [px] loops from nodes, levels, other loops
+CLEAR, BELOW, APART = (13.0, 17.0, 4.0)  # [px] loops from nodes, levels, other loops
 
 Point = tuple[float, float]
 Interval = tuple[float, float]

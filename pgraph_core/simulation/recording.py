@@ -13,14 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
-from ..analysis.singular import (
-    Instant,
-    blocked,
-    nulls_of,
-    redundancy,
-    singular_notice,
-    unequal,
-)
+from ..analysis.singular import Instant, blocked, nulls_of, redundancy, singular_notice, unequal
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene, rubs

@@ -105,11 +105,7 @@ def duration(seconds: float) -> str:
 LEFT, TOP, FOOT, LEGEND = 72.0, 16.0, 48.0, 22.0  # margins, and the height of a legend's line
 INK, LINE, SHADE = (
     f"var(--{name}, {colour})"
-    for name, colour in (
-        ("ink", "currentColor"),
-        ("line", "#88929e66"),
-        ("shade", "#88929e22"),
-    )
+    for name, colour in (("ink", "currentColor"), ("line", "#88929e66"), ("shade", "#88929e22"))
 )
 MARKS = (  # within a circle of radius 1
     "M-1,0A1,1,0,1,1,1,0A1,1,0,1,1,-1,0Z",

@@ -278,8 +278,7 @@ class Work:
                 why = f"where two references still agree to {SOLVED:g}"
             chaotic = "chaotic: " if known.growth > 0.0 else ""
             self.notes.insert(
-                0,
-                f"{chaotic}compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}",
+                0, f"{chaotic}compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}"
             )
 
     def _participants(self) -> list[Participant]:

@@ -6,19 +6,7 @@
 
 from ...tolerances import DIP, EPS, ROUNDING
 from .. import layout as at
-from ..arrays import (
-    CHANGE,
-    DINV,
-    FACTORED,
-    LAMBDA,
-    LEAST,
-    MOVED,
-    PLACED,
-    RHS,
-    STEP,
-    ZERO,
-    opened,
-)
+from ..arrays import CHANGE, DINV, FACTORED, LAMBDA, LEAST, MOVED, PLACED, RHS, STEP, ZERO, opened
 from ..compiler.dual import carries
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
@@ -49,11 +37,7 @@ from .blocks import (
     velocities,
 )
 from .paths import carry, carry_coordinates, pivots, spread
-from .proximal import (
-    along_nulls,
-    factor_proximal,
-    solve_proximal,
-)
+from .proximal import along_nulls, factor_proximal, solve_proximal
 
 NO_GAP = 64 * EPS  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open

@@ -93,11 +93,7 @@ def contact(own, u, old, mu, here):
     smaller = both(found, both(more(n, 0.0), more(hold_n, n)))
     slides = both(asked, either(without(1.0 + 0.0 * n, holds), smaller))
     n, tx, ty = only(slides, (n, mu * n * tx, mu * n * ty))
-    return (
-        chosen(slides, n, new_n),
-        chosen(slides, tx, new_x),
-        chosen(slides, ty, new_y),
-    )
+    return (chosen(slides, n, new_n), chosen(slides, tx, new_x), chosen(slides, ty, new_y))
 
 
 @sweep

@@ -17,13 +17,7 @@ from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import I1, plain, void
 from ..constraints.blocks import first_of, locate, residual_acceleration, slip, velocities
-from ..constraints.constraints import (
-    couplings,
-    number_rows,
-    respond,
-    unit_responses,
-    watch,
-)
+from ..constraints.constraints import couplings, number_rows, respond, unit_responses, watch
 from ..constraints.proximal import factor_proximal, solve_proximal
 from ..motion import ACCELERATION, call_acceleration
 from ..records import ACCEPTANCE, SLIP, STANCE

@@ -29,12 +29,7 @@ from ..rows import FREE, SCREW, TRANSLATE, axis_of, kind_of, link_of, origin_of,
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
-from .phases import (
-    opened_events,
-    slides,
-    slip_direction,
-    tangential,
-)
+from .phases import opened_events, slides, slip_direction, tangential
 
 ROUNDING = 2.0**-51  # rounding of a gap relative to the coordinates whose difference it is
 

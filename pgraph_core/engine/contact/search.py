@@ -104,16 +104,7 @@ def are_apart(apart, a, b):
 def two_spheres(geometry, poses, i, j, margin, out, n):
     """Handle two spheres, the common case in heaps, without the cost of the generic routine."""
     a, b = xyz(poses[i].position), xyz(poses[j].position)
-    return ball_ball(
-        out,
-        n,
-        a,
-        geometry.shapes[i].radius,
-        b,
-        geometry.shapes[j].radius,
-        margin,
-        0,
-    )
+    return ball_ball(out, n, a, geometry.shapes[i].radius, b, geometry.shapes[j].radius, margin, 0)
 
 
 @inlined

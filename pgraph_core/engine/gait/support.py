@@ -14,19 +14,7 @@ from .. import layout as at
 from ..compiler.jit import part, sweep
 from ..compiler.masks import any_of, chosen, larger, more, smaller
 from ..rows import origin_of, rotation_of, spin_of
-from ..vec import (
-    add,
-    add_cross,
-    add_scaled,
-    cross,
-    dot,
-    load,
-    mul,
-    scale,
-    set_xyz,
-    sub,
-    xyz,
-)
+from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, set_xyz, sub, xyz
 from .tables import FEET
 
 SHARE_ROUNDS = 6

@@ -18,16 +18,7 @@ from ..contact.cone import only
 from ..contact.contacts import STILL
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
-from ..rows import (
-    TRANSLATE,
-    armature_of,
-    kind_of,
-    origin_of,
-    parent_of,
-    rotation_of,
-    spin_of,
-    v_of,
-)
+from ..rows import TRANSLATE, armature_of, kind_of, origin_of, parent_of, rotation_of, spin_of, v_of
 from ..stepping.batch import call_advance, call_copy
 from ..stepping.booking import goes_on_sliding
 from ..stepping.moreau import turn_rates

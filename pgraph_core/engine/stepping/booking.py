@@ -4,47 +4,16 @@ import math
 
 from ...tolerances import SOLVED
 from .. import layout as at
-from ..arrays import (
-    BEFORE,
-    LAMBDA,
-    RHS,
-    STEP,
-)
+from ..arrays import BEFORE, LAMBDA, RHS, STEP
 from ..compiler.jit import part, sweep
 from ..compiler.masks import both, either, more, most
-from ..constraints.blocks import (
-    along,
-    ends_of,
-    first_of,
-    place_a,
-    place_b,
-    type_of,
-)
+from ..constraints.blocks import along, ends_of, first_of, place_a, place_b, type_of
 from ..contact.closing import smaller_size, thinner
-from ..contact.contacts import (
-    SLIDING,
-    contacts_at,
-    keep_point,
-    kept_place,
-    note,
-    note_turn,
-)
+from ..contact.contacts import SLIDING, contacts_at, keep_point, kept_place, note, note_turn
 from ..contact.newton import gather
 from ..motion import opened
-from ..rows import (
-    origin_of,
-)
-from ..vec import (
-    add_scaled,
-    add_xyz,
-    cross,
-    load,
-    load3,
-    scale,
-    set_xyz,
-    sub,
-    xyz,
-)
+from ..rows import origin_of
+from ..vec import add_scaled, add_xyz, cross, load, load3, scale, set_xyz, sub, xyz
 
 BRIEF = 1e-3  # shortest sub-step whose impulses start the next step, relative to the step
 
@@ -139,13 +108,7 @@ def book(scene, first, t, h, last):
         size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
         pair = found[n].pair
         log_missed(tally, missed[active[j], 0] / h, missed[active[j], 1] / h, size, pair, t)
-        log_depth(
-            tally,
-            -found[n].gap,
-            thickness_at(contacts, n),
-            pair,
-            t,
-        )
+        log_depth(tally, -found[n].gap, thickness_at(contacts, n), pair, t)
         u = gather(space.y, slots, active[j], space.vectors[STEP])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)

@@ -11,14 +11,7 @@ from ..compiler.address import caller
 from ..compiler.dual import duals, revalued
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, F3, I1, carrying, f8, i8, of_duals, void
-from ..motion import (
-    acceleration,
-    call_projection,
-    call_record,
-    constrain,
-    opened,
-    projection,
-)
+from ..motion import acceleration, call_projection, call_record, constrain, opened, projection
 from ..tree.moving import normalise_all
 from .batch import call_advance
 from .explicit import dense_output, last_stage, runge_kutta_step, semi_implicit_step, turn_spins

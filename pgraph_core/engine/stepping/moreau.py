@@ -38,29 +38,12 @@ from ..arrays import (
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
-from ..constraints.blocks import (
-    first_of,
-    locate,
-    residual_velocity,
-    size_of,
-    type_of,
-    velocities,
-)
+from ..constraints.blocks import first_of, locate, residual_velocity, size_of, type_of, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
-from ..contact.contacts import (
-    ADDING,
-    FROZEN,
-    clear,
-    contacts_at,
-    kept_place,
-)
+from ..contact.contacts import ADDING, FROZEN, clear, contacts_at, kept_place
 from ..contact.impulse import solve_impulses
-from ..contact.meeting import (
-    first_meeting,
-    hits_at_once,
-    state_at,
-)
+from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.passing import keep_poses, note_passages
 from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, follow, opened
@@ -78,14 +61,7 @@ from ..rows import (
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import GYRE_ROWS, keep_gyrating, keep_spinning
-from ..vec import (
-    add,
-    add_scaled,
-    finite,
-    mul,
-    set_xyz,
-    xyz,
-)
+from ..vec import add, add_scaled, finite, mul, set_xyz, xyz
 from .booking import book, note_chain
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state

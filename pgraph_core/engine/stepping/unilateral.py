@@ -4,12 +4,7 @@ import math
 
 from ...tolerances import NOTABLE
 from .. import layout as at
-from ..arrays import (
-    DINV,
-    LAMBDA,
-    STEP,
-    TRIAL,
-)
+from ..arrays import DINV, LAMBDA, STEP, TRIAL
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
@@ -46,11 +41,7 @@ from ..motion import opened
 from ..records import RIGID
 from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
-from ..vec import (
-    dot,
-    sub,
-    xyz,
-)
+from ..vec import dot, sub, xyz
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30

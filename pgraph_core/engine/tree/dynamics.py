@@ -33,13 +33,7 @@ from ..rows import (
     v_of,
 )
 from ..vec import add, add_cross, cross, dot, finite, load, mul, mul_t, scale, sub, sym_mul
-from .articulated import (
-    add_to_parent,
-    articulated,
-    inboard,
-    joint_acceleration,
-    singular_row,
-)
+from .articulated import add_to_parent, articulated, inboard, joint_acceleration, singular_row
 from .kinematics import accelerate, base_axes, joint_force, outboard, positions
 
 

@@ -63,10 +63,7 @@ def as_quaternions(position, rotation, pose):
             pose[i, b, 3], pose[i, b, 4], pose[i, b, 5], pose[i, b, 6] = turn
 
 
-@kernel(
-    void(*map(read, (array_of(SENSOR), F1, F2, F2, F3, F3, F3, F3)), F2),
-    nogil=True,
-)
+@kernel(void(*map(read, (array_of(SENSOR), F1, F2, F2, F3, F3, F3, F3)), F2), nogil=True)
 def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
     """Compute the sensor readings in every frame (n, columns).
 
