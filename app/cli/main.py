@@ -182,9 +182,7 @@ def _log_to(path: str) -> None:
 
 
 def _bind(host: str) -> None:
-    """Raise InputError if this machine does not have the address, since viser would retry
-    forever.
-    """
+    """Raise InputError if this machine lacks the address: viser would retry forever."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as free:

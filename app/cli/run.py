@@ -93,9 +93,7 @@ def _writable(output: str | None) -> None:
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
-    """Return the answer with the attribute names of `Result` as keys, with energy and drift
-    extremes.
-    """
+    """Return the answer keyed by the attributes of `Result`, with energy and drift extremes."""
     return {
         "status": result.status.name,
         "message": result.message,

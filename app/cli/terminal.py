@@ -196,9 +196,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Command:
-    """The command `pgraph NAME`: its one-line help, its arguments, and the function that runs
-    it.
-    """
+    """The command `pgraph NAME`: its one-line help, its arguments, and its function."""
 
     name: str
     help: str

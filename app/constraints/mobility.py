@@ -48,9 +48,7 @@ def sentence(text: str) -> str:
 
 
 def headline(found: Any) -> str:
-    """Return a headline like '1 degree of freedom left: 3 of the tree less 2 that constraints
-    take.'
-    """
+    """Return a headline like '1 degree of freedom left: 3 of the tree less 2 by constraints.'"""
     left = counted(found.dof, "degree") + " of freedom left"
     if found.extra and found.finite:
         left += f", {found.extra} of them only in this position"
@@ -106,9 +104,7 @@ def _listed(words: list[str]) -> str:
 
 
 def instead(kind: str, rows: list[Any]) -> str:
-    """Return a suggestion for a kind that imposes only the remaining directions, if there is
-    one.
-    """
+    """Return a suggestion for a kind that imposes the remaining directions alone, if any."""
     if kind not in ROWS:
         return ""
     turned = Counter("turn" if r.direction.startswith("rotation") else "move" for r in rows)
@@ -160,9 +156,7 @@ def wanted(state: State) -> bool:
 
 
 def report(model: pg.Model) -> MobilityFound:
-    """Return the degrees of freedom and redundant rows in the initial state, or why they are
-    unknown.
-    """
+    """Return the degrees of freedom and redundant rows at first, or why they are unknown."""
     try:
         return MobilityFound(model, pg.Mechanism(model).mobility())
     except pg.PgraphError as error:

@@ -63,9 +63,7 @@ def quantity_of(item: Item, field: str) -> Quantity:
 
 
 def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple[pg.Model, str]:
-    """Add a part with its required fields. Return the model and the part's name. Raises
-    PgraphError.
-    """
+    """Add a part with its required fields. Return (model, part's name). Raises PgraphError."""
     if part == "loops":
         model = model.close_loop(body, other, joint=kind)
         return model, model.constraints[-1].name
@@ -180,9 +178,7 @@ def carried(model: pg.Model, top: pg.Topology, at: int) -> list[int]:
 
 
 def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
-    """Return the bodies connected to `start`. Paths may end at the ground, 0, but not pass through
-    it.
-    """
+    """Return the bodies connected to `start`. Paths may end at the ground, 0, not cross it."""
     near: dict[int, list[int]] = {}
     for a, b in ties:
         near.setdefault(a, []).append(b)
@@ -196,9 +192,7 @@ def _together(ties: list[tuple[int, int]], start: int) -> set[int]:
 
 
 def _wide(body: pg.Body) -> tuple[Any, ...]:
-    """Return limits of half a turn or 1 m to either side of the initial position. Raises
-    Refusal.
-    """
+    """Return limits of half a turn or 1 m to either side of the start. Raises Refusal."""
     bounds, start = [], 0
     for m in body.sequence:
         reach = {"rotate": math.pi, "screw": math.pi, "translate": 1.0}.get(m.kind)

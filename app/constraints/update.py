@@ -212,9 +212,7 @@ def _with_body(state: State, part: Part, name: str, slot: str, body: str):
 
 
 def _made(state: S, client: int, picking: Picking, body: str, other: str) -> S:
-    """Create the new part between the picked bodies and open it, with one part for each of
-    `more`.
-    """
+    """Create the new part between the picked bodies and open it, one part for each of `more`."""
     made = ""
 
     def make():
@@ -312,9 +310,7 @@ def assemble(state: State, event: AssembleState) -> State:
 
 
 def assembled(model: pg.Model) -> Found:
-    """Project the initial state onto the constraints. Return the distance too. Raises
-    PgraphError.
-    """
+    """Project the initial state onto the constraints. Return the distance. Raises PgraphError."""
     mech = pg.Mechanism(model)
     q, v, found = mech.assemble()
     if not found.notable:

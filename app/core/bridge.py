@@ -135,9 +135,7 @@ class Bridge:
         return all(page not in pages or now - self._heard[page] > PATIENCE for page in late)
 
     def _push(self, client: viser.ClientHandle, topic: str, data: Any) -> None:
-        """Send on the client's own connection, to an inbox because our script may not have
-        arrived.
-        """
+        """Send on the client's own connection, to an inbox: our script may not have arrived."""
         message = json.dumps([topic, data], allow_nan=False)  # ASCII: safe inside a script
         source = f"(window.pgraphInbox ??= []).push({message}); window.pgraph?.drain();"
         client._websock_connection.queue_message(RunJavascriptMessage(source=source))

@@ -49,9 +49,7 @@ class Display:
         return {"angle": self.angle, "length": self.length}.get(quantity, "")
 
     def shown(self, value: float, quantity: Quantity) -> float:
-        """Convert an SI value to the page's unit, using the fewest digits that convert back to
-        it.
-        """
+        """Convert an SI value to the page's unit, in the fewest digits that convert back to it."""
         if quantity == "length" and self.length == "mm":
             return _shortest(value * 1000, value, quantity, self)
         if quantity == "angle" and self.angle == "deg":
@@ -78,9 +76,7 @@ class Refusal(ValueError):
 
 
 def number(text: str) -> float:
-    """Parse a typed number exactly: 1e-6 is 1e-6, 0.2/2 is 0.1. Raises Refusal with a valid
-    example.
-    """
+    """Parse a typed number exactly: 1e-6 is 1e-6, 0.2/2 is 0.1. Raises Refusal."""
     typed = text.strip()
     if not NUMBER.fullmatch(typed) and typed and ARITHMETIC.fullmatch(typed):
         return _calculated(typed)

@@ -152,9 +152,7 @@ def cookie_for(named: str) -> str:
 
 
 def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None:
-    """Return why a request is rejected: another site's page, a foreign host name, a missing
-    token.
-    """
+    """Return why a request is rejected: another site's page, a foreign host, no token."""
     try:
         named, origin = headers.get("Host", ""), headers.get("Origin")
         if host in LOOPBACK and urlsplit(f"//{named}").hostname not in LOOPBACK:

@@ -166,9 +166,7 @@ def on_edit(
 
 
 def update(state: S, event: Event) -> S:
-    """Return the state after `event` (pure). Invalid and stale events change nothing, except
-    notices.
-    """
+    """Return the state after `event` (pure). Invalid and stale events add notices alone."""
     event = as_now(state.renames, event)
     try:
         event = placed(state.rows, state.model, state.scenario, of_selection(state, event))

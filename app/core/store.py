@@ -92,9 +92,7 @@ class Queue:
             return event
 
     def more(self, event: Event) -> list[Event]:
-        """Return and remove consecutive events of the same kind and sender, if that kind
-        collapses.
-        """
+        """Return and remove consecutive events of one kind and sender, if that kind collapses."""
         found: list[Event] = []
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
@@ -173,9 +171,7 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """Apply an event, or several that are drawn as one. Exceptions are logged and the loop
-        continues.
-        """
+        """Apply an event, or several drawn as one. Exceptions are logged; the loop goes on."""
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state
@@ -207,9 +203,7 @@ class Store:
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
-        """Draw the views and return the seconds spent by each. A view that failed is retried next
-        time.
-        """
+        """Draw the views and return the seconds spent by each. A failed view is tried again."""
         spent = {}
         for view in views:
             began = time.perf_counter()

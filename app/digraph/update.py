@@ -35,8 +35,6 @@ def drop(state: State, event: Drop) -> tuple[pg.Model, str]:
 @on_page(walk="what")
 @dataclass(frozen=True)
 class StepThrough(FromPage):
-    """Show step by step how Pgraph is built (Fig. 4), or how frames are updated along it (Fig.
-    8).
-    """
+    """Show step by step how Pgraph is built (Fig. 4), or frames are updated along it (Fig. 8)."""
 
     what: Literal["", "pgraph", "frames"]

@@ -36,9 +36,7 @@ class DigraphView:
 
 
 def digraph(state: State) -> Payload:
-    """Return the positions, numbers and kinds of the nodes, the two vectors, and the
-    constraints.
-    """
+    """Return the positions, numbers and kinds of nodes, the two vectors, the constraints."""
     d = state.derived
     bodies = [state.model.body(name) for name in d.names]
     return {
@@ -73,9 +71,7 @@ def walk(state: State, what: str) -> Payload:
 
 
 def frame_update(state: State) -> Payload:
-    """Return the trace of Fig. 8 from the initial state to the displayed one, or for a sample
-    step.
-    """
+    """Return the trace of Fig. 8 from the initial state to the shown one, or a sample step."""
     start, end = home(state.model), shown_q(state)
     said = "from the initial pose to the one shown"
     if np.array_equal(start, end):
@@ -106,9 +102,7 @@ class Step(NamedTuple):
 
 
 def seven_steps(parent: Sequence[int], dof: Sequence[int]) -> list[Step]:
-    """Return the steps for bodies 1..n in depth-first numbers, starting at the ground if many
-    roots.
-    """
+    """Return the steps for bodies 1..n, depth-first, from the ground if there are many roots."""
     left: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k in range(len(parent), 0, -1):
         left[parent[k - 1]].append(k)  # the left child last, so that pop() takes it

@@ -200,9 +200,7 @@ class Motion:
         return 1 / PICTURES if chosen else live.request.step or USUAL_STEP
 
     def least(self, live: Live) -> float:
-        """Return the minimum part [s]: a step, or a frame if each part must detect contacts
-        anew.
-        """
+        """Return the minimum part [s]: a step, or a frame if each part must detect contacts."""
         return 1 / PICTURES if self._touches else self.step(live)
 
     def advanced(
@@ -307,9 +305,7 @@ class Motion:
         return J, pull_force(at, J @ v, np.asarray(pull.target), mass)
 
     def _follow(self, model: pg.Model) -> None:
-        """Switch to another model. Bodies of the same name keep their joint positions and
-        velocities.
-        """
+        """Switch to another model. Bodies of the same name keep their positions and velocities."""
         if model is self._model:
             return
         mech = pg.Mechanism(model)
@@ -333,9 +329,7 @@ class Seam:
         ] = {}  # just before the last part ended: perhaps no flight
 
     def sewn(self, part: pg.Result) -> pg.Result:
-        """Return `part` with contacts, accelerations and phases continued from the previous
-        part.
-        """
+        """Return `part` with contacts, accelerations and phases continued from the last part."""
         before = self._before
         if len(part.t) and part.contacts.force:
             record = part.contacts
@@ -347,9 +341,7 @@ class Seam:
         return part
 
     def _continued(self, was: ContactRecord, now: ContactRecord, t: np.ndarray) -> ContactRecord:
-        """Return phases and events without the foot changes that are artefacts of a part's
-        beginning.
-        """
+        """Return phases and events without the foot changes that a part's beginning makes."""
         phases, events = dict(now.phases), list(now.events)
         for name, phase in now.phases.items():
             known = str(was.phases[name][-1]) if name in was.phases else str(phase[0])

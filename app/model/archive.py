@@ -151,9 +151,7 @@ def _size(folder: Path) -> int:
 
 
 def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes], set[PurePosixPath]]:
-    """Return (unpacked bytes, models and meshes by name, other names). Large files are not
-    unpacked.
-    """
+    """Return (unpacked bytes, models and meshes by name, other names). Large files stay packed."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {PurePosixPath(item.filename): item for item in archive.infolist()}
         size = sum(item.file_size for item in files.values())
@@ -205,7 +203,5 @@ def _is_model(name: PurePosixPath) -> bool:
 
 
 def _is_mesh(name: PurePosixPath) -> bool:
-    """Return True for a mesh in the folder that `packed` uses, which exists only after
-    unpacking.
-    """
+    """Return True for a mesh in the folder of `packed`, which exists only after unpacking."""
     return name.parts[:-1] == (FOLDER,) and name.suffix.lower().lstrip(".") in FORMATS

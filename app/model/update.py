@@ -44,9 +44,7 @@ S = TypeVar("S", bound=State)
 
 @dataclass(frozen=True)
 class Edit(FromPage):
-    """Text was typed into a cell. `index` selects a vector or matrix entry, and is () for a
-    scalar.
-    """
+    """Text was typed into a cell. `index` selects an entry, and is () for a scalar."""
 
     serial: int
     body: Text
@@ -191,9 +189,7 @@ class OpenText(FromPage):
 
 @on(OpenText)
 def text_opened(state: State, event: OpenText) -> State:
-    """Open the model in a text. Long texts are read in an errand, so that other pages do not
-    wait.
-    """
+    """Open the model in a text. Long texts are read in an errand: other pages do not wait."""
     name, content = event.name, event.content
     foreign = Path(name).suffix.lower() in READERS
     if len(content) <= LONG and not foreign:
@@ -243,9 +239,7 @@ def archive_opened(state: State, event: OpenArchive) -> State:
 
 
 def _found_in_archive(member: str, content: bytes, _: Any) -> Found:
-    """Return the model in an archive, or its models if none is selected. Raises PgraphError,
-    Refusal.
-    """
+    """Return the model in an archive, or its models if none is selected. Raises Refusal."""
     try:
         return _small_enough(*unpacked(content, mesh_folder(), member))
     except Several as several:

@@ -103,9 +103,7 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 def _snapped(
     state: State, look: Look, k: int, ray: Ray, far: float, joints: bool
 ) -> tuple[np.ndarray, str, float] | None:
-    """Return the best snapping candidate on a body within the ray's slack, and its weighted
-    distance.
-    """
+    """Return the best snapping candidate on a body within the ray's slack, and its distance."""
     best: tuple[np.ndarray, str, float] | None = None
     size = state.derived.grain
     for point, what, weight in candidates(state, look, k, joints):
@@ -245,9 +243,7 @@ def _ellipsoid(half: np.ndarray, middle: np.ndarray, ray: Ray) -> Iterator[Hit]:
 def _frustum(
     low: tuple[float, float], high: tuple[float, float], ray: Ray
 ) -> Iterator[Hit]:  # fmt: skip
-    """Yield hits on a conical side between two (height, radius) pairs, with the cone axis as
-    direction.
-    """
+    """Yield hits on a conical side between two (height, radius) pairs, and the cone's axis."""
     (z0, r0), (z1, r1) = low, high
     if z1 - z0 < 1e-12:
         return
@@ -280,9 +276,7 @@ def _roots(a: float, b: float, c: float) -> list[float]:
 
 
 def _triangles(piece: Piece, ray: Ray) -> Iterator[Hit]:
-    """Intersect by Möller and Trumbore, *Fast, minimum storage ray/triangle intersection*
-    (1997).
-    """
+    """Intersect by Möller and Trumbore, *Fast, minimum storage ray/triangle intersection*."""
     solid = shapes.mesh((piece,))
     place, R = np.asarray(piece.position), piece.rotation
     corners = (np.asarray(solid.vertices) - place) @ R

@@ -76,9 +76,7 @@ def body(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[st
 
 
 def joint(array: str, size: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """Return a reader for a joint's columns in q, v or v'. The body's field `size` sets their
-    number.
-    """
+    """Return a reader for a joint's columns in q, v or v', as many as its field `size` says."""
 
     def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
         model, first = run.mechanism.model, 0

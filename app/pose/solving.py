@@ -187,9 +187,7 @@ def pose_at(state: State, q: np.ndarray) -> Pose:
 
 
 def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
-    """Return the q nearest to the given one that satisfies the constraints, with one coordinate
-    fixed.
-    """
+    """Return the q nearest to the given one that meets the constraints, one coordinate fixed."""
     if not state.kernels.ready:
         raise _cannot(body, "the fast code that closes loops is still being compiled")
     model, held = state.model, None

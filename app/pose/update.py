@@ -149,9 +149,7 @@ def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[fl
 
 
 def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
-    """Return `new` as a unit quaternion, snapped to a rotation from `old` by a multiple of
-    NOTCH.
-    """
+    """Return `new` as a unit quaternion, snapped to multiples of NOTCH away from `old`."""
     q, r = unit(old), unit(new)
     turn = matrix(r) @ matrix(q).T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
@@ -192,9 +190,7 @@ def body_dragged(state: State, event: DragBody) -> State:
 
 @dataclass(frozen=True)
 class Pull(FromPage):
-    """A pull of the mouse on `point` of a body, in body axes, towards `target` in world axes
-    [m].
-    """
+    """A pull of the mouse on `point` of a body, in body axes, towards `target` [m]."""
 
     body: Text
     point: Vector

@@ -112,9 +112,7 @@ def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Conten
 def edit_of(
     model: pg.Model, body: pg.Body, field: str, entries: Sequence[Entry], display: Display
 ) -> dict[str, Any]:
-    """Return the `model.edit` arguments that store typed text in a field's cells. Raises
-    Refusal.
-    """
+    """Return the `model.edit` arguments that store typed text in cells. Raises Refusal."""
     if field.startswith("shape_"):
         at, name = of_shape(field)
         if at > len(body.shapes) or (at == len(body.shapes) and name != "kind"):
@@ -209,9 +207,7 @@ def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any])
 def _between_its_ends(
     body: pg.Body, shape: pg.Shape, kept: dict[str, Any], change: dict[str, Any]
 ) -> dict[str, Any]:
-    """Extend `change` so that a capsule from joint to tip keeps its ends when its radius
-    changes.
-    """
+    """Extend `change` so that a capsule from joint to tip keeps its ends with another radius."""
     radius, length = change.get("radius"), kept.get("length")
     if shape.kind != "capsule" or not isinstance(radius, float) or not isinstance(length, float):
         return change
@@ -277,9 +273,7 @@ def _numbers(value: Sequence[Any], what: str) -> list[float]:
 
 
 def euler_of(q: Sequence[float]) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), pitch within
-    ±π/2.
-    """
+    """Return roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), |pitch| <= π/2."""
     R = matrix(q)
     level = math.hypot(R[2, 1], R[2, 2])
     # at 90 degrees of pitch roll and yaw turn about one line: all of it is yaw
@@ -301,9 +295,7 @@ def from_euler(angles: Sequence[float]) -> tuple[float, ...]:
 
 
 def axis_of(q: Sequence[float]) -> tuple[float, float, float, float]:
-    """Return the axis x, y, z and the angle from 0 to π [rad]. The axis is z if there is no
-    rotation.
-    """
+    """Return the axis x, y, z and the angle from 0 to π [rad]. Without rotation the axis is z."""
     w, x, y, z = unit(q)
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
@@ -328,9 +320,7 @@ def from_axis(value: Sequence[float]) -> tuple[float, ...]:
 def shifted(
     inertia: Content, mass: float, com: Sequence[float], sign: float
 ) -> tuple[tuple[float, ...], ...]:
-    """Shift an inertia from the centre of mass to the origin (+1) or back (-1) by Steiner's
-    theorem.
-    """
+    """Shift an inertia from the centre of mass to the origin (+1) or back (-1) (Steiner)."""
     c = np.asarray(com)
     new = np.asarray(inertia, float) + sign * mass * (c @ c * np.eye(3) - np.outer(c, c))
     return tuple(tuple(float(x) for x in row) for row in new)

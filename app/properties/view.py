@@ -277,9 +277,7 @@ class _Form:
                      help=shows("limits").help, columns=2)  # fmt: skip
 
     def follows(self, row: Payload) -> Payload:
-        """Return a mass row with a badge if it follows from the shapes, or else a button to derive
-        it.
-        """
+        """Return a mass row with a badge if it follows from the shapes, or a button for that."""
         name = row["field"]
         if name in self.body.derived:
             note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
@@ -377,9 +375,7 @@ def without_noise(rows: Any) -> Any:
 
 
 def physical(body: pg.Body) -> str:
-    """Describe the validity of an inertia: principal moments and distance from an impossible
-    one.
-    """
+    """Describe the validity of an inertia: principal moments, distance from an impossible one."""
     a, b, c = moments(body.inertia)
     if c == 0.0:
         return "a point mass: no inertia of its own"

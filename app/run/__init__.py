@@ -86,9 +86,7 @@ class Run:
 
     @cached_property
     def travels(self) -> np.ndarray:
-        """Return (3,) 1 for each axis along which the centre travels TRAVELS times `size`, else
-        0.
-        """
+        """Return (3,) 1 for each axis along which the centre travels TRAVELS times `size`, or 0."""
         pose = np.asarray(self.result.body_pose)
         if not pose.size:
             return np.zeros(3)
@@ -210,9 +208,7 @@ class State(state.State):
 
     @property
     def run(self) -> Run | None:
-        """The run to play: the live run's part at the current time, or the last run of this
-        model.
-        """
+        """The run to play: the live run's part at this time, or the last run of this model."""
         if self.live is not None:
             live = self.live
             part = live.part_at(self.playback.time) if live.parts else None
@@ -229,9 +225,7 @@ class State(state.State):
 
     @property
     def plotted(self) -> Run | None:
-        """The run used for plots: the one to play, or else that of the model before its last
-        edits.
-        """
+        """The run used for plots: the one to play, or that of the model before its last edits."""
         return self.run or self.earlier
 
     @property

@@ -52,9 +52,7 @@ def _change(run: pg.Result, foot: str, t: float, after: str, before: str) -> Cha
 
 
 def place(run: pg.Result, foot: str, t: float) -> Place | None:
-    """Return the position of a foot in the frame at or after t, or None unless it is a single
-    point.
-    """
+    """Return the position of a foot in the frame at or after t, None unless it is a point."""
     model = run.mechanism.model
     contact = next((c for c in model.contacts if c.name == foot), None)
     if contact is None or len(contact.points) != 1:

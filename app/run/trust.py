@@ -99,9 +99,7 @@ def percent(part: float) -> str:
 
 
 def felt(run: Run) -> str:
-    """Return the error estimate in lengths and angles, such as "about 3 mm, 0.2°" or "within 1
-    µm".
-    """
+    """Return the error estimate as lengths and angles, such as "about 3 mm, 0.2°"."""
     kinds = {motion.kind for body in run.model.bodies for motion in body.sequence}
     error = float(run.result.error_estimate)
     turns, slides = kinds - {"translate"}, kinds & {"translate", "free"}

@@ -95,16 +95,12 @@ def idle(state: State) -> bool:
 
 @dataclass(frozen=True)
 class Simulate(FromPage):
-    """Simulate the current model. `gait/update.py` handles this event because the model may
-    walk.
-    """
+    """Simulate the current model. `gait/update.py` handles it: the model may walk."""
 
 
 @dataclass(frozen=True)
 class Continue(FromPage):
-    """Continue from the end of the run for the same duration again. `gait/update.py` handles it
-    too.
-    """
+    """Continue from the end of the run for as long again. `gait/update.py` handles it too."""
 
 
 def asked(state: S, before: Any, gait: pg.Gait | None = None) -> S:
@@ -280,9 +276,7 @@ class Advanced(Event):
 
 @on_news("live", Advanced)
 def advanced(state: State, event: Advanced, live: Live) -> State:
-    """Append a part to the live run unless the run is over or the part is empty or has other
-    bodies.
-    """
+    """Append a part to the live run unless that is over or the part does not fit it."""
     part = event.part
     if live.over or tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state

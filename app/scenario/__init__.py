@@ -136,9 +136,7 @@ def _acting(
 
 
 def as_forces(model: pg.Model, s: pg.Scenario) -> pg.Model:
-    """Return the model with its forces replaced by a scenario's, for editing them in the same
-    way.
-    """
+    """Return the model with its forces replaced by a scenario's, for editing them alike."""
     formulas = tuple(f for f in model.formulas if f.part != "forces")
     return model.replace(forces=s.forces, scenarios=(), formulas=formulas)
 
@@ -316,9 +314,7 @@ def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> dic
 
 
 def _of_body(model: pg.Model, switched: str, active: bool, body: str, what: str) -> dict[str, Any]:
-    """Return the condition that a body "touches", "leaves", "passes" a value or "exceeds" a
-    force.
-    """
+    """Return the condition that a body "touches", "leaves", "passes" or "exceeds" a value."""
     contacts = [c.name for c in model.contacts if body in c.touches]
     places = coordinates({one.name: one for one in model.bodies})
     moves = [name for name, (of, _) in places.items() if of == body]

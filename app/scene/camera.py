@@ -131,9 +131,7 @@ def look(
 
 
 def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
-    """Return a viewpoint raised above the drawn ground, which would otherwise hide a lying
-    model.
-    """
+    """Return a viewpoint above the drawn ground, which would else hide a lying model."""
     normal = np.asarray(state.model.ground_normal)
     missing = CLEAR * state.derived.size - state.derived.low - seen.position @ normal
     if missing <= 0 or (seen.position - seen.target) @ normal < -1e-9:
@@ -162,9 +160,7 @@ def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:
 def holds(
     handle: viser.ClientHandle, state: State, page: Client, positions: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Return a mask (n,) of the positions (n, 3) in a page's picture, all False in vertical
-    views.
-    """
+    """Return a mask (n,) of positions (n, 3) in a page's picture, False in vertical views."""
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
@@ -234,9 +230,7 @@ def passed(state: State) -> np.ndarray:
 
 
 def extremes(at: np.ndarray) -> list[int]:
-    """Return the frames of positions (nt, nb, 3) at which any body reaches an extreme on an
-    axis.
-    """
+    """Return the frames of positions (nt, nb, 3) at which a body is extreme on an axis."""
     axes = np.moveaxis(at, -1, 0)
     return [int(k) for axis in axes for k in (axis.min(axis=1).argmin(), axis.max(axis=1).argmax())]
 

@@ -172,9 +172,7 @@ def points(state: State) -> Local:
 
 
 def ellipsoids(state: State) -> Placed:
-    """Return the equivalent ellipsoid for each body's mass and inertia, about its centre of
-    mass.
-    """
+    """Return the equivalent ellipsoid of each body's mass and inertia, about its mass centre."""
     owner, size, turned, at = [], [], [], []
     for k, name in enumerate(state.derived.names, 1):
         body = state.model.body(name)
@@ -400,9 +398,7 @@ def _friction(model: pg.Model, contact: pg.Contact) -> float:
 
 
 def scale(state: State) -> float:
-    """Return the arrow length per newton that makes the run's usual maximum half the model's
-    length.
-    """
+    """Return the arrow length per newton: the run's usual maximum is half the model's length."""
     if state.run is None:
         return 0.0
     largest = state.run.usual_force
@@ -419,9 +415,7 @@ def arrows(found: list[Push], per_newton: float) -> np.ndarray:
 
 
 def values(state: State, found: list[Push], selected: Collection[str]) -> list[list[Any]]:
-    """Return forces on selected bodies, else the largest, as [x, y, z of the head, text, part,
-    name].
-    """
+    """Return forces on selected bodies, or the largest, as [x, y, z of head, text, part, name]."""
     found = [push for push in found if push.force.any()]
     own = [push for push in found if not set(selected).isdisjoint(push.bodies)]
     found, most = (own, len(own)) if own else (found, MOST_VALUES)
@@ -436,9 +430,7 @@ def values(state: State, found: list[Push], selected: Collection[str]) -> list[l
 
 
 def cones(found: list[Push], per_newton: float, normal: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return apexes (n, 3) and sizes (n, 3) of friction cones along `normal` at ground contacts.
-    The arrow of a sticking force lies within its cone.
-    """
+    """Return apexes (n, 3) and sizes (n, 3) of the friction cones at ground contacts."""
     there = [push for push in found if push.friction and push.force @ normal > 0]
     tall = np.array([max(per_newton * float(push.force @ normal), 1e-9) for push in there])
     wide = 2 * tall * np.array([push.friction for push in there])

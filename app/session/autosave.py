@@ -52,9 +52,7 @@ class Session:
     ended: bool  # the server was stopped, not killed
 
     def kept(self, path: Path) -> Kept:
-        """Return the content shown on the page. Raises KeyError, TypeError, ValueError if not a
-        model.
-        """
+        """Return the content shown on the page. Raises KeyError, TypeError or ValueError."""
         name = json.loads(self.text)["name"]
         return Kept(path, self.given, path.stat().st_mtime, self.text, self.ended, str(name))
 
@@ -208,9 +206,7 @@ class Autosave:
         self._files[document] = path
 
     def _begin(self) -> None:
-        """Choose an id and lock it. Another process may remove the lock file before it is
-        locked.
-        """
+        """Choose an id and lock it. Another process may remove the lock file before that."""
         self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         while self._lock is None:
             self._id = secrets.token_hex(8)

@@ -116,9 +116,7 @@ def _written(value: Any) -> str:
 
 
 def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], list[list[str]]]:
-    """Return fields and units by column, from the headings if there are any, and the lines of
-    cells.
-    """
+    """Return fields and units by column, from headings if there are any, and lines of cells."""
     try:
         mark = _separator(text.strip("\r\n"))
         found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter=mark, strict=False))

@@ -259,9 +259,7 @@ def _label(bodies: tuple[str, ...]) -> str:
 
 
 def sized(model: pg.Model, n: int) -> pg.Model:
-    """Return `model` with n bodies, by extending a chain at the last one or removing the last
-    ones.
-    """
+    """Return `model` with n bodies, extending a chain at the last one or removing last ones."""
     if n < len(model.bodies):
         return model.remove([b.name for b in model.bodies[n:]])
     rows, names = list(model.bodies), set(model.row)
