@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -31,6 +31,13 @@ def named(path: str | Path, *suffixes: str) -> Path:
         text = f"give a name that ends in {' or '.join(suffixes)}"
         raise FileError(Problem(str(path), "", text))
     return Path(path)
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """Return a name, with primes if others have it."""
+    while name in taken:
+        name += "'"
+    return name
 
 
 @dataclass(frozen=True)

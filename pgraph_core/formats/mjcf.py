@@ -31,6 +31,7 @@ from .conversion import (
     suspect_meshes,
     suspect_units,
     unphysical,
+    unused,
 )
 from .mjcf_compiled import Compiled, Group
 from .mjcf_contacts import Contacts
@@ -319,9 +320,7 @@ class _Reader:
             name = self.m.body(b).name
             if name_problem(name) or name in found:
                 name = f"{name.strip()} {b}" if name.strip().isprintable() and name else f"body {b}"
-            while name in found:
-                name += "'"
-            found[name] = b
+            found[unused(name, found)] = b
         return [GROUND, *(name for name, b in found.items() if b)]
 
     # -- bodies ----------------------------------------------------------------------------------
@@ -358,9 +357,7 @@ class _Reader:
 
     def _between(self, name: str, k: int) -> str:
         """Return an unused name for a massless body inserted before body `name`."""
-        found = f"{name}/{k}"
-        while found in self.taken:
-            found += "'"
+        found = unused(f"{name}/{k}", self.taken)
         self.taken.add(found)
         return found
 

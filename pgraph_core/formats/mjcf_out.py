@@ -32,7 +32,7 @@ from ..model.output import OF_JOINT
 from ..packing.signals import varying
 from ..rotation import matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
-from .conversion import NO_LIMIT, Report, named, nearest_inertia, why_unphysical
+from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
 from .mjcf import INITIAL
 from .mjcf_compiled import GREY, MINVAL
 from .mjcf_parts import SENSORS, end_name
@@ -648,9 +648,7 @@ class _Writer:
                 self._state(
                     body, s.q.get(body.name, body.q), s.v.get(body.name, body.v), qpos, qvel
                 )
-            name = s.name
-            while name in taken:
-                name += "'"
+            name = unused(s.name, taken)
             taken.add(name)
             yield Tag("key", name=name, qpos=qpos, qvel=qvel)
 

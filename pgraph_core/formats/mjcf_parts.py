@@ -30,7 +30,7 @@ from ..model import (
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
 from ..tolerances import SOLVED
-from .conversion import NO_LIMIT, suspect_rings
+from .conversion import NO_LIMIT, suspect_rings, unused
 from .mjcf_compiled import MINVAL, Reading
 
 Array = np.ndarray
@@ -102,9 +102,7 @@ class Parts:
         found: list[Constraint] = []
         taken: set[str] = set()
         for e in range(self.m.neq):
-            name = self.m.equality(e).name or f"equality {e + 1}"
-            while name in taken:
-                name += "'"
+            name = unused(self.m.equality(e).name or f"equality {e + 1}", taken)
             taken.add(name)
             kind = int(self.m.eq_type[e])
             one = None
@@ -225,9 +223,7 @@ class Parts:
         """
         taken: set[str] = set()
         for one in self._forces():
-            name = one.name
-            while name in taken:
-                name += "'"
+            name = unused(one.name, taken)
             taken.add(name)
             if name != one.name:
                 text = f"is called {shown(name)} here: another force has its name"
@@ -558,8 +554,7 @@ class Parts:
                 continue
             name = f"site {s + 1}" if name_problem(name) else name
             name = f"{name} site" if name in taken or name == GROUND else name
-            while name in found or name in taken:
-                name += "'"
+            name = unused(name, {*found, *taken})
             b = int(m.site_bodyid[s])
             self.frames[s] = name
             found[name] = Site(
@@ -577,8 +572,7 @@ class Parts:
             word = kinds(int(m.sensor_type[k])).name.removeprefix("mjSENS_").lower()
             name = m.sensor(k).name
             name = f"{word} {k + 1}" if name_problem(name) else name
-            while name in found:
-                name += "'"
+            name = unused(name, found)
             why = "delayed" if k in m.set_in("sensor_delay") else ""
             why = why or "seen from another frame" * bool(m.sensor_refid[k] >= 0)
             if word not in SENSORS or why:
@@ -620,9 +614,7 @@ class Parts:
         if kind == BODIES and not np.any(point):
             return {"at": self.reader.names[b]}
         taken = {s.name for s in sites} | {*self.reader.names}
-        own = f"{name} frame"
-        while own in taken:
-            own += "'"
+        own = unused(f"{name} frame", taken)
         sites.append(
             Site(name=own, body=self.reader.names[b], point=tuple(point.tolist()), rotation=turn)
         )
@@ -634,9 +626,7 @@ class Parts:
         """Return each keyframe as a scenario with its initial state."""
         found: list[Scenario] = []
         for k in range(self.m.nkey):
-            name = self.m.key(k).name or f"key {k + 1}"
-            while name in {s.name for s in found}:
-                name += "'"
+            name = unused(self.m.key(k).name or f"key {k + 1}", {s.name for s in found})
             q, v, beyond = self._state(self.m.key_qpos[k], self.m.key_qvel[k])
             if beyond:
                 text = f"it starts beyond the limits of {', '.join(beyond)}, which hold it there"

@@ -18,7 +18,7 @@ from ..fields import GROUND
 from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
-from .conversion import NO_LIMIT, Report, named
+from .conversion import NO_LIMIT, Report, named, unused
 from .urdf import LOOPS, WORLD
 
 GREY = (0.5, 0.5, 0.5)  # colour of transparent shapes without a colour of their own
@@ -126,9 +126,7 @@ class _Writer:
         for body in self.model.bodies:
             part = self.motors.get(body.name) or self.gears.get(body.name)
             name = part.name if part else f"{body.name} joint"
-            while name in found.values():
-                name += "'"
-            found[body.name] = name
+            found[body.name] = unused(name, found.values())
         return found
 
     def text(self, bodies: Sequence[Body]) -> str:
