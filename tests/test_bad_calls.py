@@ -73,7 +73,7 @@ EDITS = [
     (lambda: TWO.edit("tie", active=False), "'tie'", 'kind="constraint"', 'kind="contact"'),
     (lambda: TWO.edit("drve", kp=1), "'drve'", "choose one of drive, "),
     (lambda: TWO.edit("drive", kind="contact", friction=1), "contact 'drive'", "tie, floor"),
-    (lambda: TWO.add({"name": "x"}), "Force, Scenario, Site or Output", "dict"),
+    (lambda: TWO.add({"name": "x"}), "Force, Scenario, Site, Output or Control", "dict"),
     (lambda: TWO.add(pg.Motor), "pg.Motor(name="),
     (lambda: TWO.add(pg.Motor(name="drive", body="arm")), "force 'drive', name"),
     (lambda: TWO.add(pg.Motor(name="x", body="arm"), after="tie"), "force 'tie'", "drive"),
