@@ -72,6 +72,27 @@ def slope_of(kind: Any, values: Sequence[Any], weights: Sequence[float]) -> Any:
     return None
 
 
+def are_on_lines(kind: Any, values: Sequence[Any]) -> bool:
+    """True if every number has values at 0, 1 and -2 that are on a line, to rounding.
+
+    The bound of 2 f(1) + f(-2) - 3 f(0) is 16 roundings of the largest value in its array.
+    """
+    if isinstance(kind, Group):
+        return all(
+            are_on_lines(own, [value[i] for value in values]) for i, own in enumerate(kind.members)
+        )
+    if not (isinstance(kind, ArrayKind) and kind.duals):
+        return True
+    words = [_words(value) for value in values]
+    if kind.dtype.names:
+        words = [x[:, _is_real(kind.dtype)] for x in words]
+    finite = np.isfinite(words[0])
+    at_0, at_1, at_2 = (x[finite] for x in words)
+    size = max(float(np.abs(x).max(initial=0.0)) for x in (at_0, at_1, at_2))
+    bent = np.abs(2.0 * at_1 + at_2 - 3.0 * at_0)
+    return float(bent.max(initial=0.0)) <= 16.0 * np.finfo(float).eps * size
+
+
 def laid_out(kind: Any, value: Any) -> list[int]:
     """The words in which kernels find a lifted tuple at an address."""
     if isinstance(kind, Group):
