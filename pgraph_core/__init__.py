@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from .errors import ModelError as ModelError
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
-    from .fitting import Fit as Fit
-    from .fitting import fit as fit
     from .forces import Bushing as Bushing
     from .forces import Lines as Lines
     from .forces import Strut as Strut
@@ -93,6 +91,10 @@ if TYPE_CHECKING:
     from .result import Result as Result
     from .result import Status as Status
     from .result.result import joined as joined
+    from .search.fit import Fit as Fit
+    from .search.fit import fit as fit
+    from .search.optimise import Optimum as Optimum
+    from .search.optimise import optimise as optimise
     from .simulation import simulate as simulate
     from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
@@ -119,7 +121,8 @@ _MODULES = {
     "analysis.feedback": "Feedback lqr place_poles",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
-    "fitting": "Fit fit",
+    "search.fit": "Fit fit",
+    "search.optimise": "Optimum optimise",
     "formats": "load",
     "forces": "Bushing Lines Strut",
     "formats.mjcf": "read_mjcf",

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
+from ..curves import Table
 from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, shown
 from ..forces import OnJoint
@@ -79,16 +80,7 @@ class Path:
     """
 
     def __init__(self, model: Model, given: str | Sequence[Any], call: str = "sweep"):
-        words = given if isinstance(given, (tuple, list)) else [given]
-        self.text, self._call = ".".join(map(str, words)), call
-        self.given = given
-        self.group, self.name, self.inside = self._split(model, given)
-        if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
-            self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
-        word, holder = "", None
-        value = self.owner(model)
-        for word in self.inside:
-            holder, value = value, self._entry(value, word)
+        holder, word, value = self._find(model, given, call)
         if _listed(value) and len(value) == 1 and not _listed(value[0]):
             self.inside, value = (*self.inside, 0), value[0]  # a list of one number
         if value is None and _takes_number(holder, word):
@@ -99,6 +91,33 @@ class Path:
             hint = f"; name one of its numbers, as in {self.text}.0" if _listed(value) else ""
             raise self._refused(f"{kind}{hint}")
         self.present = float(value)
+
+    def _find(self, model: Model, given: Any, call: str) -> tuple[Any, str | int, Any]:
+        """Return what is at the end of the path, with its holder and its name there."""
+        words = given if isinstance(given, (tuple, list)) else [given]
+        self.text, self._call = ".".join(map(str, words)), call
+        self.given = given
+        self.group, self.name, self.inside = self._split(model, given)
+        if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
+            self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
+        word, holder = "", None
+        value = self.owner(model)
+        for word in self.inside:
+            holder, value = value, self._entry(value, word)
+        return holder, word, value
+
+    @classmethod
+    def each(cls, model: Model, given: Any, call: str) -> list[Path]:
+        """Return the paths of all numbers at a path: one number, a list, or a table over time."""
+        whole = cls.__new__(cls)
+        _, _, value = whole._find(model, given, call)
+        table = isinstance(value, Table)
+        numbers = value.value if table else value
+        if not table and (not _listed(value) or len(value) < 2 or any(map(_listed, value))):
+            return [cls(model, given, call)]
+        inside = (*whole.inside, *("value",) * table)
+        first = (whole.group, whole.name) if whole.group in KINDS else ()
+        return [cls(model, (*first, *inside, i), call) for i in range(len(numbers))]
 
     def leads_to(self, other: Path) -> bool:
         """True if another path leads to the same number."""

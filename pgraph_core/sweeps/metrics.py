@@ -16,14 +16,16 @@ from ..result import Result
 from ..result.columns import meant, no_column
 
 Array = np.ndarray
-WAYS: dict[str, Callable[[Array], float]] = {
-    "final": lambda x: x[-1],
-    "max": np.max,
-    "min": np.min,
-    "mean": np.mean,
-    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
-    "peak": lambda x: np.max(np.abs(x)),
-    "range": np.ptp,
+SETTLED = 0.02  # of its way from start to end within which a curve has settled, as on the page
+WAYS: dict[str, Callable[[Array, Array], Any]] = {  # of times and values
+    "final": lambda t, x: x[-1],
+    "max": lambda t, x: np.max(x),
+    "min": lambda t, x: np.min(x),
+    "mean": lambda t, x: np.mean(x),
+    "rms": lambda t, x: np.sqrt(np.mean(np.square(x))),
+    "peak": lambda t, x: np.max(np.abs(x)),
+    "range": lambda t, x: np.ptp(x),
+    "settle": lambda t, x: _settling_time(t, x),
 }
 OF_RUN: dict[str, Callable[[Result], float]] = {
     "energy_drift": lambda run: run.energy_drift,
@@ -124,7 +126,19 @@ def measured(run: Result, metric: Metric | str) -> float:
     if metric in OF_RUN:
         return float(OF_RUN[metric](run))
     way, what = words(metric)
-    return float(WAYS[way](column_of(run, what)))
+    return float(WAYS[way](run.t, column_of(run, what)))
+
+
+def _settling_time(t: Array, x: Array) -> float:
+    """Return the time after which a curve stays near its last value, between frames too [s]."""
+    band = SETTLED * abs(x[-1] - x[0])
+    away = np.abs(x - x[-1]) - band
+    outside = np.flatnonzero(away > 0.0)
+    if not len(outside):
+        return 0.0
+    i = outside[-1]
+    share = away[i] / (away[i] - away[i + 1]) if away[i] > away[i + 1] else 1.0
+    return float(t[i] + share * (t[i + 1] - t[i]) - t[0])
 
 
 def _name(metric: Any) -> str:

@@ -103,7 +103,8 @@ class Together:
                 values[:, m] = self.constants[metric]
                 continue
             way, k = WAYS[words(metric)[0]], places.index(place)
-            values[:, m] = [way(found[:, i, k]) for i in range(len(points))]
+            t = float(self.options["step"]) * self.frames[-len(found) :]
+            values[:, m] = [way(t, found[:, i, k]) for i in range(len(points))]
         return values, batch.ok
 
     def _last(self, batch: BatchStepper, places: list[int]) -> Array:

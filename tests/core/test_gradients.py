@@ -291,3 +291,93 @@ def test_what_cannot_be_fitted_is_refused(change, free):
     data = {k: x for k, x in (measured(0) | {"v.lower": None} | change).items() if x is not None}
     with pytest.raises(pg.InputError):
         pg.fit(described("double_pendulum"), data, free, **FIT)
+
+
+def outliers(seed):
+    data = measured(seed)
+    wrong = np.random.default_rng(seed).choice(len(TIMES), 15, replace=False)
+    for name in ("upper", "v.lower"):
+        data[name] = data[name].copy()
+        data[name][wrong] += 0.5
+    return data
+
+
+def test_robust_losses_bear_outliers_without_a_given_noise():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    for loss in ("soft_l1", "huber", "cauchy"):
+        apart = []
+        for seed in range(3):
+            found = pg.fit(start, outliers(seed), FREE, loss=loss, **FIT)
+            assert found.converged
+            assert found.noise["upper"] == pytest.approx(1e-3, rel=0.5)
+            apart += [
+                abs(found.values[path] - true) / found.errors[path]
+                for path, true in zip(FREE, (1.3, 1.0))
+            ]
+        assert max(apart) < 4.0
+
+
+def test_several_cases_share_the_model_and_have_their_own_starts():
+    true = described("double_pendulum").edit("lower", mass=1.3)
+    rng = np.random.default_rng(0)
+    cases, starts = {}, {"slow": 0.3, "fast": 1.5}
+    for name, angle in starts.items():
+        run = pg.simulate(true, {"upper": angle}, t_eval=TIMES, t_end=1.5, estimate=False, **FIT)
+        noisy = run["upper"] + 1e-3 * rng.normal(size=len(TIMES))
+        cases[name] = ({"t": TIMES, "upper": noisy}, {"q": {"upper": angle + 0.05}})
+    free = {"bodies.lower.mass": (0.1, 5.0), "q.upper@slow": (-1.0, 1.0), "q.upper@fast": (1, 2)}
+    found = pg.fit(described("double_pendulum"), cases, free, **FIT)
+    assert found.converged
+    assert {*found.runs} == {*cases}
+    assert {*found.residuals} == {"upper@slow", "upper@fast"}
+    for (path, value), expected in zip(found.values.items(), (1.3, 0.3, 1.5)):
+        assert abs(value - expected) < 4.0 * found.errors[path]
+    one = pg.fit(true, {"slow": cases["slow"]}, {"bodies.lower.mass": (0.1, 5.0)}, **FIT)
+    assert one.errors["bodies.lower.mass"] > found.errors["bodies.lower.mass"]
+    for change in ({"q.upper@fats": (0, 1)}, {"q.lower@slow": (-1, 1)}, {"mass@slow": (0, 1)}):
+        with pytest.raises(pg.InputError):
+            pg.fit(described("double_pendulum"), cases, free | change, **FIT)
+
+
+@pytest.mark.parametrize("how", [False, KeyboardInterrupt])
+def test_a_fit_that_is_stopped_returns_its_best(how):
+    told = []
+
+    def progress(values, run):
+        told.append(values)
+        if len(told) == 3:
+            if how is KeyboardInterrupt:
+                raise KeyboardInterrupt
+            return False
+
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    found = pg.fit(start, measured(0), FREE, progress=progress, **FIT)
+    assert not found.converged
+    assert found.values in told
+
+
+def test_a_fit_passes_by_invalid_models():
+    """Differences of what is packed leave the valid inertias near the bound."""
+    rod = pg.Body(
+        name="rod", joint="revolute", axes=[(0, 1, 0)], mass=1.0, com=(0, 0, -0.4), q=[1.0],
+        inertia=np.diag([0.03, 0.05, 0.03]), damping=0.01,
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod], gravity=(0, 0, -9.81))
+    run = pg.simulate(model.edit("rod", inertia=np.diag([0.04, 0.07, 0.04])), t_eval=TIMES,
+                      t_end=1.5, estimate=False, **FIT)  # fmt: skip
+    free = {"bodies.rod.inertia.1.1": (0.03, 0.0599), "bodies.rod.damping": (0.0, 1.0)}
+    found = pg.fit(model, {"t": TIMES, "rod": run["rod"]}, free, **FIT)
+    assert "at its bound" in found.message
+    assert found.model.body("rod").inertia[1][1] == pytest.approx(0.0599, rel=1e-3)
+
+
+@pytest.mark.nightly
+def test_errors_cover_the_truth_in_95_of_100_noise_seeds():
+    start = described("double_pendulum").edit("lower", mass=0.9).edit("upper", q=[0.8])
+    covered = dict.fromkeys(FREE, 0)
+    for seed in range(100):
+        found = pg.fit(start, measured(seed), FREE, **FIT)
+        for path, true in zip(FREE, (1.3, 1.0)):
+            covered[path] += abs(found.values[path] - true) < 2.0 * found.errors[path]
+    # 95.4 are expected of a normal variable: fewer than 90 come by chance in 1 of 100 cases
+    assert min(covered.values()) >= 90, covered

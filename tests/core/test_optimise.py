@@ -1,0 +1,246 @@
+"""Optimal designs against closed forms, and what a search tells of its limits."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+from ..worlds import built_in
+
+OPTIONS: dict[str, Any] = {"t_end": 1.0, "method": "rk4", "step": 5e-3, "frames": 51}
+
+
+def oscillator(mass=2.0, stiffness=40.0, damping=0.0):
+    """A block on a spring that starts at rest, 0.5 m from where the spring pushes nothing."""
+    spring = pg.Spring(name="s", body="block", other="ground", stiffness=stiffness, rest=0.0)
+    block = pg.Body(
+        name="block", joint="prismatic", axes=[(1, 0, 0)], mass=mass, q=[0.5], damping=damping
+    )
+    return pg.Model(bodies=[block], forces=[spring], gravity=(0, 0, 0))
+
+
+def pushed(knots=5):
+    """A block of 1 kg that a force over time pushes from rest."""
+    block = pg.Body(name="block", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    table = pg.Table(t=np.linspace(0.0, 1.0, knots), value=np.zeros(knots))
+    push = pg.Motor(name="push", body="block", torque=table)
+    return pg.Model(bodies=[block], gravity=(0, 0, 0), forces=[push])
+
+
+def effort(run):
+    return np.array(run.mechanism.model.part("push", "force").torque.value)
+
+
+STIFFNESS = {"forces.s.stiffness": (20.0, 60.0)}
+
+
+@pytest.mark.parametrize("solver", ["SLSQP", "trust-constr", "L-BFGS-B"])
+def test_a_stiffness_brings_the_block_back_fastest(solver):
+    """The block is farthest on the other side at t = 1 where its half period is 1 s."""
+    model = oscillator(stiffness=25.0)
+    found = pg.optimise(model, "final block", {"forces.s.stiffness": (10.0, 30.0)}, solver=solver,
+                        **OPTIONS)  # fmt: skip
+    assert found.converged
+    assert found.values["forces.s.stiffness"] == pytest.approx(2.0 * math.pi**2, rel=1e-4)
+    assert found.objective == pytest.approx(-0.5, rel=1e-6)
+
+
+def test_what_shall_be_largest_has_a_minus():
+    found = pg.optimise(oscillator(), "-final block", {"forces.s.stiffness": (20.0, 100.0)},
+                        **OPTIONS)  # fmt: skip
+    assert found.values["forces.s.stiffness"] == pytest.approx(8.0 * math.pi**2, rel=1e-4)
+
+
+def test_squares_are_made_least():
+    """Two unknown numbers follow from a curve."""
+    aim = pg.simulate(oscillator(stiffness=30.0, damping=1.0), estimate=False, **OPTIONS)
+    free = STIFFNESS | {"bodies.block.damping": (0.0, 5.0)}
+    found = pg.optimise(
+        oscillator(damping=0.2), lambda run: run["block"] - aim["block"], free, **OPTIONS
+    )
+    assert found.converged
+    assert [*found.values.values()] == pytest.approx([30.0, 1.0], rel=1e-6)
+
+
+@pytest.mark.parametrize("knots", [3, 9])
+def test_a_push_over_time_is_the_known_least_effort(knots):
+    """From rest to rest over 1 m in 1 s: of linear forces, 6 (1 - 2 t) has the least ∫F²."""
+
+    def squared(run):
+        f = effort(run)  # ∫ of a squared line between knots
+        return np.sum(f[1:] ** 2 + f[1:] * f[:-1] + f[:-1] ** 2) / (3.0 * (len(f) - 1))
+
+    found = pg.optimise(
+        pushed(knots), squared, {"forces.push.torque": (-20.0, 20.0)},
+        subject_to={"final block": (1.0, 1.0), "final v.block": (0.0, 0.0)}, **OPTIONS,
+    )  # fmt: skip
+    assert found.converged
+    t = np.linspace(0.0, 1.0, knots)
+    assert [*found.values.values()] == pytest.approx((6.0 * (1.0 - 2.0 * t)).tolist(), abs=2e-3)
+    assert found.objective == pytest.approx(12.0, rel=1e-5)
+    assert len(found.active) == 2
+
+
+def test_limits_and_bounds_that_act_are_named():
+    found = pg.optimise(
+        oscillator(),
+        lambda run: getattr(run.mechanism.model.part("s", "force"), "stiffness"),  # noqa: B009
+        STIFFNESS,
+        subject_to={"peak v.block": (2.0, None)}, **OPTIONS,
+    )  # fmt: skip
+    # the highest speed is 0.5 sqrt(k / m)
+    assert found.values["forces.s.stiffness"] == pytest.approx(32.0, rel=1e-3)
+    assert ["peak v.block" in text for text in found.active] == [True]
+    low = pg.optimise(oscillator(), "peak v.block", STIFFNESS, **OPTIONS)
+    assert low.values["forces.s.stiffness"] == 20.0
+    assert ["forces.s.stiffness" in text for text in low.active] == [True]
+
+
+def test_gradients_of_goals_are_those_of_differences():
+    model = built_in("four_bar").model
+    path = "bodies.coupler.link.0"
+    goals = ("peak v.left crank", "final energy", "rms constraint_force.pin.x", "settle coupler")
+    run = pg.simulate(model, wrt=[path], estimate=False, **OPTIONS)
+    from pgraph_core.sweeps.metrics import measured
+
+    for goal in goals:
+        if "pin" in goal and "pin" not in run.constraint_force:
+            goal = f"rms constraint_force.{next(iter(run.constraint_force))}.x"
+        exact = run.gradient(lambda run, goal=goal: measured(run, goal))[path]
+        h, beside = 1e-5, []
+        for side in (-1, 1):
+            link = np.array(model.body("coupler").link) + side * h * np.eye(3)[0]
+            q = pg.Mechanism(model).home()[0]
+            other = pg.simulate(model.edit("coupler", link=link), q, estimate=False, **OPTIONS)
+            beside.append(measured(other, goal))
+        assert exact == pytest.approx((beside[1] - beside[0]) / (2 * h), rel=2e-3, abs=1e-7)
+
+
+def test_an_invalid_model_on_the_way_shortens_the_step():
+    """Bounds of single numbers do not say that principal inertias obey a triangle inequality."""
+    rod = pg.Body(
+        name="rod", joint="revolute", axes=[(0, 1, 0)], mass=1.0, com=(0, 0, -0.4), q=[1.0],
+        inertia=np.diag([0.03, 0.05, 0.03]),
+    )  # fmt: skip
+    model = pg.Model(bodies=[rod], gravity=(0, 0, -9.81))
+    free = {"bodies.rod.inertia.1.1": (0.001, 0.059), "bodies.rod.inertia.0.0": (0.021, 0.07)}
+
+    def goal(run):
+        inertia = np.array(run.mechanism.model.body("rod").inertia)
+        return [run["rod"][-1] - 0.2, 3.0 * (inertia[0, 0] - 0.02)]
+
+    found = pg.optimise(model, goal, free, **OPTIONS)
+    assert found.objective < sum(np.square(goal(pg.simulate(model, estimate=False, **OPTIONS))))
+    failures = [trial for trial in found.history if trial.failed]
+    if failures:
+        assert any(name in failures[-1].failed for name in free)
+        assert any(name in found.message for name in free)
+
+
+def test_a_file_keeps_the_history_and_a_search_goes_on_from_it(tmp_path):
+    file = tmp_path / "search.jsonl"
+    given = {"history": file, **OPTIONS}
+    first = pg.optimise(oscillator(stiffness=25.0), "final block", STIFFNESS, most=2, **given)
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [one["values"] for one in lines] == [trial.values for trial in first.history]
+    then = pg.optimise(oscillator(stiffness=50.0), "final block", STIFFNESS, **given)
+    assert then.history[0].values == first.values
+    again = pg.optimise(oscillator(), "final block", STIFFNESS, history=then, **OPTIONS)
+    assert again.objective <= then.objective + 1e-12
+    with pytest.raises(pg.InputError):
+        pg.optimise(oscillator(), "final block", {"bodies.block.mass": (1, 3)}, **given)
+
+
+def test_starts_are_all_searched():
+    """The goal has two minima within the bounds: half a period and one and a half."""
+    free = {"forces.s.stiffness": (10.0, 220.0)}
+    model = oscillator(stiffness=190.0, damping=0.3)
+    one = pg.optimise(model, "final block", free, **OPTIONS)
+    several = pg.optimise(model, "final block", free, starts=4, **OPTIONS)
+    assert len(several.endings) == 4
+    assert several.objective == min(end.objective for end in several.endings)
+    assert several.objective < one.objective
+    assert several.values["forces.s.stiffness"] == pytest.approx(2.0 * math.pi**2, rel=0.02)
+    given = [{"forces.s.stiffness": 15.0}, {"forces.s.stiffness": 200.0}]
+    assert len(pg.optimise(model, "final block", free, starts=given, **OPTIONS).endings) == 2
+
+
+@pytest.mark.parametrize("how", [False, KeyboardInterrupt])
+def test_a_search_that_is_stopped_returns_its_best(how):
+    told = []
+
+    def progress(trial, run):
+        told.append(trial)
+        assert run.status.ok
+        if len(told) == 3:
+            if how is KeyboardInterrupt:
+                raise KeyboardInterrupt
+            return False
+
+    free = {"forces.s.stiffness": (10.0, 30.0)}
+    found = pg.optimise(oscillator(stiffness=25.0), "final block", free, progress=progress,
+                        **OPTIONS)  # fmt: skip
+    assert len(told) == len(found.history) == 3
+    assert not found.converged
+    assert found.objective == min(trial.objective for trial in told)
+
+
+def test_a_search_with_few_iterations_says_so():
+    found = pg.optimise(oscillator(stiffness=25.0), "final block", STIFFNESS, most=1, **OPTIONS)
+    assert not found.converged
+    assert "most" in found.message
+
+
+def test_limits_that_no_number_can_keep_are_said():
+    found = pg.optimise(oscillator(), "final block", STIFFNESS,
+                        subject_to={"peak v.block": (5.0, None)}, **OPTIONS)  # fmt: skip
+    assert not found.converged
+    assert "constraints" in found.message
+
+
+@pytest.mark.parametrize(
+    ("goal", "free", "more"),
+    [
+        ("finl block", STIFFNESS, {}),
+        ("final blok", STIFFNESS, {}),
+        (3.0, STIFFNESS, {}),
+        (lambda run: math.nan, STIFFNESS, {}),
+        (lambda run: "far", STIFFNESS, {}),
+        ("final block", {}, {}),
+        ("final block", {"forces.s.stifness": (1, 2)}, {}),
+        ("final block", {"forces.s.stiffness": (50, 60)}, {}),
+        ("final block", {"forces.s.stiffness": (60, 20)}, {}),
+        ("final block", {"bodies.block.mass": (-1.0, 5.0)}, {}),
+        ("final block", {"bodies.block.tip": (-1.0, 1.0)}, {}),
+        ("final block", STIFFNESS, {"solver": "newton"}),
+        ("final block", STIFFNESS, {"solver": "least_squares"}),
+        ("final block", STIFFNESS, {"solver": "L-BFGS-B", "subject_to": {"peak block": (0, 1)}}),
+        ("final block", STIFFNESS, {"subject_to": {"peak block": 3}}),
+        ("final block", STIFFNESS, {"subject_to": {"peak block": (2, 1)}}),
+        ("final block", STIFFNESS, {"subject_to": {"peak block": (None, None)}}),
+        ("final block", STIFFNESS, {"starts": 0}),
+        ("final block", {"forces.s.stiffness": None}, {"starts": 3}),
+        ("final block", STIFFNESS, {"starts": [{"mass": 1.0}]}),
+        ("final block", STIFFNESS, {"wrt": ["q.block"]}),
+        ("final block", STIFFNESS, {"tol": 0.0}),
+        ("final block", STIFFNESS, {"differences": 2.0}),
+        ("final block", STIFFNESS, {"history": 3}),
+    ],
+)
+def test_what_cannot_be_optimised_is_refused(goal, free, more):
+    with pytest.raises(pg.InputError):
+        pg.optimise(oscillator(), goal, free, **OPTIONS | more)
+
+
+def test_runs_without_derivatives_need_differences():
+    torque: dict[str, Any] = {"tau": lambda t, q, v: 0.0 * v}
+    with pytest.raises(pg.InputError) as refused:
+        pg.optimise(oscillator(), "final block", STIFFNESS, **OPTIONS | torque)
+    assert "differences" in str(refused.value)
+    found = pg.optimise(oscillator(stiffness=25.0), "final block", {"forces.s.stiffness": (10, 30)},
+                        differences=1e-4, **OPTIONS | torque)  # fmt: skip
+    assert found.values["forces.s.stiffness"] == pytest.approx(2.0 * math.pi**2, rel=1e-3)
