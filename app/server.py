@@ -26,6 +26,7 @@ from .model.update import recovered
 from .model.worker import Errands
 from .report.worker import Analyst
 from .run.worker import Compiler, Simulator
+from .search.worker import Searcher
 from .session.autosave import Autosave, left_behind
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT
@@ -59,7 +60,7 @@ class Server:
         bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
-        workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
+        workers = (Simulator, LiveRunner, Analyst, Searcher, Files, Reports, Errands)
         work = [worker(self.send) for worker in workers]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake

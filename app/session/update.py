@@ -88,7 +88,7 @@ def disconnected(state: State, event: Disconnected) -> State:
 class Sees(FromPage):
     """A view that works only while visible came into sight on a page, or went out of sight."""
 
-    view: Literal["joints", "constraints", "reports", "scenario", "events"]
+    view: Literal["joints", "constraints", "reports", "scenario", "events", "search"]
     on: bool
 
 

@@ -16,7 +16,10 @@ from .chromium import LEAST, LOOKS, SMALL
 from .conftest import LIMIT, SIZE, opened, until
 from .on_page import ask, choose_body, frames, row, simulate, typed
 
-TABS = ("Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Matrices", "Events", "Compare")
+TABS = (
+    "Bodies", "Connections", "Scenarios", "Plots", "Accuracy", "Search", "Matrices", "Events",
+    "Compare",
+)  # fmt: skip
 ASKED = ("new", "open", "save")  # of the menu of the model
 
 

@@ -1,0 +1,77 @@
+"""Searches on the page: fits to measured curves, optimal designs, and which number matters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import pgraph_core as pg
+
+from .. import run
+from ..core.state import Client as Client
+from ..core.state import Names as Names
+from ..run import Request
+
+Curves = Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]  # {name: (times, values)}
+
+
+@dataclass(frozen=True)
+class Free:
+    """A number of the model that a search may change, with its bounds."""
+
+    path: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a search is asked."""
+
+    kind: str = "fit"  # or "optimise" or "matters"
+    file: str = ""  # name of the file with measured curves
+    data: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # its columns, with "t"
+    match: Mapping[str, str] = field(default_factory=dict)  # {column: signal, or ""}
+    free: tuple[Free, ...] = ()
+    way: str = "peak"  # of the goal: a metric of `pg.sweep`
+    signal: str = ""
+    limits: tuple[tuple[str, str, float | None, float | None], ...] = ()  # (way, signal, low, high)
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search in progress."""
+
+    id: int
+    asked: Asked
+    model: pg.Model
+    request: Request
+    trials: int = 0
+    said: str = ""
+    curves: Curves = field(default_factory=dict)  # of the run that was tried last
+    cancelled: bool = False
+
+
+@dataclass(frozen=True)
+class Found:
+    """The result of a search of a model."""
+
+    asked: Asked
+    model: pg.Model
+    title: str
+    rows: tuple[tuple[str, float, float, float], ...]  # path, before, found, its error or share
+    notes: tuple[str, ...]
+    curves: Curves = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class State(run.State):
+    searching: Asked = field(default_factory=Asked)
+    search: Search | None = None
+    search_problem: str = ""  # why the last one found nothing
+    found: Found | None = None
+
+    def opened(self, before: Any) -> Self:
+        state = super().opened(before)
+        return replace(state, searching=Asked(), search=None, search_problem="", found=None)

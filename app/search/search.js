@@ -1,0 +1,143 @@
+// Searches: fits to measured curves, optimal numbers, and which number matters.
+(() => {
+  const { make, button, cells, send } = pgraph;
+  const KINDS = [["fit", "Fit to data"], ["optimise", "Optimise"], ["matters", "What matters"]];
+  const LARGEST = 20e6; // [bytes]
+  const asked = () => pgraph.latest.search;
+  const signals = () => [["", "not used"], ...asked().signals.map((name) => [name, name])];
+  const ways = () => asked().ways.map((name) => [name, name]);
+  const few = (x) => (x === null || x === "" ? "" : String(Number(Number(x).toPrecision(5))));
+
+  function build(host) {
+    const kinds = make("div", { className: "bar kinds", role: "group" }, ...KINDS.map(([kind, text]) => Object.assign(button(`kind-${kind}`, text, "", () => send("AskSearch", { kind })), { pgraphKind: kind })));
+    const file = make("input", { type: "file", accept: ".csv,text/csv", hidden: true, onchange: () => { read(file.files[0]); file.value = ""; } });
+    const way = cells.choice(ways, (serial, text) => send("SetGoal", { serial, field: "way", text }), { label: "way of the goal" });
+    const signal = cells.choice(signals, (serial, text) => send("SetGoal", { serial, field: "signal", text }), { label: "curve of the goal" });
+    const filter = make("input", { type: "text", className: "cell filter", placeholder: "Find a number", "aria-label": "find a number", oninput: () => draw(host, asked()) });
+    host.pgraphCells = { way, signal, filter };
+    kinds.append(make("span", { className: "spring" }), make("progress", { className: "busy" }), make("span", { className: "said muted" }),
+      button("cancel-search", "Stop", "Stop, and keep the best numbers", () => send("CancelSearch", {})), button("start-search primary", "Search", "Search in the background", () => send("StartSearch", {})));
+    host.replaceChildren(kinds, make("div", { className: "problem sentence", role: "alert", hidden: true }), make("div", { className: "search-body" },
+      make("div", {},
+        make("div", { className: "of-data" }, make("div", { className: "bar" }, button("choose-data", "Choose a CSV…", "Columns t and signals, or drop the file here", () => file.click()), file, make("span", { className: "muted file" })),
+          make("div", { className: "columns" })),
+        make("div", { className: "bar of-goal" }, make("span", { className: "muted goal-word", textContent: "Least" }), way, signal),
+        make("div", { className: "of-limits" }, make("div", { className: "limits" }),
+          button("add-limit", "Add a limit", "Bounds that the run keeps", () => { host.pgraphAdds = true; draw(host, asked()); })),
+        make("div", { className: "bar" }, make("span", { className: "muted", textContent: "Free numbers" }), filter),
+        make("div", { className: "numbers" })),
+      make("div", {}, make("div", { className: "search-curves" }), make("div", { className: "search-result" }))));
+    host.addEventListener("dragover", (event) => event.preventDefault());
+    host.addEventListener("drop", (event) => {
+      const dropped = event.dataTransfer?.files[0];
+      if (!dropped || !/\.csv$/i.test(dropped.name)) return;
+      event.preventDefault();
+      event.stopPropagation();
+      document.querySelector(".pgraph-drop")?.remove();
+      read(dropped);
+    });
+    pgraph.inSight(host, "search");
+  }
+
+  async function read(file) {
+    if (!file) return;
+    if (file.size > LARGEST) { pgraph.toast(`${file.name} was not opened: it has ${(file.size / 1e6).toFixed(1)} MB; data have at most ${LARGEST / 1e6} MB.`); return; }
+    send("OpenData", { name: file.name, content: await file.text() });
+  }
+
+  // A column of the data and the signal that it measures.
+  function column({ name }) {
+    const cell = cells.choice(signals, (serial, text) => send("MatchColumn", { serial, column: name, text }), { label: `signal of ${name}` });
+    return Object.assign(make("div", { className: "bar" }, make("span", { className: "name", textContent: name }), cell), { pgraphCell: cell });
+  }
+
+  function number({ name }) {
+    const tick = make("input", { type: "checkbox", "aria-label": `${name} is free`, onchange: () => send("FreeNumber", { path: name, on: tick.checked }) });
+    const bound = (end) => cells.input((serial, text) => send("BoundNumber", { serial, path: name, end, text }), { label: `${end} bound of ${name}`, numeric: true });
+    const parts = { tick, low: bound("low"), high: bound("high"), value: make("span", { className: "value" }) };
+    return Object.assign(make("div", { className: "number" }, make("label", {}, tick, make("span", { className: "name", textContent: name })), parts.value, parts.low, parts.high), { parts });
+  }
+  function fillNumber(el, one) {
+    const { tick, low, high, value } = el.parts;
+    tick.checked = one.free;
+    value.textContent = few(one.value);
+    for (const [cell, bound] of [[low, one.low], [high, one.high]]) {
+      cell.hidden = !one.free || asked().kind === "matters";
+      cells.set(cell, bound);
+    }
+  }
+
+  function limit({ number }) {
+    const set = (field) => (serial, text) => send("SetLimit", { serial, row: number, field, text });
+    const parts = {
+      way: cells.choice(ways, set("way"), { label: "way of the limit" }), signal: cells.choice(signals, set("signal"), { label: "curve of the limit" }),
+      low: cells.input(set("low"), { label: "lower limit", numeric: true }), high: cells.input(set("high"), { label: "upper limit", numeric: true }),
+    };
+    return Object.assign(make("div", { className: "number" }, make("span", { className: "bar" }, parts.way, parts.signal), parts.low, parts.high), { parts });
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    const { way, signal, filter } = host.pgraphCells;
+    for (const one of host.querySelectorAll(".kinds button")) one.setAttribute("aria-pressed", one.pgraphKind === data.kind);
+    $(".of-data").hidden = data.kind !== "fit";
+    $(".of-goal").hidden = data.kind === "fit";
+    $(".of-limits").hidden = data.kind !== "optimise";
+    way.hidden = data.kind === "matters";
+    $(".goal-word").textContent = data.kind === "matters" ? "Curve" : "Least";
+    $(".file").textContent = data.file || "with columns t and signals";
+    cells.choose(way, data.way);
+    cells.choose(signal, data.signal);
+    pgraph.keyed($(".columns"), data.columns.map(([name, of]) => ({ name, of })), column, (el, { of }) => cells.choose(el.pgraphCell, of));
+    const limits = data.limits.map((given, number) => ({ name: `limit ${number}`, number, given }));
+    if (host.pgraphAdds && limits.length === (host.pgraphCount ?? limits.length)) limits.push({ name: `limit ${limits.length}`, number: limits.length, given: ["peak", "", null, null] });
+    else host.pgraphAdds = false;
+    host.pgraphCount = data.limits.length;
+    pgraph.keyed($(".limits"), limits, limit, (el, { given: [how, of, low, high] }) => {
+      cells.choose(el.parts.way, how);
+      cells.choose(el.parts.signal, of);
+      cells.set(el.parts.low, low ?? "");
+      cells.set(el.parts.high, high ?? "");
+    });
+    const word = filter.value.trim().toLowerCase();
+    pgraph.keyed($(".numbers"), data.numbers.filter((one) => one.free || one.name.toLowerCase().includes(word)), number, fillNumber);
+    $(".start-search").disabled = data.job !== null;
+    $(".cancel-search").hidden = $(".busy").hidden = data.job === null;
+    $(".said").textContent = data.job ? `${data.job.trials} runs${data.job.said ? `, ${data.job.said}` : ""}` : "";
+    $(".problem").hidden = !data.problem;
+    $(".problem").textContent = data.problem;
+    $(".search-curves").replaceChildren(...data.curves.map(curve));
+    $(".search-result").replaceChildren(...(data.found && !data.job ? [result(data.found)] : []));
+  }
+
+  // The data as dots, and the curve of the run that was tried last.
+  function curve({ name, t, y, data }) {
+    const WIDTH = 320, HEIGHT = 120, all = [...y, ...data.y];
+    const low = Math.min(...all), range = Math.max(...all) - low || 1, first = Math.min(t[0], ...data.t), span = Math.max(t.at(-1), ...data.t) - first || 1;
+    const at = (x, value) => `${(WIDTH * (x - first) / span).toFixed(1)},${(HEIGHT - 4 - (HEIGHT - 8) * (value - low) / range).toFixed(1)}`;
+    const svg = (tag, facts) => { const el = document.createElementNS("http://www.w3.org/2000/svg", tag); for (const [key, value] of Object.entries(facts)) el.setAttribute(key, value); return el; };
+    const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${name}: the run${data.t.length ? " and the data" : ""}` });
+    const dots = data.t.map((x, i) => `M${at(x, data.y[i])}h0`).join("");
+    picture.append(svg("path", { d: dots, class: "dots" }), svg("polyline", { points: t.map((x, i) => at(x, y[i])).join(" "), class: "line" }));
+    return make("figure", {}, make("figcaption", { textContent: name }), picture);
+  }
+
+  function result({ kind, title, stale, rows, notes }) {
+    const line = (tag, words) => make("tr", {}, ...words.map((textContent) => make(tag, { textContent })));
+    const bars = kind === "matters";
+    const bar = (share) => make("td", { className: "share" }, make("span", { style: `width:${Math.max(1, 100 * share)}%` }));
+    const body = rows.map(({ name, before, found, more, share }) => {
+      const row = bars ? line("td", [name, few(more)]) : line("td", [name, few(before), few(found), ...(kind === "fit" ? [more === null ? "not determined" : `± ${Number(more.toPrecision(2))}`] : [])]);
+      if (bars) row.append(bar(share));
+      return row;
+    });
+    return make("div", { className: "outcome" },
+      make("div", { className: "bar" }, make("strong", { className: "title", textContent: title }), make("span", { className: "spring" }),
+        ...(bars ? [] : [button("use-found", "Use these numbers", "Put them into the model; Undo takes them back", () => send("UseFound", {}))])),
+      ...(stale ? [make("div", { className: "sentence", textContent: stale })] : []),
+      make("table", { className: "rows" }, make("thead", {}, line("th", bars ? ["number", "moves it by", ""] : ["number", "before", "found", ...(kind === "fit" ? ["error"] : [])])), make("tbody", {}, ...body)),
+      make("ul", { className: "notes muted" }, ...notes.map((textContent) => make("li", { textContent }))));
+  }
+
+  pgraph.view("search", { build, search: draw });
+})();

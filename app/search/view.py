@@ -1,0 +1,90 @@
+"""The tab of searches: what is asked, the numbers that are free, progress and result."""
+
+from __future__ import annotations
+
+import math
+
+from pgraph_core.sweeps.metrics import WAYS
+
+from ..core.bridge import Bridge
+from ..core.views import Host, Payload, Place, watching
+from . import Curves, Found, State
+from .known import numbers_of, signals_of
+
+PARTS = ("searching", "search", "search_problem", "found")
+DRAWN = 300  # points of a drawn curve
+
+
+class SearchView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        parts = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
+        changed = parts or new.derived is not old.derived
+        clients = watching(old, new, "search", changed)
+        payload = searches(new) if clients else {}
+        for client in clients:
+            self._bridge.send(client, "search", payload)
+
+
+def searches(state: State) -> Payload:
+    """Return the content of the tab."""
+    asked, now, found = state.searching, state.search, state.found
+    present = numbers_of(state.model)
+    curves = now.curves if now is not None else found.curves if found is not None else {}
+    free = {one.path: one for one in asked.free}
+    return {
+        "kind": asked.kind,
+        "file": asked.file,
+        "columns": [[name, signal] for name, signal in asked.match.items()],
+        "signals": list(signals_of(state.model)),
+        "ways": list(WAYS),
+        "way": asked.way,
+        "signal": asked.signal,
+        "limits": [list(limit) for limit in asked.limits],
+        "numbers": [
+            {"name": path, "value": value, "free": path in free,
+             "low": free[path].low if path in free else "",
+             "high": free[path].high if path in free else ""}
+            for path, value in present.items()
+        ],
+        "job": None if now is None else {"trials": now.trials, "said": now.said},
+        "problem": state.search_problem,
+        "curves": drawn(state, curves),
+        "found": None if found is None else result(found, found.model is state.model),
+    }  # fmt: skip
+
+
+def drawn(state: State, curves: Curves) -> list[Payload]:
+    """Return the curves of the last run with the data that they are to follow."""
+    asked = state.searching
+    source = {signal: column for column, signal in asked.match.items() if signal}
+    shown = []
+    for name, (t, y) in curves.items():
+        data: Payload = {"t": [], "y": []}
+        if asked.kind == "fit" and name in source:
+            step = -(-len(asked.data["t"]) // DRAWN)
+            data = {"t": asked.data["t"][::step], "y": asked.data[source[name]][::step]}
+        shown.append({"name": name, "t": t, "y": y, "data": data})
+    return shown
+
+
+def result(found: Found, current: bool) -> Payload:
+    """Return the numbers that were found, or the shares of a ranking."""
+    most = max((row[3] for row in found.rows if math.isfinite(row[3])), default=0.0)
+    return {
+        "kind": found.asked.kind,
+        "title": found.title,
+        "stale": "" if current else "Found before the model was changed.",
+        "rows": [
+            {"name": path, "before": before, "found": x,
+             "more": more if math.isfinite(more) else None,
+             "share": more / most if most and math.isfinite(more) else 0.0}
+            for path, before, x, more in found.rows
+        ],
+        "notes": list(found.notes),
+    }  # fmt: skip
+
+
+VIEWS = (Place(lambda desk: SearchView(desk.bridge), 55, Host("search", "drawer", "Search")),)

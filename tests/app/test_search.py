@@ -1,0 +1,141 @@
+"""Searches on the page: fits, optimal numbers and what matters, by the thread that does them."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_app.search import worker
+from pgraph_app.search.view import searches
+
+from .store import LIMIT, ME, after, begun, do
+
+T = np.linspace(0.0, 1.5, 76)
+
+
+def pendulum(**fields):
+    rod = {"mass": 1.0, "com": (0, 0, -0.4), "damping": 0.05, "q": [1.2]} | fields
+    body = pg.Body(name="rod", axes=[(0, 1, 0)], inertia=np.diag([0.03, 0.03, 0.001]), **rod)
+    return pg.Model(bodies=[body], gravity=(0, 0, -9.81))
+
+
+def curves():
+    """A measurement of the angle as text of a .csv file."""
+    run = pg.simulate(pendulum(), t_eval=T, t_end=1.5, estimate=False)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(T))
+    lines = [f"{t:.6g},{x:.6g}" for t, x in zip(T, run["rod"] + noise)]
+    return "\n".join(["t [s],angle", *lines])
+
+
+def searched(state):
+    """Return the state after its search, and all that the thread sent."""
+    heard, done = [], threading.Event()
+
+    def send(event):
+        heard.append(event)
+        if not isinstance(event, do.Tried):
+            done.set()
+
+    state = after(state, do.StartSearch(ME))
+    assert state.search is not None, state.search_problem
+    worker.Searcher(send).render(state, state)
+    assert done.wait(LIMIT)
+    return after(state, *heard), heard
+
+
+def test_a_fit_finds_the_damping_and_is_undone():
+    state = begun(pendulum(damping=0.2, q=[1.0]))
+    state = after(state, do.OpenData(ME, "swing.csv", curves()))
+    assert state.searching.match == {"angle": ""}
+    state = after(state, do.MatchColumn(ME, 1, "angle", "rod"))
+    for path in ("bodies.rod.damping.0", "bodies.rod.damping", "q.rod"):
+        state = after(state, do.FreeNumber(ME, path, True))
+    assert len(state.searching.free) == 2
+    state, heard = searched(state)
+    assert [one for one in heard if isinstance(one, do.Tried) and one.curves]
+    sent = searches(state)["found"]
+    values = {row["name"]: row["found"] for row in sent["rows"]}
+    damping = next(x for name, x in values.items() if "damping" in name)
+    assert damping == pytest.approx(0.05, rel=0.1)
+    assert values["q.rod"] == pytest.approx(1.2, abs=0.01)
+    assert searches(state)["curves"][0]["data"]["t"]
+    used = after(state, do.UseFound(ME))
+    assert used.model.body("rod").q[0] == pytest.approx(1.2, abs=0.01)
+    assert len(used.undo) == len(state.undo) + 1
+    assert searches(used)["found"]["stale"]
+    assert after(used, do.Undo(ME)).model == state.model
+
+
+def test_the_least_of_a_goal_keeps_its_limits():
+    state = begun(pendulum())
+    for event in (
+        do.AskSearch(ME, "optimise"), do.SetGoal(ME, 1, "way", "peak"),
+        do.SetGoal(ME, 2, "signal", "v.rod"), do.FreeNumber(ME, "q.rod", True),
+        do.SetLimit(ME, 3, 0, "signal", "rod"), do.SetLimit(ME, 4, 0, "way", "max"),
+        do.SetLimit(ME, 5, 0, "low", "0.5"),
+    ):  # fmt: skip
+        state = after(state, event)
+    assert state.searching.limits == (("max", "rod", 0.5, None),)
+    state, _ = searched(state)
+    (row,) = searches(state)["found"]["rows"]
+    assert row["found"] == pytest.approx(0.5, abs=1e-3)
+    assert searches(state)["found"]["notes"]
+
+
+def test_numbers_are_ranked_by_how_far_they_move_a_curve():
+    state = begun(pendulum(damping=0.001))
+    state = after(state, do.AskSearch(ME, "matters"), do.SetGoal(ME, 1, "signal", "rod"))
+    names = [one["name"] for one in searches(state)["numbers"] if "gravity" not in one["name"]]
+    for name in names:
+        state = after(state, do.FreeNumber(ME, name, True))
+    state, _ = searched(state)
+    rows = searches(state)["found"]["rows"]
+    assert [row["share"] for row in rows] == sorted((r["share"] for r in rows), reverse=True)
+    place = {row["name"]: k for k, row in enumerate(rows)}
+    damping = next(name for name in place if "damping" in name)
+    assert place["q.rod"] < place[damping]
+
+
+def test_a_search_is_cancelled_with_its_best():
+    state = begun(pendulum(damping=0.2))
+    state = after(
+        state, do.OpenData(ME, "swing.csv", curves()), do.MatchColumn(ME, 1, "angle", "rod"),
+        do.FreeNumber(ME, "q.rod", True), do.StartSearch(ME),
+    )  # fmt: skip
+    heard, done = [], threading.Event()
+    searcher = worker.Searcher(lambda event: (heard.append(event), done.set()))
+    cancelled = after(state, do.CancelSearch(ME))
+    searcher.render(state, cancelled)
+    assert done.wait(LIMIT)
+    while not isinstance(heard[-1], (do.FoundNumbers, do.FoundNothing)):
+        done.clear()
+        assert done.wait(LIMIT)
+    assert after(cancelled, *heard).search is None
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        (),
+        (do.FreeNumber(ME, "q.rod", True),),
+        (do.AskSearch(ME, "optimise"), do.FreeNumber(ME, "q.rod", True)),
+        (do.OpenData(ME, "x.csv", "t,angle\n0,1\n1,what"),),
+        (do.OpenData(ME, "x.csv", "angle\n0\n1"),),
+        (do.OpenData(ME, "x.csv", "t,angle\n0,1\n1"),),
+        (do.OpenData(ME, "x.csv", ""),),
+    ],
+)
+def test_what_is_missing_is_said(events):
+    state = after(begun(pendulum()), *events, do.StartSearch(ME))
+    assert state.search is None
+    assert state.search_problem
+
+
+def test_bounds_stay_in_order():
+    state = after(begun(pendulum()), do.FreeNumber(ME, "q.rod", True))
+    state = after(state, do.BoundNumber(ME, 7, "q.rod", "low", "5"))
+    assert state.clients[ME].reply.text
+    state = after(state, do.BoundNumber(ME, 8, "q.rod", "low", "-2"))
+    assert state.searching.free[0].low == -2.0
+    assert not state.clients[ME].reply.text

@@ -1,0 +1,25 @@
+"""The tab of searches in a browser: data, free numbers, the result and its use."""
+
+from typing import Any
+
+from .conftest import opened, until
+from .on_page import chosen
+from .test_search import curves, pendulum
+
+
+def test_data_are_dropped_matched_fitted_and_used(page: Any, served: Any, compiled: Any):
+    opened(page, served, pendulum(damping=0.2, q=[1.0]))
+    page.evaluate("pgraph.front('Search')")
+    page.locator("[data-view=search] input[type=file]").set_input_files(
+        {"name": "swing.csv", "mimeType": "text/csv", "buffer": curves().encode()}
+    )
+    chosen(page.get_by_label("signal of angle", exact=True), "rod")
+    for path in ("bodies.rod.damping", "q.rod"):
+        page.get_by_label(f"{path} is free", exact=True).check()
+    page.locator("button.start-search").click()
+    page.locator(".search-result button.use-found").wait_for()
+    assert page.locator(".search-curves svg .line").count() == 1
+    before = len(served.store.state.undo)
+    page.locator(".search-result button.use-found").click()
+    until(lambda: len(served.store.state.undo) == before + 1, "the numbers in the model")
+    assert abs(served.store.state.model.body("rod").q[0] - 1.2) < 0.01
