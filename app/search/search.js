@@ -6,6 +6,7 @@
   const asked = () => pgraph.latest.search;
   const signals = () => [["", "not used"], ...asked().signals.map((name) => [name, name])];
   const ways = () => asked().ways.map((name) => [name, name]);
+  const short = (path) => path.replace(/^(bodies|forces)\./, "");
   const few = (x) => (x === null || x === "" ? "" : String(Number(Number(x).toPrecision(5))));
 
   function build(host) {
@@ -55,7 +56,7 @@
     const tick = make("input", { type: "checkbox", "aria-label": `${name} is free`, onchange: () => send("FreeNumber", { path: name, on: tick.checked }) });
     const bound = (end) => cells.input((serial, text) => send("BoundNumber", { serial, path: name, end, text }), { label: `${end} bound of ${name}`, numeric: true });
     const parts = { tick, low: bound("low"), high: bound("high"), value: make("span", { className: "value" }) };
-    return Object.assign(make("div", { className: "number" }, make("label", {}, tick, make("span", { className: "name", textContent: name })), parts.value, parts.low, parts.high), { parts });
+    return Object.assign(make("div", { className: "number" }, make("label", {}, tick, make("span", { className: "name", title: name, textContent: short(name) })), parts.value, parts.low, parts.high), { parts });
   }
   function fillNumber(el, one) {
     const { tick, low, high, value } = el.parts;
@@ -127,7 +128,7 @@
     const bars = kind === "matters";
     const bar = (share) => make("td", { className: "share" }, make("span", { style: `width:${Math.max(1, 100 * share)}%` }));
     const body = rows.map(({ name, before, found, more, share }) => {
-      const row = bars ? line("td", [name, few(more)]) : line("td", [name, few(before), few(found), ...(kind === "fit" ? [more === null ? "not determined" : `± ${Number(more.toPrecision(2))}`] : [])]);
+      const row = bars ? line("td", [short(name), few(more)]) : line("td", [short(name), few(before), few(found), ...(kind === "fit" ? [more === null ? "not determined" : `± ${Number(more.toPrecision(2))}`] : [])]);
       if (bars) row.append(bar(share));
       return row;
     });

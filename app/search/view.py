@@ -30,7 +30,8 @@ class SearchView:
 
 def searches(state: State) -> Payload:
     """Return the content of the tab."""
-    asked, now, found = state.searching, state.search, state.found
+    asked, now = state.searching, state.search
+    found = state.found if state.found and state.found.asked.kind == asked.kind else None
     present = numbers_of(state.model)
     curves = now.curves if now is not None else found.curves if found is not None else {}
     free = {one.path: one for one in asked.free}
