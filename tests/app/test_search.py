@@ -104,7 +104,12 @@ def test_a_search_is_cancelled_with_its_best():
         do.FreeNumber(ME, "q.rod", True), do.StartSearch(ME),
     )  # fmt: skip
     heard, done = [], threading.Event()
-    searcher = worker.Searcher(lambda event: (heard.append(event), done.set()))
+
+    def send(event):
+        heard.append(event)
+        done.set()
+
+    searcher = worker.Searcher(send)
     cancelled = after(state, do.CancelSearch(ME))
     searcher.render(state, cancelled)
     assert done.wait(LIMIT)
