@@ -147,7 +147,11 @@ def optimise(
 
     Examples
     --------
-    >>> found = pg.optimise(model, "peak v.knee", {"bodies.shin.mass": (1, 3)}, t_end=1.0)
+    >>> model = pg.Model.serial(2)
+    >>> free = {"bodies.2.mass": (0.5, 2.0)}
+    >>> found = pg.optimise(model, "peak v.1", free, t_end=0.5, method="rk4", step=0.01)
+    >>> found.converged
+    True
     """
     base = described("optimise", model)
     given = options if scenario is None else {"scenario": scenario, **options}
