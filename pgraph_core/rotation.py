@@ -73,6 +73,11 @@ def normals_of(axis: Array) -> tuple[Array, Array]:
     return first, np.cross(axis, first)
 
 
+def frame_of(axis: Array) -> Array:
+    """Return a rotation (3, 3) that maps z to a unit axis."""
+    return np.column_stack((*normals_of(axis), axis))
+
+
 def quaternion_of(R: Array) -> Quaternion:
     """Return the quaternion for a (3, 3) rotation matrix, with its largest component positive."""
     a, b, c = R[0, 0], R[1, 1], R[2, 2]

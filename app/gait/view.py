@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from pgraph_core.result.records import PHASES, SWING
+from pgraph_core.rotation import frame_of
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
@@ -125,7 +126,7 @@ def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
 
 def discs(state: State, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the orientations (n, 4) and sizes (n, 3) [m] of flat discs on the ground."""
-    turned = shapes.to_wxyz(shapes.z_to(np.asarray(state.model.ground_normal))[None])
+    turned = shapes.to_wxyz(frame_of(np.asarray(state.model.ground_normal))[None])
     size = state.derived.size * np.array([WIDE, WIDE, THICK])
     return np.repeat(turned, count, 0), np.tile(size, (count, 1))
 

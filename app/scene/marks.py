@@ -12,6 +12,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints
+from pgraph_core.rotation import frame_of
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
@@ -290,7 +291,7 @@ def _between(
     between = np.array(ends).reshape(-1, 2, 3)
     a, b = between.transpose(1, 0, 2)
     length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)
-    turns = [shapes.z_to(way) if long > 1e-9 else np.eye(3)
+    turns = [frame_of(way) if long > 1e-9 else np.eye(3)
              for way, long in zip((b - a) / length[:, None], length)]  # fmt: skip
     size = np.stack((np.full(len(a), wide), np.full(len(a), wide), length), axis=1)
     return Joining(between, (a + b) / 2, shapes.to_wxyz(np.array(turns).reshape(-1, 3, 3)), size)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import viser
 
+from pgraph_core.rotation import frame_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import SEPARATE
 
@@ -78,7 +79,7 @@ class Overlays:
         self._arrows("forces", arrows.astype(np.float32), state.derived.size, FORCE)
         normal = np.asarray(state.model.ground_normal)
         at, size = marks.cones(found if "cones" in wanted else [], metres, normal)
-        turned = shapes.to_wxyz(shapes.z_to(normal)[None])
+        turned = shapes.to_wxyz(frame_of(normal)[None])
         self._batch(
             "cones", shapes.cone, at - gone, np.repeat(turned, len(at), 0), size, CONE, 0.25
         )

@@ -30,7 +30,7 @@ from ..model import (
 from ..model.files import gathered, write_atomic
 from ..model.output import OF_JOINT
 from ..packing.signals import varying
-from ..rotation import matrix, multiply, quaternion_of, unit
+from ..rotation import frame_of, matrix, multiply, quaternion_of, unit
 from ..tolerances import ROUNDING, SOLVED
 from .conversion import NO_LIMIT, Report, named, nearest_inertia, unused, why_unphysical
 from .mjcf import INITIAL
@@ -135,7 +135,7 @@ class _Writer:
             self.children.setdefault(body.parent, []).append(body)
         world = Tag("worldbody")
         if self.floor:
-            turn = quaternion_of(_z_to(np.array(m.ground_normal)))
+            turn = quaternion_of(frame_of(np.array(m.ground_normal)))
             plane = Tag("geom", name="ground", type="plane", size=(0.0, 0.0, 1.0), quat=turn)
             law = self.of_ground or (0.0, 0.0, 0.0)
             world.add(plane.set(friction=law, condim=_condim(law)))
@@ -744,11 +744,3 @@ def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
 def _condim(law: tuple[float, float, float]) -> str:
     sliding, spinning, rolling = law
     return "6" if rolling else "4" if spinning else "3" if sliding else "1"
-
-
-def _z_to(normal: np.ndarray) -> np.ndarray:
-    """Return a (3, 3) rotation that maps z to this direction."""
-    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = np.cross(least, normal)
-    x /= np.linalg.norm(x)
-    return np.stack((x, np.cross(normal, x), normal), axis=1)

@@ -29,7 +29,7 @@ from ..fields import GROUND, name_problem
 from ..markup import Element, Source, read_markup, reason_of
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
-from ..rotation import Quaternion, matrix, multiply, normals_of, quaternion_of
+from ..rotation import Quaternion, frame_of, matrix, multiply, normals_of, quaternion_of
 from .conversion import (
     Folders,
     MeshSize,
@@ -546,7 +546,7 @@ class _Reader:
         if not 1e-9 < np.linalg.norm(normal) < 1e9:
             raise self.source.wrong(solid, "normal", "must not be zero", what)
         normal /= np.linalg.norm(normal)
-        turn = multiply(rotation, quaternion_of(np.column_stack((*normals_of(normal), normal))))
+        turn = multiply(rotation, quaternion_of(frame_of(normal)))
         text = "a plane, which URDF does not have, is a box 1 m thick and 100 m wide"
         self.report.add("approximated", where, text, part=name)
         below = np.array(position) - matrix(turn)[:, 2] / 2

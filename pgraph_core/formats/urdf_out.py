@@ -17,7 +17,7 @@ from ..errors import FileError, ModelError, Problem, explained
 from ..fields import GROUND
 from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
-from ..rotation import quaternion_of, rotate, unit
+from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
 from .conversion import NO_LIMIT, Report, named, unused
 from .urdf import LOOPS, WORLD
 
@@ -255,7 +255,9 @@ class _Writer:
         ends = placed(self.model, c)
         turn, other_turn = np.eye(3), np.eye(3)
         if ends.axis is not None and ends.other_axis is not None:
-            turn, other_turn = _x_to(ends.axis), _x_to(ends.other_axis)
+            turn, other_turn = (
+                np.roll(frame_of(unit_vector(x)), 1, axis=1) for x in (ends.axis, ends.other_axis)
+            )  # maps x to the axis
         one = Tag("loop_joint", name=c.name, type=TYPE_OF_LOOP[c.kind])
         for side, link, point, R in (
             ("link1", c.body, ends.point, turn),
@@ -361,12 +363,3 @@ def rpy_of(rotation: Sequence[float]) -> tuple[float, float, float]:
 def _turned(angle: float) -> float:
     """Wrap an angle to the range -π to π."""
     return math.remainder(angle, 2 * math.pi)
-
-
-def _x_to(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation matrix (3, 3) that maps the x axis to this direction."""
-    x = axis / np.linalg.norm(axis)
-    least = np.eye(3)[int(np.argmin(np.abs(x)))]
-    y = np.cross(least, x)
-    y /= np.linalg.norm(y)
-    return np.stack((x, y, np.cross(x, y)), axis=1)

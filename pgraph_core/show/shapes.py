@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import PgraphError, needed
 from ..mesh_files import load_mesh
+from ..rotation import frame_of
 
 Color = tuple[int, int, int]
 # of the trunk and of one branch after the other; the style of the light theme has the same
@@ -98,7 +99,7 @@ def _rod(end: np.ndarray, radius: float) -> Piece:
     length = float(np.linalg.norm(end))
     width = min(2 * radius, length)
     x, y, z = (float(c) / 2 for c in end)
-    return Piece("capsule", (width, width, length), (x, y, z), z_to(end / length))
+    return Piece("capsule", (width, width, length), (x, y, z), frame_of(end / length))
 
 
 def _own(shape: Any) -> Piece:
@@ -337,14 +338,6 @@ def _tinted(paint: Color) -> Color:
 
 
 COATS = tuple(map(_tinted, PAINTS))
-
-
-def z_to(direction: np.ndarray) -> np.ndarray:
-    """Return a rotation that maps z to the unit vector `direction`."""
-    a = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    x = np.cross(a, direction)
-    x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(direction, x), direction))
 
 
 def to_matrix(wxyz: np.ndarray) -> np.ndarray:
