@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
@@ -131,6 +132,19 @@ def keep_unchanged(arrays: Iterable[Any]) -> None:
     for array in arrays:
         if isinstance(array, np.ndarray):
             array.flags.writeable = False
+
+
+def jsonable(value: Any) -> Any:
+    """Convert nested values to plain ones for JSON, with None for numbers that are not finite."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [jsonable(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
 
 
 # -- equality of values that hold arrays ---------------------------------------------------------

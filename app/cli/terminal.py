@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -17,6 +16,7 @@ import pgraph_models
 from pgraph_core.errors import FileError, InputError, Problem, choices, plain
 from pgraph_core.markup import content_of, reason_of
 from pgraph_core.model.files import mesh_folder
+from pgraph_core.portable import jsonable
 from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
@@ -220,19 +220,7 @@ def print_problems(problems: Iterable[Problem], as_json: bool) -> None:
 
 def to_json(data: Any) -> str:
     """Serialise to JSON text, with arrays as lists and non-finite numbers as null."""
-    return json.dumps(_plain(data), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+    return json.dumps(jsonable(data), allow_nan=False)
 
 
 def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:

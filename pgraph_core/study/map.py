@@ -17,13 +17,12 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model.files import write_atomic
 from ..packing import Array, row_of_velocity
-from ..portable import Portable
+from ..portable import Portable, jsonable
 from ..result import Result, Status
 from ..tolerances import NAMED
 from .measures import TRUST, joint_errors
 from .page import Key, Section, Square, escape, heat_map, page, table
 from .reference import KnownMotion
-from .report import plain
 
 NAN = float("nan")
 WRONG = 1  # rad, or of the length, or of the energies: from there on the motion is another one
@@ -435,7 +434,7 @@ class StabilityMap(Portable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, with None for numbers that are not finite."""
-        return plain(vars(self) | {"cells": [asdict(cell) for cell in self.cells]})
+        return jsonable(vars(self) | {"cells": [asdict(cell) for cell in self.cells]})
 
     def to_json(self) -> str:
         """One JSON object."""

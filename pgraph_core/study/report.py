@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem, counted, explained, refusal
 from ..model.files import write_atomic
-from ..portable import Portable
+from ..portable import Portable, jsonable
 from ..tolerances import NOTABLE
 from .measures import Errors, Spread
 from .page import (
@@ -435,7 +435,7 @@ class Study(Portable):
 
     def to_json(self) -> str:
         """Serialise the fields as a JSON object, with null for numbers that are not finite."""
-        return json.dumps(plain(self.to_dict()), allow_nan=False)
+        return json.dumps(jsonable(self.to_dict()), allow_nan=False)
 
     def save(self, path: str | Path, /) -> None:
         """Save the report to a file.
@@ -468,17 +468,6 @@ def seconds_at(rows: tuple[Row, ...], error: float) -> float:
             part = np.log(e0 / error) / np.log(e0 / e1)
             found.append(float(s0 * (s1 / s0) ** part))
     return min(found, default=np.inf)
-
-
-def plain(value: Any) -> Any:
-    """Convert nested values to plain ones for JSON, with None for numbers not finite."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _finite(value: float) -> float | None:

@@ -20,11 +20,12 @@ from ..model import Model
 from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
+from ..simulation.options import positive
 from ..tolerances import NOTABLE
 from .axes import AXES, Axis, changed, first_axis
 from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .task import Setting, Task, finite_numbers, methods_of, positive
+from .task import Setting, Task, finite_numbers, methods_of
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
@@ -184,7 +185,8 @@ def _checked(
     for field, each in (("steps", widths), ("values", numbers if chosen.of_steps else ())):
         if any(x <= 0 for x in each):
             raise refusal(CALL, field, f"steps must be > 0 [s]; given {min(each):g}")
-    end, aim = positive(CALL, "t_end", t_end), positive(CALL, "target", target)
+    end = positive("t_end", t_end, call=CALL)
+    aim = positive("target", target, unit="", call=CALL)
     limits = model.limited
     touching = any(c.active and c.law != "soft" for c in model.contacts)
     names = methods_of(CALL, methods, impulses=limits or touching, suited=False)

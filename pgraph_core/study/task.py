@@ -128,14 +128,6 @@ def is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def positive(call: str, field: str, value: Any, wanted: str = "a finite number > 0") -> float:
-    """Return `value` as a float. Raises InputError unless it is finite and > 0."""
-    number = float(value) if is_number(value) else np.nan
-    if not 0 < number < np.inf:
-        raise refusal(call, field, f"must be {wanted}; given {value!r}")
-    return number
-
-
 def whole(call: str, field: str, value: Any, least: int) -> int:
     """Return `value` as an integer. Raises InputError if it is less than `least`."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:

@@ -13,6 +13,7 @@ from ..errors import InputError, choices, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
+from ..simulation.options import positive
 from ..simulation.plan import active_constraints
 from ..tolerances import EPS, NOTABLE, SOLVED
 from . import reference as references
@@ -45,7 +46,6 @@ from .task import (
     engines_of,
     methods_of,
     own_participant,
-    positive,
     start,
     whole,
 )
@@ -138,12 +138,12 @@ def work_precision(
     call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)
     duration = t_end if t_end is not None else given.t_end if given else 1.0
-    duration = positive(call, "t_end", duration, "a finite number > 0 [s]")
+    duration = positive("t_end", duration, call=call)
     whole(call, "rounds", rounds, 1)
     whole(call, "frames", frames, 3)
     if target is not None:
-        positive(call, "target", target, "a finite number > 0, an error such as 1e-6")
-    positive(call, "longest", longest, "a finite number > 0 [s]")
+        positive("target", target, unit=", an error such as 1e-6", call=call)
+    positive("longest", longest, call=call)
     if clock not in CLOCKS:
         raise refusal(call, "clock", f"must be one of {choices(CLOCKS)}; given {clock!r}")
     if quantity not in QUANTITIES:
