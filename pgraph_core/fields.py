@@ -564,7 +564,23 @@ class Described(Frozen):
         return cls.FOLLOWERS
 
 
-class OfKinds(Described):
+class Acting(Described):
+    """A part acting on `body`, and on `other` if it has that."""
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Return the names of `body` and `other`, with "ground" for a kind without `other`."""
+        own = type(self).model_fields
+        body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
+        return body, other
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """Return the names of the bodies on which the part acts, excluding the ground."""
+        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
+
+
+class OfKinds(Acting):
     """A part with one class per kind, selected by its field `kind`.
 
     The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
@@ -597,18 +613,6 @@ class OfKinds(Described):
     def model_validate(cls, data: Any) -> Self:
         """Create a part from its fields. Raises ModelError."""
         return data if isinstance(data, cls) else cls(**data)
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """Return the names of `body` and `other`, with "ground" for a kind without `other`."""
-        own = type(self).model_fields
-        body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
-        return body, other
-
-    @property
-    def touches(self) -> tuple[str, ...]:
-        """Return the names of the bodies on which the part acts, excluding the ground."""
-        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @classmethod
     def own_kind(cls) -> str:

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from ..fields import EVERY, GROUND, Described, Flag, Number, Text, Vec3s, field, refuse, vectors
+from ..fields import EVERY, GROUND, Acting, Flag, Number, Text, Vec3s, field, refuse, vectors
 from ..units import NONE, Dim, M, N, S
 from .world import Ground, below_kinetic
 
@@ -23,7 +23,7 @@ class Frictions(NamedTuple):
     spinning: float  # [m]
 
 
-class Contact(Described):
+class Contact(Acting):
     """A contact between `body` and `other`. Contact forces only push.
 
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty:
@@ -106,11 +106,6 @@ class Contact(Described):
             ground.spinning_friction if spinning is None else spinning,
         )
 
-    @property
-    def pair(self) -> tuple[str, str]:
-        """The names in `body` and `other`, as given."""
-        return self.body, self.other
-
     def touch_name(self, body: str, other: str) -> str:
         """Return the name used in results for this pair of bodies, or ""."""
         many, most = self.body == EVERY, self.other == EVERY
@@ -119,11 +114,6 @@ class Contact(Described):
         if not many and not most:
             return self.name
         return f"{self.name}[{body if not most else other if not many else f'{body}, {other}'}]"
-
-    @property
-    def touches(self) -> tuple[str, ...]:
-        """The names in `body` and `other` except the ground, without duplicates."""
-        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from .. import joints
 from ..errors import Problem, choices, no_method, shown
@@ -35,7 +35,7 @@ from .constraint import Constraint
 
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]
-Pair = tuple[AtLeast0, AtLeast0]
+Pair = Annotated[tuple[AtLeast0, AtLeast0], BeforeValidator(listed)]
 HARMONICS = 4  # number of harmonics of a wave
 
 
@@ -73,11 +73,6 @@ class Gains(Frozen):
     place_roll: Number = Field(default=-0.08, description="the same by roll [m/rad]")
     tight_torque: Positive = Field(default=15.0, description="a number > 0: its torque's weight")
     tight_force: Positive = Field(default=5.0, description="a number > 0: its force's weight")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_lists(cls, data: Any) -> Any:
-        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
 
 
 class Gait(Described):

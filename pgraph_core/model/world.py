@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy.typing as npt
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..errors import shown
 from ..fields import (
@@ -31,7 +31,7 @@ from .parameters import name_problems
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
 AXES = ("x", "y", "z")
 
-Pair = tuple[Number, Number]
+Pair = Annotated[tuple[Number, Number], BeforeValidator(listed)]
 
 
 class Step(Frozen):
@@ -44,11 +44,6 @@ class Step(Frozen):
         "the greatest coordinates of it along the two axes that are not up [m]", dim=M
     )
     height: Number = field("a finite number: how far it lies above the plane [m]", dim=M)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_lists(cls, data: Any) -> Any:
-        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
 
     @model_validator(mode="after")
     def _wide(self) -> Self:
