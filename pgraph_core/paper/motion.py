@@ -47,9 +47,7 @@ def _slices(sizes: list[int]) -> list[slice]:
 
 
 def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tuple[Array, Array]:
-    """Return origins (nb, 3) and rotations (nb, 3, 3) of the body frames in the world, by
-    number.
-    """
+    """Return origins (nb, 3) and rotations (nb, 3, 3) of the bodies in the world, by number."""
     bodies = bodies_of(model, topology)
     return _frames(bodies, topology.parent.tolist(), q, q_slices(bodies))
 
@@ -143,9 +141,7 @@ def turn(motion: Motion, home: Array, q: Sequence[float] | Array) -> Array:
 
 
 def displacement(motion: Motion, turned: Array, home: Array, q: Sequence[float] | Array) -> Array:
-    """Return the displacement of the origin (3,) due to a motion, in world axes, after the axes
-    `turned`.
-    """
+    """Return a motion's displacement of the origin (3,) in world axes, after axes `turned`."""
     if motion.kind in ("translate", "screw"):
         return turned @ _direction(motion, home) * _slide(motion) * q[0]
     return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
@@ -203,9 +199,7 @@ def bias(omega: Array, link: Array, relative: Array) -> Array:
 
 
 def phi(link: Sequence[float] | Array) -> Array:
-    """Return the link propagation matrix φ (6, 6) from eq. (6), where V at the far end of `link` =
-    φ V at its root.
-    """
+    """Return the propagation matrix φ (6, 6) of eq. (6): V at the far end of `link` = φ V."""
     shift = np.eye(6)
     shift[3:, :3] = -skew(link)
     return shift

@@ -189,9 +189,7 @@ class Numbers:
         return options
 
     def runs(self, x: Array, derivatives: bool) -> list[Result] | None:
-        """Run all cases on all cores, or return None where the model or a run fails: `failed`
-        says why.
-        """
+        """Run all cases on all cores. Return None where the model or a run fails, see `failed`."""
         self.evaluations += len(self.cases)
 
         def one(case: Case) -> Result:

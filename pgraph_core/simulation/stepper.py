@@ -173,9 +173,7 @@ class Stepper(Portable):
 
     @property
     def vdot(self) -> Array:
-        """The acceleration (nv,) at the state, with rigid contacts and limits as in the last
-        step.
-        """
+        """The acceleration (nv,) at the state, with contacts and limits as in the last step."""
         return self._seen().out.vdot[0].copy()
 
     @property
@@ -222,9 +220,7 @@ class Stepper(Portable):
 
     @property
     def constraint_force(self) -> Mapping[str, Array]:
-        """Constraint wrenches {constraint: (6,) [torque, force]} on `body` at `point` [N m, N],
-        world axes.
-        """
+        """Constraint wrenches {constraint: (6,)} on `body` at `point` [N m, N], world axes."""
         record = self._seen()
         return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
 

@@ -97,9 +97,7 @@ class Walk(Portable):
         return run
 
     def _follows(self) -> bool:
-        """Return True if the stepper matches the state of the walk, which a caller may have
-        changed.
-        """
+        """Return True if the stepper is at the walk's state, which a caller may have changed."""
         stepper = self._stepper
         if stepper is None:
             return True

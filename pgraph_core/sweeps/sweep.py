@@ -284,9 +284,7 @@ def sweep(
 
 
 def _known(options: dict[str, Any]) -> dict[str, Any]:
-    """Return options under their Pgraph names. Raises InputError for options unknown to
-    `simulate`.
-    """
+    """Return options under their Pgraph names. Raises InputError for unknown ones."""
     own = [*signature(sweep).parameters][:-1]
     known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
     known.remove("mechanism")
@@ -387,9 +385,7 @@ class Kept:
             raise FileError(Problem(str(self._part), "", text)) from None
 
     def _read(self, fingerprint: str) -> list[Row]:
-        """Return the rows from undamaged lines. Raises InputError if the file belongs to another
-        sweep.
-        """
+        """Return the rows of undamaged lines. Raises InputError for a file of another sweep."""
         header, *lines = map(_line, self._part.read_bytes().splitlines() or [b'{"sweep": ""}'])
         if header.get("sweep") != fingerprint and (lines or "sweep" not in header):
             what = "another model, other values, metrics or options"
@@ -400,9 +396,7 @@ class Kept:
         return [Row(**{**line, "values": tuple(line["values"])}) for line in whole]
 
     def append(self, rows: list[Row]) -> None:
-        """Write finished points in a single operation. Raises FileError, for example if the disk is
-        full.
-        """
+        """Write finished points in one operation. Raises FileError, as if the disk is full."""
         try:
             with self._part.open("ab") as file:
                 file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
@@ -428,9 +422,7 @@ def _line(text: bytes) -> dict[str, Any]:
 
 
 def _fingerprint(task: Task, points: Array) -> str:
-    """Return a hash that identifies a sweep by its model, paths, points, metrics, options and
-    version.
-    """
+    """Return a hash that identifies a sweep: model, paths, points, metrics, options, version."""
     metrics = {name: said_of(x) for name, x in task.metrics.items()}
     options = {name: repr(value) for name, value in task.options.items()}
     said = json.dumps(
