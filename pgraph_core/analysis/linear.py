@@ -27,7 +27,7 @@ from ..engine.compiler.address import address_of_array, buffer, unnamed
 from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
-from ..errors import choices
+from ..errors import InputError, Problem, choices, shown
 from ..forces import LOADS
 from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
@@ -87,6 +87,11 @@ class Balance:
         self.mech, self.q, self.v = mech, q, v
         self.forces, self.active = acting(mech, scenario)
         packed = mech.packed
+        if mech.model.controls:
+            text = "has states, which are no part of the motion that is linearised or balanced; "
+            text += "remove it, or write its law at rest into the forces"
+            name = mech.model.controls[0].name
+            raise InputError(Problem(f"control {shown(name)}", "", text))
         self.drives, self.loads = packed.drives(self.forces), packed.loads(self.forces)
         self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
         self.held = Scene(packed, self.drives, self.loads, self.active)

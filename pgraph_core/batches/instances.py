@@ -235,7 +235,7 @@ def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
     """Return True for trees that differ in their bodies alone, without bounded servos."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
-    branches |= len(scene.loads.signals[1]) > 0
+    branches |= len(scene.loads.signals[0]) > 0
     bounded = any(
         np.isfinite(row["low"]) or np.isfinite(row["high"]) or row["terms"]
         for row in _servo_rows(stepper).values()

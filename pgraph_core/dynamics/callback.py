@@ -26,10 +26,13 @@ class UserTorque(Unportable):
     A compiled one costs tens of nanoseconds a call, a Python one some microseconds.
     """
 
-    def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int):
-        """Wrap the function without calling it. Raises InputError if numba cannot compile it."""
+    def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int, room: int):
+        """Wrap the function without calling it, for states of at most `room` numbers.
+
+        Raises InputError if numba cannot compile it.
+        """
         self.function = function
-        self.exchange = np.zeros((4, max(nq, nv, 1)))
+        self.exchange = np.zeros((4, max(room, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
         self.error: InputError | None = None
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
@@ -37,7 +40,7 @@ class UserTorque(Unportable):
         self._bad = self.exchange[3, :1]  # time of the last answer that was not finite [s]
         self._bad[:] = -np.inf
         if made_by_numba(function):
-            self._called: Any = _compiled(function, nq, nv)
+            self._called: Any = _compiled(function, nq, nv, max(room, 1))
             self.interpreted = False
             self.address = int(self._called.address)
         else:
@@ -104,17 +107,17 @@ class UserTorque(Unportable):
         return found
 
 
-def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
+def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:
     """Return the function called for `tau` by compiled runs, or None for an array.
 
     A controller provides its own compiled function, with a workspace for each run.
     """
     if hasattr(tau, "acting"):
         return tau.acting()
-    return UserTorque(tau, nq, nv) if callable(tau) else None
+    return UserTorque(tau, nq, nv, room) if callable(tau) else None
 
 
-def _compiled(function: Any, nq: int, nv: int) -> Any:
+def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     """Wrap the function in C's calling convention.
 
     Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
@@ -125,7 +128,7 @@ def _compiled(function: Any, nq: int, nv: int) -> Any:
     from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
     from numba.core.errors import NumbaError
 
-    pointer, behind = types.CPointer(types.float64), max(nq, nv, 1)
+    pointer = types.CPointer(types.float64)
 
     def called(t: float, q: Any, v: Any, tau: Any) -> int:
         out = carray(tau, (behind + 1,))

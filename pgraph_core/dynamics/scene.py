@@ -72,11 +72,12 @@ class Scene(Unportable):
         blocks: Blocks | None = None,
     ):
         """Make a scene with constraints `active` (indices) of `blocks`, by default the model's."""
-        if len(loads.signals[1]):  # values are written here, and other runs share the arrays
+        if len(loads.signals[0]):  # values are written here, and other runs share the arrays
             drives, loads = apart(drives, loads)
         if contacts and contacts.frictions:  # its blocks take the place of the regularised law
             drives = drives._replace(table=drives.table.copy())
             drives.table["friction"] = 0.0
+        packed = packed.run if len(loads.signals[2]) else packed
         self.packed, self.drives, self.loads = packed, drives, loads
         own = packed.blocks if blocks is None else blocks
         if (own.blocks_i[:, at.B_KNOTS] < at.SINE).any():
@@ -193,8 +194,9 @@ class Scene(Unportable):
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
     """Copy the drives and loads, so that expression values are written to separate arrays."""
-    (table, knots), (code, targets) = loads.wrench, loads.signals
-    loads = loads._replace(wrench=(table, knots.copy()), signals=(code.copy(), targets.copy()))
+    table, knots = loads.wrench
+    signals = tuple(array.copy() for array in loads.signals)
+    loads = loads._replace(wrench=(table, knots.copy()), signals=signals)
     return drives._replace(knots=drives.knots.copy()), loads
 
 

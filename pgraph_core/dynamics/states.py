@@ -62,7 +62,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
     apart = np.abs(q - other)
     if not kinds.any():  # hinges alone
-        return apart.max(axis=1, initial=0.0), np.zeros(len(q))
+        return apart[:, places].max(axis=1, initial=0.0), np.zeros(len(q))
     free = places[kinds == at.FREE]
     slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
     turned = apart[:, places[kinds < at.TRANSLATE]].max(axis=1, initial=0.0)

@@ -94,7 +94,8 @@ class Drives(NamedTuple):
 class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signals"])):
     """Forces between two bodies or on one body, as (table, knots) for each kind by name.
 
-    The last member is (code, targets) of the expressions in them and in the drives.
+    The last member is (code, targets, states) of the expressions in them, in the drives and in the
+    controls.
     """
 
     __slots__ = ()
@@ -102,7 +103,7 @@ class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signal
     @property
     def number(self) -> int:
         """Return the number of loads and expressions."""
-        return sum(len(table) for table, _ in self[:-1]) + len(self.signals[1])
+        return sum(len(table) for table, _ in self[:-1]) + len(self.signals[0])
 
 
 class Blocks(NamedTuple):
@@ -371,7 +372,7 @@ class Run(NamedTuple):
 
 
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
-LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS), group(F2, I2))
+LOADS = named(Loads, *(group(array_of(one.row), F2) for one in KINDS_OF_LOADS), group(F2, I2, I2))
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(
     Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2

@@ -11,12 +11,15 @@ constant rotation of a body frame out of the kernels. R_body = R_row · (its hom
 
 # rows: int64 (n + 1, 4)
 PARENT = 0  # row of the parent
-KIND = 1  # one of the five kinds below
+KIND = 1  # one of the kinds below
 QI = 2  # first index into q
 VI = 3  # first index into v
 
 # kinds of motion: those before TRANSLATE turn, those up to it have one coordinate
 ROTATE, SCREW, TRANSLATE, BALL, FREE = 0, 1, 2, 3, 4
+# a state of a control, in the last rows: the speed of a leaf without mass whose armature is 1, on
+# which its rate acts; nothing else does, and it has no energy
+OWN = -1
 
 # const: float64 (n + 1, 28), home axes
 AXIS = 0  # 3, unit axis of a motion of one coordinate

@@ -16,7 +16,7 @@ from .constraints.constraints import drift, driven_power, impose, located, proje
 from .forces import drive, elastic
 from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
-from .signals import follow_signals
+from .signals import follow_signals, put_rates, take_samples
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .tree.moving import advance
@@ -73,7 +73,7 @@ user_torque = of_numbers(torque_of_numbers)  # no function of a user's takes dua
 @part
 def follow(data, t, q, v):
     """Evaluate the expressions in a scene, if any. Returns False if one is not finite."""
-    if data.loads.signals[1].shape[0] == 0:
+    if data.loads.signals[0].shape[0] == 0:
         return True
     return follow_signals(data.loads.signals, data.drives, data.loads, t, q, v) == 0
 
@@ -82,6 +82,12 @@ def follow(data, t, q, v):
 def signal(scene, t, q, v):
     """Evaluate the expressions in a scene. Returns 0, or -1 if one is not finite."""
     return 0 if follow(opened(scene), t, q, v) else -1
+
+
+@kernel(i8(i8, f8, f8, F1, F1), later=True)
+def sample(scene, t, near, q, v):
+    """Take the samples of controls at t, within `near` [s]. Returns how many."""
+    return take_samples(opened(scene).loads.signals, t, near, q, v)
 
 
 @kernel(ACCELERATION, nogil=True)
@@ -95,6 +101,8 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     work, given, user = data.work, data.given, data.user
     known = follow(data, t, q, v)
     put_in, dissipated = drive(drives, t, q, v, given, tau)
+    if data.loads.signals[2].shape[0] > 0:
+        put_rates(data.loads.signals, tau)
     if not known:
         tau[0] = math.nan
     outboard(rows, const, work, q, v)

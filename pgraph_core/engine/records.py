@@ -118,6 +118,7 @@ STEP_CONTROL = record(
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table
+    samples=INTEGER,  # states of controls that change at samples, at which steps end
     parts=INTEGER,  # divisions of intervals shorter than a step, more than 1 in a finer run
     lag=REAL,  # the shortest lag of an input [s], inf for none
     origin=REAL,  # from which given steps are counted [s]

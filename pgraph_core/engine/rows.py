@@ -10,6 +10,7 @@ from .compiler.jit import part
 from .vec import accumulate, add, add_cross, load, load6, load9, mul, store, store9, sub
 
 ROTATE, SCREW, TRANSLATE, BALL, FREE = at.ROTATE, at.SCREW, at.TRANSLATE, at.BALL, at.FREE
+OWN = at.OWN
 
 # -- what stands in columns: a function that reads them, then functions that write them ------------
 

@@ -8,7 +8,8 @@ receives the value, and its first and second derivative in time where nothing bu
 import math
 
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
-from .compiler.jit import part, sweep
+from .compiler.jit import kernel, part, sweep
+from .compiler.kinds import F1, F2, f8, void
 
 COLUMNS = 5
 (
@@ -19,6 +20,9 @@ COLUMNS = 5
 # the number of its force, and 1 once the value was not finite
 DRIVE, WRENCH = 0, 1
 OWNER, FAILED, TARGET = 5, 6, 7
+# states of controls: the instruction of the rate or the new value, that of the time between samples
+# or -1, the number of the control, and 1 once the value was not finite
+SAMPLE, CONTROL, LOST, STATES = 1, 2, 3, 4
 
 
 @sweep
@@ -39,6 +43,12 @@ def evaluate(code, first, count, t, q, v):
             b = code[first + 2 * int(code[i, 2]) + 1, 0]
             c = code[first + 2 * int(code[i, 3]) + 1, 0]
             code[i + 1, 0] = value_of(op, a, b, c)
+
+
+@kernel(void(F2, f8, F1, F1), later=True)
+def values(code, t, q, v):
+    """Evaluate a whole program."""
+    evaluate(code, 0, code.shape[0] // 2, t, q, v)
 
 
 @part
@@ -179,9 +189,7 @@ def follow_signals(signals, drives, loads, t, q, v):
 
     Returns 0, or -1 where one of them is not finite: a bound would hide it.
     """
-    code, targets = signals
-    if targets.shape[0] == 0:
-        return 0
+    code, targets, states = signals
     evaluate(code, 0, code.shape[0] // 2, t, q, v)
     wrenches = loads.wrench[1]
     failed = 0
@@ -197,4 +205,59 @@ def follow_signals(signals, drives, loads, t, q, v):
                 drives.knots[k, 3] = value
             else:
                 wrenches[k, column] = value
+    for n in range(states.shape[0]):
+        if states[n, SAMPLE] < 0 and not abs(code[2 * states[n, 0] + 1, 0]) < math.inf:
+            failed = -1
+            states[n, LOST] = 1
     return failed
+
+
+@sweep
+def put_rates(signals, tau):
+    """Write the rates of the states of controls into the last entries of τ."""
+    code, _, states = signals
+    first = tau.shape[0] - states.shape[0]
+    for n in range(states.shape[0]):
+        tau[first + n] = 0.0
+        if states[n, SAMPLE] < 0:
+            tau[first + n] = code[2 * states[n, 0] + 1, 0]
+
+
+@part
+def sample_time(code, states, n):
+    """Return the time between the samples of state n [s]."""
+    return code[2 * states[n, SAMPLE], 4]
+
+
+@sweep
+def next_sample(signals, t, near):
+    """Return the time of the first sample after t [s], which is not within `near` of it."""
+    code, _, states = signals
+    found = math.inf
+    for n in range(states.shape[0]):
+        if states[n, SAMPLE] >= 0:
+            apart = sample_time(code, states, n)
+            k = math.floor(t / apart)
+            while k * apart <= t + near:
+                k += 1.0
+            found = min(found, k * apart)
+    return found
+
+
+@sweep
+def take_samples(signals, t, near, q, v):
+    """Give the states whose sample is at t, within `near`, their new values. Returns how many."""
+    code, _, states = signals
+    first = v.shape[0] - states.shape[0]
+    count = 0
+    for n in range(states.shape[0]):
+        if states[n, SAMPLE] >= 0:
+            apart = sample_time(code, states, n)
+            if abs(apart * math.floor(t / apart + 0.5) - t) <= near:
+                if count == 0:
+                    evaluate(code, 0, code.shape[0] // 2, t, q, v)
+                count += 1
+                v[first + n] = code[2 * states[n, 0] + 1, 0]
+                if not abs(v[first + n]) < math.inf:
+                    states[n, LOST] = 1
+    return count

@@ -235,13 +235,15 @@ class LiveRun:
         _check(plan)
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         self.mech, self.plan = mech, replace(plan, drives=drives)
-        self.record = Recording(mech, self.plan, *with_state(mech, plan.start, q, v), plan.tau)
+        state = with_state(mech, plan.start, q, v, float(plan.times[0]))
+        self.record = Recording(mech, self.plan, *state, plan.tau)
         if plan.tolerance is None:
             self.record.steps.open_ended(setup.step)
         self._lay_out()
 
     def _lay_out(self) -> None:
-        scene, steps, packed = self.record.scene, self.record.steps, self.mech.packed
+        scene, steps = self.record.scene, self.record.steps
+        packed = scene.packed
         kept = scene._kept
         # one spring more than the scene has, for the mouse: the struct does not count it
         springs, knots = kept.loads.spring
@@ -258,9 +260,9 @@ class LiveRun:
 
             inside = user.exchange
             roots["walk"] = Root(WALK, user.kept, inside, inside[:3].nbytes)
-        nb, nv = self.mech.nb, self.mech.nv
+        nb, nv = packed.nb, packed.nv
         self.position, self.rotation = np.zeros((nb, 3)), np.zeros((nb, 9))
-        self.still, self.trial = np.zeros(nv), np.zeros(self.mech.nq + nv)
+        self.still, self.trial = np.zeros(nv), np.zeros(packed.nq + nv)
         self.view_work = np.zeros_like(scene.work)  # apart from the steps' own
         self.numbers, self.packed_arrays = packed.numbers, packed._arrays
         scratch = (self.position, self.rotation, self.still, self.trial, self.view_work)

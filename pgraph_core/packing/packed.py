@@ -17,7 +17,7 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .signals import Places, signals, varying
+from .signals import Places, signals, starts_of, states_of, varying
 from .table import Numbers, numbers_of
 
 INT, EMPTY = np.dtype(np.int64), np.empty
@@ -70,6 +70,39 @@ class Packed:
     # -- names and numbers -----------------------------------------------------------------------
 
     @cached_property
+    def run(self) -> Packed:
+        """The tree of a run, with a row, a coordinate and a speed for each state of a control.
+
+        A state is the speed, and the coordinate its integral.
+        """
+        count = len(states_of(self.model))
+        if not count:
+            return self
+        rows, const, bodies_i, bodies_f, home = self._arrays
+        new, k = np.zeros((count, rows.shape[1]), INT), np.arange(count)
+        new[:, at.KIND], new[:, at.QI], new[:, at.VI] = at.OWN, self.nq + k, self.nv + k
+        own = np.zeros((count, const.shape[1]))
+        own[:, at.AXIS + 2] = own[:, at.ARMATURE] = 1.0
+        own[:, at.BASE : at.BASE + 9 : 4] = 1.0
+        made, none = object.__new__(Packed), np.zeros(count)
+        made.model, made.numbers = self.model, self.numbers
+        made.nb, made.springs = self.nb, self.springs
+        made.nq, made.nv = self.nq + count, self.nv + count
+        made.rows, made.const = np.vstack((rows, new)), np.vstack((const, own))
+        home = np.concatenate((home[: self.nq], none, home[self.nq :], none))
+        made._arrays = made.rows, made.const, bodies_i, bodies_f, home
+        return made
+
+    def with_states(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v of a run that starts at t, with the first values of controls."""
+        if self.run is self:
+            return q, v
+        q, v = q[: self.nq], v[: self.nv]
+        places = Places(self.model, self.topology, self.system)
+        x = starts_of(self.model, places, t, q, v)
+        return np.concatenate((q, np.zeros(len(x)))), np.concatenate((v, x))
+
+    @cached_property
     def topology(self) -> Topology:
         """The names and numbers of the bodies."""
         numbers, names = self.system.bodies_i[1:], [body.name for body in self.model.bodies]
@@ -106,6 +139,9 @@ class Packed:
 
     def body_of(self, row: int) -> str:
         """Return the name of the body whose joint a row belongs to."""
+        own = row - len(self.system.body_of_row)
+        if own >= 0:
+            return states_of(self.model)[own][0].name
         return self.topology.names[self.system.body_of_row[row] - 1]
 
     def singular(self, row: int) -> Problem:
@@ -162,15 +198,18 @@ class Packed:
         kept = self._driven
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
-    def loads(self, forces: tuple[Force, ...]) -> Loads:
-        """Return the given wrenches, springs between bodies, and expressions of all forces."""
+    def loads(self, forces: tuple[Force, ...], *, states: bool = False) -> Loads:
+        """Return the given wrenches, springs between bodies, and expressions of all forces.
+
+        With `states`, those of controls too, also where no force reads them.
+        """
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
-        if not any(map(varying, forces)):
+        if not (any(map(varying, forces)) or (states and self.model.controls)):
             return found
         places = Places(self.model, self.topology, self.system)
-        given = self.model.parameters, forces, self.drives(forces), found
+        given = self.model, forces, self.drives(forces), found
         return found._replace(signals=signals(places, *given))
 
     @cached_property

@@ -10,16 +10,18 @@ import numpy as np
 from .. import joints
 from ..curves import Table, VectorTable
 from ..engine import signals as kernels
-from ..engine.signals import DRIVE, TARGET, WRENCH
-from ..fields import is_expression
+from ..engine.signals import DRIVE, STATES, TARGET, WRENCH
+from ..fields import EMPTY, is_expression
 from ..forces import OnJoint, Wrench
-from ..model import Force, Model
+from ..model import Control, Force, Model
+from ..model.control import STATE, Own
 from ..signals import Node, parsed
 from ..signals.meaning import CONSTANTS
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
 
-NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGET), np.int64)
+NO_STATES = np.zeros((0, STATES), np.int64)
+NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGET), np.int64), NO_STATES
 OPERATIONS = {
     name: getattr(kernels, name.upper())
     for name in (
@@ -37,12 +39,18 @@ Operand = int  # the number of an instruction
 class Program:
     """A list of unique instructions. Equal operations on equal operands share one instruction."""
 
-    def __init__(self, parameters: Mapping[str, float], places: Any = None):
+    def __init__(
+        self, parameters: Mapping[str, float], places: Any = None,
+        controls: Mapping[str, Control] = EMPTY,
+    ):  # fmt: skip
         """Create an empty program. `places(group, name, k)` tells what reads a signal."""
         self.rows: list[tuple[float, ...]] = []
         self._numbers: dict[tuple[float, ...], int] = {}
         self._named: dict[str, int] = {}
         self._parameters, self._places = {**CONSTANTS, **parameters}, places
+        self._controls, self._values = controls, dict[str, Operand]()
+        for control in controls.values():
+            self._parameters |= control.numbers
 
     def put(self, op: int, *operands: float, number: float = 0.0) -> Operand:
         """Return the number of an instruction, adding it if it is new."""
@@ -59,6 +67,10 @@ class Program:
             self._named[name] = len(self.rows)
             self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, self._parameters[name]))
         return self._named[name]
+
+    def sampling(self, control: Control) -> Operand:
+        """Return the instruction with the time between the samples of a control."""
+        return self.parameter(f"{control.name} sample")
 
     def number(self, x: float) -> Operand:
         """A constant."""
@@ -83,7 +95,7 @@ class Program:
             case "name":
                 return self.put(kernels.TIME)
             case "signal":
-                return self.put(*self._places(*node.signal))
+                return self.signal(*node.signal)
         a, *rest = (self.of(x) for x in node.args)
         match node.op:
             case "neg":
@@ -107,6 +119,15 @@ class Program:
             case "table":
                 return self.table(a, rest)
         return self.put(OPERATIONS[node.op], a, *rest)
+
+    def signal(self, group: str, name: str, k: int) -> Operand:
+        """Add the value of a signal, which for a control may be an expression of its own."""
+        if group == "x" and k == 0:
+            if name not in self._values:
+                self._values[name] = self.of(self._controls[name].value)
+            return self._values[name]
+        place = (STATE, name, k - 1) if group == "x" else (group, name, k)
+        return self.put(*self._places(*place))
 
     def power(self, base: Operand, exponent: Operand, node: Node) -> Operand:
         """Add a power, as repeated products if the exponent is a small integer."""
@@ -133,6 +154,18 @@ class Program:
         twice = self.put(kernels.MUL, self.number(2.0), s)
         rest = self.put(kernels.SUB, self.number(3.0), twice)
         return self.put(kernels.MUL, self.put(kernels.MUL, s, s), rest)
+
+    def margin(self, node: Node) -> Operand:
+        """Add the margin by which comparisons hold, positive if true."""
+        match node.op:
+            case "and" | "or":
+                a, b = map(self.margin, node.args)
+                return self.put(kernels.MIN if node.op == "and" else kernels.MAX, a, b)
+            case "not":
+                return self.put(kernels.SUB, self.number(0.0), self.margin(node.args[0]))
+        a, b = map(self.of, node.args)
+        rises = node.op in ("less", "at_most")
+        return self.put(kernels.SUB, b, a) if rises else self.put(kernels.SUB, a, b)
 
     def table(self, x: Operand, knots: Sequence[Operand]) -> Operand:
         """Interpolate linearly between knots (position, value, ...), constant outside."""
@@ -167,9 +200,12 @@ class Places:
     def __init__(self, model: Model, topology: Topology, packed: System):
         self._topology, self._packed = topology, packed
         self._model, self._outputs = model, {o.name: o for o in model.outputs}
+        self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, int]:
         """Return the operation that reads a signal, and the index in q or v."""
+        if group == STATE:
+            return kernels.V, int(self._topology.dof.sum()) + self._states[name, k]
         if group == "out":
             o = self._outputs[name]
             group = "v" if o.kind == "joint_velocity" else "q"
@@ -197,6 +233,11 @@ class Places:
         return int(self._packed.rows[rows, 2])
 
 
+def states_of(model: Model) -> list[tuple[Control, int, Own]]:
+    """Return (control, number, state) of every state of the controls, in the order of v."""
+    return [(c, k, own) for c in model.controls for k, own in enumerate(c.own)]
+
+
 def varying(f: Force) -> bool:
     """Return True if a force contains an expression."""
     if isinstance(f, OnJoint):
@@ -209,14 +250,13 @@ def _entries(f: Wrench) -> list[tuple[Any, ...]]:
 
 
 def signals(
-    places: Places,
-    parameters: Mapping[str, float],
-    forces: Sequence[Force],
-    drives: Drives,
-    loads: Loads,
-) -> tuple[Array, Ints]:
-    """Return (code, targets) for all expressions in these forces, for their drives and loads."""
-    program = Program(parameters, places)
+    places: Places, model: Model, forces: Sequence[Force], drives: Drives, loads: Loads
+) -> tuple[Array, Ints, Ints]:
+    """Return (code, targets, states) for all expressions in these forces, for their drives and
+    loads, and in the controls.
+    """
+    controls = {c.name: c for c in model.controls}
+    program = Program(model.parameters, places, controls)
     targets = list[tuple[int, ...]]()
     rows, wrenches = iter(drives.table[drives.passive :]), iter(loads.wrench[0])
     owner = 0
@@ -233,7 +273,43 @@ def signals(
             found = [(x, WRENCH, *row[[*SPAN]].tolist(), k) for x, k in places.wrench(program, f)]
         targets += [(*x, owner, 0) for x in found]
         owner += 1
-    return program.code(), np.array(targets, np.int64).reshape(-1, TARGET)
+    numbers = {name: i for i, name in enumerate(controls)}
+    states = [
+        (program.of(own.change), program.sampling(c) if own.sample else -1, numbers[c.name], 0)
+        for c, _, own in states_of(model)
+    ]
+    found = (targets, TARGET), (states, STATES)
+    return program.code(), *(np.array(x, np.int64).reshape(-1, n) for x, n in found)
+
+
+def values_of(model: Model, packed: Any, t: Array, q: Array, v: Array) -> dict[str, Array]:
+    """Return the values {control: (n,)} of controls at times (n,), in states of a run."""
+    controls = {c.name: c for c in model.controls}
+    if not controls:
+        return {}
+    program = Program(model.parameters, Places(model, packed.topology, packed.system), controls)
+    last = [2 * program.signal("x", name, 0) + 1 for name in controls]
+    code, found = program.code(), np.empty((len(last), len(t)))
+    for i in range(len(t)):
+        kernels.values(code, t[i], q[i], v[i])
+        found[:, i] = code[last, 0]
+    return dict(zip(controls, found))
+
+
+def starts_of(model: Model, places: Places, t: float, q: Array, v: Array) -> Array:
+    """Return the first values (n,) of the states of controls at (q, v).
+
+    One that starts at the value of an expression may read another one that does so.
+    """
+    found = states_of(model)
+    program = Program(model.parameters, places, {c.name: c for c in model.controls})
+    last = [program.of(own.start) if isinstance(own.start, Node) else -1 for _, _, own in found]
+    code = program.code()
+    x = np.array([0.0 if isinstance(own.start, Node) else own.start for _, _, own in found])
+    for _ in range(1 + sum(n >= 0 for n in last)):
+        kernels.values(code, t, q, np.concatenate((v, x)))
+        x = np.array([code[2 * n + 1, 0] if n >= 0 else y for n, y in zip(last, x)])
+    return x
 
 
 def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import NameLookupError, Problem, choices, needed
 from ..joints import KINDS
 from ..packing import Array
+from ..packing.signals import states_of
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -65,8 +66,17 @@ def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
             name = ".".join(filter(None, (o.name, part)))
             taken = name in found or name in forces
             found[f"outputs.{name}" if taken else name] = Column(o.reading.unit, x)
-    found |= forces
+    found |= forces | _controls(run)
     return found | (_bodies(run) if bodies else {})
+
+
+def _controls(run: Any) -> dict[str, Column]:
+    """Return the values of controls, and the states that stand behind them, numbered from 1."""
+    found = {f"x.{name}": Column("1", value) for name, value in run.controls.items()}
+    for (control, k, _), x in zip(states_of(run.mechanism.model), run.states.T):
+        if not np.array_equal(x, run.controls[control.name], equal_nan=True):
+            found[f"x.{control.name}.{k + 1}"] = Column("1", x)
+    return found
 
 
 def _bodies(run: Any) -> dict[str, Column]:

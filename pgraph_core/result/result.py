@@ -35,6 +35,7 @@ from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, shown_path, write_atomic
 from ..packing import Array
+from ..packing.signals import values_of
 from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from ..tolerances import EPS
 from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
@@ -123,6 +124,8 @@ class Result(EqualByFields, Portable):
     """Where functions given as `events` crossed zero, in order of time."""
     derivatives: Derivatives = field(default_factory=lambda: NO_DERIVATIVES, compare=False)
     """{path: (n, nq + nv + 2)} of q, v, work and dissipation by what `wrt` names."""
+    states: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """(n, nx) The states of the model's controls, in their order."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, because a run does not change."""
@@ -633,6 +636,18 @@ class Result(EqualByFields, Portable):
         read = sensors.read(self.q.copy(), self.v.copy(), motion)
         return Named(sensors.by_name(read), "outputs", "output")
 
+    @cached_property
+    def controls(self) -> Mapping[str, Array]:
+        """The values {name: (n,)} of the model's controls."""
+        model, packed = self.mechanism.model, self.mechanism.packed
+        found = values_of(model, packed, self.t, *self._with_states())
+        return Named(found, "controls", "control")
+
+    def _with_states(self) -> tuple[Array, Array]:
+        """Return q and v as kernels take them, which end with the states of controls."""
+        none = np.zeros(self.states.shape)
+        return np.hstack((self.q, none)), np.hstack((self.v, self.states))
+
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
@@ -727,7 +742,8 @@ class Result(EqualByFields, Portable):
         description, folder = json.dumps(header.pop("model")), Path(path).parent
         model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
         status = Status(Status.__members__.get(header["status"]))
-        arrays = arrays_of(file, len(model.bodies))
+        arrays = arrays_of(file, len(model.bodies) + len(model.controls))
+        arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # of older files
         given = {name: header[name] for name in SCALARS}
         given["notices"] = tuple(given["notices"])
         given |= {name: arrays[name] for name in ARRAYS}
@@ -797,6 +813,7 @@ ARRAYS = (
     "dissipation",
     "constraint_drift",
     "error_at",
+    "states",
 )
 SCALARS = ("message", "counters", "timing", "header", "notices")
 
@@ -831,7 +848,7 @@ def _loads(run: Result) -> Array:
     """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
-    t, q, v = run.t.copy(), run.q.copy(), run.v.copy()  # kernels need writable arrays
+    t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)

@@ -97,19 +97,6 @@ def compares(node: Node) -> bool:
     return node.op in COMPARISONS
 
 
-def margin(node: Node, value: Callable[[Node], float]) -> float:
-    """Return the margin by which comparisons hold, positive if true, given the values of trees."""
-    match node.op:
-        case "and":
-            return min(margin(x, value) for x in node.args)
-        case "or":
-            return max(margin(x, value) for x in node.args)
-        case "not":
-            return -margin(node.args[0], value)
-    a, b = map(value, node.args)
-    return b - a if node.op in ("less", "at_most") else a - b
-
-
 # -- units -----------------------------------------------------------------------------------------
 
 NAMES = {J: "N m", J / RAD: "N m", N: "N", RAD / S: "rad/s", M / S: "m/s"}

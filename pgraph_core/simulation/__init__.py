@@ -151,9 +151,9 @@ def simulate(
     if q is not None or v is not None:
         q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
-    state = with_state(mech, plan.start, q, v)
+    state = with_state(mech, plan.start, q, v, float(plan.times[0]))
     tau = plan.tau if tau is None else tau
-    monitors = () if events is NO_EVENTS else monitors_of(events)
+    monitors = () if events is NO_EVENTS else monitors_of(events, (mech.nq, mech.nv))
     record = Recording(mech, plan, *state, tau, monitors)
     if len(wrt):
         from .sensitivity import Carried, Given, variables_of

@@ -25,6 +25,7 @@ from ..engine.records import (
     rows_of,
     table,
 )
+from ..engine.signals import SAMPLE
 from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
@@ -56,7 +57,7 @@ class Steps:
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
     ):
         """Start at (q, v) and record states in `frames`."""
-        nq, nv = mech.nq, mech.nv
+        nq, nv = len(q), len(v)
         self.plan, self.tolerance = plan, plan.tolerance
         self.times = plan.times.copy()  # if a run fails, its last frame gets another time
         count = max(_stages(plan), _stages(plan.way or plan))
@@ -84,6 +85,8 @@ class Steps:
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         lags = plan.drives.table["lag"]
+        states = plan.loads.signals[2]
+        control["samples"] = np.count_nonzero(states[:, SAMPLE] >= 0)
         control["parts"], control["lag"] = plan.parts, lags[lags > 0.0].min(initial=np.inf)
         if given is None:
             control["widths"], control["most"] = GIVEN, ANY_NUMBER
@@ -167,6 +170,7 @@ class Steps:
         control, counters, start = self._words
         control[:], counters[:], self._signs[:] = start, 0, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
+        self.stages[at.WEIGHT] = 0.0
         self.divided = 0
 
     def rehearse(self, tally: Any) -> None:

@@ -252,7 +252,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     _check_sizes(mech)
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
-    start = initial_state(mech, given, q, v, tau)
+    start = initial_state(mech, given, q, v, tau, span[0])
     declared = contact_tables(mech.packed, touching_contacts(mech, given))
     contacts, rated = declared, declared is not None and _left_open(declared)
     if contacts is not None and rated:
@@ -268,7 +268,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     elif plan.refused is not None:
         raise plan.refused
     if q is None or v is None:  # for other runs by this plan
-        plan = replace(plan, start=initial_state(mech, given, None, None, tau))
+        plan = replace(plan, start=initial_state(mech, given, None, None, tau, span[0]))
     header = {
         "version": VERSION,
         "model_hash": "",  # by the result: it takes as long as a short run
@@ -290,7 +290,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     """A plan with the forces and the initial state of another mechanism of the same structure."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     acts = _what_acts(mech, o, given, o.span(given), o.checked_forces(mech), None)
-    start = initial_state(mech, given, q, v, tau)
+    start = initial_state(mech, given, q, v, tau, o.span(given)[0])
     return replace(plan, drives=acts.drives, loads=acts.loads, length=acts.length, start=start)
 
 
@@ -346,8 +346,8 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts)
     exerted = tuple(filter(exerts, forces))
     return RunPlan(
-        drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted), active=active,
-        varying=tuple(filter(varying, exerted)),
+        drives=mech.packed.drives(forces), loads=mech.packed.loads(exerted, states=True),
+        active=active, varying=tuple(filter(varying, exerted)),
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,
     )  # fmt: skip
@@ -473,7 +473,7 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
 
 
 def initial_state(
-    mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None
+    mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None, t: float = 0.0
 ) -> tuple[Array, Array]:
     """Return the initial state from the arguments, or the scenario, a gait or the model."""
     tau = controller_of(mech, given) if tau is None else tau
@@ -482,7 +482,7 @@ def initial_state(
     if given is not None:
         for state, entries, kind in ((q0, given.q, "q"), (v0, given.v, "v")):
             _fill(mech, state, entries, kind)
-    return with_state(mech, (q0, v0), q, v)
+    return with_state(mech, (q0, v0), q, v, t)
 
 
 def by_names(
@@ -554,10 +554,16 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
         )
 
 
-def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> tuple[Array, Array]:
-    """Return copies of the given q and v, or of those in `start` where they are None."""
+def with_state(
+    mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any, t: float
+) -> tuple[Array, Array]:
+    """Return copies of the given q and v, or of those in `start` where they are None.
+
+    The states of controls, at a start at t, stand behind those of the bodies.
+    """
     q = start[0] if q is None else position(mech.packed, q)
-    return q.copy(), (start[1] if v is None else finite("v", v, mech.nv)).copy()
+    v = start[1] if v is None else finite("v", v, mech.nv)
+    return mech.packed.with_states(t, q.copy(), v.copy())
 
 
 def _left_open(contacts: Tables) -> bool:
@@ -652,11 +658,11 @@ def fastest_rate(
     Oscillations are included, contacts are not.
     """
     scene = Scene(mech.packed, *forces, active)
-    stages = np.zeros((stiffness.STIFFNESS_ROWS, mech.nq + mech.nv))
-    stages[stiffness.STATE, : mech.nq] = q
-    stages[stiffness.STATE, mech.nq :] = v
+    size = len(q), len(v)
+    stages = np.zeros((stiffness.STIFFNESS_ROWS, sum(size)))
+    stages[stiffness.STATE, : len(q)] = q
+    stages[stiffness.STATE, len(q) :] = v
     accelerate = address_of(motion.acceleration)
-    size = (mech.nq, mech.nv)
     rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
     return float(rate) if np.isfinite(rate) else 0.0
 
@@ -670,7 +676,7 @@ def fastest_swings(
     """
     if mech.nv > MOST_FREEDOMS:
         return False
-    scene, n = Scene(mech.packed, *forces, active), mech.nv
+    scene, n = Scene(mech.packed, *forces, active), len(v)
     tau, flow = np.zeros(n), np.zeros(3)
 
     def acceleration(at: Array, speed: Array) -> Array:
@@ -680,7 +686,7 @@ def fastest_swings(
 
     def moved(e: Array) -> Array:
         at = q.copy()
-        motion.move(mech.packed.rows, at, e, NOTABLE)
+        motion.move(scene.packed.rows, at, e, NOTABLE)
         return at
 
     axes, h = np.eye(n), NOTABLE

@@ -22,7 +22,7 @@ from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
-from ..engine.signals import FAILED, OWNER
+from ..engine.signals import CONTROL, FAILED, LOST, OWNER
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
@@ -38,7 +38,7 @@ from ..result.records import (
     ContactRecord,
     Named,
 )
-from ..tolerances import NAMED, VISIBLE
+from ..tolerances import EPS, NAMED, VISIBLE
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
 from .plan import RunPlan
@@ -89,11 +89,12 @@ class Recording:
         self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
         self.planned = plan  # the initial plan, with the recorded frames
+        self.size = len(q), len(v)  # with the states of controls
         if monitors or plan.conditions:
             self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
         if tau is not None:
-            self.user = acting(tau, mech.nq, mech.nv)
+            self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
         self.since = dict[int, float]()  # when constraints were switched last [s]
@@ -132,14 +133,16 @@ class Recording:
     def _give_torques(self) -> None:
         """Pass the torques of the call to the scene."""
         if self.user is None:
-            self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, self.mech.nv)
+            nv = self.mech.nv
+            self.scene.given[:nv] = 0.0 if self.tau is None else finite("tau", self.tau, nv)
 
     def _short(self) -> bool:
         """Return True if a run with this plan is short and its scene and loop can be reused."""
-        plan, mech = self.plan, self.mech
+        plan = self.plan
         acts = plan.contacts or plan.contact_points or plan.changes or self.user is not None
         watched = self.watch is not None and (self.watch.called or self.watch.log)
-        size = len(plan.times) * (mech.nq + 2 * mech.nv + 6 * (1 + len(plan.ever)))
+        nq, nv = self.size
+        size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
         return not acts and not watched and size <= MOST_KEPT
 
     def leave(self) -> None:
@@ -150,11 +153,11 @@ class Recording:
             free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
     def _empty_frames(self, n: int) -> Frames:
-        mech = self.mech
+        nq, nv = self.size
         return Frames(
-            q=np.zeros((n, mech.nq)),
-            v=np.zeros((n, mech.nv)),
-            vdot=np.zeros((n, mech.nv)),
+            q=np.zeros((n, nq)),
+            v=np.zeros((n, nv)),
+            vdot=np.zeros((n, nv)),
             energies=np.zeros((n, 4)),
             drifts=np.zeros((n, 2)),
             **self._forces_in(n),
@@ -239,7 +242,7 @@ class Recording:
         from .switches import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
-        return Watch(waiting, monitors, self.mech.nq, self.mech.nv)
+        return Watch(waiting, monitors, *self.size)
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -385,6 +388,9 @@ class Recording:
                 return False
             if report.notable:
                 self.ended.notices.append(f"at the start {report}")
+        if first and self.steps.control["samples"]:
+            near = 4.0 * EPS * abs(self.start)
+            motion.sample(self.scene.address, self.start, near, self.q, self.v)
         self.began = self.q.copy(), self.v.copy()
         code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:
@@ -431,7 +437,7 @@ class Recording:
         """Return 0, or -1 if v' is not finite at the start, or the first row without inertia."""
         return motion.constrained_dynamics(
             self.scene.address, address_of(motion.acceleration), self.start, *self.began,
-            self.scene.given, np.zeros(3), np.empty(self.mech.nv),
+            self.scene.given, np.zeros(3), np.empty(self.size[1]),
             np.empty_like(self.out.wrenches[0]),
         )  # fmt: skip
 
@@ -457,7 +463,8 @@ class Recording:
         fired = watch.fired(self.steps.watched)
         if fired and fired[0] < watch.waiting:
             self._switch_where_true(t, [i for i in fired if i < watch.waiting])
-        name = watch.note(t, fired, self.q, self.v)
+        nq, nv = self.mech.nq, self.mech.nv
+        name = watch.note(t, fired, self.q[:nq], self.v[:nv])
         if name:
             self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
 
@@ -491,7 +498,11 @@ class Recording:
     def _trouble(self, t: float) -> str:
         """Return the fault of a function or expression from time t on, for a message."""
         trouble = self.user.trouble(t) if self.user is not None else ""
-        targets = self.scene.loads.signals[1]
+        _, targets, states = self.scene.loads.signals
+        lost = states[states[:, LOST] > 0, CONTROL].tolist()
+        for control in (self.mech.model.controls[i] for i in sorted(set(lost))):
+            texts = " and ".join(repr(text) for _, _, text in expressions_of(control))
+            trouble = f"control '{control.name}' has no finite value there: {texts}"
         failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))
         for f in (self.plan.varying[i] for i in failed):
             texts = " and ".join(repr(text) for _, _, text in expressions_of(f))
@@ -751,6 +762,8 @@ class Recording:
             q, v, vdot, energy, drift, pushes, touches, missed, t = (
                 a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
             )
+        nq, nv = self.mech.nq, self.mech.nv
+        q, v, vdot, x = q[:, :nq], v[:, :nv], vdot[:, :nv], v[:, nv:]
         if len(t) >= FEW_FRAMES and steps.counters["steps"] > 2 * len(t):
             self._note_unseen((t, q, v, vdot))
         forces = NO_FORCES
@@ -784,6 +797,7 @@ class Recording:
             q=q,
             v=v,
             vdot=vdot,
+            states=x,
             kinetic_energy=energy[:, 0],
             potential_energy=energy[:, 1],
             work=energy[:, 2],

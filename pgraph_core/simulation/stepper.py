@@ -25,7 +25,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..packing.signals import varying
+from ..packing.signals import values_of, varying
 from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
@@ -172,9 +172,21 @@ class Stepper(Portable):
         return self._v
 
     @property
+    def states(self) -> Array:
+        """The states (nx,) of the controls, as a read-only view that follows the steps."""
+        return self._x
+
+    @property
+    def controls(self) -> Mapping[str, float]:
+        """The values {control: value} of the controls at the state."""
+        state = np.array([self.t]), self._steps.q[None], self._steps.v[None]
+        found = values_of(self.mech.model, self.mech.packed, *state)
+        return Named({name: float(x[0]) for name, x in found.items()}, "controls", "control")
+
+    @property
     def vdot(self) -> Array:
         """The acceleration (nv,) at the state, with contacts and limits as in the last step."""
-        return self._seen().out.vdot[0].copy()
+        return self._seen().out.vdot[0, : self.mech.nv].copy()
 
     @property
     def energy(self) -> tuple[float, float]:
@@ -604,13 +616,14 @@ class Stepper(Portable):
             )
             text += "from outside cannot; choose 'moreau_jean', or use simulate"
             raise InputError(Problem("Stepper", "method", text))
-        state = with_state(mech, plan.start, q, v)
+        state = with_state(mech, plan.start, q, v, t)
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
         if self._options.inputs:
             forces = driven(forces, self._options.inputs, "Stepper", t)
         forces = begun(forces, t)
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
-        whole, loads = np.arange(len(mech.model.constraints)), mech.packed.loads(forces)
+        whole = np.arange(len(mech.model.constraints))
+        loads = mech.packed.loads(forces, states=True)
         plan = replace(plan, drives=drives, loads=loads, ever=whole)
         tau = plan.tau if tau is None else tau
         self._record = Recording(mech, plan, *state, tau)
@@ -620,9 +633,11 @@ class Stepper(Portable):
         if not self._record.begin():
             raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
         vars(self).pop("_clearance", None)  # belongs to the old tables
-        self._own = self._record.scene.given.copy()
-        self._q, self._v = self._steps.q.view(), self._steps.v.view()
-        self._q.flags.writeable = self._v.flags.writeable = False
+        self._own = self._record.scene.given[: mech.nv].copy()
+        self._q, self._v = self._steps.q[: mech.nq], self._steps.v[: mech.nv]
+        self._x = self._steps.v[mech.nv :]
+        for view in (self._q, self._v, self._x):
+            view.flags.writeable = False
         carriers = [[mech.topology.number(x) for x in f.pair] for f in on_bodies(forces)]
         self._carriers = np.array(carriers, dtype=np.int64).reshape(-1, 2)
         self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)
@@ -666,7 +681,7 @@ class Stepper(Portable):
         if tau is not None:
             refuse_as_torques(tau, "Stepper")
             given = finite("tau", tau, self.mech.nv)
-        self._record.scene.given[:] = given
+        self._record.scene.given[: self.mech.nv] = given
         self._steps.anew()
 
     def _open(self) -> None:

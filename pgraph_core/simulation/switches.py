@@ -19,7 +19,7 @@ from ..engine import motion
 from ..engine.arrays import RHS, Frames
 from ..engine.compiler.address import address_of, address_of_function
 from ..engine.records import LIMIT, PAIR, rows_of, table
-from ..engine.signals import V
+from ..engine.signals import values
 from ..errors import InputError, ModelError, Problem, choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch, When
@@ -27,11 +27,9 @@ from ..model.checks import switch_problems
 from ..model.expressions import Known
 from ..packing import Array, Ints
 from ..packing.constraints import values_of
-from ..packing.signals import Places
+from ..packing.signals import Places, Program
 from ..result.records import UserEvent
-from ..signals import Node, parsed
-from ..signals.grammar import walk
-from ..signals.meaning import TIME, constant, margin
+from ..signals import parsed
 from ..tolerances import NEARBY, ROUNDING, SOLVED
 
 if TYPE_CHECKING:
@@ -62,13 +60,15 @@ class Monitor(Protocol):
 class FunctionMonitor:
     """A function f(t, q, v) -> number, with `direction` and `terminal` as in SciPy."""
 
-    def __init__(self, function: Callable[[float, Array, Array], Any], number: int):
+    def __init__(
+        self, function: Callable[[float, Array, Array], Any], number: int, size: tuple[int, int]
+    ):
         """Wrap a function. Raises InputError if it is not callable or its attributes do not fit."""
         where = f"events[{number}]"
         if not callable(function):
             text = f"must be a function of (t, q, v); given {shown(function)}"
             raise refusal("simulate", where, text)
-        self.function, self.where = function, where
+        self.function, self.where, self.size = function, where, size
         self.name = str(getattr(function, "__name__", where))
         direction = getattr(function, "direction", 0)
         terminal = getattr(function, "terminal", False)
@@ -84,7 +84,7 @@ class FunctionMonitor:
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Evaluate the function. Raises InputError if it fails or is not a finite number."""
         try:
-            value = self.function(t, q.copy(), v.copy())
+            value = self.function(t, q[: self.size[0]].copy(), v[: self.size[1]].copy())
         except Exception as error:
             text = f"the function {self.name} raised {type(error).__name__}: {error}"
             raise refusal("simulate", self.where, f"{text} (at t = {t:.6g} s)") from error
@@ -101,14 +101,17 @@ class FunctionMonitor:
         return number
 
 
-def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
-    """Return the events passed to `simulate`, a function or a list of them. Raises InputError."""
+def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ...]:
+    """Return the events passed to `simulate`, functions of q and v of `size`.
+
+    Raises InputError for what is neither a function nor a list of them.
+    """
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):
         raise refusal(
             "simulate", "events", f"must be a list of functions f(t, q, v); given {shown(events)}"
         )
-    return tuple(FunctionMonitor(function, i) for i, function in enumerate(given))
+    return tuple(FunctionMonitor(function, i, size) for i, function in enumerate(given))
 
 
 def room_for(monitors: int, others: int = 0) -> Array:
@@ -279,20 +282,18 @@ def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], floa
     known = Known(bodies, model.outputs, model.controls, model.parameters)
     if problem := known.problem(text, None):  # of a switch that the call gives
         raise refusal("simulate", "switches", problem)
-    tree, places = parsed(text), Places(model, packed.topology, packed.system)
-    where = {n.signal: places(*n.signal) for n in walk(tree) if n.op == "signal"}
+    places, controls = Places(model, packed.topology, packed.system), known.controls
+    program = Program(model.parameters, places, controls)
+    last = 2 * program.margin(parsed(text)) + 1
+    code = program.code()
 
     def value(t: float, q: Array, v: Array) -> float:
-        def read(node: Node) -> float:
-            op, index = where[node.signal]
-            return float((v if op == V else q)[index])
-
-        named = {TIME: t, **model.parameters}
-        try:
-            return float(margin(tree, lambda x: constant(x, named, read)))
-        except (ValueError, ArithmeticError, TypeError):
+        values(code, t, q, v)
+        found = float(code[last, 0])
+        if not np.isfinite(found):
             reason = f"{shown(text)} has no value at t = {t:.6g} s"
-            raise refusal("simulate", "switches", reason) from None
+            raise refusal("simulate", "switches", reason)
+        return found
 
     return value
 
@@ -446,7 +447,7 @@ class Condition:
         if self._frame is not None and len(self._frame.wrenches[0]) != blocks:
             self._frame = None  # another scene
         frame = self._frame = self._frame or Frames(
-            q=np.zeros((1, mech.nq)), v=np.zeros((1, mech.nv)), vdot=np.zeros((1, mech.nv)),
+            q=np.zeros((1, len(q))), v=np.zeros((1, len(v))), vdot=np.zeros((1, len(v))),
             wrenches=np.zeros((1, blocks, 6)), energies=np.zeros((1, 4)),
             drifts=np.zeros((1, 2)), pushes=np.zeros((1, mech.nb, 6)),
             pairs=table(PAIR, 1, touches), missed=np.zeros((1, 3)),

@@ -15,6 +15,7 @@ from ..compiler.kinds import I1, i8, plain, void
 from ..motion import call_record, call_settle, opened
 from ..records import CHOSEN, GIVEN, NEAR, REACHED
 from ..rows import v_of
+from ..signals import take_samples
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .explicit import dense_output, last_stage, turn_spins
@@ -22,6 +23,7 @@ from .state import acceleration_of, call_step, copied, onto_constraints, size_of
 from .widths import (
     first_width,
     given_start,
+    nearby,
     next_interval,
     next_width,
     pass_corners,
@@ -112,11 +114,25 @@ def step_once(run):
         call_look_back(links.look_back, (run,))
         if control.fired == REACHED:
             onto_constraints(run, control.time, at.Y)
+    if control.samples > 0 and code == at.DONE and control.time > control.old_time:
+        sampled(run)
     if control.widths == GIVEN:
         step_taken(run)
     if control.approach != 0 and code == at.DONE:
         call_look_back(control.approach, (run,))
     return code
+
+
+@sweep
+def sampled(run):
+    """Take the samples of controls at the end of a step, after what happened within it."""
+    data = opened_run(run)
+    control, y = data.control[0], data.stages[at.Y]
+    nq, nv = size_of_state(run)
+    t = control.time
+    signals = opened(data.scene).loads.signals
+    if take_samples(signals, t, nearby(t), y[:nq], y[nq : nq + nv]) > 0:
+        control.fresh = 0
 
 
 @sweep

@@ -13,7 +13,8 @@ from ..compiler.jit import part, sweep
 from ..forces import lag_width
 from ..motion import opened
 from ..records import CHOSEN, GIVEN
-from ..rows import BALL, FREE, TRANSLATE, kind_of, q_of, v_of
+from ..rows import BALL, FREE, OWN, TRANSLATE, kind_of, q_of, v_of
+from ..signals import next_sample
 from ..vec import finite
 from .state import NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
@@ -30,6 +31,8 @@ def extremes(rows, size, stages, row, spin, speed, length):
             speed = max(speed, abs(state[j]))
             length = max(length, abs(state[i]))
             continue
+        if kind == OWN:
+            continue
         spin = max(spin, abs(state[j]))
         if kind >= BALL:
             spin = max(spin, abs(state[j + 1]), abs(state[j + 2]))
@@ -45,7 +48,8 @@ def weigh(rows, size, stages, control):
     """Write 1 / tolerance for every entry of y, except the ledger, into WEIGHT.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
-    least one scale per run.
+    least one scale per run. A state of a control has a scale of its own, its largest value so far,
+    which stands in place of the weight of its integral.
     """
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
@@ -62,7 +66,10 @@ def weigh(rows, size, stages, control):
         i = q_of(rows, k)
         j = nq + v_of(rows, k)
         kind = kind_of(rows, k)
-        if kind < TRANSLATE:
+        if kind == OWN:
+            weights[i] = max(weights[i], abs(stages[at.Y, j]), abs(stages[at.CANDIDATE, j]))
+            weights[j] = inverse(rtol * weights[i] + atol)
+        elif kind < TRANSLATE:
             rounding = 8.0 * EPS * abs(stages[at.CANDIDATE, i])
             weights[i] = 1.0 / (rtol + atol + rounding)
             weights[j] = 1.0 / (rtol * spin + atol)
@@ -97,7 +104,7 @@ def size_of(rows, size, stages, row):
         i = q_of(rows, k)
         kind = kind_of(rows, k)
         if kind <= TRANSLATE:
-            worst = larger(worst, error[i] * weights[i])
+            worst = larger(worst, error[i] * weights[i]) if kind != OWN else worst
             continue
         if kind == FREE:
             for n in range(3):
@@ -205,6 +212,12 @@ def next_width(run):
         if corners[k] < stop - nearby(stop):
             stop = corners[k]
             left = stop - t
+    if control.samples > 0:
+        sample = next_sample(opened(data.scene).loads.signals, t, nearby(t))
+        if sample < stop - nearby(stop):
+            stop = sample
+            left = stop - t
+            corner = False
     h = control.bound
     if control.widths != CHOSEN:
         if control.lag < 2.0 * control.widest:

@@ -6,6 +6,7 @@ from ..compiler.lane import by_lanes, four, numbers_of_four
 from ..rows import (
     BALL,
     FREE,
+    OWN,
     ROTATE,
     SCREW,
     TRANSLATE,
@@ -153,7 +154,7 @@ def rigid(const, work, k):
 @part
 def turn(rows, work, q, k):
     """Sine and cosine of row k, if it turns about an axis."""
-    if kind_of(rows, k) < TRANSLATE:
+    if OWN < kind_of(rows, k) < TRANSLATE:
         sine, cosine = sine_cosine(q[q_of(rows, k)])
         set_sine_cosine(work, k, sine, cosine)
 
@@ -167,7 +168,7 @@ def turn_all(rows, work, q):
 @part
 def near(rows, q, k):
     """True if row k turns about an axis, by an angle that a lane accepts."""
-    return kind_of(rows, k) < TRANSLATE and abs(q[q_of(rows, k)]) < FAR
+    return OWN < kind_of(rows, k) < TRANSLATE and abs(q[q_of(rows, k)]) < FAR
 
 
 @part
@@ -334,7 +335,7 @@ def kinetic_and_potential(rows, const, work, v):
         at_com = add_cross(velocity, w, c)
         spin = mul_t(r, w)
         kinetic += 0.5 * (m * dot(at_com, at_com) + dot(spin, sym_mul(central, spin)))
-        if kind_of(rows, k) < BALL:
+        if OWN < kind_of(rows, k) < BALL:
             kinetic += 0.5 * armature_of(const, k) * v[v_of(rows, k)] ** 2
         potential -= m * dot(gravity, add(origin_of(work, k), c))
     return kinetic, potential
