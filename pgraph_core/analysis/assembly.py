@@ -109,9 +109,8 @@ def assembled(
     changes = [float(np.max(np.abs(b - a), initial=0.0)) for a, b in ((q, new_q), (v, new_v))]
     if rounds >= 0 and max(changes) <= NOTABLE:
         return new_q, new_v, Assembly(changes[0], "", True, changes[1])
-    nq, nv = mech.nq, mech.nv
-    own_q, own_v = q[nq:], v[nv:]  # states of controls, which no constraint touches
-    q, v, new_q, new_v = q[:nq], v[:nv], new_q[:nq], new_v[:nv]
+    own_q, own_v = q[mech.nq :], v[mech.nv :]  # states of controls, which no constraint touches
+    q, v, new_q, new_v = q[: mech.nq], v[: mech.nv], new_q[: mech.nq], new_v[: mech.nv]
     rows = Rows.of(mech, active, q, v, t)
     far = rounds < 0 or float(np.abs(apart(mech, q, new_q)).max(initial=0.0)) > LONGEST_STEP
     if far or not np.isfinite(new_v).all():

@@ -70,7 +70,7 @@ class Rows:
         """Return the rows for the constraints with these indices, at rest unless `v` is given."""
         scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)
         v = np.zeros(mech.nv) if v is None else v
-        return cls(mech, scene, tuple(active.tolist()), q, v, t)
+        return cls(mech, scene, tuple(active.tolist()), q[: mech.nq], v[: mech.nv], t)
 
     def at(self, q: Array, v: Array | None = None) -> Rows:
         """Return the same constraints at another state."""

@@ -132,7 +132,8 @@ class BatchStepper(Portable):
         self._options["tau"] = None if own else _compiled(tau, bool(set))
         self._set = {} if set is None else _values(mech.model, set, self.size, self._options)
         self._begin()
-        self._tau = _table("tau", tau, self.size, mech.nv) if own else self._many.given.copy()
+        given = self._many.given[:, : mech.nv].copy()
+        self._tau = _table("tau", tau, self.size, mech.nv) if own else given
 
     def _begin(self) -> None:
         """Build the tables and set every instance to its initial state."""
@@ -193,12 +194,17 @@ class BatchStepper(Portable):
     @property
     def q(self) -> Array:
         """Configurations (size, nq) as a read-only view that follows the steps."""
-        return _read_only(self._many.q)
+        return _read_only(self._many.q[:, : self.mech.nq])
 
     @property
     def v(self) -> Array:
         """Velocities (size, nv) as a read-only view that follows the steps."""
-        return _read_only(self._many.v)
+        return _read_only(self._many.v[:, : self.mech.nv])
+
+    @property
+    def states(self) -> Array:
+        """States of controls (size, nx) as a read-only view that follows the steps."""
+        return _read_only(self._many.v[:, self.mech.nv :])
 
     @property
     def work(self) -> Array:
@@ -319,12 +325,14 @@ class BatchStepper(Portable):
             Coordinates and velocities of each instance.
         """
         self._give(tau)
-        return self._many.trace(_whole("n", n, 1))
+        found, nq, nv = self._many.trace(_whole("n", n, 1)), self.mech.nq, self.mech.nv
+        own = self.states.shape[1]
+        return np.delete(found, [*range(nq, nq + own), *range(nq + own + nv, found.shape[2])], 2)
 
     def _give(self, tau: Any) -> None:
         refuse_as_torques(tau, "BatchStepper")
         given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
-        self._many.given[:] = given
+        self._many.given[:, : self.mech.nv] = given
 
     def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
         """Reset instances to t = 0.
@@ -360,11 +368,11 @@ class BatchStepper(Portable):
         many.kind[chosen], many.codes[chosen] = kinds, at.RUNNING
         many.states[chosen] = many.starts[kinds]
         if qs is not None:
-            many.q[chosen] = qs
+            many.q[chosen, : self.mech.nq] = qs
         if vs is not None:
-            many.v[chosen] = vs
+            many.v[chosen, : self.mech.nv] = vs
         record = self._first.recording
-        begun = len(record.plan.active) or record.steps.control["approach"]
+        begun = len(record.plan.active) or self.states.size or record.steps.control["approach"]
         if (qs is None and vs is None) or not begun:
             return
         try:

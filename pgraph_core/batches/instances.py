@@ -98,7 +98,7 @@ class Worker:
     def vdot(self) -> Array:
         """Return v' (nv,) at the run's state."""
         self.stepper.recording.look()
-        return self.stepper.recording.out.vdot[0].copy()
+        return self.stepper.recording.out.vdot[0, : self.stepper.mech.nv].copy()
 
     def state(self) -> Ints:
         """Return the run's state as a row."""

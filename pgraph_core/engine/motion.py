@@ -16,7 +16,7 @@ from .constraints.constraints import drift, driven_power, impose, located, proje
 from .forces import drive, elastic
 from .loads import apply_loads, collect_loads, count_of_loads, elastic_loads, torque_of_loads
 from .records import PAIR
-from .signals import follow_signals, put_rates, take_samples
+from .signals import begin_states, follow_signals, put_rates, take_samples
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .tree.moving import advance
@@ -84,10 +84,12 @@ def signal(scene, t, q, v):
     return 0 if follow(opened(scene), t, q, v) else -1
 
 
-@kernel(i8(i8, f8, f8, F1, F1), later=True)
-def sample(scene, t, near, q, v):
-    """Take the samples of controls at t, within `near` [s]. Returns how many."""
-    return take_samples(opened(scene).loads.signals, t, near, q, v)
+@kernel(void(i8, f8, f8, F1, F1), later=True)
+def begin_controls(scene, t, near, q, v):
+    """Give the states of controls their first values at t, then take the samples within `near`."""
+    signals = opened(scene).loads.signals
+    begin_states(signals, t, q, v)
+    take_samples(signals, t, near, q, v)
 
 
 @kernel(ACCELERATION, nogil=True)

@@ -9,7 +9,7 @@ import math
 
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
 from .compiler.jit import kernel, part, sweep
-from .compiler.kinds import F1, F2, f8, void
+from .compiler.kinds import F1, F2, I2, f8, void
 
 COLUMNS = 5
 (
@@ -21,8 +21,8 @@ COLUMNS = 5
 DRIVE, WRENCH = 0, 1
 OWNER, FAILED, TARGET = 5, 6, 7
 # states of controls: the instruction of the rate or the new value, that of the time between samples
-# or -1, the number of the control, and 1 once the value was not finite
-SAMPLE, CONTROL, LOST, STATES = 1, 2, 3, 4
+# or -1, that of the first value, the number of the control, and 1 once the value was not finite
+SAMPLE, START, CONTROL, LOST, STATES = 1, 2, 3, 4, 5
 
 
 @sweep
@@ -221,6 +221,23 @@ def put_rates(signals, tau):
         tau[first + n] = 0.0
         if states[n, SAMPLE] < 0:
             tau[first + n] = code[2 * states[n, 0] + 1, 0]
+
+
+@sweep
+def begin_states(signals, t, q, v):
+    """Give the states of controls their first values, some of which may follow from others."""
+    code, _, states = signals
+    first = v.shape[0] - states.shape[0]
+    for _ in range(states.shape[0] + 1):
+        evaluate(code, 0, code.shape[0] // 2, t, q, v)
+        for n in range(states.shape[0]):
+            v[first + n] = code[2 * states[n, START] + 1, 0]
+
+
+@kernel(void(F2, I2, f8, F1, F1), later=True)
+def first_values(code, states, t, q, v):
+    """Write the first values of the states of controls behind the velocities."""
+    begin_states((code, states, states), t, q, v)
 
 
 @part

@@ -30,11 +30,11 @@ class Own(NamedTuple):
     """A state of a control.
 
     `change` is its rate, or its new value at multiples of `sample` [s] where that is not 0. `start`
-    is its first value, or an expression for it.
+    is its first value.
     """
 
     change: Node
-    start: float | Node
+    start: Node
     sample: float = 0.0
 
 
@@ -98,7 +98,7 @@ class State(Control):
 
     @property
     def own(self) -> tuple[Own, ...]:
-        return (Own(self._read("rate"), self.start),)
+        return (Own(self._read("rate"), self._number("start")),)
 
 
 class Filter(Control):
@@ -120,7 +120,7 @@ class Filter(Control):
     def own(self) -> tuple[Own, ...]:
         given, lag = self._read("input"), self._number("lag")
         rate = filled("(given - x)/lag", given=given, x=self._state(0), lag=lag)
-        return (Own(rate, given if self.start is None else self.start),)
+        return (Own(rate, given if self.start is None else self._number("start")),)
 
 
 class PID(Control):
@@ -195,13 +195,17 @@ class PID(Control):
     def own(self) -> tuple[Own, ...]:
         e, i, d = self._error(), self._state(0), self._state(1)
         rate, lag, h = self._integral(), self._lag(), self._number("sample")
+        start = self._number("start")
         if not self.sample:
             slope = filled("(e - d)/lag", e=e, d=d, lag=lag)
-            return (Own(rate, self.start), Own(slope, e))[: 1 + bool(self.kd)]
+            return (Own(rate, start), Own(slope, e))[: 1 + bool(self.kd)]
         whole = filled("i + h*rate", i=i, h=h, rate=rate)
         follows = filled("d + h*(e - d)/lag", d=d, e=e, h=h, lag=lag)
-        found = (Own(whole, self.start, self.sample), Own(follows, e, self.sample))
-        return (*found[: 1 + bool(self.kd)], Own(self._sum(limited=True), 0.0, self.sample))
+        found = (Own(whole, start, self.sample), Own(follows, e, self.sample))
+        return (
+            *found[: 1 + bool(self.kd)],
+            Own(self._sum(limited=True), Node("number"), self.sample),
+        )
 
     def _lag(self) -> Node:
         """Return the time over which the derivative is taken."""
@@ -255,7 +259,7 @@ class Sampled(Control):
 
     @property
     def own(self) -> tuple[Own, ...]:
-        return (Own(self._read("update"), self.start, self.sample),)
+        return (Own(self._read("update"), self._number("start"), self.sample),)
 
 
 def loop_problems(controls: Sequence[Control]) -> list[Problem]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.packing import pack
+from ..engine.signals import first_values
 from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
@@ -17,7 +18,7 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .signals import Places, signals, starts_of, states_of, varying
+from .signals import Places, signals, states_of, varying
 from .table import Numbers, numbers_of
 
 INT, EMPTY = np.dtype(np.int64), np.empty
@@ -97,10 +98,10 @@ class Packed:
         """Return q and v of a run that starts at t, with the first values of controls."""
         if self.run is self:
             return q, v
-        q, v = q[: self.nq], v[: self.nv]
-        places = Places(self.model, self.topology, self.system)
-        x = starts_of(self.model, places, t, q, v)
-        return np.concatenate((q, np.zeros(len(x)))), np.concatenate((v, x))
+        signals, none = self.loads((), states=True).signals, np.zeros(self.run.nv - self.nv)
+        q, v = np.append(q[: self.nq], none), np.append(v[: self.nv], none)
+        first_values(signals[0].copy(), signals[2], t, q, v)
+        return q, v
 
     @cached_property
     def topology(self) -> Topology:

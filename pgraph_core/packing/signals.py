@@ -274,10 +274,10 @@ def signals(
         targets += [(*x, owner, 0) for x in found]
         owner += 1
     numbers = {name: i for i, name in enumerate(controls)}
-    states = [
-        (program.of(own.change), program.sampling(c) if own.sample else -1, numbers[c.name], 0)
-        for c, _, own in states_of(model)
-    ]
+    states = list[tuple[int, ...]]()
+    for c, _, own in states_of(model):
+        sample = program.sampling(c) if own.sample else -1
+        states.append((program.of(own.change), sample, program.of(own.start), numbers[c.name], 0))
     found = (targets, TARGET), (states, STATES)
     return program.code(), *(np.array(x, np.int64).reshape(-1, n) for x, n in found)
 
@@ -294,22 +294,6 @@ def values_of(model: Model, packed: Any, t: Array, q: Array, v: Array) -> dict[s
         kernels.values(code, t[i], q[i], v[i])
         found[:, i] = code[last, 0]
     return dict(zip(controls, found))
-
-
-def starts_of(model: Model, places: Places, t: float, q: Array, v: Array) -> Array:
-    """Return the first values (n,) of the states of controls at (q, v).
-
-    One that starts at the value of an expression may read another one that does so.
-    """
-    found = states_of(model)
-    program = Program(model.parameters, places, {c.name: c for c in model.controls})
-    last = [program.of(own.start) if isinstance(own.start, Node) else -1 for _, _, own in found]
-    code = program.code()
-    x = np.array([0.0 if isinstance(own.start, Node) else own.start for _, _, own in found])
-    for _ in range(1 + sum(n >= 0 for n in last)):
-        kernels.values(code, t, q, np.concatenate((v, x)))
-        x = np.array([code[2 * n + 1, 0] if n >= 0 else y for n, y in zip(last, x)])
-    return x
 
 
 def _of_drive(program: Program, f: OnJoint) -> tuple[Operand | None, Operand | None]:

@@ -99,8 +99,9 @@ def _rounding(record: Recording, t: Array) -> Array:
 
     A corner of a table that comes late by EPS t changes the speed by that times the acceleration.
     """
-    out, late, n = record.out, float(np.abs(t).max()), len(t)
-    far, fastest = (float(np.abs(x[:n]).max(initial=0.0)) for x in (out.q, out.v))
+    out, mech, late, n = record.out, record.mech, float(np.abs(t).max()), len(t)
+    moved = out.q[:n, : mech.nq], out.v[:n, : mech.nv]
+    far, fastest = (float(np.abs(x).max(initial=0.0)) for x in moved)
     later = float(record.steps.control["steepest"]) * np.abs(t - t[0])
     return EPS * (far + late * (fastest + later))
 

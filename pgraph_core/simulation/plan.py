@@ -397,6 +397,8 @@ def _with_times(
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
         text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
         raise InputError(Problem("simulate", "max_steps", text))
+    if width:
+        _refuse_fast_samples(mech, width)
     ends = corners(mech, plan.drives, plan.loads, plan.ever, span[0])
     if tolerance is not None and plan.tau is not None:
         ends = np.union1d(ends, plan.tau.ticks(*span))
@@ -404,6 +406,16 @@ def _with_times(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
         corners=ends, gains=_gains(o, usual), shown=_shown(times, o, asked),
     )  # fmt: skip
+
+
+def _refuse_fast_samples(mech: Mechanism, width: float) -> None:
+    """Raise InputError for a control whose samples are closer than the steps of a run."""
+    for control in mech.model.controls:
+        apart = min((own.sample for own in control.own if own.sample), default=width)
+        if apart < width * (1.0 - SOLVED):
+            text = f"{apart:g} s is below the step of the run, {width:g} s; give step={apart:g} "
+            text += "or less, or a longer time between samples"
+            raise InputError(Problem(f"control '{control.name}'", "sample", text))
 
 
 def _check_sizes(mech: Mechanism) -> None:

@@ -22,7 +22,7 @@ from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
-from ..engine.signals import CONTROL, FAILED, LOST, OWNER
+from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
 from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
@@ -388,9 +388,9 @@ class Recording:
                 return False
             if report.notable:
                 self.ended.notices.append(f"at the start {report}")
-        if first and self.steps.control["samples"]:
+        if first and self.size != (mech.nq, mech.nv):
             near = 4.0 * EPS * abs(self.start)
-            motion.sample(self.scene.address, self.start, near, self.q, self.v)
+            motion.begin_controls(self.scene.address, self.start, near, self.q, self.v)
         self.began = self.q.copy(), self.v.copy()
         code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:
@@ -499,15 +499,31 @@ class Recording:
         """Return the fault of a function or expression from time t on, for a message."""
         trouble = self.user.trouble(t) if self.user is not None else ""
         _, targets, states = self.scene.loads.signals
-        lost = states[states[:, LOST] > 0, CONTROL].tolist()
-        for control in (self.mech.model.controls[i] for i in sorted(set(lost))):
-            texts = " and ".join(repr(text) for _, _, text in expressions_of(control))
-            trouble = f"control '{control.name}' has no finite value there: {texts}"
-        failed = sorted(set(targets[targets[:, FAILED] > 0, OWNER].tolist()))
-        for f in (self.plan.varying[i] for i in failed):
-            texts = " and ".join(repr(text) for _, _, text in expressions_of(f))
-            trouble = f"force '{f.name}' has no finite value there: {texts}"
+        owners = targets[targets[:, FAILED] > 0, OWNER], states[states[:, LOST] > 0, CONTROL]
+        for part in self._parts(*owners):  # a control is the cause of what reads it
+            trouble = f"{part.word()} '{part.name}' has no finite value there: {_texts(part)}"
         return f": {trouble}" if trouble else ""
+
+    def _parts(self, owners: Ints, controls: Ints) -> list[Any]:
+        """Return the forces and controls whose expressions have these numbers."""
+        forces = [self.plan.varying[i] for i in np.unique(owners).tolist()]
+        return forces + [self.mech.model.controls[i] for i in np.unique(controls).tolist()]
+
+    def _steep(self, t: float) -> str:
+        """Return which expression changes within the least step at t, for a message."""
+        code, targets, states = (array.copy() for array in self.scene.loads.signals)
+        seen = np.concatenate((targets[:, 0], states[:, 0]))
+        found = []
+        for k in (-1.0, 0.0, 1.0):
+            values(code, t + k * 16.0 * EPS * abs(t), self.q, self.v)
+            found.append(code[2 * seen + 1, 0].copy())
+        low, high = np.min(found, axis=0), np.max(found, axis=0)
+        sizes = np.maximum(np.abs(low), np.abs(high))
+        jumps = ~(high - low <= NOTABLE * sizes)  # also where one is not finite
+        owners = targets[jumps[: len(targets)], OWNER], states[jumps[len(targets) :], CONTROL]
+        for part in self._parts(*owners)[-1:]:
+            return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"
+        return ""
 
     def _raise_user_error(self) -> None:
         if self.user is not None and self.user.error is not None:
@@ -673,7 +689,8 @@ class Recording:
                 torn = "the mechanism may be torn or at a singular position"
                 return self._contradicted() or self._unequal() or self._blocking() or torn
             case Status.STEP_TOO_SMALL:
-                return "forces may jump there, or the tolerance may be too small: try a larger one"
+                text = "forces may jump there, or the tolerance may be too small: try a larger one"
+                return self._steep(float(self.steps.control["failed"])) or text
             case Status.TOO_MANY_STEPS:
                 return "give a larger max_steps or rtol, or try radau5 if it is stiff"
         if given is not None and not given.fixed:
@@ -884,6 +901,10 @@ class Recording:
         some = self.plan.shown[: self.done].copy()
         some[-1:] |= self.ended.over
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
+
+
+def _texts(part: Any) -> str:
+    return " and ".join(repr(text) for _, _, text in expressions_of(part))
 
 
 def _stops(answer: Any) -> bool:

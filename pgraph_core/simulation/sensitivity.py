@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.compiler.dual import WIDTH
 from ..engine.compiler.kinds import F1, carrying
 from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
-from ..engine.signals import AT_MOST, CHOOSE, LESS
+from ..engine.signals import AT_MOST, CHOOSE, LESS, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
@@ -222,13 +222,24 @@ class Carried:
                 found.append(f"derivatives by {one.path} are not finite: a slope was infinite")
         return found
 
+    @cached_property
+    def order(self) -> Ints:
+        """The entries of a run's state, with those of controls behind the motion's."""
+        mech, (q, v) = self.given.mech, self.given.plan.start
+        entries = np.arange(len(q) + len(v) + 2)
+        own = np.isin(
+            entries, [*range(mech.nq, len(q)), *range(len(q) + mech.nv, len(entries) - 2)]
+        )
+        last = entries >= len(entries) - 2
+        return np.concatenate((entries[~own & ~last], entries[own], entries[last]))
+
     def _each(self) -> list[Array]:
         """The derivatives by each variable, (frames, nq + nv + 2)."""
         return [group[..., k] for group in self.out for k in range(1, WIDTH)]
 
     def of_frames(self, rows: slice | Ints) -> Derivatives:
         """{path: (frames, nq + nv + 2)} of q, v, work and dissipation."""
-        found = {one.path: d[rows].copy() for one, d in zip(self.variables, self._each())}
+        found = {one.path: d[rows][:, self.order] for one, d in zip(self.variables, self._each())}
         return Derivatives(found, self)
 
     def scale_of(self, path: str) -> float:
@@ -245,8 +256,9 @@ class Carried:
         plan = replace(plan, times=np.array(run.t), shown=None, changes=(), way=None)
         other = self.given.recording(mech, plan, *plan.start, self.given.tau)
         states = np.zeros((len(run.t) + 1, other.steps.stages.shape[1]))
-        states[1:] = np.column_stack((run.q, run.v, run.work, run.dissipation))
-        states[1:] += change * run.derivatives[path]
+        own = np.zeros(run.states.shape), run.states
+        here = np.column_stack((run.q, run.v, *own, run.work, run.dissipation))
+        states[1:, self.order] = here + change * run.derivatives[path]
         record, accelerate = address_of(motion.record), address_of(motion.acceleration)
         arrays = tuple(other.out)
         record_states(other.scene.address, record, accelerate, plan.times, states, arrays)
@@ -318,6 +330,8 @@ def _refuse(given: Given) -> None:
         why = "contacts and joint limits have no derivatives yet; switch them off"
     if callable(given.tau) or plan.tau is not None:
         why = "a function of torques has no derivatives: give motors or servos in its place"
+    if (plan.loads.signals[2][:, SAMPLE] >= 0).any():
+        why = "controls that act at samples have no derivatives yet; give them no sample time"
     if why:
         raise InputError(Problem("simulate", "wrt", why))
     code = plan.loads.signals[0]

@@ -1,0 +1,416 @@
+"""Controls: states, filters, PID and sampled controllers obey their equations in every run."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pgraph_core as pg
+
+Z = (0, 0, 1)
+ALL = ("rk4", "semi_implicit_euler", "dopri5", "dop853", "radau5", "gauss6")
+
+
+def pendulum(controls=(), torque=0.0, **fields):
+    arm = pg.Body(name="arm", axes=[Z], mass=2.0, com=(0.5, 0, 0), inertia=(0.1, 0.1, 0.2))
+    drive = [pg.Motor(name="drive", body="arm", torque=torque)]
+    return pg.Model(
+        bodies=[arm], gravity=(0, -9.81, 0), forces=drive, controls=list(controls),
+        parameters={"k": 5.0}, **fields,
+    )  # fmt: skip
+
+
+def followed(law, start, t_end, breaks=()):
+    """The state [q, v, controls ...] at t_end, where law(t, y) is (torque, rates ...)."""
+
+    def rate(t, y):
+        torque, *others = law(t, y)
+        return y[1], (torque - 9.81 * np.cos(y[0])) / 0.7, *others
+
+    y = np.array(start, dtype=float)
+    for a, b in zip((0.0, *breaks), (*breaks, t_end)):
+        y = solve_ivp(rate, (a, b), y, rtol=1e-13, atol=1e-14, method="DOP853").y[:, -1]
+    return y
+
+
+STATES = (
+    pg.State(name="i", rate="=1 - q.arm - 0.2*x.i", start=0.3),
+    pg.Filter(name="f", input="=v.arm", lag=0.1),
+)
+TORQUE = "=k*x.i - 2*x.f"
+
+
+def law_of_states(t, y):
+    q, v, i, f = y
+    return 5 * i - 2 * f, 1 - q - 0.2 * i, (v - f) / 0.1
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_states_are_integrated_by_every_method_to_its_order(method):
+    model = pendulum(STATES, TORQUE)
+    run = pg.simulate(model, t_end=1.0, q=[0.4], v=[0.5], step=1e-3, method=method)
+    end = followed(law_of_states, (0.4, 0.5, 0.3, 0.5), 1.0)  # a filter starts at its input
+    found = [run.q[-1, 0], run.v[-1, 0], *run.states[-1]]
+    order = 1e-2 if method == "semi_implicit_euler" else 1e-8
+    assert np.allclose(found, end, rtol=0, atol=order)
+    assert run.q.shape == run.v.shape == run.vdot.shape == (len(run.t), 1)
+    assert np.array_equal(run.controls["i"], run.states[:, 0])
+    assert np.array_equal(run.columns()["x.f"], run.states[:, 1])
+
+
+def test_states_have_no_energy():
+    run = pg.simulate(pendulum(STATES, TORQUE), t_end=1.0, q=[0.4], rtol=1e-11)
+    assert np.allclose(run.kinetic_energy, 0.35 * run.v[:, 0] ** 2, rtol=1e-12)
+    assert np.ptp(run.energy - run.work) < 1e-8
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_large_state_does_not_loosen_the_tolerance_of_the_motion(size):
+    other = pg.State(name="large", rate=f"={size!r}*(1 + cos(9*t))")
+    run = pg.simulate(pendulum([*STATES, other], TORQUE), t_end=1.0, q=[0.4], rtol=1e-9)
+    end = followed(law_of_states, (0.4, 0.0, 0.3, 0.0), 1.0)
+    assert abs(run.q[-1, 0] - end[0]) < 1e-8
+    assert np.isclose(run.states[-1, 2], size * (1 + np.sin(9) / 9), rtol=1e-8)
+    assert run.error_estimate < 1e-8
+
+
+LIMIT = 14.0
+PIDS = {
+    "none": ({"windup": "none"}, lambda rate, miss: rate),
+    "clamp": ({}, lambda rate, miss: 0.0 if miss * rate > 0 else rate),
+    "back": ({"windup": "back", "tracking": 0.3}, lambda rate, miss: rate - miss / 0.3),
+}
+
+
+@pytest.mark.parametrize("windup", PIDS)
+def test_a_pid_with_limits_follows_its_equations(windup):
+    fields, integral = PIDS[windup]
+    pid = pg.PID(
+        name="hold", signal="=q.arm", setpoint="=0.5 + 0.2*sin(3*t)", kp=40.0, ki=60.0, kd=6.0,
+        filter=0.02, low=-LIMIT, high=LIMIT, **fields,
+    )  # fmt: skip
+
+    def law(t, y):
+        q, _, i, d = y
+        e = 0.5 + 0.2 * np.sin(3 * t) - q
+        free = 40 * e + i + 6 * (e - d) / 0.02
+        u = min(max(free, -LIMIT), LIMIT)
+        return u, integral(60 * e, free - u), (e - d) / 0.02
+
+    run = pg.simulate(pendulum([pid], "=x.hold"), t_end=2.0, q=[-0.5], rtol=1e-12)
+    end = followed(law, (-0.5, 0.0, 0.0, 1.0), 2.0)
+    assert np.allclose([run.q[-1, 0], run.v[-1, 0], *run.states[-1]], end, rtol=0, atol=1e-8)
+    assert run.controls["hold"].max() == LIMIT  # it was at its limit, and left it
+    assert abs(run.controls["hold"][-1]) < LIMIT
+    assert {"x.hold", "x.hold.1", "x.hold.2"} <= set(run.columns())
+
+
+def test_a_pid_that_reads_another_one_is_a_cascade():
+    outer = pg.PID(name="outer", signal="=q.arm", setpoint=0.3, kp=4.0)
+    inner = pg.PID(name="inner", signal="=v.arm", setpoint="=x.outer", kp=8.0, ki=20.0)
+    run = pg.simulate(pendulum([inner, outer], "=x.inner"), t_end=1.0, rtol=1e-11)
+
+    def law(t, y):
+        e = 4 * (0.3 - y[0]) - y[1]
+        return 8 * e + y[2], 20 * e, 0.0
+
+    end = followed(law, (0.0, 0.0, 0.0, 0.0), 1.0)
+    assert np.allclose([run.q[-1, 0], run.states[-1, 0]], end[[0, 2]], rtol=0, atol=1e-9)
+
+
+def sampled_by_hand(period, t_end, law, start, values):
+    """The end of a motion whose controls change to law(t, y, values) at samples."""
+    y, t, k = np.array(start, dtype=float), 0.0, 0
+    while t < t_end - 1e-12:
+        values = law(t, y, values)
+        k, t = k + 1, min((k + 1) * period, t_end)
+        rate = lambda t, y, u=values[0]: (y[1], (u - 9.81 * np.cos(y[0])) / 0.7)  # noqa: E731
+        y = solve_ivp(rate, ((k - 1) * period, t), y, rtol=1e-12, atol=1e-13, method="DOP853").y[
+            :, -1
+        ]
+    return y, law(t, y, values)
+
+
+@pytest.mark.parametrize("how", [{"rtol": 1e-10}, {"step": 1e-3, "method": "rk4"}])
+@pytest.mark.parametrize("period", [0.05, 0.037])
+def test_sampled_values_are_held_between_samples_at_which_steps_end(how, period):
+    controls = [pg.Sampled(name="u", update="=-20*q.arm - 3*v.arm + 0.1*x.u", sample=period)]
+    run = pg.simulate(pendulum(controls, "=x.u"), t_end=period * 20, q=[0.4], **how)
+    law = lambda t, y, u: (-20 * y[0] - 3 * y[1] + 0.1 * u[0],)  # noqa: E731
+    end, u = sampled_by_hand(period, period * 20, law, (0.4, 0.0), (0.0,))
+    assert np.allclose([run.q[-1, 0], run.v[-1, 0]], end, rtol=0, atol=1e-9)
+    assert np.isclose(run.states[-1, 0], u[0], rtol=0, atol=1e-7)
+    assert len(np.unique(run.states[:, 0])) == 21
+
+
+def test_all_samples_of_an_instant_read_the_values_before_it():
+    a = pg.Sampled(name="a", update="=x.a + 1", sample=0.1)
+    b = pg.Sampled(name="b", update="=x.a", sample=0.1)
+    run = pg.simulate(pendulum([a, b]), t_end=0.45, step=0.01, method="rk4")
+    assert run.states[-1].tolist() == [5.0, 4.0]
+
+
+def test_a_pid_with_samples_is_the_difference_equation():
+    h, lag = 0.02, 0.05
+    pid = pg.PID(
+        name="hold", signal="=q.arm", setpoint=0.3, kp=40.0, ki=50.0, kd=5.0, filter=lag,
+        low=-12.0, high=12.0, sample=h,
+    )  # fmt: skip
+
+    def law(t, y, x):
+        _, i, d = x
+        e = 0.3 - y[0]
+        d = e if d is None else d
+        free = 40 * e + i + 5 * (e - d) / (lag + h)
+        u = min(max(free, -12.0), 12.0)
+        return u, i + (0.0 if (free - u) * e > 0 else h * 50 * e), d + h * (e - d) / (lag + h)
+
+    run = pg.simulate(pendulum([pid], "=x.hold"), t_end=1.0, rtol=1e-11)
+    end, _ = sampled_by_hand(h, 1.0, law, (0.0, 0.0), (0.0, 0.0, None))
+    assert np.allclose([run.q[-1, 0], run.v[-1, 0]], end, rtol=0, atol=1e-8)
+
+
+EVERY = (
+    *STATES,
+    pg.PID(name="pid", signal="=q.arm", setpoint="=x.i", kp=4.0, ki=3.0, low=-2.0, high=2.0),
+    pg.Sampled(name="u", update="=-3*q.arm + 0.2*x.u", sample=0.05),
+)
+WHOLE = "=k*x.i - 2*x.f + x.pid + x.u"
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "gauss6"])
+def test_runs_steppers_batches_and_sweeps_have_the_same_bits(method):
+    model = pendulum(EVERY, WHOLE)
+    call = {"step": 1e-2, "method": method}
+    run = pg.simulate(model, t_end=1.0, q=[0.4], frames=101, **call)
+    assert run.status.ok
+    stepper = pg.Stepper(pg.Mechanism(model), q=[0.4], **call)
+    stepper.step(n=40)
+    kept = stepper.save()
+    stepper.step(n=7)
+    stepper.restore(kept)
+    stepper.step(n=60)
+    assert np.array_equal(stepper.q, run.q[-1])
+    assert np.array_equal(stepper.states, run.states[-1])
+    assert stepper.controls == {name: x[-1] for name, x in run.controls.items()}
+    stepper.reset(q=[0.4])
+    assert np.array_equal(stepper.record_over(1.0, frames=101).states, run.states)
+    batch = pg.BatchStepper(pg.Mechanism(model), 3, set={"k": [1.0, 5.0, 7.0]}, **call)
+    batch.reset(q=[[0.4]] * 3)
+    batch.step(n=100)
+    assert np.array_equal(batch.q[1], run.q[-1])
+    assert np.array_equal(batch.v[1], run.v[-1])
+    metric = {"last": lambda run: float(run.q[-1, 0]), "x": lambda run: float(run.states[-1, 0])}
+    swept = pg.sweep(model, {"k": [1.0, 5.0, 7.0]}, metric, t_end=1.0, q=[0.4], **call)
+    assert np.array_equal(np.asarray(swept["last"]), batch.q[:, 0])
+    assert np.asarray(swept["x"])[1] == run.states[-1, 0]
+
+
+def test_the_command_line_has_the_same_bits(tmp_path):
+    model = pendulum(EVERY, WHOLE)
+    model.save(tmp_path / "m.json")
+    call = [sys.executable, "-m", "pgraph_app", "run", "m.json", "--t-end", "1", "--step", "0.01"]
+    subprocess.run([*call, "--method", "rk4", "--out", "m.npz"], cwd=tmp_path, check=True)
+    found = pg.Result.load(tmp_path / "m.npz")
+    run = pg.simulate(model, t_end=1.0, step=0.01, method="rk4")
+    assert np.array_equal(found.q, run.q[-len(found.q) :])
+    assert np.array_equal(found.states, run.states)
+
+
+def test_runs_with_controls_round_trip_through_files(tmp_path):
+    run = pg.simulate(pendulum(EVERY, WHOLE), t_end=0.5, step=0.01, method="rk4")
+    run.save(tmp_path / "r.npz")
+    again = pg.Result.load(tmp_path / "r.npz")
+    assert again == run
+    assert all(np.array_equal(again.controls[name], run.controls[name]) for name in run.controls)
+    assert '"schema_version": 7' in run.mechanism.model.to_json()
+
+
+@pytest.mark.parametrize("path", ["k", "controls.f.lag", "controls.i.start", "bodies.arm.mass"])
+def test_derivatives_go_through_states(path):
+    model = pendulum(STATES, TORQUE)
+    call = {"t_end": 0.5, "q": [0.4], "v": [0.3], "step": 5e-3, "method": "rk4"}
+    run = pg.simulate(model, wrt=[path], **call)
+
+    def end(change):
+        words = path.split(".")
+        if path == "k":
+            return pg.simulate(model.replace(parameters={"k": 5.0 + change}), **call)
+        kind = {"controls": "control", "bodies": "body"}[words[0]]
+        present = getattr(model.part(words[1], kind), words[2])
+        return pg.simulate(model.edit(words[1], kind=kind, **{words[2]: present + change}), **call)
+
+    h = 1e-4
+    runs = [end(k * h) for k in (-2, -1, 1, 2)]
+    weights = np.array([1, -8, 8, -1]) / (12 * h)
+    by = sum(w * np.column_stack((r.q, r.v)) for w, r in zip(weights, runs))
+    assert np.allclose(run.sensitivity(path), by, rtol=1e-7, atol=1e-9)
+    slope = run.gradient(lambda r: r.states[-1, 0])[path]
+    assert np.isclose(slope, sum(w * r.states[-1, 0] for w, r in zip(weights, runs)), rtol=1e-6)
+    assert np.array_equal(run.q, pg.simulate(model, **call).q)
+
+
+def test_derivatives_by_what_is_sampled_are_refused():
+    with pytest.raises(pg.InputError, match="samples"):
+        pg.simulate(pendulum(EVERY[3:], "=x.u"), t_end=0.1, wrt=["k"], step=1e-2, method="rk4")
+
+
+def test_events_and_torque_functions_see_the_motion_alone():
+    seen = []
+
+    def event(t, q, v):
+        seen.append((len(q), len(v)))
+        return q[0]
+
+    def torque(t, q, v):
+        return -3 * q - v
+
+    given = pg.simulate(
+        pendulum(EVERY, WHOLE), t_end=0.5, q=[0.4], rtol=1e-9, events=event, tau=torque
+    )
+    law = f"{WHOLE} - 3*q.arm - v.arm"
+    same = pg.simulate(pendulum(EVERY, law), t_end=0.5, q=[0.4], rtol=1e-9)
+    assert set(seen) == {(1, 1)}
+    assert np.allclose(given.q[-1], same.q[-1], rtol=0, atol=1e-7)
+
+
+def test_conditions_may_name_controls():
+    count = pg.State(name="time", rate=1.0)
+    weld = pg.Weld(name="catch", body="arm", active=False)
+    model = pendulum([count], constraints=[weld])
+    switch = {"constraint": "catch", "active": True, "when": {"holds": "=x.time > 0.25"}}
+    run = pg.simulate(model, t_end=0.5, rtol=1e-10, switches=[pg.Switch(**switch)])
+    after = run.t > 0.2501
+    assert np.abs(run.v[after]).max() < 1e-12
+    assert np.abs(run.v[~after]).max() > 1.0
+    assert abs(run.q[-1, 0] - pg.simulate(pendulum(), t_end=0.25, rtol=1e-10).q[-1, 0]) < 1e-9
+
+
+def test_a_loop_with_constraints_keeps_its_states():
+    slider = pg.Body(name="slider", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    crank = pg.Body(name="crank", axes=[Z], mass=1.0, com=(0.1, 0, 0), tip=(0.3, 0, 0))
+    rod = pg.Body(name="rod", parent="crank", link=(0.3, 0, 0), axes=[Z], mass=1.0, tip=(1, 0, 0))
+    tie = pg.Point(name="pin", body="rod", other="slider")
+    model = pg.Model(
+        bodies=[slider, crank, rod], gravity=(0, -9.81, 0), constraints=[tie],
+        forces=[pg.Motor(name="m", body="crank", torque="=x.speed")],
+        controls=[pg.PID(name="speed", signal="=v.crank", setpoint=3.0, kp=5.0, ki=20.0)],
+    )  # fmt: skip
+    run = pg.simulate(model, q=[1.25, 0.1, -0.1], t_end=4.0, rtol=1e-9)
+    assert run.status.ok
+    assert abs(run.energy[-1] - run.energy[0] - run.work[-1]) < 1e-6
+    assert run.constraint_drift.max() < 1e-8
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_controls_run_beside_contacts(method):
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=[Z], mass=1.0, q=[0.5],
+        shape=pg.Shape(kind="sphere", radius=0.1),
+    )  # fmt: skip
+    lag = pg.Filter(name="lag", input="=q.ball", lag=0.2)
+    floor = pg.Contact(name="floor", body="ball", restitution=0.5)
+    model = pg.Model(bodies=[ball], contacts=[floor], controls=[lag])
+    call = {"t_end": 1.0, "method": method} | ({"rtol": 1e-9} if method == "dop853" else {})
+    run = pg.simulate(model, **call)
+    bare = pg.simulate(model.replace(controls=[]), **call)
+    assert run.status.ok
+    assert np.allclose(run.q[-1], bare.q[-1], rtol=0, atol=1e-6)
+    x = solve_ivp(
+        lambda t, x: (np.interp(t, run.t, run.q[:, 0]) - x) / 0.2, (0, 1), [0.5], rtol=1e-8,
+        max_step=1e-3,
+    ).y[0, -1]  # fmt: skip
+    assert abs(run.states[-1, 0] - x) < 2e-3
+
+
+def test_models_without_controls_have_none():
+    run = pg.simulate(pendulum(torque="=-3*q.arm"), t_end=0.1)
+    assert run.states.shape == (len(run.t), 0)
+    assert run.controls == {}
+
+
+@pytest.mark.parametrize(
+    ("control", "facts"),
+    [
+        (pg.State(name="c", rate="=1/(t - 0.25)"), ("'c'", "=1/(t - 0.25)")),
+        (pg.Sampled(name="c", update="=sqrt(0.25 - t)", sample=0.1), ("'c'", "sqrt")),
+    ],
+)
+@pytest.mark.parametrize("how", [{"step": 0.01, "method": "rk4"}, {"rtol": 1e-6}])
+def test_a_control_without_a_value_ends_the_run_and_is_named(control, facts, how):
+    run = pg.simulate(pendulum([control], "=x.c"), t_end=1.0, **how)
+    assert not run.status.ok
+    assert all(fact in run.message for fact in facts)
+
+
+def test_a_sample_time_below_the_step_is_refused():
+    control = pg.Sampled(name="c", update="=q.arm", sample=1e-3)
+    for call in (
+        lambda m: pg.simulate(m, t_end=1.0, step=1e-2, method="rk4"),
+        lambda m: pg.Stepper(m, step=1e-2),
+        lambda m: pg.BatchStepper(pg.Mechanism(m), 2, step=1e-2),
+    ):
+        with pytest.raises(pg.InputError) as refused:
+            call(pendulum([control], "=x.c"))
+        text = str(refused.value)
+        assert all(fact in text for fact in ("'c'", "sample", "0.001", "0.01"))
+
+
+@pytest.mark.parametrize(
+    ("control", "facts"),
+    [
+        (pg.PID(name="c", signal="=x.c"), ("'c'", "loop", "x.c -> x.c")),
+        (pg.PID(name="c", signal="=q.arn"), ("'c'", "'arn'", "arm")),
+        (pg.PID(name="c", signal="=q.arm", setpoint="=v.arm"), ("setpoint", "rad/s")),
+        (pg.PID(name="c", signal="=x.f"), ("'f'",)),
+        (pg.State(name="c", rate="=x.c[2]"), ("states from 1 to 1", "2")),
+        (pg.State(name="c", rate="=q.arm + v.arm"), ("rad and rad/s",)),
+    ],
+)
+def test_what_does_not_fit_the_model_is_refused(control, facts):
+    with pytest.raises(pg.ModelError) as refused:
+        pendulum([control])
+    assert all(fact in str(refused.value) for fact in facts)
+
+
+def test_a_loop_is_named_with_its_path():
+    names = ("a", "b", "c")
+    pids = [pg.PID(name=x, signal=f"=x.{y}") for x, y in zip(names, "bca")]
+    with pytest.raises(pg.ModelError, match=r"x.a -> x.b -> x.c -> x.a"):
+        pendulum(pids)
+    broken = [
+        *pids[:2],
+        pg.PID(name="c", signal="=x.lag"),
+        pg.Filter(name="lag", input="=x.a", lag=1),
+    ]
+    pendulum(broken)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"kd": 1.0}, {"windup": "back"}, {"low": 1.0, "high": 1.0}, {"filter": 0.0},
+        {"sample": -1.0}, {"windup": "stop"},
+    ],
+)  # fmt: skip
+def test_fields_that_do_not_fit_each_other_are_refused(fields):
+    with pytest.raises(pg.ModelError):
+        pg.PID(name="c", signal="=q.arm", **fields)
+
+
+def test_controls_follow_new_names_and_go_with_what_they_read():
+    model = pendulum(EVERY, WHOLE)
+    assert model.edit("arm", name="leg").controls[0].rate == "=1 - q.leg - 0.2*x.i"
+    new = model.edit("i", kind="control", name="sum")
+    assert new.controls[0].rate == "=1 - q.arm - 0.2*x.sum"
+    assert new.part("pid", "control").setpoint == "=x.sum"
+    assert new.forces[0].torque == "=k*x.sum - 2*x.f + x.pid + x.u"
+    assert not model.remove("arm").controls
+    assert pg.Model.from_json(model.to_json()) == model
+
+
+def test_linearisation_of_a_model_with_controls_is_refused():
+    with pytest.raises(pg.InputError, match="'i'"):
+        pg.Mechanism(pendulum(EVERY, WHOLE)).linearise()
