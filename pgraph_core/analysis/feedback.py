@@ -17,6 +17,7 @@ from ..errors import InputError, Problem, explained, nearest, shown
 from ..forces import OnJoint
 from ..model import Model
 from ..packing import Array
+from ..signals.grammar import LONGEST
 from ..tolerances import NOTABLE
 from .linear import Linearisation, linearise
 
@@ -221,6 +222,9 @@ def _closed(
     plant = _Plant(call, found.A, B, names, tuple(f.name for f in drives))
     K = np.atleast_2d(gains(plant))
     texts = [_text(names, at, row, float(u)) for row, u in zip(K, hold)]
+    if (longest := max(map(len, texts))) > LONGEST:
+        text = f"the feedback of {len(names)} states has {longest} characters, and an expression "
+        raise InputError(Problem(call, "states", f"{text}at most {LONGEST}; choose fewer states"))
     model = _with_inputs(model, drives, texts)
     poles: Any = np.linalg.eigvals(found.A - B @ K)
     poles = poles[np.lexsort((-poles.imag, poles.real))]
@@ -277,6 +281,10 @@ def _drives(call: str, model: Model, names: Any) -> list[OnJoint]:
     if not wanted:
         text = "needs a motor, servo or actuator; add one with model.add(pg.Motor(...))"
         raise InputError(Problem(call, "inputs", text))
+    late = [name for name in wanted if known[name].has_state]
+    if late:
+        text = f"'{late[0]}' has a lag or an integral of its own, through which no feedback acts; "
+        raise InputError(Problem(call, "inputs", f"{text}name the other drives"))
     return [known[name] for name in wanted]
 
 

@@ -230,8 +230,8 @@ class BatchStepper(Portable):
         return {text: which for text, which in found.items() if len(which)}
 
     def _reason(self, code: int, control: Any) -> str:
-        body = self.mech.packed.body_of(int(control["fastest"]))
-        where = f"at t = {control['failed']:.6g} s; body '{body}' moved fastest"
+        moved = self.mech.packed.moved_fastest(int(control["fastest"]))
+        where = f"at t = {control['failed']:.6g} s; {moved}"
         return f"{STATUS[code].value} {where}"
 
     @property

@@ -117,6 +117,17 @@ def differentiate(code, first, count):
         code[i + 1, 2] = bend
 
 
+@kernel(void(F2, F1, F2), later=True)
+def rates(code, times, out):
+    """Write the value and the rate of a program of time alone at each time into `out` (n, 2)."""
+    count = code.shape[0] // 2
+    for i in range(times.shape[0]):
+        evaluate(code, 0, count, times[i], times, times)
+        differentiate(code, 0, count)
+        out[i, 0] = code[2 * count - 1, 0]
+        out[i, 1] = code[2 * count - 1, 1]
+
+
 @part
 def rates_of(op, a, b, c, x):
     """Return (x', x'') of an operation with value x and operands (value, rate, second rate)."""

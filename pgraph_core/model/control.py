@@ -127,10 +127,10 @@ class PID(Control):
     """A PID controller of a signal, with limits, a filtered derivative and anti-windup.
 
     Its value is kp e + I + D within `low` and `high`, with e = setpoint - signal, I' = ki e, and D
-    the derivative kd s/(filter s + 1) of e, which is 0 at the start. While its value is at a limit,
-    "clamp" stops the integral from growing further, and "back" adds (value - kp e - I - D)/tracking
-    to I' [Astrom, Hagglund 2006, 3.5]. With `sample` it acts at samples and holds its value between
-    them: I by Euler's forward rule, D by the backward one. Its states are I and the filtered error.
+    the derivative kd s/(filter s + 1) of e, which is 0 at the start. Where the value has limits,
+    "clamp" keeps I within them too, and "back" adds (value - kp e - I - D)/tracking to I' [Astrom,
+    Hagglund 2006, 3.5]. With `sample` it acts at samples and holds its value between them: I by
+    Euler's forward rule, D by the backward one. Its states are I and the filtered error.
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"
@@ -189,23 +189,22 @@ class PID(Control):
 
     @property
     def value(self) -> Node:
-        return self._state(1 + bool(self.kd)) if self.sample else self._sum(limited=True)
+        return self._state(1 + bool(self.kd)) if self.sample else self._within(self._sum())
 
     @property
     def own(self) -> tuple[Own, ...]:
         e, i, d = self._error(), self._state(0), self._state(1)
-        rate, lag, h = self._integral(), self._lag(), self._number("sample")
-        start = self._number("start")
+        rate, lag, start = self._integral(), self._lag(), self._number("start")
         if not self.sample:
             slope = filled("(e - d)/lag", e=e, d=d, lag=lag)
             return (Own(rate, start), Own(slope, e))[: 1 + bool(self.kd)]
+        h = self._number("sample")
         whole = filled("i + h*rate", i=i, h=h, rate=rate)
+        whole = self._within(whole) if self.windup == "clamp" else whole
         follows = filled("d + h*(e - d)/lag", d=d, e=e, h=h, lag=lag)
-        found = (Own(whole, start, self.sample), Own(follows, e, self.sample))
-        return (
-            *found[: 1 + bool(self.kd)],
-            Own(self._sum(limited=True), Node("number"), self.sample),
-        )
+        found = Own(whole, start, self.sample), Own(follows, e, self.sample)
+        held = Own(self._within(self._sum()), Node("number"), self.sample)
+        return *found[: 1 + bool(self.kd)], held
 
     def _lag(self) -> Node:
         """Return the time over which the derivative is taken."""
@@ -215,27 +214,38 @@ class PID(Control):
     def _error(self) -> Node:
         return filled("w - y", w=self._read("setpoint"), y=self._read("signal"))
 
-    def _sum(self, *, limited: bool) -> Node:
-        e, i = self._error(), self._state(0)
-        found = filled("kp*e + i", kp=self._number("kp"), e=e, i=i)
+    def _sum(self) -> Node:
+        """Return the value without limits."""
+        e, i, kp = self._error(), self._state(0), self._number("kp")
+        found = filled("kp*e + i", kp=kp, e=e, i=i)
         if self.kd:
             kd, d, lag = self._number("kd"), self._state(1), self._lag()
             found = filled("u + kd*(e - d)/lag", u=found, kd=kd, e=e, d=d, lag=lag)
-        for name, text in (("low", "max(u, end)"), ("high", "min(u, end)")):
-            if limited and getattr(self, name) is not None:
-                found = filled(text, u=found, end=self._number(name))
         return found
+
+    def _within(self, x: Node) -> Node:
+        for name, text in (("low", "max(x, end)"), ("high", "min(x, end)")):
+            x = filled(text, x=x, end=self._number(name)) if name in self._ends else x
+        return x
+
+    @property
+    def _ends(self) -> list[str]:
+        return [name for name in ("low", "high") if getattr(self, name) is not None]
 
     def _integral(self) -> Node:
         """Return the rate of the integral."""
-        rate = filled("ki*e", ki=self._number("ki"), e=self._error())
-        free, value = self._sum(limited=False), self._sum(limited=True)
-        if self.windup == "none" or value == free:
-            return rate
-        if self.windup == "back":
-            t = self._number("tracking")
-            return filled("rate + (u - free)/t", rate=rate, u=value, free=free, t=t)
-        return filled("if((free - u)*rate > 0, 0, rate)", free=free, u=value, rate=rate)
+        rate, i = filled("ki*e", ki=self._number("ki"), e=self._error()), self._state(0)
+        if self.windup == "back" and self._ends:
+            free, t = self._sum(), self._number("tracking")
+            return filled("rate + (u - free)/t", rate=rate, u=self._within(free), free=free, t=t)
+        if self.windup == "clamp" and not self.sample:
+            bounds = {
+                "low": "if(i > end, rate, max(rate, 0))",
+                "high": "if(i < end, rate, min(rate, 0))",
+            }
+            for name in self._ends:
+                rate = filled(bounds[name], i=i, rate=rate, end=self._number(name))
+        return rate
 
 
 class Sampled(Control):

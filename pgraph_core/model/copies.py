@@ -15,7 +15,7 @@ from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .editing import renamed
-from .expressions import expressions_of, read_by, renamed_in
+from .expressions import expressions_of, read_by, read_through, renamed_in
 from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
@@ -77,7 +77,7 @@ def copied(
     """
     bodies = _bodies(parts["bodies"], names, mirror)
     known = {body.name: body for body in parts["bodies"]}
-    copy = _Copy(names, mirror, root, known, parts["outputs"])
+    copy = _Copy(names, mirror, root, known, parts)
     found: dict[str, Any] = {"bodies": bodies}
     called: dict[str, Names] = {"bodies": names}  # names of the copies of each kind
     for kind in ("constraints", "contacts", "sites", "outputs", "forces"):
@@ -109,10 +109,10 @@ class _Copy:
 
     def __init__(
         self, names: Names, mirror: Mirror | None, root: Body, known: Mapping[str, Body],
-        outputs: Sequence[Output],
+        parts: Mapping[str, Sequence[Any]],
     ):  # fmt: skip
         self.names, self.mirror, self.root, self.known = names, mirror, root, known
-        self.outputs = outputs
+        self.outputs, self.controls = parts["outputs"], parts["controls"]
         self.called: Names = {}  # the copies of outputs
         self.lost: list[str] = []
 
@@ -131,6 +131,10 @@ class _Copy:
             return None
         copy = renamed(part, self.names)
         if isinstance(part, Force):
+            if self._shared(part):
+                text = "was not copied: it reads a control of the original"
+                self.lost.append(f"{part.word()} '{part.name}' {text}")
+                return None
             copy = copy.unchecked_copy(renamed_in(copy, self.called, "out"))
         if self.mirror is not None:
             change = self.reflected(part)
@@ -141,6 +145,11 @@ class _Copy:
                 return None
             copy = copy.unchecked_copy(change)
         return copy
+
+    def _shared(self, part: Force) -> bool:
+        """Return True if a force reads a control that follows the original branch."""
+        read = read_through(part, self.controls, self.outputs)
+        return bool(read) if self.mirror else any(name in self.names for name, _ in read)
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
         """Return the formula for the copied cell with its reflected sign, or None for a number."""
@@ -218,7 +227,10 @@ class _Copy:
             if isinstance(part, Gear):
                 used.append((part.other, part.other_coordinate))
         if isinstance(part, Force):
-            used += read_by(part, self.outputs)
+            read = read_by(part, self.outputs)
+            if any(name not in self.names for name, _ in read):
+                return False  # a coordinate outside the branch, whose image may have another sign
+            used += read
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
     def _upright(self) -> bool:

@@ -203,6 +203,20 @@ def read_by(part: Described, outputs: Sequence[Output]) -> set[tuple[str, int]]:
     }  # fmt: skip
 
 
+def read_through(
+    part: Described, controls: Sequence[Control], outputs: Sequence[Output]
+) -> set[tuple[str, int]]:
+    """Return (body, degree of freedom) for each joint that a part reads through controls."""
+    known, seen = {c.name: c for c in controls}, set[str]()
+    left, found = controls_read(part), set[tuple[str, int]]()
+    while left - seen:
+        name = (left - seen).pop()
+        seen.add(name)
+        left |= controls_read(known[name])
+        found |= read_by(known[name], outputs)
+    return found
+
+
 def controls_read(part: Described) -> set[str]:
     """Return the controls that the expressions in a part read."""
     named = (signal for _, _, text in expressions_of(part) for signal in signals_in(text))

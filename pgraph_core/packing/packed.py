@@ -145,6 +145,11 @@ class Packed:
             return states_of(self.model)[own][0].name
         return self.topology.names[self.system.body_of_row[row] - 1]
 
+    def moved_fastest(self, row: int) -> str:
+        """Return a sentence on the row with the largest speed, of a body or of a control."""
+        word = "control" if row >= len(self.system.body_of_row) else "body"
+        return f"{word} '{self.body_of(row)}' moved fastest"
+
     def singular(self, row: int) -> Problem:
         """Return the error for a row whose motion does not move any inertia."""
         name = self.body_of(row)

@@ -37,6 +37,7 @@ from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, bends_of_loads, exerts
 from ..packing.signals import varying
 from ..tolerances import EPS, NOTABLE, SOLVED
+from .kinks import Kink, kinks_of
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -114,6 +115,7 @@ class Way:
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # constraints that are switched on and off
     corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
+    kinks: tuple[Kink, ...] = ()  # of prescribed motions
     parts: int = 1  # divisions of intervals shorter than a fixed step, more in a finer run
     shown: NDArray[np.bool_] | None = None  # mask of the requested frames, None for all
     why: str = ""  # this method
@@ -312,7 +314,7 @@ def _on_a_way(
     o = o._replace(step=_given_step(plan, given, o))
     plan, o = _with_method(mech, plan, rate, o, given)
     plan = _with_times(mech, plan, o, given, span)
-    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan)]
+    told = [*_stiff(plan, rate), *_hard(plan), *_filled(plan), *map(str, plan.kinks)]
     if asked and plan.step is not None and asked > duration * (1 + SOLVED):
         told.append(
             f"step: {asked:g} s is longer than the run, which takes one step of {duration:g} s; "
@@ -400,11 +402,14 @@ def _with_times(
     if width:
         _refuse_fast_samples(mech, width)
     ends = corners(mech, plan.drives, plan.loads, plan.ever, span[0])
+    kinks = kinks_of(mech, plan.ever, *span)
+    ends = np.union1d(ends, [kink.t for kink in kinks]) if kinks else ends
     if tolerance is not None and plan.tau is not None:
         ends = np.union1d(ends, plan.tau.ticks(*span))
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
         corners=ends, gains=_gains(o, usual), shown=_shown(times, o, asked),
+        kinks=tuple(kinks),
     )  # fmt: skip
 
 

@@ -420,24 +420,34 @@ class Recording:
 
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""
-        values = watch.begin(self.start, self.q, self.v)
-        already = [i for i in range(watch.waiting) if values[i] > 0.0]
+        margins = watch.begin(self.start, self.q, self.v)
+        ahead = self._ahead_of_start() if 0.0 in margins[: watch.waiting] else ()
+        already = [
+            i for i, x in enumerate(margins[: watch.waiting])
+            if x > 0.0 or (x == 0.0 and watch.monitors[i](*ahead) > 0.0)
+        ]  # fmt: skip
         for i in already:
             name = self.mech.model.constraints[self.plan.conditions[i].constraint].name
             text = f"'{name}' is switched at the start: {watch.monitors[i].name} is true already"
             self.ended.notices.append(text)
-        for monitor, value in zip(watch.monitors, values):
-            if value == 0.0:
-                text = f"{monitor.name} is exactly on its limit at the start, and acts there only "
-                text += "once it has been on the other side"
-                self.ended.notices.append(text)
         self._switch_where_true(self.start, already)
 
-    def _first_evaluation(self) -> int:
-        """Return 0, or -1 if v' is not finite at the start, or the first row without inertia."""
+    def _ahead_of_start(self) -> tuple[float, Array, Array]:
+        """Return (t, q, v) a little after the start, which tells on which side a margin goes on."""
+        h, vdot = NOTABLE * (float(self.planned.times[-1]) - self.start), np.zeros(self.size[1])
+        self._first_evaluation(vdot)
+        q, v = self.q.copy(), self.v + h * vdot
+        motion.move(self.scene.packed.rows, q, self.v + 0.5 * h * vdot, h)
+        return self.start + h, q, v
+
+    def _first_evaluation(self, vdot: Array | None = None) -> int:
+        """Return 0, or -1 if v' is not finite at the start, or the first row without inertia.
+
+        v' is written into `vdot`.
+        """
         return motion.constrained_dynamics(
             self.scene.address, address_of(motion.acceleration), self.start, *self.began,
-            self.scene.given, np.zeros(3), np.empty(self.size[1]),
+            self.scene.given, np.zeros(3), np.empty(self.size[1]) if vdot is None else vdot,
             np.empty_like(self.out.wrenches[0]),
         )  # fmt: skip
 
@@ -679,7 +689,7 @@ class Recording:
         status = STATUS[code]
         if trouble := self._trouble(float(t)):
             return status, f"{status.value} at t = {t:.6g} s{trouble}"
-        where = f"at t = {t:.6g} s; body '{self.mech.packed.body_of(row)}' moved fastest"
+        where = f"at t = {t:.6g} s; {self.mech.packed.moved_fastest(row)}"
         return status, f"{status.value} {where}; {self._advice(status)}"
 
     def _advice(self, status: Status) -> str:

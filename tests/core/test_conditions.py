@@ -103,12 +103,78 @@ def test_a_condition_that_means_nothing_is_refused(when, facts):
     assert all(fact in str(refused.value) for fact in facts)
 
 
-@pytest.mark.parametrize("condition", ["=q.a > 0", "=t >= 0", "=q.a < 0 or q.a > 0"])
-def test_a_condition_on_its_limit_at_the_start_is_named(condition):
+@pytest.mark.parametrize(
+    ("condition", "acts"),
+    [
+        ("=q.a > 0", True), ("=t >= 0", True), ("=q.a < 0 or q.a > 0", True), ("=q.a < 0", False),
+        ("=q.a*q.a < 0", False), ("=not q.a <= 0", True), ("=v.a > 1", True), ("=v.a < 1", False),
+    ],
+)  # fmt: skip
+def test_a_condition_on_its_limit_at_the_start_acts_where_it_is_about_to_hold(condition, acts):
     slider = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
     weld = pg.Weld(name="w", body="a", active=False)
     model = pg.Model(bodies=[slider], gravity=(0, 0, 0), constraints=[weld])
     switch = pg.Switch(constraint="w", active=True, when={"holds": condition})
     scenario = pg.Scenario(name="s", t_end=0.2, switches=[switch])
-    run = pg.simulate(model.add(scenario), scenario="s", v={"a": 1.0})
-    assert any(condition.removeprefix("=") in text for text in run.notices)
+    model = model.add(scenario).add(pg.Motor(name="m", body="a", torque=0.5))
+    run = pg.simulate(model, scenario="s", v={"a": 1.0})
+    assert np.isclose(run.q[-1, 0], 0.0 if acts else 0.2 + 0.25 * 0.04, atol=1e-9)
+    assert any(condition.removeprefix("=") in text for text in run.notices) == acts
+
+
+@pytest.mark.parametrize("down", [1.0, 4.0])
+def test_a_latch_with_a_threshold_of_force_is_the_closed_form(down):
+    """A weld holds a slider against a force that grows by 10 N/s, until it bears 5 N.
+
+    It catches again where the spring has brought the slider back to less than `down` rad/s.
+    """
+    body = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)], mass=2.0)
+    latch = pg.Weld(name="latch", body="a")
+    push = pg.Motor(name="push", body="a", torque="=if(t < 0.5, 10*t, -5)")
+    switches = [
+        pg.Switch(constraint="latch", active=False, when={"force": "latch", "above": 4.0}),
+        pg.Switch(constraint="latch", active=True, when={"holds": f"=v.a < -0.1*{down}"}),
+    ]
+    scenario = pg.Scenario(name="s", switches=switches, t_end=2.0)
+    model = pg.Model(
+        bodies=[body], gravity=(0, 0, 0), constraints=[latch], forces=[push], scenarios=[scenario]
+    )
+    run = pg.simulate(model, scenario="s", rtol=1e-11)
+    # off at 0.4 s; a = 5 t until 0.5 s, then -2.5; caught where v = -down/10, bears 5 N: off again
+    at = [event.t for event in run.events]
+    v = 2.5 * (0.5**2 - 0.4**2)
+    assert at[0] == pytest.approx(0.4, abs=1e-9)
+    assert at[1] == pytest.approx(0.5 + (v + 0.1 * down) / 2.5, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "corner", "jump"),
+    [
+        ("=if(t < 0.3, 0, 2*(t - 0.3))", 0.3, 2.0),
+        ("=abs(t - 0.61)", 0.61, 2.0),
+        ("=max(0, sin(3*t))*0 + min(t, 0.25)", 0.25, -1.0),
+        ("=table(t, 0, 0, 0.4, 1, 1, 1)", 0.4, -2.5),
+    ],
+)
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+def test_a_corner_of_a_prescribed_motion_is_named(text, corner, jump, method):
+    body = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
+    follow = pg.Motion(name="follow", body="a", q_of_t=text)
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0), constraints=[follow])
+    how = {"step": 0.01, "method": "rk4"} if method == "rk4" else {"rtol": 1e-9}
+    run = pg.simulate(model, t_end=0.9, **how)
+    told = [text for text in run.notices if "'follow'" in text]
+    assert len(told) == 1
+    assert f"{corner:g} s" in told[0]
+    assert f"{jump:.4g}" in told[0]
+
+
+@pytest.mark.parametrize(
+    "text", ["=smoothstep(t, 0.2, 0.7)", "=sin(9*t)", "=min(t, 5)", "=t*abs(t)"]
+)
+def test_a_smooth_prescribed_motion_has_no_corner(text):
+    body = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)])
+    follow = pg.Motion(name="follow", body="a", q_of_t=text)
+    model = pg.Model(bodies=[body], gravity=(0, 0, 0), constraints=[follow])
+    run = pg.simulate(model, t_end=0.9, step=0.01, method="rk4")
+    assert not any("'follow'" in text for text in run.notices)

@@ -77,10 +77,10 @@ def test_a_large_state_does_not_loosen_the_tolerance_of_the_motion(size):
 
 
 LIMIT = 14.0
-PIDS = {
-    "none": ({"windup": "none"}, lambda rate, miss: rate),
-    "clamp": ({}, lambda rate, miss: 0.0 if miss * rate > 0 else rate),
-    "back": ({"windup": "back", "tracking": 0.3}, lambda rate, miss: rate - miss / 0.3),
+PIDS = {  # fields, and the rate of the integral i with its rate ki e where free - u is cut off
+    "none": ({"windup": "none"}, lambda i, rate, cut: rate),
+    "clamp": ({}, lambda i, rate, cut: 0.0 if abs(i) >= LIMIT and i * rate > 0 else rate),
+    "back": ({"windup": "back", "tracking": 0.3}, lambda i, rate, cut: rate - cut / 0.3),
 }
 
 
@@ -88,22 +88,23 @@ PIDS = {
 def test_a_pid_with_limits_follows_its_equations(windup):
     fields, integral = PIDS[windup]
     pid = pg.PID(
-        name="hold", signal="=q.arm", setpoint="=0.5 + 0.2*sin(3*t)", kp=40.0, ki=60.0, kd=6.0,
+        name="hold", signal="=q.arm", setpoint="=if(t < 0.8, -1.2, 0.5)", kp=10.0, ki=60.0, kd=4.0,
         filter=0.02, low=-LIMIT, high=LIMIT, **fields,
     )  # fmt: skip
 
     def law(t, y):
         q, _, i, d = y
-        e = 0.5 + 0.2 * np.sin(3 * t) - q
-        free = 40 * e + i + 6 * (e - d) / 0.02
+        e = (-1.2 if t < 0.8 else 0.5) - q
+        free = 10 * e + i + 4 * (e - d) / 0.02
         u = min(max(free, -LIMIT), LIMIT)
-        return u, integral(60 * e, free - u), (e - d) / 0.02
+        return u, integral(i, 60 * e, free - u), (e - d) / 0.02
 
-    run = pg.simulate(pendulum([pid], "=x.hold"), t_end=2.0, q=[-0.5], rtol=1e-12)
-    end = followed(law, (-0.5, 0.0, 0.0, 1.0), 2.0)
+    run = pg.simulate(pendulum([pid], "=x.hold"), t_end=2.0, q=[0.5], rtol=1e-12)
+    end = followed(law, (0.5, 0.0, 0.0, -1.7), 2.0, breaks=(0.8,))
     assert np.allclose([run.q[-1, 0], run.v[-1, 0], *run.states[-1]], end, rtol=0, atol=1e-8)
-    assert run.controls["hold"].max() == LIMIT  # it was at its limit, and left it
-    assert abs(run.controls["hold"][-1]) < LIMIT
+    assert run.controls["hold"].min() == -LIMIT  # it was at its limit, and left it
+    assert (np.abs(run.controls["hold"]) < LIMIT).any()
+    assert (np.abs(run.states[:, 0]).max() > 1.01 * LIMIT) == (windup != "clamp")
     assert {"x.hold", "x.hold.1", "x.hold.2"} <= set(run.columns())
 
 
@@ -165,7 +166,8 @@ def test_a_pid_with_samples_is_the_difference_equation():
         d = e if d is None else d
         free = 40 * e + i + 5 * (e - d) / (lag + h)
         u = min(max(free, -12.0), 12.0)
-        return u, i + (0.0 if (free - u) * e > 0 else h * 50 * e), d + h * (e - d) / (lag + h)
+        i = min(max(i + h * 50 * e, -12.0), 12.0)
+        return u, i, d + h * (e - d) / (lag + h)
 
     run = pg.simulate(pendulum([pid], "=x.hold"), t_end=1.0, rtol=1e-11)
     end, _ = sampled_by_hand(h, 1.0, law, (0.0, 0.0), (0.0, 0.0, None))
@@ -174,7 +176,17 @@ def test_a_pid_with_samples_is_the_difference_equation():
 
 EVERY = (
     *STATES,
-    pg.PID(name="pid", signal="=q.arm", setpoint="=x.i", kp=4.0, ki=3.0, low=-2.0, high=2.0),
+    pg.PID(
+        name="pid",
+        signal="=q.arm",
+        setpoint="=x.i",
+        kp=4.0,
+        ki=3.0,
+        low=-2.0,
+        high=2.0,
+        windup="back",
+        tracking=0.2,
+    ),
     pg.Sampled(name="u", update="=-3*q.arm + 0.2*x.u", sample=0.05),
 )
 WHOLE = "=k*x.i - 2*x.f + x.pid + x.u"
@@ -414,3 +426,38 @@ def test_controls_follow_new_names_and_go_with_what_they_read():
 def test_linearisation_of_a_model_with_controls_is_refused():
     with pytest.raises(pg.InputError, match="'i'"):
         pg.Mechanism(pendulum(EVERY, WHOLE)).linearise()
+
+
+def legs():
+    bodies = [
+        pg.Body(name="trunk", joint="prismatic", axes=[(1, 0, 0)]),
+        pg.Body(name="left hip", parent="trunk", axes=[Z], link=(0, 0, 0.1), com=(0.2, 0, 0)),
+    ]
+    return pg.Model(bodies=bodies, parameters={"k": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("torque", "copied"),
+    [
+        ('=-3*q["left hip"]', True), ("=-k*v.trunk", False), ("=x.clock", True),
+        ("=x.hip", False), ("=x.after", False),
+    ],
+)  # fmt: skip
+def test_a_mirror_image_has_no_terms_of_another_sign(torque, copied):
+    controls = [
+        pg.State(name="clock", rate=1.0),
+        pg.Filter(name="hip", input='=q["left hip"]', lag=0.1),
+        pg.Filter(name="after", input="=x.hip", lag=0.1),
+    ]
+    drive = pg.Motor(name="left drive", body="left hip", torque=torque)
+    model = legs().replace(controls=controls, forces=[drive]).mirror("left hip", "x")
+    assert [f.name for f in model.forces[1:]] == ["right drive"] * copied
+    assert any("'left drive'" in text for text in model.notices) != copied
+
+
+def test_a_copy_shares_no_control_of_the_original():
+    controls = [pg.Filter(name="hip", input='=q["left hip"]', lag=0.1)]
+    drive = pg.Motor(name="drive", body="left hip", torque="=x.hip")
+    model = legs().replace(controls=controls, forces=[drive]).duplicate("left hip")
+    assert len(model.forces) == 1
+    assert any("'drive'" in text for text in model.notices)
