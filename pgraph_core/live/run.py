@@ -237,6 +237,9 @@ class LiveRun:
         self.mech, self.plan = mech, replace(plan, drives=drives)
         state = with_state(mech, plan.start, q, v, float(plan.times[0]))
         self.record = Recording(mech, self.plan, *state, plan.tau)
+        if mech.model.controls:
+            begin = self.record.steps.q, self.record.steps.v
+            motion.begin_controls(self.record.scene.address, self.record.start, 0.0, *begin)
         if plan.tolerance is None:
             self.record.steps.open_ended(setup.step)
         self._lay_out()

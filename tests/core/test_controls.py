@@ -461,3 +461,13 @@ def test_a_copy_shares_no_control_of_the_original():
     model = legs().replace(controls=controls, forces=[drive]).duplicate("left hip")
     assert len(model.forces) == 1
     assert any("'drive'" in text for text in model.notices)
+
+
+@pytest.mark.parametrize(
+    "text", ["=" + "1+" * 500_000 + "1", "=" + "(" * 10_000 + "1" + ")" * 10_000]
+)
+@pytest.mark.parametrize("kind", [{"kind": "state"}, {"kind": "sampled", "sample": 0.1}])
+def test_size_and_depth_of_expressions_are_bounded(text, kind):
+    field = {"state": "rate", "sampled": "update"}[kind["kind"]]
+    with pytest.raises(pg.ModelError, match="column"):
+        pg.Control(name="c", **kind, **{field: text})
