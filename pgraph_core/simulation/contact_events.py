@@ -61,7 +61,7 @@ class ContactEvents:
         self._resting = np.zeros(
             len(plan.contact_points), dtype=bool
         )  # no normal velocity at this event
-        self._vdot, self._flow = np.zeros(mech.nv), np.zeros(3)
+        self._vdot, self._flow = np.zeros(len(steps.v)), np.zeros(3)
 
     # -- the run -------------------------------------------------------------------------------
 

@@ -502,7 +502,7 @@ class Clearance(Unportable):
             table(CONTACT, max(given.room, LEAST_ROOM) if given.touches else 0),
             np.concatenate(limits),
             table(CLEARANCE, 1),
-            np.zeros(len(mech.packed.rows)),
+            np.zeros(len(mech.packed.run.rows)),
             np.zeros(count),
         )
         self._kept.state["margin"] = margin

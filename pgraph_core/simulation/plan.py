@@ -254,6 +254,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     _check_sizes(mech)
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
+    if _is_controller(tau) and mech.model.controls:
+        text = "walks by a controller of its own, beside which the model's controls do not act; "
+        raise InputError(Problem("simulate", "gait", f"{text}remove the gait or the controls"))
     start = initial_state(mech, given, q, v, tau, span[0])
     declared = contact_tables(mech.packed, touching_contacts(mech, given))
     contacts, rated = declared, declared is not None and _left_open(declared)

@@ -868,15 +868,16 @@ class Recording:
             from .contact_log import contact_notices
 
             out, n = self.out, self._oriented()
-            frames = self.steps.times[:n], out.q[:n], out.pairs["gap"][:n]
+            q, v = self._motion(n)
+            frames = self.steps.times[:n], q, out.pairs["gap"][:n]
             given = self.plan.contacts, self._active, frames
             if n:
                 contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
             if n and self.plan.contacts.touches:
                 from .shared_loads import shared_loads, spun_faces
 
-                times = self.steps.times[:n], out.q[:n], out.v[:n]
-                last = float(times[0][-1]), out.q[n - 1], out.v[n - 1]
+                times = self.steps.times[:n], q, v
+                last = float(times[0][-1]), q[-1], v[-1]
                 given = self.plan.contacts, self._active, last, out.pairs[n - 1]
                 contacts += shared_loads(self.mech, *given)
                 contacts += spun_faces(self.mech, self.plan.contacts, times, out.pairs[:n])
@@ -884,7 +885,9 @@ class Recording:
         if idle is not None and last >= 0 and idle.below(self.scene, self.out.q[last]):
             from .contact_log import sunk_through
 
-            contacts += sunk_through(self.mech, idle, self.began[0], self.out.q[last])
+            contacts += sunk_through(
+                self.mech, idle, self.began[0][: self.mech.nq], self._motion(last + 1)[0][-1]
+            )
         steps = self.steps.notices()
         if rubs(self.scene.drives):
             from .creep import crept
@@ -893,6 +896,11 @@ class Recording:
             steps += crept(self.mech, self.scene.drives, self.steps.times[:n], self.out.v[:n])
         carried = self.carried.notices() if self.carried is not None else []
         return (*self.told, *steps, *contacts, *user, *carried)
+
+    def _motion(self, n: int) -> tuple[Array, Array]:
+        """Return q (n, nq) and v (n, nv) of the first frames, without the states of controls."""
+        q, v = self.out.q[:n, : self.mech.nq], self.out.v[:n, : self.mech.nv]
+        return np.ascontiguousarray(q), np.ascontiguousarray(v)
 
     def _oriented(self) -> int:
         """Return the number of frames with valid orientations, which a diverged state may lack."""

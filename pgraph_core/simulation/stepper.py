@@ -220,7 +220,7 @@ class Stepper(Portable):
         contacts = self._record.plan.contacts
         if contacts is None:
             return {}
-        found = self._clearance.gaps(self._record.scene, self._q[None], len(contacts.touches))
+        found = self._clearance.gaps(self._record.scene, self._steps.q[None], len(contacts.touches))
         return {touch.name: gap for touch, gap in zip(contacts.touches, found[0].tolist())}
 
     @cached_property
