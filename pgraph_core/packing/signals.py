@@ -278,8 +278,10 @@ def signals(
     for c, _, own in states_of(model):
         sample = program.sampling(c) if own.sample else -1
         states.append((program.of(own.change), sample, program.of(own.start), numbers[c.name], 0))
-    found = (targets, TARGET), (states, STATES)
-    return program.code(), *(np.array(x, np.int64).reshape(-1, n) for x, n in found)
+    owners, own = (
+        np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGET), (states, STATES))
+    )
+    return program.code(), owners, own
 
 
 def values_of(model: Model, packed: Any, t: Array, q: Array, v: Array) -> dict[str, Array]:

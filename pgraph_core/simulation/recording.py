@@ -421,7 +421,8 @@ class Recording:
     def _begin_watching(self, watch: Watch) -> None:
         """Check events at the start, and switch constraints whose conditions are already true."""
         margins = watch.begin(self.start, self.q, self.v)
-        ahead = self._ahead_of_start() if 0.0 in margins[: watch.waiting] else ()
+        start = self.start, self.q, self.v
+        ahead = self._ahead_of_start() if 0.0 in margins[: watch.waiting] else start
         already = [
             i for i, x in enumerate(margins[: watch.waiting])
             if x > 0.0 or (x == 0.0 and watch.monitors[i](*ahead) > 0.0)
