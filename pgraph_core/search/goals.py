@@ -73,7 +73,11 @@ class Goals:
                 found = np.asarray(function(run), float)
             except (TypeError, ValueError):
                 raise self.numbers.refused(what, "must return numbers") from None
-            if not np.isfinite(found).all() or (what != "objective" and found.size != 1):
+            if (
+                not found.size
+                or not np.isfinite(found).all()
+                or (what != "objective" and found.size != 1)
+            ):
                 text = f"must return a finite number; at the start it is {shown(found.tolist())}"
                 raise self.numbers.refused(what, text)
 

@@ -280,11 +280,13 @@ class _Search:
         """
         numbers, x = self.numbers, self._x(u)
         inside = np.clip(x, *(numbers.bounds + INSIDE * numbers.size[:, None] * [1.0, -1.0]).T)
+        before = numbers.failed
         for at in (x, inside):
             try:
                 runs = numbers.runs(at, True)
                 if runs is not None:
                     moved, by = runs[0].derivatives, runs[0].gradient(self.goals)
+                    numbers.failed = before
                     self.idle = {a for a, place in numbers.named() if not moved[place.text].any()}
                     return np.column_stack([by[place.text] for place in numbers.places])
             except ModelError as error:

@@ -141,6 +141,15 @@ def test_an_invalid_model_on_the_way_shortens_the_step():
         assert any(name in found.message for name in free)
 
 
+def test_a_number_on_a_bound_that_has_no_derivative_is_left():
+    """Without damping nothing damps, so that no derivative by it exists there."""
+    model = oscillator(stiffness=2.0 * math.pi**2, damping=0.0)
+    found = pg.optimise(model, "-final block", {"bodies.block.damping": (0.0, 5.0)}, **OPTIONS)
+    assert found.converged
+    assert found.message == "converged"
+    assert found.values["bodies.block.damping"] > 1.0
+
+
 def test_a_file_keeps_the_history_and_a_search_goes_on_from_it(tmp_path):
     file = tmp_path / "search.jsonl"
     given = {"history": file, **OPTIONS}
@@ -210,6 +219,7 @@ def test_limits_that_no_number_can_keep_are_said():
         (3.0, STIFFNESS, {}),
         (lambda run: math.nan, STIFFNESS, {}),
         (lambda run: "far", STIFFNESS, {}),
+        (lambda run: [], STIFFNESS, {}),
         ("final block", {}, {}),
         ("final block", {"forces.s.stifness": (1, 2)}, {}),
         ("final block", {"forces.s.stiffness": (50, 60)}, {}),
