@@ -15,7 +15,7 @@ from .marks import looks
 
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
-FAR = 2.0  # distance over that from which the model fills the picture
+FILLS = 0.6  # least share of the picture's width or height that a model and its motion fill
 MOMENTS, FEW = 48, 100  # moments of a run, and most bodies, for a view of all corners
 PLANAR = np.sqrt(np.finfo(float).eps)  # sine between axes with eight digits
 TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
@@ -141,7 +141,7 @@ def above_ground(state: State, seen: Viewpoint, up: np.ndarray) -> Viewpoint:
 
 
 def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """Return True if a page shows the whole model from a suitable distance."""
+    """Return True if a page shows the whole model, which fills a fair share of the picture."""
     corners, at, up = extent(state), handle.camera, np.array(GRID[state.model.up][1])
     if page.aspect is None or not holds(handle, state, page, corners).all():
         return False
@@ -149,7 +149,7 @@ def fits(handle: viser.ClientHandle, state: State, page: Client) -> bool:
     nearest = stage.fitted(corners, up, way / np.linalg.norm(way), page.aspect)
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     near, far = (np.linalg.norm(x - middle) for x in (nearest.position, np.asarray(at.position)))
-    return bool(far < FAR * near)
+    return bool(FILLS * far < FRAMING.margin * near)
 
 
 def seen(handle: viser.ClientHandle, state: State, page: Client) -> np.ndarray:

@@ -34,6 +34,7 @@ from .on_page import (
     typed,
     within,
 )
+from .store import LIMIT
 
 
 def circle(page: Any, name: str) -> tuple[float, float]:
@@ -430,18 +431,10 @@ def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
     page.wait_for_function(lit, arg="arm")
     assert page.locator(".pgraph-pill.hover").inner_text() == "arm"
     before = served.store.state.model
-    for _ in range(5):  # as a hand grips again where the browser draws too slowly to see it
-        page.mouse.down()
-        for k in range(50):
-            page.mouse.move(place[0] + 25, place[1] + 20 + k % 5, steps=2)
-            if served.store.state.pose is not None:
-                break
-        page.mouse.up()
-        if served.store.state.pose is not None:
-            break
-        page.mouse.move(*on_screen(page, middle_of(served, "arm")))
-        page.wait_for_function(lit, arg="arm")
+    page.mouse.down()
+    page.mouse.move(place[0] + 25, place[1] + 20, steps=4)
     until(lambda: served.store.state.pose is not None, "a pose by hand")
+    page.mouse.up()
     assert served.store.state.model is before
     served.send(HomePose(NOBODY))
     page.locator('tr[data-name="shank"] td.number').hover()
@@ -455,3 +448,39 @@ def test_a_body_under_the_pointer_is_lit_in_all_views_and_dragging_it_poses_it(
     box = page.locator("canvas:not(.pgraph *)").first.bounding_box()
     page.mouse.dblclick(box["x"] + 5, box["y"] + box["height"] / 2)
     until(lambda: "arm" not in selections(served) and distance(page) > 0.9 * far, "all")
+
+
+def test_a_touch_screen_selects_orbits_drags_and_plays(browser, page, served, compiled):
+    """One finger taps a body, turns the view beside it and drags it; a tap on Play computes."""
+    context = browser.new_context(viewport=SIZE, has_touch=True)
+    context.set_default_timeout(1000 * LIMIT)
+    touched = context.new_page()
+    touched.goto(served.url)
+    touched.wait_for_selector("#pgraph-loading", state="detached")
+    fingers = context.new_cdp_session(touched)
+
+    def swipe(x: float, y: float, right: float, down: float) -> None:
+        places = [{"x": x + right * k / 5, "y": y + down * k / 5} for k in range(6)]
+        for kind, at in zip(("touchStart", *["touchMove"] * 5), places):
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [at]})
+            touched.evaluate("new Promise(requestAnimationFrame)")  # a picture for each move
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    until(lambda: within(touched, served), "the model")
+    at_rest(touched)
+    touched.touchscreen.tap(*on_screen(touched, middle_of(served, "arm")))
+    touched.wait_for_function("pgraph.latest.selection === 'arm'")
+    before = at_rest(touched)
+    box = touched.locator("canvas:not(.pgraph *)").first.bounding_box()
+    assert (
+        touched.evaluate("getComputedStyle(document.getElementById('root')).touchAction") == "none"
+    )
+    swipe(box["x"] + 0.8 * box["width"], box["y"] + 0.8 * box["height"], -100, -50)
+    until(lambda: np.linalg.norm(camera(touched) - before) > 0.01, "another view")
+    at_rest(touched)
+    swipe(*on_screen(touched, middle_of(served, "arm")), 30, 20)
+    until(lambda: served.store.state.pose is not None, "a pose by hand")
+    run = served.store.state.last_run
+    touched.locator("button.play").tap()
+    until(lambda: served.store.state.last_run is not run, "a run")
+    context.close()
