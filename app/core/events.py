@@ -75,6 +75,7 @@ class OfScenario(FromPage):
 
 Handler = TypeVar("Handler", bound=Callable[[Any, Any], State])
 Edit = TypeVar("Edit", bound=Callable[[Any, Any], tuple[pg.Model, str]])
+Kind = TypeVar("Kind", bound=FromPage)
 News = TypeVar("News", bound=Callable[[Any, Any, Any], State])
 HANDLERS: dict[type[Event], Callable[[Any, Any], Any]] = {}
 
@@ -120,6 +121,12 @@ def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
         return kind
 
     return keep
+
+
+def on_request(kind: type[Kind]) -> type[Kind]:
+    """Make a kind of event a request of its page, which a view answers once (`views.requests`)."""
+    on(kind)(lambda state, event: with_client(state, event.client, asked=event))
+    return kind
 
 
 def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:

@@ -71,6 +71,7 @@ class Client:
     aspect: float | None = None  # width over height of its 3D view, once known
     reply: Reply | None = None
     notice: Notice | None = None
+    asked: Any = None  # the last event that asked for something to be sent once, or shown
     sees: frozenset[str] = frozenset()  # the views of hidden tabs that it has in sight
     display: Display = field(default_factory=Display)
 
@@ -106,7 +107,10 @@ class Client:
 
     def again(self, fresh: Any) -> Self:
         """Return the page as it was, reconnected as `fresh`. What it asked for is not repeated."""
-        return replace(self, aspect=fresh.aspect, notice=fresh.notice, selection=None, selected=())
+        return replace(
+            self, aspect=fresh.aspect, notice=fresh.notice, asked=fresh.asked, selection=None,
+            selected=(),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 from pgraph_core.show.shapes import hue_of
 
 from .bridge import Bridge
 from .cells import Payload as Payload
-from .events import Event
+from .events import Event, FromPage
 from .state import State
 from .store import View
 
@@ -34,6 +34,19 @@ def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
         if opened or (view in page.sees
         and (changed or client not in old.clients or view not in old.clients[client].sees))
     ]  # fmt: skip
+
+
+R = TypeVar("R", bound=FromPage)
+
+
+def requests(old: State, new: State, kind: type[R]) -> list[R]:
+    """Return the new requests of this kind, which have not been answered."""
+    found = []
+    for client, page in new.clients.items():
+        before = old.clients.get(client)
+        if isinstance(page.asked, kind) and not (before and before.asked is page.asked):
+            found.append(page.asked)
+    return found
 
 
 def hue(branch: int) -> str:

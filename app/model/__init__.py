@@ -64,17 +64,12 @@ class Kept:
 
 @dataclass(frozen=True)
 class Client(state.Client):
-    downloads: int = 0  # number of requested downloads of the model
-    download: str = ".json"  # its suffix
     conversion: pg.Report | None = None  # of the last file of another format that it opened
     members: Members | None = None  # models of the last archive, of which it is to choose one
-    gallery: int = 0  # number of requests for the pictures of the models
 
     def again(self, fresh: Any) -> Self:
-        return replace(
-            super().again(fresh), downloads=fresh.downloads, conversion=fresh.conversion,
-            members=fresh.members, gallery=fresh.gallery,
-        )  # fmt: skip
+        again = super().again(fresh)
+        return replace(again, conversion=fresh.conversion, members=fresh.members)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from pgraph_core.model.model import PARTS
 from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
-from ..core.events import Event, FromPage, Text, on, on_edit
+from ..core.events import Event, FromPage, Text, on, on_edit, on_request
 from ..core.state import Notice, Step, replied, told, with_client
 from . import Errand, Found, Kept, Members, State
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
@@ -121,15 +121,10 @@ def new_model(state: State, event: NewModel) -> State:
     return replied(state, event.client, event.serial)
 
 
+@on_request
 @dataclass(frozen=True)
 class ShowGallery(FromPage):
     """Request pictures of the models that can be opened."""
-
-
-@on(ShowGallery)
-def gallery_shown(state: State, event: ShowGallery) -> State:
-    page = state.clients.get(event.client)
-    return state if page is None else with_client(state, event.client, gallery=page.gallery + 1)
 
 
 @dataclass(frozen=True)
@@ -360,19 +355,12 @@ def _at(kept: Kept) -> str:
     return time.strftime("%H:%M:%S on %d %B", time.localtime(kept.time))
 
 
+@on_request
 @dataclass(frozen=True)
 class Download(FromPage):
     """Download the model and its meshes as a file."""
 
     suffix: Literal[".json", ".urdf", ".xml"] = ".json"
-
-
-@on(Download)
-def downloaded(state: State, event: Download) -> State:
-    page = state.clients.get(event.client)
-    return state if page is None else with_client(
-        state, event.client, downloads=page.downloads + 1, download=event.suffix
-    )  # fmt: skip
 
 
 # -- errands ---------------------------------------------------------------------------------------

@@ -8,9 +8,9 @@ from pgraph_core.show.notebook import picture
 
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
-from ..core.views import Host, Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience, requests
 from . import Kept, State
-from .update import reading
+from .update import ShowGallery, reading
 
 
 class ToolbarView:
@@ -85,13 +85,11 @@ class GalleryView:
         self._pictures: dict[str, str] = {}
 
     def render(self, old: State, new: State) -> None:
-        for client, page in new.clients.items():
-            if page.gallery == old.clients.get(client, page).gallery:
-                continue
+        for asked in requests(old, new, ShowGallery):
             for name, text in new.gallery.items():
                 if name not in self._pictures:
                     self._pictures[name] = drawn(pg.Model.from_json(text))
-            self._bridge.send(client, "pictures", self._pictures)
+            self._bridge.send(asked.client, "pictures", self._pictures)
 
 
 def drawn(model: pg.Model) -> str:

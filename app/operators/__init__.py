@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Self
 
 from .. import pose
 
@@ -21,15 +21,11 @@ class Inspected:
 @dataclass(frozen=True)
 class Client(pose.Client):
     inspected: Inspected | None = None  # the operator it looks at
-    exported: tuple[int, str, str] = (0, "", "")  # number of requested exports, and the last one
 
     def afresh(self) -> Self:
         looked = self.inspected  # its tab may be in sight: the same operator, all of it
         whole = None if looked is None else replace(looked, rows=None, columns=None)
         return replace(super().afresh(), inspected=whole)
-
-    def again(self, fresh: Any) -> Self:
-        return replace(super().again(fresh), exported=fresh.exported)
 
 
 @dataclass(frozen=True)

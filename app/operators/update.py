@@ -7,19 +7,19 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..core.events import FromPage, on
+from ..core.events import FromPage, on, on_request
 from ..core.state import with_client
 from . import Inspected, State
 
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
-What = Literal["", "M", "J", "eps_phi", "Phi", "S"]
+Operator = Literal["M", "J", "eps_phi", "Phi", "S"]
 
 
 @dataclass(frozen=True)
 class Inspect(FromPage):
     """Show an operator, or some of its rows and columns, or "" for none."""
 
-    what: What
+    what: Literal[""] | Operator
     rows: tuple[Index, Index] | None = None
     columns: tuple[Index, Index] | None = None
 
@@ -30,18 +30,10 @@ def inspect(state: State, event: Inspect) -> State:
     return with_client(state, event.client, inspected=inspected)
 
 
+@on_request
 @dataclass(frozen=True)
 class ExportOperator(FromPage):
     """Download an operator, evaluated at the displayed pose."""
 
-    what: What
+    what: Operator
     suffix: Literal["npz", "csv", "mtx"]
-
-
-@on(ExportOperator)
-def export(state: State, event: ExportOperator) -> State:
-    page = state.clients.get(event.client)
-    if page is None or not event.what:
-        return state
-    exported = (page.exported[0] + 1, event.what, event.suffix)
-    return with_client(state, event.client, exported=exported)

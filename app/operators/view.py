@@ -15,9 +15,10 @@ from pgraph_core.errors import counted
 from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place
+from ..core.views import Host, Payload, Place, requests
 from ..pose.solving import shown_q
 from . import Client, Inspected, State
+from .update import ExportOperator
 
 PACE = 0.2  # [s] between pictures while a run plays
 
@@ -36,8 +37,8 @@ class OperatorsView:
             if page.inspected is not None and (changed or before.inspected != page.inspected):
                 self._sent = time.monotonic()
                 self._bridge.send(client, "operator", operator(new, page.inspected))
-            if page.exported != before.exported:
-                self._download(client, new, *page.exported[1:])
+        for asked in requests(old, new, ExportOperator):
+            self._download(asked.client, new, asked.what, asked.suffix)
 
     def _download(self, client: int, state: State, what: str, suffix: str) -> None:
         handle = self._bridge.server.get_clients().get(client)

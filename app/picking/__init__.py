@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 from .. import constraints, scene
 from ..constraints import Part
@@ -40,7 +40,6 @@ class Aim:
 @dataclass(frozen=True)
 class Client(scene.Client, constraints.Client):
     aim: Aim | None = None  # pick in progress in its 3D view
-    menu: tuple[int, str | None, tuple[float, float]] = (0, None, (0.0, 0.0))  # the last asked for
 
     @property
     def aims(self) -> bool:
@@ -51,9 +50,6 @@ class Client(scene.Client, constraints.Client):
 
     def escaped(self) -> Self | None:
         return super().escaped() if self.aim is None else replace(self, aim=None)
-
-    def again(self, fresh: Any) -> Self:
-        return replace(super().again(fresh), menu=fresh.menu)
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ from pgraph_core.show import shapes
 from ..constraints import Part, parts
 from ..core.cells import Display, Refusal, place_of
 from ..core.edit import attempted, selected
-from ..core.events import Finite, FromPage, Index, Text, on
+from ..core.events import Finite, FromPage, Index, OfServer, Text, on
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
+from ..scene.update import View
 from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot
 
@@ -104,12 +105,19 @@ class AskBody(Pointed):
     at: tuple[Finite, Finite]  # position on the page [px]
 
 
+@dataclass(frozen=True)
+class MenuOf(OfServer):
+    """The menu of a body, or of the view, is wanted at a place on the page [px]."""
+
+    body: str | None
+    at: tuple[float, float]
+
+
 @on(AskBody)
 def asked(state: State, event: AskBody) -> State:
     found = spot_of(state, event)
     name = None if found is None or found.body == GROUND else found.body
-    count = state.clients[event.client].menu[0] + 1 if event.client in state.clients else 0
-    return with_client(state, event.client, menu=(count, name, event.at))
+    return with_client(state, event.client, asked=MenuOf(event.client, name, event.at))
 
 
 @dataclass(frozen=True)
@@ -124,7 +132,7 @@ def framed(state: State, event: FrameSpot) -> State:
         return state
     name = None if found is None or found.body == GROUND else found.body
     chosen = selected(state, event.client, name, () if name is None else (name,))
-    return with_client(chosen, event.client, view=(page.view[0] + 1, "fit"))
+    return with_client(chosen, event.client, asked=View(event.client, "fit"))
 
 
 def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:

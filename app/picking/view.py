@@ -8,9 +8,9 @@ import numpy as np
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
-from ..core.views import Payload, Place
+from ..core.views import Payload, Place, requests
 from . import Aim, Client, Spot, State
-from .update import place
+from .update import MenuOf, place
 
 
 class PickingView:
@@ -29,9 +29,8 @@ class PickingView:
             other = page.aim is not before.aim or page.display != before.display
             if other or (moved and page.aim is not None):
                 self._bridge.send(client, "aim", aimed(new, page))
-            if page.menu != before.menu:
-                _, name, at = page.menu
-                self._bridge.send(client, "menuOf", {"body": name, "at": at})
+        for asked in requests(old, new, MenuOf):
+            self._bridge.send(asked.client, "menuOf", {"body": asked.body, "at": asked.at})
 
 
 def aimed(state: State, page: Client) -> Payload | None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import pgraph_core as pg
 
 from .. import run
-from ..core import state
+from ..core.state import Client as Client
 from ..run import Request
 
 
@@ -62,16 +61,7 @@ def advised(report: Report | None) -> Request | None:
 
 
 @dataclass(frozen=True)
-class Client(state.Client):
-    reports: tuple[int, str] = (0, "")  # number of requested report files, and the last kind
-
-    def again(self, fresh: Any) -> Self:
-        return replace(super().again(fresh), reports=fresh.reports)
-
-
-@dataclass(frozen=True)
 class State(run.State):
-    clients: Mapping[int, Client] = field(default_factory=dict)
     reporting: ReportRequest = field(default_factory=ReportRequest)
     analysis: Analysis | None = None
     analysis_problem: str = ""  # why the last one gave no report

@@ -9,8 +9,7 @@ from pgraph_core.study.axes import AXES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on, on_news, on_typed
-from ..core.state import with_client
+from ..core.events import Event, FromPage, Text, on, on_news, on_request, on_typed
 from . import Analysis, Report, ReportRequest, State, advised, latest
 
 LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred times
@@ -125,16 +124,9 @@ def use_advised(state: State, event: UseAdvised) -> State:
     return replace(state, request=asked)
 
 
+@on_request
 @dataclass(frozen=True)
 class DownloadReport(FromPage):
     """Download a report as a standalone page."""
 
     kind: Literal["precision", "stability"] = "precision"
-
-
-@on(DownloadReport)
-def download(state: State, event: DownloadReport) -> State:
-    page = state.clients.get(event.client)
-    if latest(state.report, event.kind) is None or page is None:
-        return state
-    return with_client(state, event.client, reports=(page.reports[0] + 1, event.kind))

@@ -9,8 +9,9 @@ from typing import Any
 from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
-from ..core.views import Host, Payload, Place, audience, watching
+from ..core.views import Host, Payload, Place, audience, requests, watching
 from . import Report, State, latest
+from .update import DownloadReport
 
 KINDS = ("precision", "stability")
 KNOWN = ": known to "
@@ -32,10 +33,8 @@ class ReportsView:
             self._bridge.send(client, "reports", payload)
         for client in figures:
             self._bridge.send(client, "figure", figure)
-        for client, now in new.clients.items():
-            before = old.clients.get(client)
-            if before is not None and now.reports != before.reports:
-                self._download(client, latest(new.report, now.reports[1]))
+        for asked in requests(old, new, DownloadReport):
+            self._download(asked.client, latest(new.report, asked.kind))
 
     def _download(self, client: int, report: Report | None) -> None:
         handle = self._bridge.server.get_clients().get(client)

@@ -9,9 +9,11 @@ from pgraph_core.show import bodies, shapes, stage
 from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
+from ..core.views import requests
 from ..pose import poses
 from . import Client, State, marks
 from .marks import looks
+from .update import View
 
 IN_PLACE = 8.0  # extent over the model's size above which the present picture is framed
 CLEAR = 0.02  # height of a camera above the ground over the model's size
@@ -43,6 +45,7 @@ class CameraView:
             edited and (grown or len(new.derived.names) <= FEW)
         )
         handles = self._server.get_clients()
+        asked = {view.client: view.which for view in requests(old, new, View)}
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
             self._start(new)
@@ -53,8 +56,8 @@ class CameraView:
                 continue
             if another or before.aspect is None:
                 self._look(handle, new, page, "start")
-            elif page.view != before.view:
-                self._look(handle, new, page, page.view[1], page.selected)
+            elif client in asked:
+                self._look(handle, new, page, asked[client], page.selected)
             elif page.turned or (chosen and page.aspect == before.aspect):
                 if (over or edited) and not seen(handle, new, page).any():
                     self._look(handle, new, page, "fit")

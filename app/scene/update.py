@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..core.events import Event, FromPage, on
+from ..core.events import Event, FromPage, on, on_request
 from ..core.state import Notice, told, with_client
 from . import State
 
@@ -33,6 +33,7 @@ def show(state: State, event: Show) -> State:
     return replace(state, shown=shown)
 
 
+@on_request
 @dataclass(frozen=True)
 class View(FromPage):
     """Point a page's camera at the selection or the whole model ("fit"), or use a named direction.
@@ -44,13 +45,6 @@ class View(FromPage):
     which: Literal[
         "fit", "front", "side", "top", "isometric", "centre", "x", "y", "z", "-x", "-y", "-z"
     ]
-
-
-@on(View)
-def viewed(state: State, event: View) -> State:
-    page = state.clients.get(event.client)
-    count = page.view[0] + 1 if page is not None else 0
-    return with_client(state, event.client, view=(count, event.which))
 
 
 @dataclass(frozen=True)

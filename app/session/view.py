@@ -6,8 +6,9 @@ import pgraph_core as pg
 
 from ..core.bridge import Bridge
 from ..core.state import Notice
-from ..core.views import Host, Payload, Place, audience
+from ..core.views import Host, Payload, Place, audience, requests
 from ..model.archive import converted
+from ..model.update import Download
 from . import Client, State
 
 ACCENT = (47, 111, 208)
@@ -31,7 +32,9 @@ class SessionView:
                 self._bridge.send(client, "selected", now.selected)
             if before is None or before.dark != now.dark:
                 self._theme(client, now.dark)
-            self._tell(client, before or Client(), now, new)
+            self._tell(client, before or Client(), now)
+        for asked in requests(old, new, Download):
+            self._download(asked.client, new.model, asked.suffix)
         self._others(old, new)
         for client in audience(old, new, new.renamed != old.renamed):
             self._bridge.send(client, "renamed", new.renamed)  # after what shows the new names
@@ -43,7 +46,7 @@ class SessionView:
             if told != (now := others(new, client)):
                 self._bridge.send(client, "others", now)
 
-    def _tell(self, client: int, before: Client, now: Client, state: State) -> None:
+    def _tell(self, client: int, before: Client, now: Client) -> None:
         if now.reply is not None and now.reply is not before.reply:
             reply = {"serial": now.reply.serial, "text": now.reply.text, "offer": now.reply.offer}
             self._bridge.send(client, "reply", reply)
@@ -53,15 +56,18 @@ class SessionView:
             self._bridge.send(client, "conversion", now.conversion.to_dict())
         if now.members is not None and now.members is not before.members:
             self._bridge.send(client, "members", vars(now.members))
+
+    def _download(self, client: int, model: pg.Model, suffix: str) -> None:
         handle = self._bridge.server.get_clients().get(client)
-        if now.downloads != before.downloads and handle is not None:
-            try:
-                name, content, report = converted(state.model, now.download)
-                handle.send_file_download(name, content, save_immediately=True)
-                if report.entries:
-                    self._bridge.send(client, "conversion", report.to_dict())
-            except pg.PgraphError as error:
-                self._notify(client, Notice("Not saved", str(error), bad=True))
+        if handle is None:
+            return
+        try:
+            name, content, report = converted(model, suffix)
+            handle.send_file_download(name, content, save_immediately=True)
+            if report.entries:
+                self._bridge.send(client, "conversion", report.to_dict())
+        except pg.PgraphError as error:
+            self._notify(client, Notice("Not saved", str(error), bad=True))
 
     def _notify(self, client: int, notice: Notice) -> None:
         said = {"title": notice.title, "text": notice.text, "bad": notice.bad}

@@ -66,7 +66,7 @@ def test_an_archive_is_the_root_of_its_files(state, tmp_path, monkeypatch):
 @pytest.mark.parametrize("suffix", [".urdf", ".xml"])
 def test_the_model_is_downloaded_in_other_formats(state, suffix):
     asked = after(state, do.Download(ME, suffix))
-    assert asked.clients[ME].download == suffix
+    assert asked.clients[ME].asked.suffix == suffix
     name, content, report = archive.converted(asked.model, suffix)
     assert name == f"serial_1{suffix}"
     assert content.startswith(b"<")

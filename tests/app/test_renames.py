@@ -83,7 +83,7 @@ def test_1_11_a_page_that_comes_back_is_what_it_was(state):
     state = after(state, do.Disconnected(ME), do.Connected(5), hello(5, "a page", "2"))
     now = state.clients[5]
     assert (now.plots, now.display, now.dark) == (was.plots, was.display, True)
-    assert (now.selection, now.selected, now.downloads) == ("2", ("2",), 0)
+    assert (now.selection, now.selected, now.asked) == ("2", ("2",), None)
     assert now.reply == Reply(7, "")
     assert state.left == {}
     state = after(state, do.Connected(6), hello(6, "unknown to this server", "gone"))

@@ -56,8 +56,8 @@ def test_theme_view_and_downloads_are_a_page_s_own_and_switches_shared(state):
     events = do.Theme(ME, True), do.Viewport(ME, 0.6), do.Download(ME), do.Download(ME)
     state = after(state, *events)
     mine, other = state.clients[ME], state.clients[OTHER]
-    assert (mine.dark, mine.aspect, mine.downloads) == (True, 0.6, 2)
-    assert (other.dark, other.aspect, other.downloads) == (False, None, 0)
+    assert (mine.dark, mine.aspect, mine.asked) == (True, 0.6, events[-1])
+    assert (other.dark, other.aspect, other.asked) == (False, None, None)
     assert "names" in after(state, do.Show(ME, "names", True)).shown
     assert "axes" not in after(state, do.Show(ME, "axes", False)).shown
 
