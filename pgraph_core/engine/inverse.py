@@ -6,6 +6,8 @@ Budhiraja and Mansard 2021] for forward dynamics). Where a joint has no motor it
 zero by the method of multipliers: a large weight, and a shift by what is left.
 """
 
+import math
+
 from ..tolerances import EPS, PROXIMAL, ROUNDING, SOLVED
 from .arrays import opened
 from .compiler.jit import kernel, part, sweep
@@ -101,7 +103,7 @@ def set_factor(turned, weight, m, gram):
             if s < r:
                 gram[r, s] = x / gram[s, s]
             elif x > 0.0:
-                gram[r, r] = x**0.5
+                gram[r, r] = math.sqrt(x)
             else:
                 return False
     return True

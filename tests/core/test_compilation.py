@@ -220,12 +220,63 @@ print(walk.step(2e-3).status)
 """
 
 
-def test_kernels_run_as_python_with_the_bits_of_machine_code():
+EVERY_MODEL = """
+import numpy as np, pgraph_core as pg, pgraph_models, warnings
+warnings.simplefilter("error", RuntimeWarning)
+for name in pgraph_models.names():
+    model = pg.Model.load(pgraph_models.path(name))
+    for scenario in (None, *(one.name for one in model.scenarios)):
+        for method in ("auto", "rk4", "moreau_jean", "gauss6", "radau5"):
+            step = None if method == "auto" else 1e-3
+            given = {"scenario": scenario, "method": method, "step": step, "estimate": False}
+            try:
+                run = pg.simulate(model, t_end=6e-3, **given)
+                found = run.q.tobytes().hex()[-64:], run.v.tobytes().hex()[-64:], run.status
+            except pg.InputError as error:
+                found = str(error)
+            print(name, scenario, method, found)
+"""
+
+SINGULAR = """
+import numpy as np
+from pgraph_core.engine.compiler.elementary import atan2, cos, power, sin
+from pgraph_core.engine.constraints.proximal import normalise
+from pgraph_core.engine.compiler.jit import kernel
+from pgraph_core.engine.compiler.kinds import F1, f8, void
+import math
+
+@kernel(void(f8, f8, F1))
+def arithmetic(x, y, out):
+    size = 0.0
+    for i in range(int(size)):
+        size += out[i]
+    out[0] = x / size
+    out[1] = math.sqrt(y)
+    out[2] = y / x
+    out[3] = (0.1 * y) ** 2
+    out[4] = normalise(out[6:9], 3)
+    out[5] = sin(y) + cos(x) + atan2(y, x) + power(abs(y), x)
+
+for x in (3.0, 0.0, -0.0, 0.3, -2.0, 1e-310, 1e200):
+    for y in (-1.0, 0.0, 7.7, 1e6, math.inf, math.nan):
+        out = np.zeros(9)
+        arithmetic(x, y, out)
+        print(np.where(np.isnan(out), np.inf, out).tobytes().hex())
+"""
+
+
+@pytest.mark.parametrize(
+    "program", [SAME_UNCOMPILED, SINGULAR, pytest.param(EVERY_MODEL, marks=pytest.mark.nightly)]
+)
+def test_kernels_run_as_python_with_the_bits_of_machine_code(program, tmp_path):
     """Also those whose fields are called as attributes of NumPy's records."""
+    (file := tmp_path / "program.py").write_text(program)  # kernels are read from their file
     told = [
         subprocess.run(
-            [sys.executable, "-c", SAME_UNCOMPILED], check=True, capture_output=True, text=True,
-            env={**os.environ, "NUMBA_DISABLE_JIT": flag},
+            [sys.executable, str(file)], check=True, capture_output=True, text=True,
+            env={
+                **os.environ, "NUMBA_DISABLE_JIT": flag, "PYTHONPATH": os.pathsep.join(sys.path)
+            },
         ).stdout
         for flag in ("0", "1")
     ]  # fmt: skip

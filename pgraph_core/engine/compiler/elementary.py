@@ -92,9 +92,6 @@ def two_product(a, b):
 # -- sine and cosine ------------------------------------------------------------------------------
 
 
-# (sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call
-_near: Any = late("elementary", "near", lambda x: (math.sin(x), math.cos(x)))
-
 # 2 / π in digits of 24 bits, after two zeros
 DIGITS = (
     0, 0, 10680707, 7228996, 1387004, 2578385, 16069853, 12639074, 9804092, 4427841, 16666979,
@@ -104,8 +101,8 @@ DIGITS = (
     6285869, 7677882, 13102053, 15825725, 473591, 9065106, 15363067, 6271263, 9264392, 5636912,
     4652155, 7056368, 13614112, 0, 0,
 )  # fmt: skip
-DIGIT = 16777216.0
-MASK = 16777215
+DIGIT = 1 << 24
+MASK = DIGIT - 1
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17)
 
 
@@ -142,7 +139,7 @@ def reduced(x):
     high = unit * (top + second / DIGIT)
     n = math.floor(high + 0.5)
     y, rest = two_sum(high - n, unit * (middle / DIGIT))
-    y, more = two_sum(y, unit * (low / (DIGIT * DIGIT * DIGIT)))
+    y, more = two_sum(y, unit * (low / DIGIT / DIGIT / DIGIT))
     rest += more
     r, error = two_product(y, HALF_PI[0])
     error += y * HALF_PI[1] + rest * HALF_PI[0]
@@ -173,6 +170,24 @@ def _cosine_near_zero(r, low):
     return cosine + (z * z * y - r * low + ((1.0 - cosine) - half))
 
 
+def _near_in_python(x):
+    """Return what `lowering.elementary.near` does, by the same operations."""
+    n = round(x * (2.0 / math.pi))
+    r, low = x, 0.0
+    for third in PI_4:
+        less = n * (2.0 * third)
+        left = r - less
+        low = low + ((r - left) - less)
+        r = left
+    s, c = _sine_near_zero(r, low), _cosine_near_zero(r, low)
+    s, c = (c, -s) if n & 1 else (s, c)
+    return (-s, -c) if n & 2 else (s, c)
+
+
+# (sin x, cos x) of a lane or a number up to FAR: in place, in half the time of a call
+_near: Any = late("elementary", "near", _near_in_python)
+
+
 @sweep
 def _far(x):
     """Return (sin x, cos x) for |x| >= FAR, or nan if x is not finite."""
@@ -193,7 +208,7 @@ def _of_number(x):
 
 
 # (sin x, cos x) of a number, or of a lane up to FAR
-sine_cosine: Any = late("elementary", "sine_cosine", lambda x: (math.sin(x), math.cos(x)))
+sine_cosine: Any = late("elementary", "sine_cosine", _of_number)
 
 
 @part
@@ -344,7 +359,7 @@ def _atan2(y, x):
 
 
 # the angle of (x, y) from the x axis, -π to π, of numbers or lanes
-atan2: Any = late("elementary", "atan2", math.atan2)
+atan2: Any = late("elementary", "atan2", _atan2)
 
 
 ASIN = (

@@ -146,17 +146,17 @@ class Kernel(Helper):
 
 def part(function: Callable[..., Any]) -> Any:
     """Mark a small helper that is always inlined."""
-    return Helper(function, "part") if JIT else function
+    return Helper(function, "part") if JIT else tools.as_python(function)
 
 
 def sweep(function: Callable[..., Any]) -> Any:
     """Mark a helper that loops over rows. It is not inlined, so a kernel contains its code once."""
-    return Helper(function, "sweep") if JIT else function
+    return Helper(function, "sweep") if JIT else tools.as_python(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Mark a stage of one kernel, merged into it before compilation."""
-    return Helper(function, "inlined") if JIT else function
+    return Helper(function, "inlined") if JIT else tools.as_python(function)
 
 
 def kernel(
@@ -173,7 +173,7 @@ def kernel(
 
     def compiled(function: Callable[..., Any]) -> Any:
         if not JIT:
-            return function
+            return tools.as_python(function, entry=True)
         made = Kernel(function, signatures, nogil, lanes)
         register(LATER if later or len(signatures) > 1 else KERNELS, made)
         return made

@@ -25,6 +25,13 @@ def fits(signature: Any, args: tuple[Any, ...]) -> bool:
     return fits(signature, args)
 
 
+def as_python(function: Callable[..., Any], *, entry: bool = False) -> Callable[..., Any]:
+    """Return a kernel or helper as a Python function with the arithmetic of machine code."""
+    from .plain import as_python
+
+    return as_python(function, entry=entry)
+
+
 def dispatcher(function: Callable[..., Any], how: str) -> Any:
     """Return numba's form of a helper."""
     from .lowering.dispatch import dispatcher
