@@ -1,6 +1,7 @@
 """The archive of kernels: it belongs to its sources, and a run needs no compiler where it fits."""
 
 import hashlib
+import io
 import os
 import subprocess
 import sys
@@ -70,6 +71,50 @@ def test_a_first_run_needs_no_compiler_and_says_nothing(tmp_path):
     assert found.split()[1] == "False"
     assert said == ""
     assert told(PGRAPH_CACHE=str(tmp_path)) == (found, "")
+
+
+@fits
+@pytest.mark.parametrize(
+    "model", ["pg.Model.serial(2)", "pg.Model.load(pgraph_models.path('four_bar'))"]
+)
+def test_first_derivatives_need_no_compiler(tmp_path, model):
+    code = (
+        f"import sys, pgraph_core as pg, pgraph_models; model = {model}\n"
+        "path = f'bodies.{model.bodies[-1].name}.mass'\n"
+        "for method in ('rk4', 'dopri5', 'auto'):\n"
+        "    run = pg.simulate(model, t_end=0.01, method=method, wrt=[path])\n"
+        "    assert run.sensitivity(path).shape[0] == len(run.t)\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True,
+        env={**os.environ, "PGRAPH_CACHE": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stdout.split() == ["False"]
+
+
+def test_the_archive_stays_small():
+    assert archive.FILE.stat().st_size <= 3_000_000
+
+
+def test_a_terminal_says_what_a_long_generation_is_for(monkeypatch):
+    clock = iter([0.0, 0.6, 1.0, 1.6, 2.0, 2.6])
+    monkeypatch.setattr(loading, "_spent", 0.0)
+    monkeypatch.setattr(loading, "_SAID", set())
+    monkeypatch.setattr(loading.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(loading.sys, "stderr", said := io.StringIO())
+    said.isatty = lambda: True
+    monkeypatch.setattr(loading, "object_of", lambda module: b"code")
+    monkeypatch.setattr(loading, "keep", lambda piece, code: None)
+    monkeypatch.setattr(loading.llvm, "parse_bitcode", lambda bits: None)
+    monkeypatch.setattr(archive, "current", lambda: SimpleNamespace(bitcode=lambda piece: b""))
+    texts = []
+    for _ in range(3):
+        loading._generated("piece")
+        texts.append(said.getvalue())
+    assert texts[0] == ""
+    assert "once" in texts[1]
+    assert texts[2] == texts[1]
 
 
 @fits

@@ -30,6 +30,8 @@ from .lane import LANE_WIDTH
 DAY = 86400  # resolution of the last use of an entry [s]
 LARGEST_CACHE = 1 << 27  # size of the cache [bytes], enough for all kernels of ten versions
 DIGEST = 32  # [bytes] length of a SHA-256
+TOLD = 1  # [s] a longer wait says what it is for
+_spent = 0.0  # [s] generating machine code in this process
 
 
 class Code(NamedTuple):
@@ -289,8 +291,13 @@ def file_of(kernel: Kernel) -> Path:
 
 def _generated(piece: str) -> bytes:
     """Generate machine code from the archive's bitcode and cache it."""
+    global _spent
+    began = time.perf_counter()
     found = object_of(llvm.parse_bitcode(archive.current().bitcode(piece)))
     keep(piece, found)
+    _spent += time.perf_counter() - began
+    if _spent > TOLD and sys.stderr.isatty():
+        _say("kernels become machine code of this processor, once, in a few seconds")
     return found
 
 
