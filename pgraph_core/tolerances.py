@@ -6,6 +6,7 @@ unless a unit is given. A test halves and doubles each one and checks that verdi
 kernels that is Python's use of them, and half to double in kernels.
 """
 
+import math
 import sys
 
 EPS: float = sys.float_info.epsilon  # distance of 1 from the next float64, 2.2e-16
@@ -63,6 +64,11 @@ DIP = 100.0
 # A part whose share of the largest is below this is not named in a sentence. From 0.05 to 0.2.
 NAMED = 0.1
 
+# Distance of two points, edges or planes that are one, relative to the sizes of shapes, and of
+# equal instants, relative to a step: poses at the end of a long chain are rounded to a tenth of
+# it, and no gap that is meant is as small. From 1e-10 to 1e-8.
+COINCIDENT = 1e-9
+
 # -- searches -------------------------------------------------------------------------------------
 
 # Longest step of Newton's method, in rad or relative to the mechanism's size: within it sine and
@@ -80,3 +86,11 @@ SUFFICIENT_DECREASE = 1e-4
 # A gap between shapes that inverse dynamics takes for a contact, relative to the mechanism's size:
 # poses from measurements or from soft contacts are that far off. From 5e-4 to 2e-3.
 TOUCHING = 1e-3
+
+
+def step_of_differences(order: int) -> float:
+    """Return the step of central differences over its scale, a power of two.
+
+    The truncation h^order and the rounding EPS / h are alike there.
+    """
+    return 2.0 ** round(math.log2(EPS) / (order + 1))

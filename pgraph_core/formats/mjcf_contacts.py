@@ -13,11 +13,12 @@ from ..fields import EVERY, GROUND
 from ..model import Contact
 from ..rotation import quaternion_of
 from ..tolerances import SOLVED, VISIBLE
+from .conversion import TALL
 from .mjcf_compiled import Reading
 
 Array = np.ndarray
 PLANE = 0  # mjtGeom
-HALF_EDGE = 50.0  # m: of the box that stands for a plane without end that is no ground
+HALF_EDGE = TALL / 2  # m: of the box that stands for a plane without end that is no ground
 
 
 class Law(NamedTuple):

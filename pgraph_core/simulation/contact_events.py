@@ -85,7 +85,7 @@ class ContactEvents:
 
     def _sizes(self) -> Array:
         """Return the scale of each point's gap: lengths in its height [m], or a limit's range."""
-        heights = self.scene.points["rounding"] / point_kernels.ROUNDING
+        heights = self.scene.points["rounding"] / point_kernels.COORDINATES
         limits = [point.limit for point in self.scene.contact_points]
         return np.array([h if x is None else x.size for h, x in zip(heights.tolist(), limits)])
 
@@ -296,7 +296,7 @@ class ContactEvents:
         closed = scene.phase != SWING
         sliding = self._sliding()
         contact = scene.points["limit"] == 0
-        for s in np.flatnonzero(sliding & (f["pivot"] < -point_kernels.PIVOT_TOLERANCE)).tolist():
+        for s in np.flatnonzero(sliding & (f["pivot"] < -SOLVED)).tolist():
             self._painleve(t, s)
             return True
         push, drag = f["normal_force"], f["friction_force"]

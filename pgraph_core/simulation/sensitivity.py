@@ -37,6 +37,7 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Result
 from ..result.records import Derivatives
+from ..tolerances import step_of_differences
 from .options import Options
 from .paths import Path, distinct
 from .plan import RunPlan, varied
@@ -45,7 +46,7 @@ from .plan import RunPlan, varied
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 NUMBERS = carrying(F1)
-SHARE = 2.0**-8  # step over the size of a number: truncation and rounding are about 1e-13
+SHARE = step_of_differences(6)  # of the size of a number
 ROUNDS = 50  # projections of the initial state, as in `assembled`
 
 

@@ -5,6 +5,7 @@ The module has scales of gaps and depths, speeds of shapes, and bounds of closin
 
 import math
 
+from ...tolerances import COINCIDENT, EPS
 from ..arrays import opened
 from ..compiler.jit import part
 from ..constraints.blocks import point_velocity
@@ -12,9 +13,9 @@ from ..records import POINTS, SPHERE
 from ..rows import spin_of
 from ..vec import dot, sub, xyz
 from .contacts import contacts_at, endpoints, middle
-from .shapes import DEPTH, NEAR
+from .shapes import DEPTH
 
-ROUNDING = 2.0**-50  # rounding of a gap, relative to the coordinates it is the difference of
+COORDINATES = 4 * EPS  # rounding of a gap, relative to the coordinates it is the difference of
 HARD = 4.0  # multiple of the speed that weight adds in a step, below which impacts are not located
 SURE = 1.02  # a bound of a closing speed over its value now
 SIDEWAYS = 1e-6  # error of a closing speed by a slightly turned normal, relative to the speed
@@ -36,8 +37,8 @@ def smaller_size(contacts, a, b):
 @part
 def closed_gap(contacts, a, b, p):
     """Return the largest gap of two shapes at point p that counts as closed [m]."""
-    rounding = ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2]))
-    return max(NEAR * smaller_size(contacts, a, b), rounding)
+    rounding = COORDINATES * (abs(p[0]) + abs(p[1]) + abs(p[2]))
+    return max(COINCIDENT * smaller_size(contacts, a, b), rounding)
 
 
 @part

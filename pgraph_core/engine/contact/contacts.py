@@ -2,6 +2,7 @@
 
 import math
 
+from ...tolerances import SOLVED
 from .. import layout as at
 from ..arrays import CONTACTS, opened
 from ..compiler.address import caller, stored
@@ -40,7 +41,6 @@ STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
 NEARBY = 128  # entries that are looked at for what a contact point kept
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
-ROUNDED = 1e-9  # slip by rounding relative to the closing speed, which counts as sticking
 
 
 @kernel(void(I1, plain(CONTACTS)))
@@ -348,7 +348,7 @@ def compliant_force(contacts, n, law, u, loss):
     if law.law == SOFT:
         more = lost_share(law, speed, loss) if law.loss > 0.0 else c * speed
         size = max(k * depth * math.sqrt(depth) * (1.0 + more), 0.0)
-        creep = max(CREEP, ROUNDED * abs(speed))
+        creep = max(CREEP, SOLVED * abs(speed))
         drag = mu * size / math.sqrt(slip * slip + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
     size = max(k * depth + c * speed, 0.0) if depth > 0.0 else 0.0

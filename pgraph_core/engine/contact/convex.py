@@ -15,6 +15,7 @@ All vertices are taken relative to A's origin: far away from the world's nothing
 import math
 from typing import Any, NamedTuple
 
+from ...tolerances import COINCIDENT, ROUNDING
 from ..compiler.jit import part, sweep
 from ..records import HEIGHTFIELD, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, scale, set_xyz, sub, xyz
@@ -22,9 +23,7 @@ from .manifold import CROSSING, clip_polygon, swap, thin
 from .segments import segment_segment
 from .shapes import put
 
-CERTAIN = 1e-12  # rounding of a distance relative to the sizes
-PREFER = 1e-9  # preference of faces over edges, relative to the smaller size
-NO_WAY = 1e-9  # distance of corners without a direction between them, relative to the sizes
+CERTAIN = 4 * ROUNDING  # of a distance relative to the sizes: four projections
 KEPT = 1e-10  # loss of distance by a kept plane, relative to the sizes
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
@@ -42,7 +41,8 @@ class Side(NamedTuple):
     ridges: Any  # its first edges, which may be nearest: all, but for a prism of a heightfield
 
 
-PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the others do not
+# squared sine: edges closer to parallel span no face that the others do not
+PARALLEL = COINCIDENT * COINCIDENT
 
 
 @sweep
@@ -580,7 +580,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
     on_edge = add_scaled(p, t, d)
     vertex = xyz(room[(a.first if of_a else b.first) + v].place)
     on_b = on_edge if of_a else vertex
-    if best > NO_WAY * size:
+    if best > COINCIDENT * size:
         way = scale(1.0 / best, sub(on_b, vertex if of_a else on_edge))
     feature = feature_of(CORNER, v, e) if of_a else feature_of(CORNER, 1 << 20 | e, v)
     low_b, _ = measure(room, b, way)
@@ -622,7 +622,7 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     radii = (radius_a, radius_b)
     reach_a, reach_b = shapes[i].reach, shapes[j].reach
     size = reach_a + reach_b
-    prefer = PREFER * min(reach_a, reach_b) + CERTAIN * size
+    prefer = COINCIDENT * min(reach_a, reach_b) + CERTAIN * size
     limit = margin + radius_a + radius_b
     by_a = face_separation(geometry, room, a, b)
     if by_a[0] > limit:

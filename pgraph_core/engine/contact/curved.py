@@ -12,11 +12,11 @@ by more than its own n. Like in `convex`, places are relative to A's origin.
 import math
 from typing import Any, NamedTuple
 
+from ...tolerances import COINCIDENT, EPS, ROUNDING, TINY
 from ..compiler.jit import part, sweep
 from ..records import CYLINDER, ELLIPSOID
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, sub, xyz
 from .convex import (
-    NO_WAY,
     edge_at_right_angle,
     edge_line,
     edge_number,
@@ -38,11 +38,10 @@ ROUNDS = 8
 NEWTON = 12
 TURN = 0.3  # rad: the largest step of Newton's method
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
-CONVERGED = 1e-16  # rad: the last turn of Newton's method
-CURVELESS = 1e-14  # determinant that counts as rounding, relative to the squared curvature
-NOTHING = 1e-300  # keeps a direction of no length finite
-GAIN = 1e-15  # gain of separation that counts as rounding, relative to the sizes
-PREFER = 1e-12  # preference of flat faces over other features, relative to the sizes
+CONVERGED = EPS / 2  # rad: the last turn of Newton's method, half the spacing of cosines
+CURVELESS = 64 * EPS  # determinant that counts as rounding, relative to the squared curvature
+GAIN = 4 * EPS  # gain of separation that counts as rounding, relative to the sizes
+PREFER = 4 * ROUNDING  # preference of flat faces over other features, relative to the sizes
 FLAT = 1e-6  # rad: a face this near to n lies in the contact plane
 PARALLEL = 1e-4  # rad: two edges this near to parallel touch along a line
 DEEPEST = CROSSING - 1  # tag of a point that is on no outline
@@ -177,7 +176,7 @@ def nearest_of_triangle(p, q, r):
 def first_corners(room, a, b, row):
     """Find an initial tetrahedron of support points, with its normals facing outwards."""
     way = sub(a.centre, b.centre)
-    n = unit(add_scaled(ASKEW, 1.0 / (math.sqrt(dot(way, way)) + NOTHING), way))
+    n = unit(add_scaled(ASKEW, 1.0 / math.sqrt(dot(way, way) + TINY), way))
     set_xyz(room[row].place, between(room, a, b, n))
     set_xyz(room[row + 1].place, between(room, a, b, scale(-1.0, n)))
     edge = sub(corner_at(room, row, 1), corner_at(room, row, 0))
@@ -277,14 +276,14 @@ def coarse_normal(room, a, b, row, size):
     found = (0.0, 0.0, 1.0)
     most = math.inf
     for corners in range(4, CORNERS):
-        most, n = nearest_face(room, row, faces, NO_WAY * size)
+        most, n = nearest_face(room, row, faces, COINCIDENT * size)
         x = between(room, a, b, n)
         s = dot(n, x)
         if s > best:
             best, found = s, n
         if most - s <= COARSE * size:
             break
-        faces = grow(room, row, corners, faces, x, NO_WAY * size)
+        faces = grow(room, row, corners, faces, x, COINCIDENT * size)
         if faces < 0:
             break
     return best, found

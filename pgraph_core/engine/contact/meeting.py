@@ -12,6 +12,7 @@ of its own; what is no point of it yet is found as soon as it has sunk in, and t
 
 import math
 
+from ...tolerances import COINCIDENT, ROUNDING
 from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
@@ -21,7 +22,7 @@ from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import dot, sub, xyz
 from .closing import (
-    ROUNDING,
+    COORDINATES,
     SURE,
     closed_gap,
     closing_bound,
@@ -42,11 +43,11 @@ from .shapes import place
 CLOSED = 1e-10  # gap of a reached limit relative to its range
 CROWD = 64  # pairs that may touch: with more, slow impacts are taken where the step finds them
 ROUNDS = 200  # limit on iterations of the search for one instant
-SAME = 1e-9  # difference of equal instants relative to the sub-step
 LEAD = 0.5  # largest motion of a touching pair between two distance queries, in half thicknesses
 SUNK = 0.25  # depth that counts as landed at any speed, in half thicknesses of the thinner shape
 SAG = 0.2  # largest bend of the path in a sub-step, in half thicknesses of the thinner shape
-ARRIVED = 1e-12  # distance of a time from the end that counts as the end, relative to the sub-step
+# distance of a time from the end that counts as the end, relative to the sub-step
+ARRIVED = 4 * ROUNDING
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
 CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the ground)
 
@@ -55,7 +56,7 @@ CARRIED = -2  # `shape_b` after a soft arrival, no longer followed (-1 is the gr
 def closed_limit(blocks, i):
     """Return the gap below which limit i counts as closed [rad, m], from its range `at.SIZE`."""
     size, value = blocks.blocks_f[i, at.SIZE], blocks.blocks_f[i, at.VALUE]
-    return max(CLOSED * size, ROUNDING * abs(value))
+    return max(CLOSED * size, COORDINATES * abs(value))
 
 
 @part
@@ -271,7 +272,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
                 step = min(step, ahead)
                 arrived = arrived or landed
                 beyond = beyond or inside
-            if beyond and tau - before > SAME * left:
+            if beyond and tau - before > COINCIDENT * left:
                 tau = 0.5 * (before + tau)
             elif arrived or beyond:
                 found = tau

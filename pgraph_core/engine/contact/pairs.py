@@ -7,6 +7,7 @@ everything else is a convex solid with corners (`convex`).
 
 import math
 
+from ...tolerances import COINCIDENT
 from ..compiler.jit import inlined, part, sweep
 from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, POINTS, SPHERE
 from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
@@ -20,9 +21,8 @@ from .shapes import label, vertex
 POINT = 1 << 51  # features of point k of a list of points start at k times this
 
 
-ON_EDGE = 1e-9  # distance of a point on an edge, relative to the width of a cell
 CROWD = 48  # points on a heightfield, above which they are thinned on the way
-SAME_NORMAL = 1.0 - 1e-9  # cosine
+SAME_NORMAL = 1.0 - COINCIDENT  # cosine
 NEW, DROPPED, KEPT = 0, 1, 2
 FAR = 100.0  # distance of infinite gaps, relative to the size of a heightfield
 
@@ -199,24 +199,24 @@ def is_covered(geometry, j, triangle, p, normal):
     for k in range(3):
         x, y = (u, v, w)[k]
         level = max(level, dot(normal, node(geometry, j, x, y)))
-    level += ON_EDGE * size
+    level += COINCIDENT * size
     leaning = 0
     for k in range(3):
         one, two, three = ((u, v, w), (v, w, u), (w, u, v))[k]
         a, b = node(geometry, j, one[0], one[1]), node(geometry, j, two[0], two[1])
         away = (b[1] - a[1], a[0] - b[0])
         beside = away[0] * (p[0] - a[0]) + away[1] * (p[1] - a[1])
-        if k >= borders and beside > ON_EDGE * size * size:
+        if k >= borders and beside > COINCIDENT * size * size:
             return True
-        if dot(normal, a) > level - 2.0 * ON_EDGE * size:
+        if dot(normal, a) > level - 2.0 * COINCIDENT * size:
             leaning += 1
     if leaning == 3:
         return False
     for k in range(3):
         one, two, three = ((u, v, w), (v, w, u), (w, u, v))[k]
         a, b = node(geometry, j, one[0], one[1]), node(geometry, j, two[0], two[1])
-        leans = dot(normal, a) > level - 2.0 * ON_EDGE * size
-        if leaning == 2 and leans and dot(normal, b) > level - 2.0 * ON_EDGE * size:
+        leans = dot(normal, a) > level - 2.0 * COINCIDENT * size
+        if leaning == 2 and leans and dot(normal, b) > level - 2.0 * COINCIDENT * size:
             x, y = one[0] + two[0] - three[0], one[1] + two[1] - three[1]
             if rises(geometry, j, x, y, normal, level):
                 return True

@@ -11,6 +11,7 @@ is the only asymmetric part. A diagonal at or below zero is Painlevé's case.
 
 import math
 
+from ...tolerances import EPS, ROUNDING, SOLVED
 from .. import layout as at
 from ..arrays import CHANGE, EVENT_SCENE, LAMBDA, RHS, STEP
 from ..compiler.address import stored
@@ -28,10 +29,9 @@ _save, opened_events = stored(EVENT_SCENE)
 
 RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
 JACOBI_SWEEPS = 30
-ORTHOGONAL = 1e-15  # cosine of two columns that are at right angles to rounding
+ORTHOGONAL = 8 * EPS  # cosine of two columns that are at right angles to rounding
 SHARES = 200  # projections on cones and back
-SHARED = 1e-12  # tolerance of forces on their cones relative to the largest multiplier
-INSIDE = 1e-9  # part of the cone that is left free, so that projections end inside
+ON_CONE = 4 * ROUNDING  # tolerance of forces on their cones relative to the largest multiplier
 OVER = 1.5  # over-relaxation
 
 
@@ -173,7 +173,7 @@ def share_out(blocks, space, contact, count, held):
                     step = into_cone(points, s, place, i, lam, r)
                     store3(change, r, step)
                 worst = max(worst, dot(step, step))
-        if not worst > (SHARED * size) ** 2:
+        if not worst > (ON_CONE * size) ** 2:
             return
         for n in range(count):
             along = 0.0
@@ -186,7 +186,7 @@ def share_out(blocks, space, contact, count, held):
 @part
 def into_cone(points, s, place, i, lam, r):
     """Return the difference between λ of a stance and the nearest force just inside its cone."""
-    mu = points[s].friction * (1.0 - INSIDE)
+    mu = points[s].friction * (1.0 - SOLVED)  # projections end inside the cone
     normal = xyz(points[s].normal)
     n = (
         dot(normal, load(place, i, at.PLACE_D)),

@@ -8,6 +8,7 @@ a part of it does.
 import math
 import sys
 
+from ...tolerances import EPS, SOLVED
 from .. import layout as at
 from ..arrays import CHANGE, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
 from ..compiler.address import caller
@@ -31,15 +32,13 @@ from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
 from .phases import opened_events, slides, slip_direction, tangential
 
-ROUNDING = 2.0**-51  # rounding of a gap relative to the coordinates whose difference it is
-
 # scene, t, q, v, v', flow
 OBSERVE = i8(i8, f8, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
-WIDTH = 1e-15  # width of a bracket that counts as an instant, relative to the step
+COORDINATES = 2 * EPS  # rounding of a gap relative to the coordinates whose difference it is
+WIDTH = 4 * EPS  # width of a bracket that counts as an instant, relative to the step
 TRIALS = 80
 FORCE_TOLERANCE = 1e-11  # rounding of contact forces relative to the largest one
-PIVOT_TOLERANCE = 1e-9
 NEARLY = 0.02  # plausible error of the cubic relative to the motion of a gap in a step
 START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
 NEAREST, WHEN = 4, 5  # least distance of a user's event from zero, and its time [s]
@@ -111,7 +110,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
             set_xyz(points[s].slip_velocity, tangential(points, s, u))
             normal = xyz(points[s].normal)
             spread = path_length(rows, const, work, blocks_i[i, at.B_A], p, normal)
-        points[s].rounding = ROUNDING * spread
+        points[s].rounding = COORDINATES * spread
 
 
 @part
@@ -259,7 +258,7 @@ def watch(contact, row, w):
             if points[s].limit == 0:
                 b = mu * points[s].normal_force - points[s].friction_force + slack
         else:
-            c = points[s].pivot + PIVOT_TOLERANCE
+            c = points[s].pivot + SOLVED
             if mu > 0.0:
                 b = dot(xyz(points[s].slip_velocity), xyz(points[s].slip_direction))
                 if fresh:

@@ -12,6 +12,7 @@ hard together at one depth. So the restitution depends on χ or ζ alone.
 
 import math
 
+from ...tolerances import TINY
 from ..compiler.jit import part, sweep
 from ..linear import backward6, diagonal6, forward6, solve3
 from ..records import SOFT
@@ -34,13 +35,11 @@ from ..tree.articulated import inboard
 from ..tree.kinematics import along_axis
 from ..vec import add, add_cross, add_scaled, cross, dot, mul_t, scale, sub, xyz
 
-SLOWEST = 1e-30  # m/s: keeps a quotient finite where nothing moves
-
 
 @part
 def lost_share(law, speed, stored):
     """Return χ d' / V of a contact point closing at `speed` [m/s], with `stored` = 2 E w."""
-    return law.loss * speed / max(math.sqrt(speed * speed + stored), SLOWEST)
+    return law.loss * speed / math.sqrt(speed * speed + stored + TINY)
 
 
 @sweep

@@ -10,13 +10,14 @@ A touch whose points are all hidden is replaced by that of an open face.
 
 import math
 
+from ...tolerances import COINCIDENT
 from ..compiler.jit import part, sweep
 from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, HULL, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
 from .convex import face_corner
 from .curved import between, core_of, round_by, touch_points
 from .manifold import tangents
-from .shapes import DEPTH, NEAR, vertex
+from .shapes import DEPTH, vertex
 
 
 @part
@@ -141,7 +142,7 @@ def reaches_beyond(geometry, poses, k, p, n, size):
     if not has(geometry, k, x, size):
         return False
     local = mul_t(matrix(poses[k].rotation), n)
-    level = dot(local, x) + NEAR * size
+    level = dot(local, x) + COINCIDENT * size
     if geometry.shapes[k].kind != HEIGHTFIELD:
         return extent(geometry, k, local) > level
     beyond = False
@@ -185,26 +186,26 @@ def lean(geometry, poses, i, k, p, n, size):
     kind = shape.kind
     if is_solid(kind):
         g = vertex(geometry, poses, i, k)
-        return g, dot(n, sub(g, p)) > -NEAR * size
+        return g, dot(n, sub(g, p)) > -COINCIDENT * size
     r = matrix(poses[i].rotation)
     if kind == HEIGHTFIELD:
         x = node_of_cell(geometry, i, to_local(poses, i, p), k % 4)
         if k > 3:
             x = (x[0], x[1], shape.middle[2] - shape.half_extents[2])
         g = add(xyz(poses[i].position), mul(r, x))
-        return g, dot(n, sub(g, p)) > -NEAR * size
+        return g, dot(n, sub(g, p)) > -COINCIDENT * size
     sign = shape.reach if k % 2 == 0 else -shape.reach
     t, u = tangents(n)
     if kind == CYLINDER:
         axis = (r[2], r[5], r[8])
         around = cross(axis, n)
         square = dot(around, around)
-        if square > NEAR:
+        if square > COINCIDENT:
             t = scale(1.0 / math.sqrt(square), around)
-        if square > NEAR and k > 1:  # the ends of a line along its side
+        if square > COINCIDENT and k > 1:  # the ends of a line along its side
             x = to_local(poses, i, p)
             along = math.copysign(shape.half_length, sign) - x[2]
-            return add_scaled(p, along, axis), abs(along * dot(axis, n)) < NEAR * size
+            return add_scaled(p, along, axis), abs(along * dot(axis, n)) < COINCIDENT * size
     return add_scaled(p, sign, t if k < 2 else u), True
 
 

@@ -9,6 +9,7 @@ wide as is usual are compared with all instead.
 
 import math
 
+from ...tolerances import TINY
 from ..arrays import CANDIDATES, FOUND, GEOMETRY, GROUND, POSES, SEARCH
 from ..compiler.elementary import exp, log
 from ..compiler.jit import inlined, kernel, part, sweep
@@ -20,7 +21,6 @@ from .pairs import pair_contacts, pair_gap
 from .segments import ball_ball
 from .shapes import bound, far_apart, label, place
 
-NOTHING = 1e-300  # m: a width above zero whose logarithm is finite
 LARGE = 2.0  # width of a large shape relative to the geometric mean of the widths
 FARTHEST = 1048575.0  # limit on the cells along an axis, beyond which all are one
 
@@ -52,9 +52,9 @@ def sort_into_cells(members, bounds, cells, buckets):
     n = members.shape[0]
     total = 0.0
     for m in range(n):
-        total += log(max(width(bounds, members[m].shape), NOTHING))
+        total += log(max(width(bounds, members[m].shape), TINY))
     usual = LARGE * exp(total / n)
-    cell = NOTHING
+    cell = TINY
     origin = (math.inf, math.inf, math.inf)
     for m in range(n):
         i = members[m].shape

@@ -5,14 +5,12 @@ A capsule is the set within a radius of a segment, so gaps are distances of segm
 
 import math
 
+from ...tolerances import COINCIDENT, ROUNDING
 from ..compiler.jit import part, sweep
 from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, sub, xyz
 from .shapes import put
 
-TOUCH = 1e-12  # distance of crossing segments without a direction, relative to the sizes
-PARALLEL = 1e-28  # squared sine: lines closer to parallel cross nowhere
-ALIKE = 1e-24  # squared sine: directions that span no plane
-SAME = 1e-9  # distance of ends that face each other, relative to the lengths
+PARALLEL = ROUNDING * ROUNDING  # squared sine of lines that cross nowhere and span no plane
 
 
 @sweep
@@ -88,11 +86,11 @@ def apart(d, e, middle):
     """Return a unit direction away from the second of two crossing segments, as `middle`."""
     n = cross(d, e)
     size = dot(n, n)
-    if size <= ALIKE * dot(d, d) * dot(e, e) or size == 0.0:
+    if size <= PARALLEL * dot(d, d) * dot(e, e) or size == 0.0:
         along_both = d if dot(d, d) >= dot(e, e) else e
         n = cross(along_both, cross(middle, along_both))
         size = dot(n, n)
-        if size <= ALIKE * dot(along_both, along_both) ** 2 * dot(middle, middle) or size == 0.0:
+        if size <= PARALLEL * dot(along_both, along_both) ** 2 * dot(middle, middle) or size == 0.0:
             x, y, z = abs(along_both[0]), abs(along_both[1]), abs(along_both[2])
             helper = (1.0, 0.0, 0.0) if x <= y and x <= z else (0.0, 1.0, 0.0)
             n = cross(along_both, helper) if x + y + z > 0.0 else (0.0, 0.0, 1.0)
@@ -109,7 +107,7 @@ def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
     side touch at two points. Features from `feature` on: ends 0 to 3, inner pair 4.
     """
     lengths = math.sqrt(dot(d, d)) + math.sqrt(dot(e, e))
-    slack = SAME * lengths
+    slack = COINCIDENT * lengths
     s, t = crossing(p, d, q, e)
     inner = 0.0 < s < 1.0 and 0.0 < t < 1.0
     best = math.inf
@@ -139,7 +137,7 @@ def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
         distance = math.sqrt(dot(x, x))
         gap = distance - radius_a - radius_b
         if (free or k == nearest) and gap <= margin:
-            way = scale(1.0 / distance, x) if distance > TOUCH * size else normal
+            way = scale(1.0 / distance, x) if distance > ROUNDING * size else normal
             n = put(out, n, add_scaled(b, radius_b, way), way, gap, feature + k)
     return n
 

@@ -2,6 +2,7 @@
 
 import math
 
+from ...tolerances import ROUNDING
 from ..compiler.jit import part, sweep
 from ..records import CAPSULE, SPHERE
 from ..rows import origin_of, rotation_of
@@ -20,9 +21,7 @@ from ..vec import (
     xyz,
 )
 
-NEAR = 1e-9  # gap that counts as closed, relative to the size of the bodies
 DEPTH = 1e-5  # tolerated penetration, relative to the size of the bodies
-UPRIGHT = 1e-12  # rad: a tilt below it is rounding
 
 
 @sweep
@@ -57,7 +56,7 @@ def rim_direction(geometry, r, n):
     pull = add_scaled(pull, -dot(pull, axis), axis)
     lean = add_scaled(lean, max(DEPTH - size, 0.0), pull)
     size = math.sqrt(dot(lean, lean))
-    return scale(1.0 / size, lean) if size > UPRIGHT else (r[0], r[3], r[6])
+    return scale(1.0 / size, lean) if size > ROUNDING else (r[0], r[3], r[6])
 
 
 @part

@@ -3,13 +3,14 @@
 import math
 from typing import Any, NamedTuple
 
+from ...tolerances import COINCIDENT
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.elementary import FAR
 from ..compiler.jit import part, sweep
 from ..compiler.lane import LANE_WIDTH, lanes
 from ..compiler.masks import larger
-from ..contact.closing import DEPTH, NEAR, ROUNDING, thickness
+from ..contact.closing import COORDINATES, DEPTH, thickness
 from ..contact.contacts import FROZEN, contacts_at, tangents
 from ..motion import opened
 from ..stepping.state import size_of_state
@@ -86,7 +87,9 @@ W_SHAPE, W_ROW, W_BODY, W_PAIR, W_VERTEX, W_FEATURE, W_KIND, W_JOINTS, W_JOINT =
 @part
 def closed_gap(b, i, p):
     """Return `closing.closed_gap` above the ground."""
-    return larger(NEAR * b.shapes[i, S_SIZE], ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2])))
+    return larger(
+        COINCIDENT * b.shapes[i, S_SIZE], COORDINATES * (abs(p[0]) + abs(p[1]) + abs(p[2]))
+    )
 
 
 @part

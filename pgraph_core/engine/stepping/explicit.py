@@ -6,6 +6,7 @@ address of a run, or `trees` are trees in lanes; the other one is None.
 
 import math
 
+from ...tolerances import VISIBLE
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.jit import kernel, sweep
@@ -20,9 +21,6 @@ from ..tree.moving import advance, normalise_all
 from ..vec import add_scaled, cross, dot, finite, store3
 from .state import STEP, acceleration_of, copied, rate_of, size_of_state
 from .widths import size_of, weigh
-
-KNOWN = 0.01  # error of a step above which the order-based estimate fails (stiff contact)
-
 
 # -- slopes ---------------------------------------------------------------------------------------
 
@@ -201,7 +199,7 @@ def runge_kutta(run, h):
         last_stage(run, min(t + h, clip))
     weigh(rows, size, stages, control)
     found = estimate(rows, size, error[0], h, stages)
-    known = found * control.rtol < KNOWN or found <= 1.0
+    known = found * control.rtol < VISIBLE or found <= 1.0
     if error.shape[0] > 1 and found > 0.0 and known:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
         found = found * found / math.sqrt(found * found + other * other)

@@ -4,6 +4,8 @@ A state y = (q, v, work done, dissipation) is a row of `stages`; `layout` names 
 take the address of a run, which `opened_run` gives back with its names.
 """
 
+import math
+
 from .. import layout as at
 from ..arrays import opened_run
 from ..compiler.address import caller
@@ -18,7 +20,7 @@ from ..vec import finite
 STEP = f8(i8, f8)
 call_step = caller(STEP)
 
-NOT_SOLVED = -1.0
+NOT_SOLVED = -math.inf
 STEP_ROUNDS = 10  # limit on projections per step, of which one usually suffices
 
 

@@ -63,7 +63,6 @@ ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rou
 GYRATES = 0.025
 DIRECTIONS = 8  # directions of a search before it restarts
 SEARCHES = 20
-CLOSE = 1e-7  # relative residual of a search, which the next one squares
 # rows of scratch: the tree of every row, whether it gyrates, velocities at the middle, by how much
 # they are missed, what does not change of them, C', C' at another place, that place, the
 # correction, then directions and what each does
@@ -190,7 +189,7 @@ def search(rows, const, work, q, h, zero, scratch, n):
     x, miss, correction = scratch[MIDDLE], scratch[MISS], scratch[CORRECTION]
     for j in range(n):
         correction[j] = 0.0
-    least = CLOSE * CLOSE * product(miss, miss, n)
+    least = ENOUGH * product(miss, miss, n)  # the next search squares what is left
     for m in range(DIRECTIONS):
         way, effect = scratch[WAYS + m], scratch[EFFECTS + m]
         for j in range(n):
