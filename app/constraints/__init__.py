@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, loops, limits, sites and outputs, with their tab and cells.
+"""Constraints, contacts, forces, loops, limits, sites, outputs, controls: their tab and cells.
 
 Labels, units and help of fields come from the fields of the classes; here are the few cells of a
 form that stand for a part of a field.
@@ -21,7 +21,7 @@ from pgraph_core.units import UNITS
 from .. import model, pose
 from ..core.state import Names
 
-Part = Literal["constraints", "contacts", "forces", "sites", "outputs"]
+Part = Literal["constraints", "contacts", "forces", "sites", "outputs", "controls"]
 Slot = Literal["body", "other"]
 
 
@@ -61,6 +61,7 @@ KINDS: dict[str, dict[str, str]] = {  # one line each, for who chooses
     "limits": {"limits": "least and greatest position of a joint (unilateral)"},
     "sites": {"site": "a named frame on a body"},
     "outputs": {kind: each.about for kind, each in READINGS.items()},
+    "controls": {kind: each.ABOUT for kind, each in pg.Control.KINDS.items()},
 }
 TITLES = {
     "constraints": "Constraint",
@@ -70,16 +71,18 @@ TITLES = {
     "forces": "Force, motor, spring",
     "sites": "Site (named frame)",
     "outputs": "Output (sensor)",
+    "controls": "Controller, filter, state",
 }
 WORD = {
     "constraints": "constraint", "contacts": "contact", "forces": "force", "loops": "loop",
-    "sites": "site", "outputs": "output",
+    "sites": "site", "outputs": "output", "controls": "control",
 }  # fmt: skip
 
 CELLS = {  # cells of a form that are a part of a field, or choose how it is given
     "curve": About("Follows", "", "how the position depends on time"),
     "sine": About("Sine", "", "mean + amplitude sin(frequency t + phase)"),
     "polynomial": About("Polynomial", "", "c0 + c1 t + c2 t² + c3 t³"),
+    "expression": About("Expression", "", "of t and parameters: =0.3*sin(2*t)"),
     "table": About("Table", "", "t q; t q; ... a smooth curve through these"),
     "torque_over": About("Torque is", "", "constant, or straight lines between times"),
     "force_over": About("Force is", "", "constant, or straight lines between times"),
@@ -119,6 +122,12 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
         if table or (get_origin(kind) is tuple and get_origin(get_args(kind)[0]) is tuple):
             return "rows", ()
     return "number", ()
+
+
+def varies(item: Any, field: str) -> bool:
+    """Return True if a field takes an expression in time and the motion in place of a number."""
+    info = type(item).model_fields.get(field)
+    return info is not None and {float, str} <= set(_types(info.annotation))
 
 
 def _types(annotation: Any) -> Iterator[Any]:

@@ -117,11 +117,12 @@
       owner: { part, name },
       press: (b) => {
         if (b.event === "Pick") send("Pick", { part, name, slot: b.fields.slot });
+        else if (b.event === "Feedback") pgraph.feedback.open();
         else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());
       },
     }, `${part} ${id}`);
   }
-  const WORDS = { constraints: " constraint", contacts: " contact", forces: "", sites: "", outputs: "" };
+  const WORDS = { constraints: " constraint", contacts: " contact", forces: "", sites: "", outputs: "", controls: " control" };
 
   function limits(box, data) {
     const lines = data.limits.map(({ body, text }) => make("div", { className: "tie" }, make("div", { className: "line" },

@@ -1,4 +1,4 @@
-"""Creating and editing constraints, contacts, forces, sites and outputs."""
+"""Creating and editing constraints, contacts, forces, sites, outputs and controls."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core import joints
 from pgraph_core.fields import PAIR
 from pgraph_core.forces import BetweenPoints
 from pgraph_core.joints import SIZE
 from pgraph_core.model.constraint import AtPoints
 from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
-from pgraph_core.signals import is_expression
+from pgraph_core.signals import is_expression, written
 
 from ..core.cells import (
     LONGEST_NAME,
@@ -37,8 +38,9 @@ Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
 FLAG = ("no", "yes")  # texts of false and true in a form
-CURVES = ("polynomial", "sine", "table")
-KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind"}
+CURVES = ("polynomial", "sine", "table", "expression")
+KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
+              "controls": "kind"}  # fmt: skip
 
 
 def item_of(model: pg.Model, part: Part, name: str) -> Item:
@@ -75,6 +77,9 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
         return model.add(pg.Site(name=name, body=body)), name
     if part == "outputs":
         return model.add(pg.Output(name=name, kind=kind, at=body)), name  # type: ignore[arg-type]
+    if part == "controls":
+        made = pg.Control(name=name, kind=kind, **_reading(model, kind, body))
+        return model.add(made), name
     make = {"constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force}[part]
     data = {"name": name, KIND_FIELD[part]: kind, "body": body}  # type: ignore[index]
     if takes_other(part, kind):
@@ -118,6 +123,24 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
         case "forces", _:
             return dict(pg.Force.KINDS[kind].NEW)
     return {}
+
+
+READS = {"state": "rate", "filter": "input", "pid": "signal", "sampled": "update"}
+QUICKLY = {"filter": {"lag": 0.1}, "sampled": {"sample": 0.01}}  # [s] times to begin with
+
+
+def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
+    """Return the required fields of a control, which reads the joint of `body` or the first one.
+
+    Raises Refusal.
+    """
+    first = next((b for b in model.bodies if b.dof), None)
+    of = model.body(body) if body in model.row and model.body(body).dof else first
+    if of is None:
+        raise Refusal("There is no joint that moves and could be read: add a body first.")
+    group = "q" if joints.places(of.sequence)[0] is not None else "v"
+    return {READS[kind]: "=" + written(group, of.name, 0 if of.dof > 1 else None),
+            **QUICKLY.get(kind, {})}  # fmt: skip
 
 
 SAG = {"rotate": 0.05, "translate": 0.005}  # [rad], [m] under the weight that a servo holds
@@ -337,9 +360,9 @@ def _typed(
             return {**data, field: text == FLAG[True]}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
-        case "table":
-            curve = text.strip() if is_expression(text) else table_of(text, 1)
-            return {**data, "q_of_t": curve}
+        case "table" | "expression":
+            typed = field == "expression" or is_expression(text)
+            return {**data, "q_of_t": text.strip() if typed else table_of(text, 1)}
         case "sine":
             key = ("mean", "amplitude", "frequency", "phase")[index[0]]
             return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: number(text)}}
@@ -376,7 +399,7 @@ def _dict(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else value.model_dump()
 
 
-def _curve(old: Any, kind: str) -> dict[str, Any]:
+def _curve(old: Any, kind: str) -> dict[str, Any] | str:
     """Return a curve of another kind with the same initial value."""
     if kind not in CURVES:
         raise Refusal(f"must be one of {', '.join(CURVES)}")
@@ -389,6 +412,8 @@ def _curve(old: Any, kind: str) -> dict[str, Any]:
             start = 0.0
         case _:
             start = old.value[0]
+    if kind == "expression":
+        return f"={start!r} + 0*t"
     if kind == "sine":
         return {"kind": kind, "mean": start, "amplitude": 0.5, "frequency": 1.0, "phase": 0.0}
     if kind == "polynomial":
@@ -459,6 +484,11 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
         return model.cells(item, part)
     if part == "outputs":
         return {"name": item.name, "kind": kind, "at": item.at}
+    if part == "controls":
+        cells, names = model.cells(item, part), pg.Control.KINDS[kind].model_fields
+        kept = {k: x for k, x in cells.items() if k in names and x is not None}
+        read = {READS[kind]: cells[READS[item.kind]]}
+        return {**QUICKLY.get(kind, {}), **kept, **read, "kind": kind}
     other = getattr(item, "other", GROUND)
     fresh = {"name": item.name, KIND_FIELD[part]: kind, "body": item.body}
     if takes_other(part, kind):

@@ -103,6 +103,8 @@ class AddPart(FromPage):
 def add(state: State, event: AddPart) -> State:
     if event.kind not in KINDS[event.part]:
         return state
+    if event.part == "controls":
+        return _made(state, event.client, Picking("controls", event.kind), event.body or "", "")
     picking, page = Picking(event.part, event.kind), state.clients.get(event.client)
     if event.body is None or event.body not in state.derived.number:
         return with_client(state, event.client, picking=picking)

@@ -39,12 +39,14 @@ from . import (
     parts,
     rare,
     typed_as,
+    varies,
 )
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
-LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs")
-OVER_TIME = "over time: 0 0; 1 0.5; 2 0 is 0 at 0 s, 0.5 at 1 s, 0 at 2 s"
+LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
+FEEDBACK = button("feedback …", "Feedback", "Gains that hold the pose shown: LQR, pole placement")
+OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
 Q_OF_T = {
     "sine": ("mean", "amplitude", "frequency", "phase"),
@@ -137,6 +139,8 @@ def between(item: Any) -> str:
     """Return the bodies on which a part acts as text: 'thigh, shin' or 'foot, ground'."""
     if coefficients := getattr(item, "coefficients", None):
         return ", ".join(coefficients)
+    if isinstance(item, pg.Control):
+        return f"{getattr(item, parts.READS[item.kind])}".removeprefix("=")
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
     names = {parts.EVERY: "all bodies"}
@@ -228,11 +232,12 @@ def _field(
             return _coefficients(item, cells)
         case "points":
             return _points(item, cells, display)
-        case "torque" | "target" | "speed" | "input" if kind != "wrench":
+        case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
             shows = about(item, name)
+            design = [FEEDBACK] if name == item.INPUT else []
             return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
-                          note="" if name == "input" else OVER_TIME)]  # fmt: skip
+                          note=OVER_TIME, expression=True, buttons=design)]  # fmt: skip
         case "coordinate" if isinstance(item, OnJoint):
             shows, joint = about(item, name), degrees(model.body(item.body))
             options = [(str(k), label) for k, (label, _) in enumerate(joint)]
@@ -285,7 +290,8 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
         pick = "" if len(row) == 4 else "axis" if name.endswith("axis") else "point"
         return field(name, shows.label, components(row), unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
-    return field(name, shows.label, [one], unit=unit, help=shows.help)
+    takes = varies(item, name)
+    return field(name, shows.label, [one], unit=unit, help=shows.help, expression=takes)
 
 
 def _unit(model: pg.Model, item: Any, given: str) -> str:
@@ -301,12 +307,12 @@ def _curve(item: pg.Motion) -> list[Payload]:
     """Return fields for the kind of a prescribed motion and its numbers."""
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
+    kind = "expression" if isinstance(curve, str) else kind
     found = [choice("curve", "Follows", kind, parts.CURVES, help=CELLS["curve"].help)]
-    if kind == "table":
-        one = cell((), parts.knots(curve))
-        shows = CELLS["table"]
-        return [*found, field("table", shows.label, [one], help=shows.help, kind="text",
-                              note=shows.help, curve=_drawn(item))]  # fmt: skip
+    if kind in ("table", "expression"):
+        one, shows = cell((), parts.knots(curve)), CELLS[kind]
+        return [*found, field(kind, shows.label, [one], help=shows.help, kind="text",
+                              note=shows.help, curve=_drawn(item), expression=True)]  # fmt: skip
     if isinstance(curve, pg.Sine):
         numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
     else:
@@ -363,7 +369,8 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
     over = choice(f"{name}_over", CELLS[f"{name}_over"].label, how, ("constant", "over time"))
     if constant:
         row = [cell((i,), x) for i, x in enumerate(cells[name])]
-        return [field(name, shows.label, row, unit=shows.unit.split(",")[0]), over]
+        unit = shows.unit.split(",")[0]
+        return [field(name, shows.label, row, unit=unit, expression=True), over]
     row = [cell((), parts.knots(cells[name]))]
     text = "rows: t x y z; t x y z; ..."
     return [field(name, shows.label, row, unit=shows.unit.split(",")[0], kind="text", help=text,

@@ -5,6 +5,9 @@ pgraph.cells = (() => {
   const pending = new Map(); // serial -> the cell waiting for an answer
   let quiet = false; // cells are being moved about: leaving one is nobody's doing
 
+  const MOST = 20000; // characters that an event takes
+  const tooLong = ({ value }) => (value.length > MOST ? `has ${value.length} characters; a cell takes ${MOST} at most` : "");
+
   const dirty = (cell) => cell.value !== cell.dataset.shown;
   // As many digits as the cell has room for; all of them in the title, and while it is typed in.
   // A power of ten is never cut off: 3.9e-21.
@@ -48,6 +51,7 @@ pgraph.cells = (() => {
   }
   // Sends what the cell holds, changed or not, and waits for the answer.
   function ask(cell, send) {
+    if (tooLong(cell)) { refuse(cell, tooLong(cell)); return; }
     const serial = pgraph.nextSerial();
     pending.set(serial, { cell, send });
     cell.pgraphSerial = serial;
@@ -69,6 +73,9 @@ pgraph.cells = (() => {
       if (cell.value === cell.dataset.sent) revert(cell);
       return;
     }
+    refuse(cell, text, offer);
+  }
+  function refuse(cell, text, offer = "") {
     cell.classList.add("refused");
     cell.setAttribute("aria-invalid", "true");
     cell.title = text;
@@ -79,7 +86,7 @@ pgraph.cells = (() => {
   // What there is to say of a cell while it is typed in: one question at a time, the last text wins.
   function doubtful(cell, send) {
     if (cell.pgraphDoubting) return;
-    if (!dirty(cell)) { if (!cell.classList.contains("refused")) sentence(cell, ""); return; }
+    if (!dirty(cell) || tooLong(cell)) { if (!cell.classList.contains("refused")) sentence(cell, tooLong(cell)); return; }
     const serial = pgraph.nextSerial(), typed = cell.value;
     cell.pgraphDoubting = true;
     pending.set(serial, { cell, send, doubt(text, offer) {
@@ -222,7 +229,7 @@ pgraph.cells = (() => {
     });
   }
 
-  return { set, reply, again, clear, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
+  return { tooLong, set, reply, again, clear, forget, doubtful, revert, await: ask, input, choice, choose, commit, leave, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);
 pgraph.on("opened", pgraph.cells.forget);

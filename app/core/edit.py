@@ -24,7 +24,7 @@ from .state import Notice, Rename, S, Step, replied, told
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # limit on remembered renames
-NAMED = ("constraints", "contacts", "forces", "sites", "outputs")  # named parts besides bodies
+NAMED = ("constraints", "contacts", "forces", "sites", "outputs", "controls")  # besides bodies
 STAND_IN = re.compile(r"serial \d+|model")  # names that nobody has given
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
 IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of a body as text

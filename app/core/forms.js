@@ -154,14 +154,15 @@ pgraph.forms = (() => {
       made.onrefuse = (offer, note) => repair(box, of(), entries, offer, note, made);
       box.pgraphAsk.edit(of().field, entries, serial);
     };
-    const { kind, live, label: called } = of();
+    const { live, label: called } = of(), kind = cell.kind ?? of().kind;
     let made;
     if (kind === "choice") made = cells.choice(() => made.pgraphOptions, send, { label: called });
     else if (kind === "names") made = cells.choice(() => names(made.pgraphOptions), send, { label: called });
     else made = cells.input(send, { label: called, numeric: kind === "number", leaving: kind !== "density" });
     if (live) made.addEventListener("input", () => cells.doubtful(made, check));
+    made.pgraphTakes = () => (of().expression ? { ...box.pgraphAsk.owner, cell: of().field } : null);
     made.pgraphIndex = cell.index;
-    made.pgraphOptions = of().options ?? [];
+    made.pgraphOptions = paired(cell.options ?? of().options);
     const mark = cell.mark ?? cell.name;
     if (!mark) return made;
     made.style.setProperty("--letters", mark.length);
@@ -178,7 +179,8 @@ pgraph.forms = (() => {
     parts.forEach((part, i) => { row[at + i].value = part; });
     cell.dataset.sent = cell.value;
   }
-  const names = (extra) => [...extra.map((n) => [n, n === "*" ? "every body with a shape" : n]),
+  const paired = (options) => (options ?? []).map((one) => (Array.isArray(one) ? one : [one, one]));
+  const names = (extra) => [...extra.map(([n, text]) => [n, n === "*" ? "every body with a shape" : text]),
     ...(pgraph.latest.table?.rows ?? []).map((r) => [r.name, r.name])];
 
   function repair(box, field, entries, offer, note, cell) {
@@ -261,11 +263,12 @@ pgraph.forms = (() => {
   }
   function fillCell(input, field, cell) {
     const { name, at, index } = cell;
-    input.setAttribute("aria-label", [field.label, name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
+    input.setAttribute("aria-label", [field.label, cell.called || name || (at ?? index).map((k) => k + 1).join(" ")].filter(Boolean).join(" "));
     if ((cell.span ?? 6 / field.columns) < 3) input.dataset.digits = 4;
     else delete input.dataset.digits;
-    input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];
-    if (field.kind === "choice" || field.kind === "names") cells.choose(input, cell.value);
+    const kind = cell.kind ?? field.kind, options = paired(cell.options ?? field.options);
+    input.pgraphOptions = cell.varied ? [["", "varied"], ...options] : options;
+    if (kind === "choice" || kind === "names") cells.choose(input, cell.value);
     else {
       input.placeholder = cell.varied ? "varied" : "";
       const formula = typeof cell.value === "string" && cell.value.startsWith("=");

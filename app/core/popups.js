@@ -12,6 +12,7 @@
     box.style.bottom = below ? "auto" : `${Math.min(innerHeight - top + 4, Math.max(innerHeight - h - MARGIN, MARGIN))}px`; // it grows upwards
   }
 
+  pgraph.place = place;
   // A button that opens `box` at itself or at `anchor`; `end`: their right edges are aligned. `opening` is called before.
   pgraph.opens = (button, box, { end = false, anchor = button, opening = () => {} } = {}) => {
     box.classList.add("pgraph", "pgraph-popup");

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
-from .. import constraints, scene
+from .. import scene, signals
 from ..constraints import Part
 
 Vector = tuple[float, float, float]
@@ -25,9 +25,9 @@ class Spot:
 
 @dataclass(frozen=True)
 class Aim:
-    """A pick in progress, with one spot for the cells of a field or two for a measurement."""
+    """A pick in progress: a spot for a field, two for a measurement, a body for an expression."""
 
-    wants: Literal["point", "axis", "measure"]
+    wants: Literal["point", "axis", "measure", "signal"]
     field: str = ""  # field that receives the spot
     index: tuple[int, ...] = ()  # index of its row in the field
     bodies: tuple[str, ...] = ()  # whose field it is
@@ -38,7 +38,7 @@ class Aim:
 
 
 @dataclass(frozen=True)
-class Client(scene.Client, constraints.Client):
+class Client(scene.Client, signals.Client):
     aim: Aim | None = None  # pick in progress in its 3D view
 
     @property
@@ -53,5 +53,5 @@ class Client(scene.Client, constraints.Client):
 
 
 @dataclass(frozen=True)
-class State(scene.State, constraints.State):
+class State(scene.State, signals.State):
     clients: Mapping[int, Client] = field(default_factory=dict)

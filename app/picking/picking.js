@@ -47,7 +47,7 @@ pgraph.picking = (() => {
   window.addEventListener("pointerup", (event) => {
     if (!aim || event.button !== 0 || !still(event)) return;
     const at = ray(event.clientX, event.clientY);
-    if (at) send("ClickSpot", at);
+    if (at) send("ClickSpot", { ...at, rate: event.shiftKey });
   }, true);
   // The right button moves the view; where it has not moved, it asks for the menu of what is there.
   window.addEventListener("contextmenu", (event) => {

@@ -19,6 +19,7 @@ from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
 from ..scene.update import View
+from ..signals import clicked as signal_of
 from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot
 
@@ -30,7 +31,7 @@ OF_PARENT = "link"  # a body's field in the axes of its parent
 class StartAim(FromPage):
     """Start picking in the 3D view, for a row of a field or for a measurement."""
 
-    wants: Literal["point", "axis", "measure"]
+    wants: Literal["point", "axis", "measure", "signal"]
     field: Text = ""
     index: Index = ()
     bodies: Annotated[tuple[Text, ...], Field(max_length=1)] = ()
@@ -82,7 +83,9 @@ def hovered(state: State, event: Hover) -> State:
 
 @dataclass(frozen=True)
 class ClickSpot(Pointed):
-    """A click while picking is active."""
+    """A click while picking is active. `rate` asks for the speed of a body in an expression."""
+
+    rate: bool = False
 
 
 @on(ClickSpot)
@@ -90,6 +93,9 @@ def clicked(state: State, event: ClickSpot) -> State:
     page, client = state.clients.get(event.client), event.client
     if page is None or page.aim is None or (found := spot_of(state, event, page.aim)) is None:
         return state
+    if page.aim.wants == "signal":
+        hint = signal_of(state.model, 0, "bodies", found.body, event.rate)
+        return with_client(state, client, hint=hint)
     if page.aim.wants == "measure":
         kept = page.aim.spots if len(page.aim.spots) == 1 else ()
         return with_client(state, client, aim=replace(page.aim, spots=(*kept, found), under=found))

@@ -61,6 +61,8 @@ def asks(aim: Aim) -> str:
     if aim.wants == "measure":
         first = ("a first point", "a second point", "a point to measure again")[len(aim.spots)]
         return f"Measure: click {first}"
+    if aim.wants == "signal":
+        return "Click a body for its position, Shift-click for its speed"
     of = aim.name or (aim.bodies[0] if aim.bodies else "")
     label = aim.field.replace("_", " ")
     if aim.wants == "axis":

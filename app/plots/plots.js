@@ -47,6 +47,7 @@
     charts = data.charts.map((d) => {
       const chart = kept.get(`${d.kind}/${d.of}`) ?? newChart(host, d);
       chart.data = d;
+      Object.assign(chart.box.dataset, { kind: d.kind, of: d.of });
       if (d.kind === "poses") strip(chart);
       chart.box.classList.toggle("many", d.components.length > 0);
       chart.axes.replaceChildren(...d.components.map((component) => make("button", {

@@ -17,6 +17,7 @@ from ..errors import InputError, Problem, explained, nearest, shown
 from ..forces import OnJoint
 from ..model import Model
 from ..packing import Array
+from ..signals import written
 from ..signals.grammar import LONGEST
 from ..tolerances import NOTABLE
 from .linear import Linearisation, linearise
@@ -298,24 +299,20 @@ def _pushes(mech: Dynamics, f: OnJoint) -> Array:
 
 def _names(call: str, mech: Dynamics, found: Linearisation) -> tuple[tuple[str, ...], list[int]]:
     """Return (state names as used in expressions, indices in q). Raises InputError."""
-    written = {label: (name, k, several) for label, name, k, several in _degrees(mech)}
+    parts = {label: (name, k, several) for label, name, k, several in _degrees(mech)}
     names, places = list[str](), list[int]()
     for label in found.coordinates:
-        name, k, several = written[label]
+        name, k, several = parts[label]
         place = joints.places(mech.model.body(name).sequence)[k]
         if place is None:
             text = f"'{name}' turns as a ball, whose turn is no single number; give it hinges"
             raise InputError(Problem(call, "model", text))
-        names.append(_signal("q", name, k, several))
+        names.append(written("q", name, k if several else None))
         places.append(mech.joints[name].q.start + place)
     for label in found.velocities:
-        names.append(_signal("v", *written[label]))
+        name, k, several = parts[label]
+        names.append(written("v", name, k if several else None))
     return tuple(names), places
-
-
-def _signal(group: str, name: str, k: int, several: bool) -> str:
-    inside = f".{name}" if name.isidentifier() else f'["{name}"]'
-    return group + inside + (f"[{k}]" if several else "")
 
 
 def _text(names: Sequence[str], at: Array, gains: Array, hold: float) -> str:

@@ -146,8 +146,8 @@ class Known:
 
 def kinds_of(body: Body) -> list[Dim]:
     """Return the dimension of each degree of freedom in a joint."""
-    of = {"rotate": [RAD], "translate": [M], "ball": [RAD] * 3, "free": [RAD] * 3 + [M] * 3}
-    return [dim for m in body.sequence for dim in of[m.kind]]
+    of = {"rad": RAD, "m": M}
+    return [of[unit] for m in body.sequence for unit in joints.KINDS[m.kind].v]
 
 
 def expression_problems(parts: Iterable[Described], known: Known, of: str = "") -> list[Problem]:
@@ -156,8 +156,8 @@ def expression_problems(parts: Iterable[Described], known: Known, of: str = "") 
     for part in parts:
         for name, _, text in expressions_of(part):
             where = f"{of}{part.word()} {shown(getattr(part, 'name', ''))}"
-            wanted = _wanted(part, name, known.bodies)
-            if problem := known.problem(text, wanted, of_time=isinstance(part, Motion)):
+            dim = wanted(part, name, known.bodies)
+            if problem := known.problem(text, dim, of_time=isinstance(part, Motion)):
                 found.append(Problem(where, name, problem))
         if isinstance(part, PID) and not found and (problem := _error_problem(part, known)):
             found.append(Problem(f"{part.word()} {shown(part.name)}", "setpoint", problem))
@@ -173,7 +173,7 @@ def _error_problem(part: PID, known: Known) -> str:
     return f"gives {unit(found[1])}, and the signal {unit(found[0])}; give one a factor"
 
 
-def _wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
+def wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
     """Return the dimension of a field, given the coordinates on which the part acts."""
     dim = part._dim_of(name)
     if isinstance(part, Control):

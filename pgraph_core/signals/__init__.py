@@ -12,3 +12,4 @@ from .grammar import is_expression as is_expression
 from .grammar import parsed as parsed
 from .grammar import signals_in as signals_in
 from .grammar import with_names as with_names
+from .grammar import written as written

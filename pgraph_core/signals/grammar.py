@@ -283,10 +283,15 @@ def with_names(text: str, names: Mapping[str, str], groups: tuple[str, ...]) -> 
         group, name, _ = n.signal
         if group in groups and name in names:
             new = names[name]
-            plain = f".{new}" if new.isidentifier() else f"[{_quoted(new)}]"
-            plain = plain if group else new
+            plain = written(group, new)[len(group) :] if group else new
             text = text[: n.span[0]] + plain + text[n.span[1] :]
     return text
+
+
+def written(group: str, name: str, index: int | None = None) -> str:
+    """Return a signal as text: q.arm, q["upper arm"], or q.arm[1] with an index."""
+    plain = f".{name}" if name.isidentifier() else f"[{_quoted(name)}]"
+    return group + plain + ("" if index is None else f"[{index}]")
 
 
 def _quoted(name: str) -> str:

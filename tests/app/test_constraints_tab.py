@@ -437,3 +437,38 @@ def test_expressions_are_typed_where_a_number_may_vary():
     assert sine.constraints[0].q_of_t.kind == "sine"
     with pytest.raises(pg.ModelError, match="column 6"):
         parts.changed(model, "forces", "drive", "torque", (((), "=2*t t"),), Display(), {})
+
+
+@pytest.mark.parametrize("kind", pg.Control.KINDS)
+@pytest.mark.parametrize("body", ["two", None])
+def test_a_control_is_added_edited_changed_and_taken_away_by_clicks(kind, body):
+    """Its form follows from its fields, and what it reads stays when its kind is another one."""
+    bodies = [pg.Body(name="one"), pg.Body(name="two", parent="one", joint="universal", q=(0, 1))]
+    start = begun(pg.Model(bodies=bodies))
+    state = after(start, do.AddPart(ME, "controls", kind, body))
+    (control,) = state.model.controls
+    name = control.name
+    assert state.clients[ME].opened == ("controls", name)
+    read = parts.READS[kind]
+    assert getattr(control, read) == ("=q.two[0]" if body else "=q.one")
+    shown = constraints(state, state.clients[ME])["lists"][-1]["items"][0]
+    names = {f["field"]: f for g in shown["form"] for f in g["fields"]}
+    assert set(names) == set(type(control).model_fields)
+    assert names[read]["expression"]
+    edit = lambda field, text: do.EditPart(ME, 1, "controls", name, field, (((), text),))  # noqa: E731
+    state = after(state, edit(read, "=2*v.one"), edit("name", "mine"))
+    assert reply(state) == ""
+    assert getattr(state.model.controls[0], read) == "=2*v.one"
+    name = "mine"
+    for other in pg.Control.KINDS:
+        state = after(state, edit("kind", other))
+        assert reply(state) == ""
+        assert getattr(state.model.controls[0], parts.READS[other]) == "=2*v.one"
+    assert "gone" in reply(after(state, edit("kind", kind), edit(read, "=q.gone")))
+    assert after(state, do.DeletePart(ME, "controls", "mine")).model.controls == ()
+
+
+def test_a_control_of_a_model_without_joints_is_refused():
+    state = after(begun(pg.Model()), do.AddPart(ME, "controls", "pid", None))
+    assert "joint" in notice(state)
+    assert state.model.controls == ()

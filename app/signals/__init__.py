@@ -1,0 +1,250 @@
+"""Hints for an expression that is typed: the names it may use, its unit and its present value."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from typing import Any, NamedTuple, Self
+
+import pgraph_core as pg
+from pgraph_core import joints
+from pgraph_core.errors import shown
+from pgraph_core.model.expressions import Known, wanted
+from pgraph_core.model.output import OF_JOINT
+from pgraph_core.model.parameters import evaluated
+from pgraph_core.signals import Node, Unreadable, parsed, written
+from pgraph_core.signals.grammar import FUNCTIONS, TAKES
+from pgraph_core.signals.meaning import CONSTANTS, TIME, compares, constant, dim_of, unit
+from pgraph_core.units import Dim
+
+from .. import constraints
+
+MOST_WORDS = 8  # completions in a list
+WORD = re.compile(r"""(?:\b(?P<group>q|v|x|out)(?:\.|\[["']?))?(?P<name>\w*)$""")
+MEASURED = {"q": "position of", "v": "speed of", "x": "control", "out": "output"}
+
+
+class Word(NamedTuple):
+    """A name that completes what is typed, and what it stands for."""
+
+    text: str
+    about: str
+
+
+@dataclass(frozen=True)
+class Hint:
+    """What stands beside an expression while it is typed."""
+
+    serial: int
+    problem: str = ""
+    unit: str = ""  # that the cell expects
+    value: str = ""  # at the pose and time shown
+    words: tuple[Word, ...] = ()
+    start: int = 0  # place in the text at which a word begins
+    put: str = ""  # the signal of what was clicked
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The time and the coordinates that a page shows."""
+
+    t: float
+    q: Mapping[str, Sequence[float]]
+    v: Mapping[str, Sequence[float]]
+
+
+class Vocabulary:
+    """The names that an expression in one cell may use, with their present values.
+
+    `item` is the part that the expression belongs to, None for a condition. Without `varies` the
+    cell takes constant formulas of parameters alone.
+    """
+
+    def __init__(self, model: pg.Model, moment: Moment, item: Any, field: str, varies: bool):
+        self._known = known_of(model)
+        self._moment, self._item, self._varies = moment, item, varies
+        self._of_time = isinstance(item, pg.Motion)
+        field = "q_of_t" if self._of_time else field
+        if item is not None and field in type(item).model_fields:
+            self.wanted: Dim | None = wanted(item, field, self._known.bodies)
+        else:
+            self.wanted = None
+
+    def hint(self, serial: int, text: str, caret: int) -> Hint:
+        """Return what can be said of a text in which the caret stands at that place."""
+        start, words = self._completions(text[:caret])
+        problem = value = ""
+        if text.strip() != "=":
+            problem, value = self._judged(text)
+        expected = unit(self.wanted) if self.wanted is not None else ""
+        return Hint(serial, problem, expected, value, words, start)
+
+    def _judged(self, text: str) -> tuple[str, str]:
+        """Return what is wrong with a text, or its present value."""
+        try:
+            if not self._varies:
+                return "", f"{evaluated(text, self._known.parameters):.6g}"
+            tree = parsed(text)
+            if self._item is None and not compares(tree):
+                return "must compare, as in q.arm > 0.5", ""
+            problem = self._known.problem(text, self.wanted, of_time=self._of_time)
+            return problem.removeprefix(f"{shown(text)}: "), "" if problem else self._value(tree)
+        except ValueError as error:
+            return str(error), ""
+
+    def _value(self, tree: Node) -> str:
+        """Return the present value of an expression as text."""
+        parameters = {TIME: self._moment.t, **self._known.parameters}
+        try:
+            found = constant(tree, parameters, self._read)
+        except (ArithmeticError, ValueError) as error:
+            return f"none ({error})"
+        if isinstance(found, bool):
+            return "true" if found else "false"
+        if isinstance(found, float) and math.isnan(found):
+            return ""
+        if isinstance(found, complex) or not math.isfinite(found):
+            return "none"
+        dim = dim_of(tree, self._known.dim)
+        return f"{found:.6g} {_unit_of(self.wanted if dim is None else dim)}".strip()
+
+    def _read(self, node: Node) -> float:
+        """Return the present value of a signal."""
+        group, name, k = node.signal
+        if group == "out":
+            output = self._known.outputs[name]
+            name, k = output.at, output.coordinate
+            group = "q" if output.kind == OF_JOINT[0] else "v"
+        if group == "x":
+            return math.nan  # runs alone know it
+        if group == "v":
+            return self._moment.v[name][k]
+        body = self._known.bodies[name]
+        place = joints.places(body.sequence)[k] if body is not None else None
+        return math.nan if place is None else self._moment.q[name][place]
+
+    def _completions(self, typed: str) -> tuple[int, tuple[Word, ...]]:
+        """Return where the word before the caret begins, and the names that complete it.
+
+        Names that begin as typed come first, then those that contain it.
+        """
+        found = WORD.search(typed)
+        assert found is not None  # it may be empty
+        group, name, start = found["group"], found["name"].lower(), found.start()
+        before = typed[:start].rstrip()[-1:]
+        operand = not found[0] and (before.isalnum() or before in ('"', "]", ")", "_", "."))
+        if "=" not in typed or operand or (not group and name[:1].isdigit()):
+            return start, ()
+        known = [(of, called) for of, called in self._names() if group in (None, of)]
+        ranks = [
+            0 if called.lower().startswith(name) else 1 if name in called.lower() else 2
+            for _, called in known
+        ]
+        chosen = (known[i] for rank in (0, 1) for i, at in enumerate(ranks) if at == rank)
+        words = tuple(islice((word for one in chosen for word in self._words(*one)), MOST_WORDS))
+        if words and words[0].text == found[0]:
+            return start, ()  # it is whole
+        return start, words
+
+    def _names(self) -> Iterator[tuple[str, str]]:
+        """Yield (group, name) for all that an expression in the cell may use."""
+        known = self._known
+        if self._varies and not self._of_time:
+            yield from _measured(known)
+        named = [*([TIME] if self._varies else []), *known.parameters, *CONSTANTS]
+        yield from (("", name) for name in dict.fromkeys(named))
+        yield from (("(", name) for name in FUNCTIONS)
+
+    def _words(self, group: str, name: str) -> Iterator[Word]:
+        """Yield what to type for a name, one word for each coordinate of a joint."""
+        if group == "(":
+            yield Word(f"{name}(", TAKES.get(name, "a function of one number"))
+        elif group:
+            for text in signals_of(self._known, group, name):
+                node = parsed(text)
+                now = self._read(node)
+                value = f", now {now:.4g} {_unit_of(self._known.dim(node))}" if now == now else ""
+                yield Word(text, f"{MEASURED[group]} {name}{value}")
+        elif name in self._known.parameters or name != TIME:
+            value = self._known.parameters.get(name, CONSTANTS.get(name))
+            yield Word(name, f"{value:.6g}")
+        else:
+            yield Word(name, f"time, now {self._moment.t:.4g} s")
+
+
+def known_of(model: pg.Model) -> Known:
+    """Return the names that expressions in a model may use."""
+    bodies = {b.name: b for b in model.bodies}
+    return Known(bodies, model.outputs, model.controls, model.parameters)
+
+
+def _measured(known: Known) -> Iterator[tuple[str, str]]:
+    """Yield (group, name) of all that is measured."""
+    for group in MEASURED:
+        names = {"out": known.outputs, "x": known.controls}.get(group, known.bodies)
+        yield from ((group, name) for name in names)
+
+
+def all_signals(known: Known) -> list[str]:
+    """Return all signals, as expressions name them."""
+    return [x for group, name in _measured(known) for x in signals_of(known, group, name)]
+
+
+def signals_of(known: Known, group: str, name: str) -> list[str]:
+    """Return the signals "q" or "v" of a body, "x" of a control or "out" of an output."""
+    count = 1
+    if group in ("q", "v"):
+        body = known.bodies[name]
+        count = 0 if body is None else body.dof
+    found = []
+    for k in range(count):
+        text = written(group, name, k if count > 1 else None)
+        try:
+            known.dim(parsed(text))
+        except Unreadable:
+            continue
+        found.append(text)
+    return found
+
+
+def _unit_of(dim: Dim | None) -> str:
+    return "" if dim is None or dim == Dim() else unit(dim)
+
+
+def clicked(model: pg.Model, serial: int, part: str, name: str, rate: bool) -> Hint:
+    """Return the signal of what was clicked, or the reason why it has none."""
+    known = known_of(model)
+    if part == "bodies" and name in known.bodies:
+        found = [x for group in ("vq" if rate else "qv") for x in signals_of(known, group, name)]
+        problem = f"the joint of '{name}' does not move"
+        return Hint(serial, put=found[0]) if found else Hint(serial, problem)
+    group = {"outputs": "out", "controls": "x"}.get(part, "")
+    if name in {"out": known.outputs, "x": known.controls}.get(group, ()):
+        text = written(group, name)
+        try:
+            known.dim(parsed(text))
+        except Unreadable as error:
+            return Hint(serial, str(error).partition(": ")[2])
+        return Hint(serial, put=text)
+    body = next((x.body for x in getattr(model, part, ()) if getattr(x, "name", "") == name), "")
+    hint = f"; click body '{body}'" if body in known.bodies else ""
+    return Hint(serial, f"'{name}' has no coordinate that an expression can read{hint}")
+
+
+@dataclass(frozen=True)
+class Client(constraints.Client):
+    hint: Hint | None = None  # what is said of the expression that is typed
+
+    def afresh(self) -> Self:
+        return replace(super().afresh(), hint=None)
+
+    def again(self, fresh: Any) -> Self:
+        return replace(super().again(fresh), hint=fresh.hint)
+
+
+@dataclass(frozen=True)
+class State(constraints.State):
+    clients: Mapping[int, Client] = field(default_factory=dict)

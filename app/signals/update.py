@@ -1,0 +1,74 @@
+"""Questions about an expression that is typed on a page (pure)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+import pgraph_core as pg
+from pgraph_core.paper.motion import bodies_of, q_slices, v_slices
+
+from ..constraints import Part
+from ..core.events import FromPage, Text, on
+from ..core.state import with_client
+from ..pose.solving import shown_q, shown_v
+from . import Moment, State, Vocabulary, clicked
+
+
+@dataclass(frozen=True)
+class AskHint(FromPage):
+    """An expression was typed into a cell of a part, of a switch, or of any other row ("")."""
+
+    serial: int
+    part: Part | Literal["switches", ""]
+    name: Text
+    cell: Text
+    text: Text
+    caret: Annotated[int, Field(ge=0)]
+
+
+@on(AskHint)
+def hinted(state: State, event: AskHint) -> State:
+    item = _item(state.model, event.part, event.name)
+    varies = item is not None or event.part == "switches"
+    words = Vocabulary(state.model, moment(state), item, event.cell, varies)
+    found = words.hint(event.serial, event.text, event.caret)
+    return with_client(state, event.client, hint=found)
+
+
+def _item(model: pg.Model, part: str, name: str) -> Any:
+    """Return the part that an expression belongs to, also a force of a scenario, or None."""
+    parts = [*getattr(model, part)] if part not in ("", "switches") else []
+    if part == "forces":
+        parts += [f for s in model.scenarios for f in s.forces]
+    return next((x for x in parts if x.name == name), None)
+
+
+def moment(state: State) -> Moment:
+    """Return the time and the coordinates of the pose shown."""
+    bodies = bodies_of(state.model, pg.Topology.of(state.model))
+    q, v = shown_q(state).tolist(), shown_v(state)
+    rates = [x for body in bodies for x in body.v] if v is None else v.tolist()
+    return Moment(
+        state.playback.time if state.run is not None else 0.0,
+        {body.name: q[place] for body, place in zip(bodies, q_slices(bodies))},
+        {body.name: rates[place] for body, place in zip(bodies, v_slices(bodies))},
+    )
+
+
+@dataclass(frozen=True)
+class PickSignal(FromPage):
+    """A part was clicked while an expression is typed. `rate` asks for the speed of a body."""
+
+    serial: int
+    part: Part | Literal["bodies"]
+    name: Text
+    rate: bool
+
+
+@on(PickSignal)
+def signal_picked(state: State, event: PickSignal) -> State:
+    found = clicked(state.model, event.serial, event.part, event.name, event.rate)
+    return with_client(state, event.client, hint=found)
