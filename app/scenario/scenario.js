@@ -57,7 +57,7 @@
     drives($(".drives"), data);
   }
 
-  // -- switches: one sentence each, made of drop-downs ---------------------------------------------
+  // -- switches: a form each -----------------------------------------------------------------------------
   function switches(box, data) {
     const empty = box.querySelector(".empty"), add = box.querySelector(".add-switch");
     empty.textContent = data.switchable.length ? "nothing is switched during the run" : "there is no constraint to switch";
@@ -70,34 +70,14 @@
   const ofScenario = (data, items) => items.map((item) => ({ ...item, number: item.id, scenario: data.id, id: `${data.id} ${item.id}` }));
 
   function line() {
-    const el = make("div", { className: "switch" }), of = () => el.pgraphItem, where = () => ({ number: of().number, scenario: of().scenario });
-    const set = (field) => (serial, value) => send("EditSwitch", { serial, ...where(), field, text: value });
-    const words = (list) => list.map((word) => (Array.isArray(word) ? word : [word, word]));
-    const pick = (field, label, known) => cells.choice(() => words(known()), set(field), { label });
-    const c = el.pgraphCells = {
-      constraint: pick("constraint", "constraint that is switched", () => pgraph.latest.scenario.switchable),
-      active: pick("active", "on or off", () => ["on", "off"]),
-      what: pick("what", "when", () => of().waits),
-      watched: pick("watched", "of what", () => of().watchable),
-      side: pick("side", "above or below", () => of().sides),
-      value: cells.input(set("value"), { label: "value", numeric: true }),
-    };
-    el.append(
-      make("div", { className: "field" }, c.constraint, text("span", "muted", "goes"), c.active, text("span", "muted", "when"), c.what,
-        button("small delete-switch", "×", "Delete this switch", () => send("DeleteSwitch", where()))),
-      make("div", { className: "field second" }, c.watched, c.side, c.value, text("span", "unit")));
+    const el = make("div", { className: "switch" }), where = () => ({ number: el.pgraphItem.number, scenario: el.pgraphItem.scenario });
+    const edit = (field, entries, serial) => send("EditSwitch", { serial, ...where(), field, entries });
+    el.pgraphSwitch = { edit, owner: { part: "switches", name: "" }, press: (b) => (b.event ? send(b.event, where()) : edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial())) };
     return el;
   }
   function fill(el, item) {
     el.pgraphItem = item;
-    const c = el.pgraphCells, is = (cell, on) => { cell.hidden = !on; };
-    for (const name of ["constraint", "active", "watched", "side"]) cells.choose(c[name], item[name]);
-    cells.choose(c.what, item.what);
-    cells.set(c.value, item.value);
-    is(c.watched, item.what !== "t");
-    is(c.side, item.sides.length > 0);
-    is(c.value, item.what !== "constraint");
-    el.querySelector(".unit").textContent = item.unit;
+    forms.draw(el, item.form, el.pgraphSwitch, String(item.id));
   }
 
   // -- forces -------------------------------------------------------------------------------------
@@ -118,7 +98,7 @@
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
       el.querySelector(".title").title = [item.name, item.between].filter(Boolean).join(", ");
       const edit = (field, entries, serial) => send("EditDrive", { serial, scenario: item.scenario, name: el.dataset.name, field, entries });
-      forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
+      forms.draw(el.querySelector(".form"), item.form, { edit, owner: { part: "forces", name: item.name }, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
     });
   }
 

@@ -21,13 +21,11 @@ from . import (
     State,
     as_forces,
     changed,
+    conditions,
     copied,
     made,
     put,
-    switch_edited,
     with_forces,
-    with_switch,
-    without_switch,
 )
 
 Number = Annotated[int, Field(ge=0, le=10**9)]
@@ -261,25 +259,27 @@ def add_switch(state: State, event: AddSwitch) -> State:
 
     def make() -> pg.Model:
         when = (event.body, event.when) if event.when else None
-        return with_switch(state.model, named(state), event.constraint, when)
+        return conditions.with_switch(state.model, named(state), event.constraint, when)
 
     return attempted(state, event.client, make, "add a switch")
 
 
 @dataclass(frozen=True)
 class EditSwitch(OfScenario):
-    """Change a cell of a switch."""
+    """Text typed into the cells of one field of a switch, or one of its buttons pressed."""
 
     serial: int
     number: Number
-    field: Literal["constraint", "active", "what", "watched", "side", "value"]
-    text: Text
+    field: Text
+    entries: Entries
 
 
 @on_scenario(EditSwitch, "a switch")
 def switch_set(state: State, event: EditSwitch, name: str) -> pg.Model:
     display = display_of(state, event.client)
-    return switch_edited(state.model, name, event.number, event.field, event.text, display)
+    return conditions.switch_edited(
+        state.model, name, event.number, event.field, event.entries, display
+    )
 
 
 @dataclass(frozen=True)
@@ -289,4 +289,4 @@ class DeleteSwitch(OfScenario):
 
 @on_scenario(DeleteSwitch, "delete a switch")
 def delete_switch(state: State, event: DeleteSwitch, name: str) -> pg.Model:
-    return without_switch(state.model, name, event.number)
+    return conditions.without_switch(state.model, name, event.number)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pgraph_core as pg
 
 from ..constraints import KINDS, parts
@@ -15,18 +13,12 @@ from ..run import FREE_RUN
 from . import (
     OFF,
     ON,
-    TIME,
-    WAITS,
     Client,
     State,
     acting,
     as_forces,
-    names_of,
+    conditions,
     quantities,
-    side_of,
-    unit_of,
-    value_of,
-    waits_of,
 )
 
 MOST_EVENTS = 200  # limit on shown events of the log
@@ -70,7 +62,7 @@ def scenario(state: State, display: Display) -> Payload:
         "drives": _drives(state, s, display),
         "kinds": list(KINDS["forces"].items()),
         "switches": [
-            {"id": number, "name": "", **_switch(model, x, display)}
+            {"id": number, "name": "", "form": [group("", conditions.form(model, x, display))]}
             for number, x in zip(inner(state, s, "switches"), s.switches)
         ],
         "switchable": [c.name for c in model.constraints],
@@ -142,27 +134,8 @@ def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
 def _without_picking(groups: list[Payload]) -> list[Payload]:
     """Return a form without its body-picking buttons, which only work on the model."""
     for f in (f for g in groups for f in g["fields"]):
-        f["buttons"] = [b for b in f["buttons"] if b["event"] != "Pick"]
+        f["buttons"] = [b for b in f["buttons"] if b["event"] not in ("Pick", "Feedback")]
     return groups
-
-
-def _switch(model: pg.Model, switch: pg.Switch, display: Display) -> Payload:
-    """Return one row that shows which constraint is switched on or off, and when."""
-    what, watched = waits_of(switch)
-    unit, value = unit_of(model, switch), value_of(switch)
-    of: Any = unit if unit in ("length", "angle") else "number"
-    return {
-        "constraint": switch.constraint,
-        "active": ON if switch.active else OFF,
-        "what": what,
-        "waits": list(WAITS.items()),
-        "watched": watched,
-        "watchable": names_of(model, what),
-        "side": side_of(switch),
-        "sides": [] if what == TIME else [ON, OFF] if what == "constraint" else ["above", "below"],
-        "value": "" if value is None else shown(value, of, display),
-        "unit": display.unit(of) if of != "number" else unit,
-    }
 
 
 def events(state: State) -> list[Payload]:

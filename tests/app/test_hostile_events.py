@@ -97,10 +97,20 @@ def faults(model: pg.Model, seed: int, events: int) -> Counter:
     return found
 
 
+def switched(field: str, text: str):
+    return do.EditSwitch(ME, 1, 0, field, (((), text),))
+
+
 NEW = do.NewScenario(ME), do.AddSwitch(ME, None)
 CAUGHT = {
-    "a switch that waits for what there is not": [*NEW, do.EditSwitch(ME, 1, 0, "what", "rest")],
-    "a name for a switch that waits for a time": [*NEW, do.EditSwitch(ME, 1, 0, "watched", "a")],
+    "a switch that waits for what there is not": [
+        *NEW,
+        do.EditSwitch(ME, 1, 0, "what", (((), "rest"),)),
+    ],
+    "a name for a switch that waits for a time": [
+        *NEW,
+        do.EditSwitch(ME, 1, 0, "watched", (((), "a"),)),
+    ],
     "an initial value without its row": [NEW[0], do.EditScenario(ME, 1, "q", (((0,), "5"),))],
     "a sixth number of a ground step": [
         do.EditWorld(ME, 1, "steps", (((), ""),)),

@@ -409,7 +409,7 @@ KINDS: dict[str, tuple[Any, ...]] = {
         lambda m: list(m.parameters.values()),
     ),
     "switches": (
-        SetScenario(NOBODY, 1, "own"), "Scenario", ".switch", "[aria-label='value']",
+        SetScenario(NOBODY, 1, "own"), "Scenario", ".switch", "[aria-label='at value']",
         lambda k: DeleteSwitch(NOBODY, k),
         lambda m: [s.t for s in m.scenarios[0].switches],
     ),

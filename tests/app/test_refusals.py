@@ -67,11 +67,11 @@ CASES = [
     (part("point", "nan", 0), "Point 'nan'"),
     (part("other", "nobody"), "'distance' other 'nobody' ground, 7"),
     (part("kind", "glue"), "Kind point weld revolute distance motion"),
-    (do.EditSwitch(ME, 7, 0, "value", "2"), "2 s"),  # the run ends then
-    (do.EditSwitch(ME, 7, 0, "value", "soon"), "time 'soon'"),
-    (do.EditSwitch(ME, 7, 0, "what", "gap"), "contact"),
-    (do.EditSwitch(ME, 7, 0, "constraint", "gone"), "'gone' lock"),
-    (do.EditSwitch(ME, 7, 1, "value", "1"), ""),  # there is one switch
+    (do.EditSwitch(ME, 7, 0, "value", (((), "2"),)), "2 s"),  # the run ends then
+    (do.EditSwitch(ME, 7, 0, "value", (((), "soon"),)), "time 'soon'"),
+    (do.EditSwitch(ME, 7, 0, "what", (((), "gap"),)), "contact"),
+    (do.EditSwitch(ME, 7, 0, "constraint", (((), "gone"),)), "'gone' lock"),
+    (do.EditSwitch(ME, 7, 1, "value", (((), "1"),)), ""),  # there is one switch
     *((do.NewModel(ME, 7, text), f"1 1000 '{text}'") for text in ("0", "2.5", "1001", "x")),
     (do.CountBodies(ME, 7, "1001"), "1 1000 '1001'"),
     (do.SetRun(ME, 7, "step", "-1"), "step 0 -1"),

@@ -214,7 +214,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
         said = lambda: str(store.state.model.scenarios[0].switches[0].when)  # noqa: E731
         until(lambda: said() == f"force of tie {text}", text)
 
-    chosen(switch.get_by_label("when", exact=True), "force")
+    chosen(switch.get_by_label("when"), "force")
     value = switch.get_by_label("value")
     until(lambda: value.input_value() == "50", "a force to begin with")
     typed(value, "-1")
@@ -222,6 +222,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     chosen(switch.get_by_label("above or below"), "below")
     page.locator(".going .sentence").first.wait_for()
     when("above -1")
+    switch.get_by_label("above or below").press("Escape")
     typed(value, "0.5")
     when("above 0.5")
     simulate(page)

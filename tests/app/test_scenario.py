@@ -9,6 +9,7 @@ import pgraph_core as pg
 from pgraph_app.core.cells import Display
 from pgraph_app.run import Run
 from pgraph_app.run.worker import simulated
+from pgraph_app.scenario import conditions
 from pgraph_app.scenario.view import events, scenario
 
 from . import store
@@ -34,8 +35,17 @@ def slider():
     return begun(pg.Model(bodies=(body,), constraints=held, gravity=(0.0, 0.0, 0.0)))
 
 
+INDEX = {"constraint": (0,), "active": (1,), "side": (0,), "value": (1,)}
+
+
 def switch(number, **fields):
-    return [do.EditSwitch(ME, 1, number, field, text) for field, text in fields.items()]
+    """Return the events that set cells of a switch, by what they hold."""
+    return [cell(number, field, text) for field, text in fields.items()]
+
+
+def cell(number, field, text, *index):
+    name = {"active": "constraint"}.get(field, field)
+    return do.EditSwitch(ME, 1, number, name, ((index or INDEX.get(field, ()), text),))
 
 
 def given(field, text, *index):
@@ -156,3 +166,88 @@ def test_a_constraint_waits_for_another(slider):
     assert [line["text"].split(":")[0] for line in log] == ["lock", "other"]
     left = after(state, do.DeleteSwitch(ME, 1), do.DeleteSwitch(ME, 0))
     assert left.model.scenarios[0].switches == ()
+
+
+def condition(state, number=0):
+    return str(state.model.scenarios[0].switches[number].when)
+
+
+def test_a_slider_is_caught_where_it_is_fast_and_another_follows_after_a_time(slider):
+    """At 3 m/s it is caught at 1.2 m, after 0.4 s. 0.5 s later the other constraint goes on."""
+    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="holds"))
+    state = after(state, cell(0, "clause", "1200 mm", 0, 2), cell(0, "and", ""))
+    state = after(state, cell(0, "clause", "2", 1, 2))
+    assert condition(state) == "q.b > 1.2 and v.b > 2.0"
+    state = after(state, do.AddSwitch(ME, "other"), *switch(1, what="constraint"))
+    state = after(state, cell(1, "after", "0.5"))
+    assert condition(state, 1) == "constraint lock active for 0.5 s"
+    assert pg.Model.from_json(state.model.to_json()) == state.model
+    run = run_of(after(state, *lasting("2")))
+    assert [(e.contact, e.after) for e in run.events] == [("lock", "on"), ("other", "on")]
+    np.testing.assert_allclose([e.t for e in run.events], [0.4, 0.9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.q[-1, 0], 1.2, rtol=0, atol=1e-9)
+
+
+def test_comparisons_are_joined_turned_and_taken_out_by_clicks(slider):
+    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="coordinate", value="1.5"))
+    steps = [
+        (cell(0, "or", ""), "q.b > 1.5 or v.b > 0.0"),
+        (cell(0, "not", "", 1), "q.b > 1.5 or not v.b > 0.0"),
+        (cell(0, "clause", "below", 1, 1), "q.b > 1.5 or not v.b < 0.0"),
+        (cell(0, "clause", "t", 0, 0), "t > 1.5 or not v.b < 0.0"),
+        (cell(0, "or", ""), "t > 1.5 or not v.b < 0.0 or v.b > 0.0"),
+        (cell(0, "less", "", 1), "t > 1.5 or v.b > 0.0"),
+        (cell(0, "holds", "=q.b > 1 and (t > 1 or v.b < 0)"), "q.b > 1 and (t > 1 or v.b < 0)"),
+    ]
+    for event, said in steps:
+        state = after(state, event)
+        assert condition(state) == said
+    rows = conditions.form(state.model, state.model.scenarios[0].switches[0], Display())
+    assert "clause" not in [row["field"] for row in rows]  # it is no single chain
+    back = after(state, *[do.Undo(ME)] * len(steps))
+    assert condition(back) == "coordinate of b above 1.5"
+
+
+@pytest.mark.parametrize(
+    ("what", "sign"), [("coordinate", 1), ("coordinate", -1), ("force", 1), ("holds", 1)]
+)
+def test_two_switches_are_a_hysteresis(slider, what, sign):
+    state = after(slider, do.AddSwitch(ME, "lock"), given("constraints", "on", 1))
+    state = after(state, *switch(0, what=what))
+    if what == "holds":
+        first = state.model.scenarios[0].switches[0]
+        said = store.update(state, cell(0, "back", "")).clients[ME].reply.text
+        assert said
+        assert state.model.scenarios[0].switches == (first,)
+        return
+    state = after(state, *switch(0, value=str(10.0 * sign)), cell(0, "back", ""))
+    there, back = state.model.scenarios[0].switches
+    assert (there.active, back.active) == (True, False)
+    assert there.when.above == 10.0 * sign
+    assert back.when.below == pytest.approx(10 * sign - 2)
+    assert (
+        there.when.subject == {"force": ("force", "other"), "coordinate": ("coordinate", "b")}[what]
+    )
+    assert (there.constraint, there.when.subject) == (back.constraint, back.when.subject)
+
+
+@pytest.mark.parametrize(
+    ("event", "parts"),
+    [
+        (cell(0, "clause", "fast", 0, 2), ("fast",)),
+        (cell(0, "clause", "3 kg", 0, 2), ("length", "kg")),
+        (cell(0, "clause", "q.gone", 0, 0), ("gone",)),
+        (cell(0, "clause", "1", 7, 2), ("comparison",)),
+        (cell(0, "holds", "=q.b"), ("compare",)),
+        (cell(0, "holds", "=q.b > v.b"), ("fit",)),
+        (cell(0, "holds", "= > "), ("column",)),
+        (cell(0, "holds", "x" * 20_000), ("=",)),
+        (cell(0, "rest", ""), ("field",)),
+        (cell(0, "after", "2"), ("after",)),
+    ],
+)
+def test_a_condition_that_cannot_be_is_refused_beside_its_cell(slider, event, parts):
+    state = after(slider, do.AddSwitch(ME, "lock"), *switch(0, what="holds"))
+    refused = store.update(state, event)
+    assert all(part in store.reply(refused) for part in parts), store.reply(refused)
+    assert refused.model is state.model
