@@ -22,6 +22,7 @@ class Found:
     opened: pg.Model | None = None
     report: pg.Report | None = None  # report on a file of another format
     members: tuple[str, ...] = ()  # models of an archive, one of which is to be chosen
+    value: Any = None  # for `Errand.then`
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class Errand:
     file: str = ""  # name of the model file that is read
     apart: bool = False
     leaves: Path | None = None  # a folder that `work` makes
+    then: Callable[[Any, Any], Any] | None = None  # (state, ErrandDone) -> state, for its result
 
 
 @dataclass(frozen=True)

@@ -383,6 +383,8 @@ def errand_done(state: State, event: ErrandDone) -> State:
         return state
     state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
     client, label, found = errand.client, errand.label, event.found
+    if errand.then is not None:
+        return errand.then(state, event)
     if found.members:
         return with_client(state, client, members=Members(errand.file, found.members))
     if errand.file:
@@ -413,16 +415,27 @@ def sent(
     file: str = "",
     apart: bool = False,
     leaves: Path | None = None,
+    then: Callable[[Any, Any], Any] | None = None,
 ) -> S:
     """Start an errand for the current model. If `compiled`, it waits for the kernels.
 
-    An errand `apart` is refused while another one reads a file for the same page.
+    With `then`, (state, ErrandDone) -> state takes its result. An errand `apart` is refused while
+    another one reads a file for the same page.
     """
     if apart and (other := reading(state, client)) is not None:
         text = f"{other.file or other.label} is still being read; cancel that first."
         return told(state, client, Notice(f"Not done: {label}", text, bad=True))
     errand = Errand(
-        state.errand_count + 1, client, state.model, label, work, compiled, file, apart, leaves
+        state.errand_count + 1,
+        client,
+        state.model,
+        label,
+        work,
+        compiled,
+        file,
+        apart,
+        leaves,
+        then,
     )
     return replace(state, errands=(*state.errands, errand), errand_count=errand.id)
 

@@ -1,0 +1,44 @@
+// State feedback by LQR or pole placement: a dialog with what is allowed, the gains, the closed loop, and one button.
+pgraph.feedback = (() => {
+  const { make, send, text, forms } = pgraph;
+  let box = null;
+
+  function open() {
+    const form = make("div", { className: "form" }), found = text("div", "found"), add = make("button", { className: "action primary add-feedback", textContent: "Add to the model", title: "The drives follow it from now on; Undo takes it back", onclick: () => send("AddFeedback") });
+    box = pgraph.dialog("State feedback", "pgraph-feedback", make("div", { className: "both" }, form, found), make("div", { className: "bar" }, text("span", "spring"), add));
+    box.addEventListener("close", () => { box = null; send("CloseFeedback"); });
+    send("OpenFeedback");
+  }
+  const ask = { edit: (field, entries, serial) => send("EditFeedback", { serial, field, entries }), press: () => {} };
+  const digits = (x) => Number(x.toPrecision(5));
+
+  pgraph.on("feedback", (data) => {
+    if (!box) return;
+    if (!data) { box.close(); return; }
+    const [form, found] = box.querySelector(".both").children;
+    forms.draw(form, data.groups, ask, "feedback");
+    box.querySelector(".add-feedback").disabled = data.busy || !data.gains;
+    found.classList.toggle("busy", data.busy);
+    const head = (names) => make("thead", {}, make("tr", {}, ...["", ...names].map((textContent) => make("th", { textContent }))));
+    const row = ({ name, gains }) => make("tr", {}, make("th", { textContent: name }), ...gains.map((x) => make("td", { textContent: digits(x), title: x })));
+    found.replaceChildren(...(data.problem ? [make("div", { className: "sentence", role: "alert", textContent: data.problem })] : []),
+      ...(!data.gains && data.busy ? [text("p", "muted", "Computing …")] : []),
+      ...(data.gains ? [text("h4", "", "Gains"), make("div", { className: "gains" }, make("table", {}, head(data.gains.states), make("tbody", {}, ...data.gains.rows.map(row)))),
+        text("h4", "", data.stable ? "Closed loop, stable" : "Closed loop, not stable"), text("div", "poles", `${data.poles.join(", ")} 1/s`), text("div", "muted", `holds ${data.hold}`), ...chart(data.curves)] : []));
+  });
+
+  // Responses over time, each as a part of the largest that is allowed.
+  function chart(curves) {
+    if (!curves.length) return [];
+    const all = curves.flatMap(([, , y]) => y), [low, high] = [Math.min(...all, 0), Math.max(...all, 0)], end = curves[0][1].at(-1), { svg } = pgraph.digraph;
+    const at = (t, y) => `${((1000 * t) / end).toFixed(1)},${(950 - (900 * (y - low)) / (high - low || 1)).toFixed(1)}`;
+    const zero = svg("path", { class: "zero", d: `M${at(0, 0)} L${at(end, 0)}` });
+    const lines = curves.map(([, t, y], i) => svg("polyline", { points: t.map((one, k) => at(one, y[k])).join(" "), style: `stroke: var(--s${i % 8})` }));
+    return [text("h4", "", `Response to a step, ${digits(end)} s`), svg("svg", { viewBox: "0 0 1000 1000", preserveAspectRatio: "none", role: "img", "aria-label": "response to a step" }, zero, ...lines),
+      make("div", { className: "legend muted" }, ...curves.map(([name], i) => { const one = text("span", "", name); one.style.setProperty("--hue", `var(--s${i % 8})`); return one; }))];
+  }
+
+  pgraph.commands("Model", [["State feedback: LQR, pole placement", "", open, "gains from the linearised motion at the pose shown"]]);
+  pgraph.view("feedback", { build: () => pgraph.frame.actions("Matrices", pgraph.button("feedback", "Feedback …", "Gains that hold the pose shown: LQR or pole placement", open)) });
+  return { open };
+})();

@@ -1,0 +1,113 @@
+"""The dialog of a state feedback: what is asked, the gains, the poles and a response."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.bridge import Bridge
+from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
+from ..core.views import Host, Payload, Place
+from . import Client, Design, State, response, unit_of
+from .update import coordinates, named
+
+METHODS = (("lqr", "LQR"), ("poles", "pole placement"))
+
+
+class FeedbackView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        for client, page in new.clients.items():
+            before = old.clients.get(client, Client())
+            if page.design is not before.design or page.display != before.display:
+                found = page.design and feedback(page.design, page.display)
+                self._bridge.send(client, "feedback", found)
+
+
+def feedback(design: Design, display: Display) -> Payload:
+    """Return the form, and what was found."""
+    found, payload = design.found, {"busy": design.busy, "problem": design.problem}
+    payload["groups"] = [group("", _asked(design)), *_allowed(design, display)]
+    if found is None or design.problem:
+        return payload | {"gains": None, "poles": [], "curves": [], "hold": "", "stable": False}
+    rows = [
+        {"name": name, "gains": [float(x) for x in row]} for name, row in zip(found.inputs, found.K)
+    ]
+    return payload | {
+        "gains": {"states": found.states, "rows": rows},
+        "poles": poles(found.poles),
+        "stable": found.stable,
+        "hold": _held(design, display),
+        "curves": response(design),
+    }
+
+
+def poles(values: np.ndarray) -> list[str]:
+    """Return poles as text, complex ones in pairs."""
+    found = []
+    for x in values:
+        if abs(x.imag) <= 1e-12 * abs(x):
+            found.append(f"{x.real:.4g}")
+        elif x.imag > 0:
+            found.append(f"{x.real:.4g} ± {x.imag:.4g}i")
+    return found
+
+
+def _asked(design: Design) -> list[Payload]:
+    asked = design.asked
+    rows = [choice("method", "Method", asked.method, METHODS)]
+    if asked.method == "poles":
+        text = ", ".join(_typed(x) for x in asked.poles or ())
+        rows.append(field("poles", "Poles", [cell((), text)], unit="1/s", kind="text",
+                          help="eigenvalues of the closed loop: -2, -3+1i, -3-1i"))  # fmt: skip
+    known = coordinates(design)
+    names = [body.name for body in design.model.bodies if body.dof == 1]
+    if 0 < len(known) < sum(body.dof for body in design.model.bodies):
+        row = [cell((k,), name) for k, name in enumerate(known)]
+        rows.append(field("states", "Coordinates", row, kind="choice", columns=1,
+                          options=sorted({*names, *known}, key=[*names, *known].index),
+                          help="which ones the others follow through the constraints"))  # fmt: skip
+    if design.found is not None:
+        states = design.found.states[: len(design.found.states) // 2]
+        step = asked.step if asked.step in states else states[0]
+        rows.append(choice("step", "Step of", step, states, help="in the response"))
+    return rows
+
+
+def _typed(x: complex) -> str:
+    return f"{x.real:.6g}" if not x.imag else f"{x.real:.6g}{x.imag:+.6g}i"
+
+
+def _allowed(design: Design, display: Display) -> list[Payload]:
+    """Return the largest inputs and deviations, from which the weights follow."""
+    names, asked = named(design), design.asked
+    count = len(names) - (len(design.found.states) if design.found else 0)
+    rows = []
+    for k, name in enumerate(names):
+        unit = unit_of(design.model, name)
+        of = quantity_in(unit)
+        value = asked.largest.get(name, design.largest.get(name))
+        one = cell((k,), None if value is None else shown(value, of, display))
+        rows.append(field("largest", name, [one], unit=display.unit(of) or unit, row=k,
+                          help="the largest that is allowed; empty: left out"))  # fmt: skip
+    found = [group("Largest input", rows[:count])]
+    if asked.method == "lqr" and rows[count:]:
+        found.append(group("Largest deviation", rows[count:]))
+    return found
+
+
+def _held(design: Design, display: Display) -> str:
+    """Return what the feedback holds: the state, and the inputs at it."""
+    assert design.found is not None
+    found = design.found
+    states = list(zip(found.states, found.at))[: len(found.states) // 2]
+    texts = []
+    for name, value in (*states, *zip(found.inputs, found.hold)):
+        unit = unit_of(design.model, name)
+        amount = shown(float(value), quantity_in(unit), display)
+        texts.append(f"{name} = {amount:.4g} {display.unit(quantity_in(unit)) or unit}".strip())
+    return ", ".join(texts)
+
+
+VIEWS = (Place(lambda desk: FeedbackView(desk.bridge), 70, Host("feedback", "drawer", "Matrices")),)

@@ -1,0 +1,142 @@
+"""State feedback on the page: gains against SciPy's Riccati solution, runs that balance."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are
+
+import pgraph_core as pg
+from pgraph_app.core.cells import Display
+from pgraph_app.feedback.view import feedback
+
+from ..core.test_feedback import PLANTS, cart_pole, linear
+from .store import ME, after, answered, begun, do, notice, reply
+
+
+def design(state):
+    return state.clients[ME].design
+
+
+def edit(field, *texts, at=0):
+    """Return the event that types into cells of a field, from cell `at` on."""
+    return do.EditFeedback(ME, 1, field, tuple(((at + k,), text) for k, text in enumerate(texts)))
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_gains_are_scipys_and_one_click_balances_the_model(plant):
+    model, rates, chosen, start = plant()
+    state = answered(begun(model), do.OpenFeedback(ME), edit("states", *chosen))
+    now = design(state)
+    A, B = linear(rates)
+    largest = [now.largest[name] for name in (*now.found.states, *now.found.inputs)]
+    Q, R = np.diag(np.array(largest[:4]) ** -2.0), np.diag(np.array(largest[4:]) ** -2.0)
+    wanted = np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))
+    assert np.allclose(now.found.K, wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
+    added = after(state, do.AddFeedback(ME))
+    assert design(added) is None
+    assert added.model == now.found.model
+    assert after(added, do.Undo(ME)).model is model
+    mech = pg.Mechanism(added.model)
+    q = np.zeros(mech.nq)
+    for name, x in zip(chosen, start):
+        q[mech.joints[name].q] = x
+    q, *_ = mech.assemble(q, np.zeros(mech.nv))
+    run = pg.simulate(mech, t_end=30.0, q=q)
+    assert np.abs(run.q[-1]).max() < 1e-3
+
+
+@pytest.mark.parametrize("factor", [0.5, 10.0])
+def test_a_smaller_deviation_is_held_by_larger_gains(factor):
+    """The weights are one over the square of what is allowed."""
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME))
+    before = design(state)
+    names = [*before.found.inputs, *before.found.states]
+    text = repr(factor * before.largest["q.pole"])
+    state = answered(state, edit("largest", text, at=names.index("q.pole")))
+    now = design(state)
+    Q = {name: now.largest[name] ** -2.0 for name in now.found.states}
+    assert Q["q.pole"] == pytest.approx(before.largest["q.pole"] ** -2.0 / factor**2)
+    assert np.array_equal(now.found.K, pg.lqr(model, Q, now.largest["push"] ** -2.0).K)
+
+
+def test_poles_are_placed_and_begin_with_those_of_lqr():
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME))
+    before = design(state).found.poles
+    state = answered(state, edit("method", "poles"))
+    assert np.allclose(np.sort_complex(design(state).found.poles), np.sort_complex(before))
+    wanted = np.array([-2, -4, -3 + 1j, -3 - 1j])
+    state = answered(state, edit("poles", "-2, -4, -3+1i, -3 - 1i"))
+    assert np.allclose(np.sort_complex(design(state).found.poles), np.sort_complex(wanted))
+    shown = feedback(design(state), Display())
+    assert sorted(shown["poles"]) == sorted(["-2", "-4", "-3 ± 1i"])
+
+
+def test_the_response_ends_at_the_step_of_what_is_chosen():
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME))
+    curves = {name: y for name, _, y in feedback(design(state), Display())["curves"]}
+    assert curves["q.cart"][0] == 0.0
+    assert curves["q.cart"][-1] == pytest.approx(1.0, abs=0.05)
+    assert curves["q.pole"][-1] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("events", "parts"),
+    [
+        ([edit("largest", "-1")], ("above 0",)),
+        ([edit("largest", "much")], ("number", "much")),
+        ([edit("largest", "1 kg")], ("kg",)),
+        ([edit("largest", "1", at=40)], ("field",)),
+        ([edit("poles", "fast")], ("-3+1i",)),
+        ([edit("poles", "1" * 20_000 + "x")], ("-3+1i",)),
+        ([edit("states", "a", at=9)], ("field",)),
+        ([do.CloseFeedback(ME), edit("step", "q.pole")], ("any more",)),
+    ],
+)
+def test_what_cannot_be_is_refused_beside_its_cell(events, parts):
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME), *events)
+    assert all(part in reply(state) for part in parts), reply(state)
+    assert state.model is model
+
+
+@pytest.mark.parametrize("what", ["no drive", "tilted", "poles", "unreached"])
+def test_why_there_are_no_gains_is_said_in_the_dialog(what):
+    model, *_ = cart_pole()
+    events, part = [], {"no drive": "motor", "tilted": "input", "poles": "4 poles",
+                        "unreached": "arm"}[what]  # fmt: skip
+    if what == "no drive":
+        model = model.replace(forces=())
+    elif what == "tilted":
+        model = model.edit("pole", q=0.5)
+    elif what == "poles":
+        events = [edit("method", "poles"), edit("poles", "-1, -2")]
+    else:
+        model = model.add(pg.Body(name="arm", axes=[(0, 0, 1)], com=(0, 1, 0)))
+    state = answered(begun(model), do.OpenFeedback(ME), *events)
+    shown = feedback(design(state), Display())
+    assert part in shown["problem"]
+    assert shown["gains"] is None
+    assert after(state, do.AddFeedback(ME)).model is model
+
+
+def test_gains_of_a_model_that_was_changed_are_computed_again():
+    model, *_ = cart_pole()
+    state = answered(begun(model), do.OpenFeedback(ME))
+    old = design(state).found
+    state = after(state, do.EditBodies(ME, 1, ("cart",), "mass", (((), "3"),)))
+    state = answered(state, do.AddFeedback(ME))
+    assert "changed" in notice(state)
+    assert not np.allclose(design(state).found.K, old.K)
+    now = design(state).found
+    assert after(state, do.AddFeedback(ME)).model is now.model
+
+
+def test_an_answer_that_is_too_late_is_not_shown():
+    model, *_ = cart_pole()
+    state = after(begun(model), do.OpenFeedback(ME))
+    (errand,) = state.errands
+    state = after(state, do.CloseFeedback(ME))
+    assert design(answered(state)) is None
+    assert errand.compiled
