@@ -301,6 +301,7 @@ KEPT = record(  # memory of a contact point until the next step
     value=(REAL, 3),
     turn=(REAL, 3),
     slides=INTEGER,  # 1: it slid in the last step
+    settled=INTEGER,  # 1: impulses of least norm were sought
     shape_a=INTEGER,
     shape_b=INTEGER,
     feature=INTEGER,

@@ -217,6 +217,7 @@ def keep_point(kept, point, value):
     kept.feature = point.feature
     set_xyz(kept.turn, (0.0, 0.0, 0.0))
     kept.slides = 0
+    kept.settled = 0
 
 
 @sweep

@@ -44,7 +44,17 @@ from ..constraints.blocks import (
 from ..vec import dot, load
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, unique
-from .newton import TOLERANCE, drop_impulses, gather, respond, rows_of, solve_exact, velocity
+from .newton import (
+    TOLERANCE,
+    drop_impulses,
+    gather,
+    respond,
+    rows_of,
+    solve_exact,
+    stays,
+    velocity,
+    weigh,
+)
 from .sweeps import gauss_seidel, own_block
 
 CROWD = 1e-8  # looser tolerance for large heaps, whose forces are not unique
@@ -217,9 +227,14 @@ def solve_island(scene, n):
         if left <= tolerance:
             note_left(report, left, size)
             return
+    heaviest = weigh(scene, n)
+    done, left = stays(scene, n, size)
+    if done:
+        note_left(report, left, size)
+        return
     work, room = order_island(scene, n)
     if room and work <= SWEPT * count:
-        left, taken = solve_exact(scene, n, size)
+        left, taken = solve_exact(scene, n, size, heaviest)
         report[STEPS_DONE] += taken
         if left > NOTABLE:
             report[HARD] += 1.0

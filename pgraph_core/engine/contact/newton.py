@@ -20,7 +20,7 @@ taken out by the same factor, as with redundant constraints ([Carpentier et al. 
 
 import math
 
-from ...tolerances import NOTABLE, PROXIMAL, ROUNDING, SHARED
+from ...tolerances import EPS, NOTABLE, PROXIMAL, ROUNDING, SHARED
 from .. import layout as at
 from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, OTHER, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
@@ -30,6 +30,7 @@ from ..vec import add_scaled, dot, load, load3, scale, store, sub
 from .contacts import contacts_at
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
+HIT = 16 * EPS  # rounding of a speed to which that many impulses add up, relative to the largest
 CAREFUL = 2e-3  # s over the root of what is missed, relative to what a block meets
 BOLDEST = 2e-4  # the least that steps that help make of it
 TENFOLD = 10.0  # factor of its growth after a failed step, and of its decrease after a good one
@@ -154,8 +155,8 @@ def look(scene, n, soft):
     """Write P - λ of island n's blocks into MISS and P' into SLOPE, with `soft` applied to all of
     λ.
 
-    Return (root of the sum of squares of what is missed [m/s], its largest, the number of blocks
-    whose state has changed since the last look).
+    Return (root of the sum of squares of what is missed [m/s], its largest, the rounding of the
+    largest, the number of blocks whose state has changed since the last look).
     """
     data = opened(scene)
     blocks_i, space = data.blocks.blocks_i, data.space
@@ -163,6 +164,7 @@ def look(scene, n, soft):
     slots, vectors, kept = space.slots, space.vectors, islands.slope
     total = 0.0
     most = 0.0
+    push = 0.0
     changed = 0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
@@ -181,7 +183,8 @@ def look(scene, n, soft):
         kept[i, STATE] = state_of(slope)
         total += dot(miss, miss) * mobility * mobility
         most = max(most, mobility * max(abs(miss[0]), max(abs(miss[1]), abs(miss[2]))))
-    return math.sqrt(total), most, changed
+        push = max(push, mobility * max(abs(lam[0]), max(abs(lam[1]), abs(lam[2]))))
+    return math.sqrt(total), most, HIT * push, changed
 
 
 @part
@@ -241,29 +244,47 @@ def prepare(scene, n, soft, refactor):
         i = islands.blocks[j]
         if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
             continue
-        own = y[i]
-        r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
-        for s in range(joints_of(slots, i)):
-            a = load3(own, 3 * s)
-            u, v, w = dot(a, r0), dot(a, r1), dot(a, r2)
-            p = place[joint_of(slots, i, s)]
-            right, down = upper[start[p] :], lower[start[p] :]
-            for r in range(joints_of(slots, i)):
-                q = place[joint_of(slots, i, r)] - p
-                if q >= 0:
-                    right[q] += u * own[3 * r] + v * own[3 * r + 1] + w * own[3 * r + 2]
-            if symmetric:
-                continue
-            u, v, w = (
-                dot((r0[0], r1[0], r2[0]), a),
-                dot((r0[1], r1[1], r2[1]), a),
-                dot((r0[2], r1[2], r2[2]), a),
-            )
-            for r in range(joints_of(slots, i)):
-                q = place[joint_of(slots, i, r)] - p
-                if q > 0:
-                    down[q] += u * own[3 * r] + v * own[3 * r + 1] + w * own[3 * r + 2]
+        add_block(islands, slots, y[i], i, symmetric)
     return symmetric
+
+
+@sweep
+def add_block(islands, slots, own, i, symmetric):
+    """Add Yᵀ R Y of block i to the matrix.
+
+    Freedoms of a body, and mostly of a tree, follow each other in it, which makes rows of numbers.
+    """
+    place, start, kept = islands.place, islands.start, islands.slope
+    r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
+    t0, t1, t2 = (r0[0], r1[0], r2[0]), (r0[1], r1[1], r2[1]), (r0[2], r1[2], r2[2])
+    count = joints_of(slots, i)
+    first = 0
+    while first < count:
+        begin = place[joint_of(slots, i, first)]
+        size = 1
+        while first + size < count and place[joint_of(slots, i, first + size)] == begin + size:
+            size += 1
+        for s in range(count):
+            p = place[joint_of(slots, i, s)]
+            skipped = max(p - begin, 0)
+            if skipped >= size:
+                continue
+            a = load3(own, 3 * s)
+            here = start[p] + begin + skipped - p
+            mine = own[3 * (first + skipped) :]
+            u = (dot(a, r0), dot(a, r1), dot(a, r2))
+            add_row(islands.upper[here:], mine, u, size - skipped)
+            if not symmetric:  # what this adds to the diagonal is not read
+                u = (dot(a, t0), dot(a, t1), dot(a, t2))
+                add_row(islands.lower[here:], mine, u, size - skipped)
+        first += size
+
+
+@part
+def add_row(x, y, u, count):
+    """Add u · y to x, y in triples."""
+    for c in range(count):
+        x[c] += u[0] * y[3 * c] + u[1] * y[3 * c + 1] + u[2] * y[3 * c + 2]
 
 
 @sweep
@@ -369,7 +390,26 @@ def go(scene, n, part_of_it):
 
 
 @sweep
-def solve_exact(scene, n, size):
+def stays(scene, n, size):
+    """Return (True if λ of the last step solves island n to rounding, its residual over `size`).
+
+    Impulses of least norm have then been sought, so that there is nothing left to do. After
+    `weigh`.
+    """
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        touches = type_of(data.blocks.blocks_i, i) == at.T_CONTACT
+        if touches and data.blocks.blocks_f[i, at.SETTLED] == 0.0:
+            return False, 0.0
+    respond(scene, n)
+    _, left, noise, _ = look(scene, n, 0.0)
+    return left <= ROUNDING * size + noise, left / size
+
+
+@sweep
+def solve_exact(scene, n, size, heaviest):
     """Solve the contact laws of island n. Returns (residual over `size`, number of steps).
 
     It starts from λ. Where this does not lead to the laws, it starts from none, and asks with the
@@ -377,7 +417,6 @@ def solve_exact(scene, n, size):
     stays open, sticking or sliding as it was goes on to the impulses of least norm. Where something
     changes, impulses last for an instant, and those of least norm mostly ask for another change.
     """
-    heaviest = weigh(scene, n)
     left, taken, same = converge(scene, n, size)
     if left > NOTABLE:
         copy_impulses(scene, n, LAMBDA, OTHER)
@@ -386,17 +425,19 @@ def solve_exact(scene, n, size):
         _, more, _ = converge(scene, n, size)
         taken += more
         rescale(scene, n, 1.0 / heaviest)
-        _, again, _ = look(scene, n, 0.0)
+        _, again, _, _ = look(scene, n, 0.0)
         if again < left * size:
             left = again / size
         else:
             copy_impulses(scene, n, OTHER, LAMBDA)
             respond(scene, n)
-    if not same and left <= TOLERANCE:
+    settle = same or left > TOLERANCE
+    note_settled(scene, n, settle)
+    if not settle:
         return left, taken
     copy_impulses(scene, n, LAMBDA, OTHER)
-    again = least_norm(scene, n, size)
-    if again > max(left, TOLERANCE):
+    again, noise = least_norm(scene, n, size)
+    if again > max(left, TOLERANCE, noise):
         copy_impulses(scene, n, OTHER, LAMBDA)
         respond(scene, n)
         again = left
@@ -404,8 +445,19 @@ def solve_exact(scene, n, size):
 
 
 @sweep
+def note_settled(scene, n, settled):
+    """Store whether impulses of least norm are sought for island n."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        if type_of(data.blocks.blocks_i, i) == at.T_CONTACT:
+            data.blocks.blocks_f[i, at.SETTLED] = 1.0 if settled else 0.0
+
+
+@sweep
 def converge(scene, n, size):
-    """Take Newton steps from λ on until no row misses its law by more than TOLERANCE.
+    """Take Newton steps from λ on until no row misses its law by more than TOLERANCE or rounding.
 
     Points of a patch that friction just holds may pass impulses on to each other for ever, each at
     its rim. What is missed and not NOTABLE is enough where it stays. Return (what is missed over
@@ -414,7 +466,7 @@ def converge(scene, n, size):
     islands = contacts_at(opened(scene).links.contacts).islands
     respond(scene, n)
     recent = islands.slope[islands.slope.shape[0] - 1]
-    norm, left, _ = look(scene, n, 0.0)
+    norm, left, noise, _ = look(scene, n, 0.0)
     best = left
     copy_impulses(scene, n, LAMBDA, BEST)
     for c in range(MEMORY):
@@ -422,7 +474,7 @@ def converge(scene, n, size):
     care, stuck = CAREFUL, 0
     taken = 0
     same = True
-    while taken < MOST_STEPS and left > TOLERANCE * size:
+    while taken < MOST_STEPS and left > max(TOLERANCE * size, noise):
         if stuck >= STUCK and best <= NOTABLE * size:
             break
         taken += 1
@@ -436,9 +488,10 @@ def converge(scene, n, size):
         part_of_it = 1.0
         while True:
             go(scene, n, part_of_it)
-            norm, now, changed = look(scene, n, 0.0)
+            norm, now, noise, changed = look(scene, n, 0.0)
             same = same and changed == 0
-            fits = norm <= (1.0 - FITS * part_of_it) * bound or now <= TOLERANCE * size
+            fits = norm <= (1.0 - FITS * part_of_it) * bound
+            fits = fits or now <= max(TOLERANCE * size, noise)
             if fits or part_of_it <= SHORTEST:
                 break
             part_of_it *= 0.5
@@ -462,28 +515,31 @@ def converge(scene, n, size):
 
 @sweep
 def least_norm(scene, n, size):
-    """Continue to the minimum-norm λ with the same effect. Returns the residual over `size`."""
+    """Continue to the minimum-norm λ with the same effect.
+
+    Returns (residual over `size`, its rounding over `size`).
+    """
     share_evenly(scene, n)
     look(scene, n, SHARED)
     start_from_here(scene, n)
     found, symmetric = direction(scene, n, SHARED, True, False)
     if not found:
-        return math.inf
+        return math.inf, 0.0
     go(scene, n, 1.0)
-    _, left, _ = look(scene, n, 0.0)
+    _, left, noise, _ = look(scene, n, 0.0)
     for _ in range(CORRECTIONS):
-        if left <= ROUNDING * size:
+        if left <= max(ROUNDING * size, noise):
             break
         before = left
         start_from_here(scene, n)
         direction(scene, n, SHARED, False, symmetric)
         go(scene, n, 1.0)
-        _, left, _ = look(scene, n, 0.0)
+        _, left, noise, _ = look(scene, n, 0.0)
         if not left < before:
             go(scene, n, 0.0)
             left = before
             break
-    return left / size
+    return left / size, noise / size
 
 
 @sweep

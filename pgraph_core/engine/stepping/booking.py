@@ -122,6 +122,7 @@ def book(scene, first, t, h, last):
             if tally.share < BRIEF and found[n].held[0] > 0.0:  # continues as before an impact
                 push = xyz(found[n].held)
             keep_point(kept[place_in], found[n], push)
+            kept[place_in].settled = int(blocks.blocks_f[active[j], at.SETTLED])
             push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
             kept[place_in].slides = int(goes_on_sliding(push, mu, space.vectors[RHS, r], slip))
             if last:

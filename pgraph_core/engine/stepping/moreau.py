@@ -315,12 +315,14 @@ def warm_start(scene, first, m):
             n -= room if turns else 0
             if not turns:
                 set_xyz(contacts.found[n].held, (0.0, 0.0, 0.0))
+                blocks.blocks_f[active[j], at.SETTLED] = 0.0
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = first_of(slots, active[j])
                 kept = xyz(contacts.kept[k].turn) if turns else xyz(contacts.kept[k].value)
                 if not turns:
                     set_xyz(contacts.found[n].held, kept)
+                    blocks.blocks_f[active[j], at.SETTLED] = float(contacts.kept[k].settled)
                 for c in range(3):
                     lam[r + c] = share * kept[c]
 
