@@ -80,6 +80,9 @@ def build(one: Person, served: Server) -> None:
         last.wait_for()
         one.choose(last, name)
         until(lambda n=count: len(served.store.state.model.constraints[0].coefficients) == n, name)
+        rows = """(n) => document.querySelectorAll(
+          "[data-view=part] [data-field=coefficients]").length === n"""
+        page.wait_for_function(rows, arg=count + 1)  # one for each body, and "+ body"
     for name, value in (("3", "-0.1"), ("2", "-0.1")):
         known = list(served.store.state.model.constraints[0].coefficients)
         one.fill(part_field(page, "coefficients", known.index(name)), value)
