@@ -117,6 +117,7 @@
       owner: { part, name },
       press: (b) => {
         if (b.event === "Pick") send("Pick", { part, name, slot: b.fields.slot });
+        else if (b.event === "AskResponse") pgraph.feedback.step(name);
         else if (b.event === "Feedback") pgraph.feedback.open();
         else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());
       },

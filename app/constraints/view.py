@@ -45,6 +45,7 @@ from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
+RESPONSE = button("step response …", "AskResponse", "Of the signal, to a step of the setpoint")
 FEEDBACK = button("feedback …", "Feedback", "Gains that hold the pose shown: LQR, pole placement")
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 DRAWN = 120  # points of a drawn curve, two or three pixels apart
@@ -209,6 +210,8 @@ def form(
     for name in own_fields(item):
         here = more if rare(item, name) else found
         here += _field(state.model, part, item, name, cells, display, at)
+    if isinstance(item, pg.PID):
+        found.append(field("response", "", [], buttons=[RESPONSE]))
     groups = [group("", found), *([group("More", more, False)] if more else [])]
     return by_number(groups, state.rows, state.model, part, item.name, among)
 

@@ -56,9 +56,10 @@ class Design:
 @dataclass(frozen=True)
 class Client(model_.Client, pose.Client):
     design: Design | None = None
+    response: Any = None  # a `Response`
 
     def afresh(self) -> Self:
-        return replace(super().afresh(), design=None)
+        return replace(super().afresh(), design=None, response=None)
 
 
 @dataclass(frozen=True)

@@ -28,17 +28,29 @@ pgraph.feedback = (() => {
   });
 
   // Responses over time, each as a part of the largest that is allowed.
-  function chart(curves) {
+  function chart(curves, title) {
     if (!curves.length) return [];
     const all = curves.flatMap(([, , y]) => y), [low, high] = [Math.min(...all, 0), Math.max(...all, 0)], end = curves[0][1].at(-1), { svg } = pgraph.digraph;
     const at = (t, y) => `${((1000 * t) / end).toFixed(1)},${(950 - (900 * (y - low)) / (high - low || 1)).toFixed(1)}`;
     const zero = svg("path", { class: "zero", d: `M${at(0, 0)} L${at(end, 0)}` });
     const lines = curves.map(([, t, y], i) => svg("polyline", { points: t.map((one, k) => at(one, y[k])).join(" "), style: `stroke: var(--s${i % 8})` }));
-    return [text("h4", "", `Response to a step, ${digits(end)} s`), svg("svg", { viewBox: "0 0 1000 1000", preserveAspectRatio: "none", role: "img", "aria-label": "response to a step" }, zero, ...lines),
+    return [text("h4", "", title ?? `Response to a step, ${digits(end)} s`), svg("svg", { viewBox: "0 0 1000 1000", preserveAspectRatio: "none", role: "img", "aria-label": "response to a step" }, zero, ...lines),
       make("div", { className: "legend muted" }, ...curves.map(([name], i) => { const one = text("span", "", name); one.style.setProperty("--hue", `var(--s${i % 8})`); return one; }))];
   }
 
   pgraph.commands("Model", [["State feedback: LQR, pole placement", "", open, "gains from the linearised motion at the pose shown"]]);
   pgraph.view("feedback", { build: () => pgraph.frame.actions("Matrices", pgraph.button("feedback", "Feedback …", "Gains that hold the pose shown: LQR or pole placement", open)) });
-  return { open };
+
+  // The response of a controller's signal and value to a step of its setpoint.
+  let asked = null;
+  const range = ([, t, y]) => `${[Math.min(...y), Math.max(...y)].map((x) => Number(x.toPrecision(3))).join(" to ")} within ${digits(t.at(-1))} s`;
+  function step(name) {
+    asked = pgraph.dialog(`Step response of ${name}`, "pgraph-feedback", text("div", "found"));
+    asked.addEventListener("close", () => { asked = null; });
+    send("AskResponse", { name });
+  }
+  pgraph.on("response", ({ busy, problem, curves, size, texts }) => {
+    asked?.querySelector(".found").replaceChildren(...(busy ? [text("p", "muted", "Computing …")] : problem ? [make("div", { className: "sentence", role: "alert", textContent: problem })] : [...curves.flatMap((one, i) => chart([one], `Change of ${one[0]}${i ? "" : ` over the step of ${size}`}: ${range(one)}`).slice(0, 2)), ...texts.map((one) => text("div", "response", one))]));
+  });
+  return { open, step };
 })();

@@ -11,12 +11,13 @@ from pgraph_core.signals import parsed
 
 from ..core.cells import Display, Refusal, quantity, quantity_in
 from ..core.edit import edited
-from ..core.events import Entries, FromPage, on, on_typed
+from ..core.events import Entries, FromPage, Text, on, on_typed
 from ..core.state import display_of, with_client
 from ..model import Found
 from ..model.update import ErrandDone, sent
 from ..pose.solving import shown_q
 from . import Asked, Design, State, computed, drives, unit_of
+from .setpoint import Response, answered
 
 AGAIN = "The model was changed meanwhile; these are its gains now. Look at them, and add them."
 
@@ -159,3 +160,29 @@ def added(state: State, event: AddFeedback) -> State:
 
 def _refused(text: str) -> tuple[pg.Model, str]:
     raise Refusal(text)
+
+
+@dataclass(frozen=True)
+class AskResponse(FromPage):
+    """Compute the response to a step of a controller's setpoint, in the chosen run."""
+
+    name: Text
+
+
+@on(AskResponse)
+def responded(state: State, event: AskResponse) -> State:
+    client, asked, request = event.client, Response(event.name), state.request
+    how = vars(request) | {"scenario": request.scenario or None}
+    state = with_client(state, client, response=asked)
+
+    def work(model: pg.Model) -> Found:
+        return Found(value=answered(model, event.name, how))
+
+    def then(now: State, done: ErrandDone) -> State:
+        page = now.clients.get(client)
+        if page is None or page.response is not asked:
+            return now
+        failed = replace(asked, problem=done.problem, busy=False)
+        return with_client(now, client, response=done.found.value or failed)
+
+    return sent(state, client, "step response", work, compiled=True, then=then)

@@ -8,6 +8,7 @@ from ..core.bridge import Bridge
 from ..core.cells import Display, cell, choice, field, group, quantity_in, shown
 from ..core.views import Host, Payload, Place
 from . import Client, Design, State, response, unit_of
+from .setpoint import SETTLED, Response
 from .update import coordinates, named
 
 METHODS = (("lqr", "LQR"), ("poles", "pole placement"))
@@ -23,6 +24,8 @@ class FeedbackView:
             if page.design is not before.design or page.display != before.display:
                 found = page.design and feedback(page.design, page.display)
                 self._bridge.send(client, "feedback", found)
+            if page.response is not None and page.response is not before.response:
+                self._bridge.send(client, "response", stepped(page.response, page.display))
 
 
 def feedback(design: Design, display: Display) -> Payload:
@@ -41,6 +44,17 @@ def feedback(design: Design, display: Display) -> Payload:
         "hold": _held(design, display),
         "curves": response(design),
     }
+
+
+def stepped(response: Response, display: Display) -> Payload:
+    """Return the curves of a response to a step, and what is said of them."""
+    of = quantity_in(response.unit)
+    size = f"{shown(response.size, of, display):.4g} {display.unit(of) or response.unit}".strip()
+    texts = (
+        f"Overshoot {response.overshoot:.1%}", f"Error at the end {response.left:.2%}",
+        f"Within {SETTLED:.0%} of the step from its last value after {response.settled:.3g} s",
+    )  # fmt: skip
+    return vars(response) | {"size": size, "texts": texts}
 
 
 def poles(values: np.ndarray) -> list[str]:

@@ -1,12 +1,17 @@
 """State feedback on the page: gains against SciPy's Riccati solution, runs that balance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
+from scipy.signal import step
 
 import pgraph_core as pg
 from pgraph_app.core.cells import Display
+from pgraph_app.feedback.setpoint import SETTLED
 from pgraph_app.feedback.view import feedback
+from pgraph_app.run import Request
 
 from ..core.test_feedback import PLANTS, cart_pole, linear
 from .store import ME, after, answered, begun, do, notice, reply
@@ -140,3 +145,46 @@ def test_an_answer_that_is_too_late_is_not_shown():
     state = after(state, do.CloseFeedback(ME))
     assert design(answered(state)) is None
     assert errand.compiled
+
+
+@pytest.mark.parametrize(
+    ("kp", "ki", "kd", "inertia"), [(4, 8, 0, 1), (1, 20, 0, 0.5), (6, 1, 2, 3), (0, 5, 3, 1)]
+)
+@pytest.mark.parametrize(
+    "how", [{}, {"method": "dopri5", "step": None, "rtol": 1e-9}, {"method": "rk4", "step": 2e-3}]
+)
+@pytest.mark.parametrize("setpoint", [0.0, -5.0, "=sin(3*t)"])
+def test_the_step_response_of_a_pid_is_that_of_its_transfer_function(
+    kp, ki, kd, inertia, how, setpoint
+):
+    """A wheel 1/(I s) whose speed is controlled by kp + ki/s + kd s/(T s + 1)."""
+    lag = 0.1
+    wheel = pg.Body(name="wheel", axes=[(0, 0, 1)], inertia=(inertia,) * 3, v=1.0)
+    control = pg.PID(name="signal", signal="=2*v.wheel - v.wheel", setpoint=setpoint,
+                     kp=kp, ki=ki, kd=kd, filter=lag)  # fmt: skip
+    model = pg.Model(bodies=[wheel], gravity=(0, 0, 0), controls=[control],
+                     forces=[pg.Motor(name="push", body="wheel", torque="=x.signal")])  # fmt: skip
+    state = begun(model)
+    state = replace(state, request=Request(t_end=3.0, **how))
+    state = answered(state, do.AskResponse(ME, "signal"))
+    found = state.clients[ME].response
+    assert found.problem == ""
+    (_, t, y), (_, _, u) = found.curves
+    top = [kp * lag + kd, kp + ki * lag, ki]
+    _, wanted = step((top, np.polyadd([inertia * lag, inertia, 0, 0], top)), T=np.array(t))
+    assert np.allclose(y, wanted, rtol=0, atol=1e-6)
+    assert u[0] == pytest.approx(kp + kd / lag)
+    assert found.overshoot == pytest.approx(max(wanted.max() - 1, 0), abs=1e-6)
+    assert found.left == pytest.approx(1 - wanted[-1], abs=1e-6)
+    near = np.abs(wanted - wanted[-1]) <= SETTLED
+    assert near[np.array(t) >= found.settled].all()
+    assert state.model is model
+
+
+@pytest.mark.parametrize("name", ["lag", "gone"])
+def test_only_a_pid_has_a_step_response(name):
+    lag = pg.Filter(name="lag", input="=v.one", lag=0.1)
+    model = pg.Model(bodies=[pg.Body(name="one")], controls=[lag])
+    found = answered(begun(model), do.AskResponse(ME, name)).clients[ME].response
+    assert "PID" in found.problem
+    assert found.curves == ()
