@@ -166,6 +166,17 @@ def test_parts_that_mjcf_does_not_have_are_left_out_or_refused(tmp_path):
     report = pg.write_mjcf(model, tmp_path / "a.xml")
     assert {e.where for e in report.of("left out")} == {"constraint 'rail'", "force 'twist'"}
     assert not report.loaded
+    controls = [
+        pg.PID(name="pid", signal="=q.rod", kp=1.0), pg.State(name="sum", rate=1.0),
+        pg.Sampled(name="held", update="=q.rod", sample=0.1),
+        pg.Filter(name="slow", input="=v.rod", lag=1.0),
+    ]  # fmt: skip
+    drives = [pg.Motor(name="m", body="rod", torque="=x.pid"),
+              pg.Actuator(name="a", body="rod", input="=q.rod")]  # fmt: skip
+    driven = pg.Model(bodies=[rod], controls=controls, forces=drives)
+    left = [e for e in pg.write_mjcf(driven, tmp_path / "c.xml").of("left out") if e.acts]
+    named = {f"control '{c.name}'" for c in controls} | {"force 'm'", "force 'a'"}
+    assert {e.where for e in left} == named
     free = model.add(pg.Body(name="loose", parent="rod", joint="free"))
     with pytest.raises(pg.ModelError, match="'loose', joint"):
         pg.write_mjcf(free, tmp_path / "b.xml")

@@ -300,8 +300,11 @@ def test_joints_of_several_motions_are_chains_with_the_same_motion(tmp_path):
 
 def test_parts_that_urdf_does_not_have_are_left_out_or_refused(tmp_path):
     capsule = {"kind": "capsule", "radius": 0.1, "length": 1}
+    capsule |= {"surface_velocity": (1, 0, 0), "surface_spin": (0, 0, 2)}
+    controls = [pg.Filter(name="slow", input="=v.a", lag=1.0), pg.State(name="sum", rate="=q.a")]
     arm = pg.Model(
         bodies=[pg.Body(name="a", stiffness=3.0, shape=capsule)],
+        controls=controls,
         contacts=[pg.Contact(name="floor", body="a")],
         forces=[pg.Wrench(name="push", body="a", force=(1, 0, 0))],
         gravity=(0, 0, -1.6),
@@ -309,7 +312,9 @@ def test_parts_that_urdf_does_not_have_are_left_out_or_refused(tmp_path):
     report = pg.write_urdf(arm, tmp_path / "a.urdf")
     assert not report.loaded
     told = "\n".join(str(e) for e in report.of("left out"))
-    for part in ("body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity"):
+    parts = ["body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity"]
+    parts += ["surface_velocity", "surface_spin", "control 'slow'", "control 'sum'"]
+    for part in parts:
         assert part in told
     assert [s.kind for s in pg.load(tmp_path / "a.urdf").bodies[0].shapes] == [
         "cylinder", "sphere", "sphere",

@@ -130,6 +130,8 @@ class _Writer:
                 self._tendon(f)
         for c in m.constraints:
             self._constraint(c)
+        for c in m.controls:
+            self.out(f"control '{c.name}'", f"a {c.kind}")
         self.children: dict[str, list[Body]] = {}
         for body in bodies:
             self.children.setdefault(body.parent, []).append(body)
@@ -554,7 +556,8 @@ class _Writer:
         gain, torque, kp, kd = f.law
         value = getattr(f, f.INPUT)
         if not isinstance(torque, float) or not isinstance(value, float):
-            self.out(where, f"a {f.kind} over time")
+            varies = str in (type(torque), type(value))
+            self.out(where, "an expression" if varies else "a table over time")
             return
         low, high = f.inputs
         given = 0.0 if value == min(max(0.0, low), high) else value

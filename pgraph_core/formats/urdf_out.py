@@ -15,7 +15,7 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, explained
 from ..fields import GROUND
-from ..model import Body, Constraint, Gear, Model, Motor, Shape
+from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
 from .conversion import NO_LIMIT, Report, named, unused
@@ -276,10 +276,21 @@ class _Writer:
                     where = f"body '{body.name}'"
                     text = f"the joint's {field}, which URDF does not have"
                     out.add("left out", where, text, acts=True, part=body.name)
+            for shape in body.shapes:
+                for field in ("surface_velocity", "surface_spin"):
+                    if any(getattr(shape, field)):
+                        where, acts = f"body '{body.name}'", shape.role != "visual"
+                        text = f"a shape's {field}, which URDF does not have"
+                        out.add("left out", where, text, acts=acts, part=body.name)
         for force in model.forces:
             if self.motors.get(force.body) is not force:
-                where, text = f"force '{force.name}'", f"a {force.kind}, which URDF does not have"
-                out.add("left out", where, text, acts=True, part=force.name)
+                article = "an" if isinstance(force, Actuator) else "a"
+                text = f"{article} {force.kind}, which URDF does not have"
+                out.add("left out", f"force '{force.name}'", text, acts=True, part=force.name)
+        for control in model.controls:
+            where = f"control '{control.name}'"
+            text = f"a {control.kind}, which URDF does not have"
+            out.add("left out", where, text, acts=True, part=control.name)
         for contact in model.contacts:
             out.add("left out", f"contact '{contact.name}'", "URDF has no contacts", acts=True)
         if model.gravity != (0.0, 0.0, -9.81):
