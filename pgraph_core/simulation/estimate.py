@@ -19,6 +19,7 @@ from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SWING
 from ..errors import InputError
 from ..packing import Array
+from ..packing.signals import states_of
 from ..tolerances import EPS, SOLVED, VISIBLE
 from .grazing import limits_on_coordinates, undecided
 from .offset import apart, may_jump, offset_plan
@@ -75,14 +76,15 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         return Estimate(why=f"{BECAUSE} a finer run, to compare with, fails: {finer}")
     record.ended.notices += undecided(record, finer)
     rows, length, q = record.mech.packed.rows, plan.length, record.out.q[:n]
-    turned, moved = apart(record, finer, n)
+    off = apart(record, finer, n)
     ahead = plan.onward() if record.met else plan
     if ahead.tolerance is None and may_jump(record, ahead):
         third = _again(record, offset_plan(finer_plan(plan, n, False), ahead, 1))
         if not isinstance(third, str):
-            turned, moved = np.maximum((turned, moved), apart(record, third, n))
-    off = np.maximum(np.maximum(turned, moved), _left_open(record, n))
-    error = np.maximum.accumulate(off) + _rounding(record, plan.times)
+            off = (np.maximum(*both) for both in zip(off, apart(record, third, n)))
+    turned, moved, states = off
+    most = np.maximum(np.maximum(turned, moved), _left_open(record, n))
+    error = np.maximum.accumulate(most) + _rounding(record, plan.times)
     touching = record.scene.touching
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:] += float(touching.tally["strayed"])
@@ -91,6 +93,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     together = np.maximum(turned, moved / size) <= PARTED
     error[~np.logical_and.accumulate(together)] = np.inf
     notices = _notices(plan.times, error, size_of_motion(rows, q, length))
+    notices += _of_states(record, plan.times[np.isfinite(error)], states)
     return Estimate(error, notices + _passed_over(record, float(error[-1])))
 
 
@@ -127,7 +130,7 @@ def _left_open(record: Recording, n: int) -> Array | float:
 def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
     """Return a message about an error that is large or not known up to the end."""
     known = int(np.isfinite(error).sum())
-    digits = 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)  # enough to tell times apart
+    digits = _digits(t)
     if known < len(t):
         return (
             f"the error is not known from t = {t[known]:.{digits}g} s on, where a finer run goes "
@@ -142,6 +145,34 @@ def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
         f"the error is about {error[-1]:.2g} rad or m, {100 * error[-1] / size:.2g} % of the "
         f"motion, and above 1 % from t = {first:.{digits}g} s on: give a smaller step or rtol",
     )
+
+
+def _digits(t: Array) -> int:
+    """Return how many digits tell times apart."""
+    return 4 + max(int(np.log10(np.abs(t).max() / np.ptp(t))), 0)
+
+
+def _of_states(record: Recording, t: Array, off: Array) -> tuple[str, ...]:
+    """Return messages about states of controls that are off by what shows in their own range.
+
+    No error of the motion tells of a state that no force reads. What changes by less than rounding
+    shows, of its own value or the mechanism's length, is at rest, as in `size_of_motion`.
+    """
+    n, found = len(t), list[str]()
+    if n < 2:
+        return ()
+    states = record.out.v[:n, record.mech.nv :]
+    for (control, k, _), x, d in zip(states_of(record.mech.model), states.T, off[:n].T):
+        rest = float(np.sqrt(EPS)) * max(float(np.abs(x).max()), record.plan.length or 1.0)
+        size = max(float(np.ptp(x)), rest)
+        if (most := float(d.max())) > VISIBLE * size:
+            first = t[int((d > VISIBLE * size).argmax())]
+            found.append(
+                f"control '{control.name}': the error of its state x.{control.name}[{k + 1}] is "
+                f"about {most:.2g}, {100 * most / size:.2g} % of its range, and above 1 % first "
+                f"at t = {first:.{_digits(t)}g} s: give a smaller step or rtol"
+            )
+    return tuple(found)
 
 
 def _passed_over(record: Recording, error: float) -> tuple[str, ...]:

@@ -70,13 +70,15 @@ def _shared(plan: RunPlan, stretch: int) -> Ints:
     return np.union1d(np.append(keep, len(steps) - 1), switched)
 
 
-def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array]:
-    """Return the angles (n,) [rad] and distances (n,) [m] between two runs at n times of the first.
+def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array, Array]:
+    """Return the angles (n,) [rad], the distances (n,) [m] and the differences (n, nx) of states of
+    controls between two runs, at n times of the first.
 
     Where only the first records a time, it is the difference at the next one that both record.
     """
     t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
     _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)
-    found = differences(record.mech.packed.rows, record.out.q[i], finer.out.q[j])
+    turned, moved = differences(record.mech.packed.rows, record.out.q[i], finer.out.q[j])
+    states = np.abs(record.out.v[i, record.mech.nv :] - finer.out.v[j, record.mech.nv :])
     after = np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)
-    return found[0][after], found[1][after]
+    return turned[after], moved[after], states[after]
