@@ -521,7 +521,8 @@ def by_names(
     if named == [None, None]:
         return q, v
     given = mech.model.scenario(scenario) if scenario is not None else None
-    start = initial_state(mech, given, None, None, tau)
+    q0, v0 = initial_state(mech, given, None, None, tau)
+    start = q0[: mech.nq], v0[: mech.nv]  # without the states of controls
     found: list[Any] = [q, v]
     for k, (entries, state) in enumerate(zip(named, start)):
         if entries is not None:

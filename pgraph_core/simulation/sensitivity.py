@@ -143,15 +143,17 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
     if kind == "q" and any(i <= index < i + 4 for _, i, _ in mech.packed.quaternions):
         text = "is a part of a quaternion, which does not vary alone"
         raise InputError(Problem(call, f"{kind}.{name}", text))
-    start = given.plan.start
+    start, t = given.plan.start, float(given.plan.times[0])
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:
         state = [part.copy() for part in start]
         state[kind == "v"][index] = x
-        return mech, replace(given.plan, start=(state[0], state[1]))
+        return mech, replace(given.plan, start=mech.packed.with_states(t, *state))
 
     present = float(start[kind == "v"][index])
-    return Variable(f"{kind}.{name}", present, made, (int(kind == "v"), index))
+    alone = mech.packed.run is mech.packed  # no state of a control starts from it
+    seed = (int(kind == "v"), index) if alone else None
+    return Variable(f"{kind}.{name}", present, made, seed)
 
 
 def _input(given: Given, name: str, call: str) -> Variable:

@@ -264,6 +264,80 @@ def test_derivatives_go_through_states(path):
     assert np.array_equal(run.q, pg.simulate(model, **call).q)
 
 
+SLIDER = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], q=[0.5], v=[1.0])
+FOLLOWING = (
+    pg.Filter(name="c", input="=v.s + sin(3*q.s)", lag=1.0),
+    pg.PID(name="c", signal="=q.s*v.s", setpoint=0.3, kp=2.0, ki=1.0, kd=0.5, filter=0.2),
+)
+
+
+def slider(control, **fields):
+    drive = pg.Motor(name="p", body="s", torque="=x.c")
+    return pg.Model(bodies=[SLIDER], gravity=(0, 0, 0), controls=[control], forces=[drive])
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4", "radau5"])
+@pytest.mark.parametrize("control", FOLLOWING, ids=["filter", "pid"])
+@pytest.mark.parametrize("kind", ["q", "v"])
+def test_states_start_from_what_a_run_is_differentiated_by(kind, control, method):
+    path = f"{kind}.s"
+    call = {"t_end": 1.0, "method": method, "frames": 11, "estimate": False, "wrt": [path]}
+    run = pg.simulate(slider(control), **call)
+    again = pg.simulate(slider(control), **call | {"wrt": [f"bodies.s.{kind}.0"]})
+    expected = again.sensitivity(f"bodies.s.{kind}.0")
+    assert np.allclose(run.sensitivity(path), expected, rtol=1e-9, atol=1e-11)
+    by = run.gradient(lambda r: r.states[0, -1])[path]  # at the start, where it has no memory yet
+    assert np.isclose(by, again.gradient(lambda r: r.states[0, -1])[f"bodies.s.{kind}.0"])
+    assert abs(by) > 0.1
+
+
+def test_a_filter_that_starts_at_its_input_has_its_closed_form():
+    """Of v' = x, x' = v - x with x = v at first, whose rates are those of r^2 + r = 1."""
+    run = pg.simulate(
+        slider(pg.Filter(name="c", input="=v.s", lag=1.0)), t_end=1.0, rtol=1e-11, wrt=["v.s"]
+    )
+    slow, fast = (-1 + np.sqrt(5)) / 2, (-1 - np.sqrt(5)) / 2
+    a = (1 - fast) / (slow - fast)
+    v = a * np.exp(slow) + (1 - a) * np.exp(fast)
+    q = a * np.expm1(slow) / slow + (1 - a) * np.expm1(fast) / fast
+    assert np.allclose(run.sensitivity("v.s")[-1], [q, v], rtol=1e-9)
+
+
+def test_starts_by_name_are_those_of_the_bodies_alone():
+    model = slider(FOLLOWING[0])
+    call = {"t_end": 0.5, "wrt": ["v.s"]}
+    named, plain = (pg.simulate(model, v=v, **call) for v in ({"s": 2.0}, [2.0]))
+    assert named == plain
+    assert np.array_equal(named.sensitivity("v.s"), plain.sensitivity("v.s"))
+    assert pg.simulate(model, {"s": 0.1}, {"s": 2.0}, t_end=0.5) == pg.simulate(
+        model, [0.1], [2.0], t_end=0.5
+    )
+
+
+def noted(run, name):
+    return any(f"'{name}'" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("v", [0.0, 0.3])
+def test_an_error_of_a_state_that_no_force_reads_is_told(size, v):
+    rod = pg.Body(name="rod", axes=[Z], v=[v])
+    state = pg.State(name="s", rate=f"=100*({size!r}*sin(50*t) - x.s)")
+    model = pg.Model(bodies=[rod], gravity=(0, 0, 0), controls=[state])
+    coarse, fine = (pg.simulate(model, t_end=1.0, method="rk4", step=step) for step in (2e-2, 2e-3))
+    assert noted(coarse, "s")
+    assert not noted(fine, "s")
+    assert coarse.error_estimate < 1e-12  # of the motion
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-2}])
+def test_states_that_are_right_or_at_rest_are_not_told(options):
+    resting, moving = pendulum([STATES[1]]), pendulum(EVERY, TORQUE)
+    for model, q in ((resting, -np.pi / 2), (moving, 0.4)):
+        run = pg.simulate(model, [q], t_end=1.0, **options)
+        assert not any("control" in text for text in run.notices)
+
+
 def test_derivatives_by_what_is_sampled_are_refused():
     with pytest.raises(pg.InputError, match="samples"):
         pg.simulate(pendulum(EVERY[3:], "=x.u"), t_end=0.1, wrt=["k"], step=1e-2, method="rk4")
