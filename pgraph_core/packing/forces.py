@@ -233,7 +233,7 @@ def bends(drives: Drives) -> Array:
     table, t = drives.table, drives.knots[:, 0]
     spans = [(table["first_target"], table["targets"]), (table["first_torque"], table["torques"])]
     found = [_times_of_tables(t, *span) for span in spans]
-    found += [_at_bounds(row, drives.knots) for row in table if _bounded(row)]
+    found += [times_at_bounds(row, drives.knots) for row in table]
     return np.unique(np.concatenate(found))
 
 
@@ -243,12 +243,14 @@ def _bounded(row: Any) -> bool:
     return bool(row["integrates"] or (alone and np.isfinite([row["low"], row["high"]]).any()))
 
 
-def _at_bounds(row: Any, knots: Array) -> Array:
+def times_at_bounds(row: Any, knots: Array) -> Array:
     """Return the times between two knots at which an input, or its integral, reaches a bound [s].
 
-    With c from there to the bound, these are the zeros of u s + slope s^2 / 2 = c for an integral,
-    and of slope s = c for an input.
+    There are none where the motion counts. With c from there to the bound, these are the zeros of
+    u s + slope s^2 / 2 = c for an integral, and of slope s = c for an input.
     """
+    if not _bounded(row):
+        return np.zeros(0)
     of = ("first_target", "targets") if row["coordinate"] >= 0 else ("first_torque", "torques")
     first, count = int(row[of[0]]), int(row[of[1]])
     found = list[float]()

@@ -33,8 +33,10 @@ from ..engine.compiler.kinds import F1, carrying
 from ..engine.records import CHOSEN, COUNTERS, STEP_CONTROL, table
 from ..engine.signals import AT_MOST, CHOOSE, LESS, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, nearest, shown
+from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
+from ..packing.forces import times_at_bounds
 from ..result import Result
 from ..result.records import Derivatives
 from ..tolerances import step_of_differences
@@ -337,11 +339,37 @@ def _refuse(given: Given) -> None:
         why = "controls that act at samples have no derivatives yet; give them no sample time"
     if why:
         raise InputError(Problem("simulate", "wrt", why))
+    if not plan.method.implicit:
+        _refuse_bounded(given)
     code = plan.loads.signals[0]
     if np.isin(code[::2, 0], (CHOOSE, LESS, AT_MOST)).any():
         text = "an expression that compares has no derivatives yet, because its value jumps; "
         text += "smoothstep, min and max have them"
         raise InputError(Problem("simulate", "wrt", text))
+
+
+def _refuse_bounded(given: Given) -> None:
+    """Raise InputError for a drive of which steps end at a bound, for explicit methods.
+
+    A step begins there at a kink, and its first stage takes the derivative of the side before it.
+    """
+    model, options, plan = given.mech.model, given.options, given.plan
+    of_scenario = () if options.scenario is None else model.scenario(options.scenario).forces
+    forces = (*model.forces, *of_scenario, *options.checked_forces(given.mech))
+    driving = [f for f in forces if isinstance(f, OnJoint)]
+    begin, end = plan.times[[0, -1]]
+    for f, row in zip(driving, plan.drives.table[plan.drives.passive :]):
+        met = times_at_bounds(row, plan.drives.knots)
+        least, most = f.states
+        if np.isfinite([least, most]).any():
+            name = "state_high" if np.isfinite(most) else "state_low"
+        elif ((met >= begin) & (met <= end)).any():
+            name = "torque_low" if f.torque_limit is None else "torque_limit"
+        else:
+            continue
+        text = f"bounds what acts over time, through which {plan.method.name} has no derivatives "
+        text += "yet; give method='radau5' or 'gauss6', or no bound"
+        raise InputError(Problem(f"force '{f.name}'", name, text))
 
 
 class _RunOfDuals:

@@ -93,6 +93,57 @@ def test_derivatives_are_those_of_the_steps(method, name, path, share):
     assert missed(run.sensitivity(path), difference(moved, share)) < 1e-8
 
 
+BOUNDED = {"state_high": (1.0, 4.0), "state_low": (-1.0, -4.0)}
+
+
+def integrating(end, rate, **fields):
+    drive = pg.Motor(name="p", body="s", torque=rate, integrates=True, **{end: BOUNDED[end][0]})
+    body = pg.Body(name="s", joint="prismatic", axes=[(1, 0, 0)], mass=1.0)
+    return pg.Model(bodies=[body], gravity=(0, 0, 0), forces=[drive])
+
+
+@pytest.mark.parametrize("method", ["radau5", "gauss6"])
+@pytest.mark.parametrize("end", BOUNDED)
+def test_a_drive_meets_the_bound_of_its_integral(end, method):
+    """v = h - h^2 / (2 u) at t = 1, of an integral u t up to h."""
+    h, u = BOUNDED[end]
+    wrt = ["forces.p.torque", f"forces.p.{end}"]
+    run = pg.simulate(integrating(end, u), t_end=1.0, method=method, wrt=wrt)
+    assert np.isclose(run.sensitivity(wrt[0])[-1, 1], h * h / (2 * u * u), rtol=1e-6)
+    assert np.isclose(run.sensitivity(wrt[1])[-1, 1], 1.0 - h / u, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4", "semi_implicit_euler", "dopri5", "dop853"])
+@pytest.mark.parametrize("end", BOUNDED)
+def test_bounds_of_integrals_are_refused_by_explicit_methods(end, method):
+    model = integrating(end, BOUNDED[end][1])
+    with pytest.raises(pg.InputError, match=f"force 'p', {end}"):
+        pg.simulate(model, t_end=1.0, method=method, wrt=["forces.p.torque"])
+    free = model.edit("p", kind="force", **{end: None})
+    by = pg.simulate(free, t_end=1.0, method=method, wrt=["forces.p.torque"])
+    assert np.isclose(by.sensitivity("forces.p.torque")[-1, 1], 0.5, rtol=2e-3)
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4", "radau5", "gauss6"])
+def test_a_ramp_meets_the_limit_of_its_drive(method):
+    """v = h - h^2 / (2 u) at t = 1, of a torque u t up to h."""
+    h, u, wrt = 1.0, 4.0, ["forces.p.torque.value.1", "forces.p.torque_limit"]
+    model = integrating("state_high", u)
+    ramp = pg.Table(t=[0, 1], value=[0, u])
+
+    def run(limit):
+        drive = pg.Motor(name="p", body="s", torque=ramp, torque_limit=limit)
+        return pg.simulate(model.replace(forces=[drive]), t_end=1.0, method=method, wrt=wrt)
+
+    if method in ("radau5", "gauss6"):
+        found = [run(h).sensitivity(path)[-1, 1] for path in wrt]
+        assert np.allclose(found, [h * h / (2 * u * u), 1.0 - h / u], rtol=1e-6)
+        return
+    with pytest.raises(pg.InputError, match="force 'p', torque_limit"):
+        run(h)
+    assert np.isclose(run(2 * u).sensitivity(wrt[0])[-1, 1], 0.5)  # a limit that it never meets
+
+
 def test_adaptive_methods_agree():
     options = {
         "t_end": 1.0,
