@@ -56,7 +56,7 @@ class Step:
 
     model: pg.Model
     label: str
-    rows: Rows = field(default_factory=Rows)  # of that model
+    rows: Rows = field(default_factory=Rows)  # rows of that model
     document: int = 0  # `State.document` of that model
 
 
@@ -115,7 +115,7 @@ class Client:
 
 @dataclass(frozen=True)
 class State:
-    """What the server knows."""
+    """State of the server."""
 
     CLIENT: ClassVar[type[Client]] = Client
     model: pg.Model

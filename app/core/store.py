@@ -171,7 +171,7 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """Apply an event, or several drawn as one. Exceptions are logged; the loop goes on."""
+        """Apply an event, or several drawn as one. Exceptions are logged and the loop continues."""
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state

@@ -31,7 +31,7 @@ Method = Literal["lqr", "poles"]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a page asks for: a method, what is allowed, and the coordinates to feed back."""
+    """Request of a page: a method, the permitted values, and the coordinates to feed back."""
 
     method: Method = "lqr"
     largest: Mapping[str, float | None] = field(default_factory=dict)  # None: left out

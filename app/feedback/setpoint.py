@@ -26,8 +26,8 @@ class Response:
     """The change of a signal, over the size of a step, and of a controller's value."""
 
     name: str
-    size: float = 0.0  # of the step
-    unit: str = ""  # of the size, "angle" and "length" follow the page's units
+    size: float = 0.0  # size of the step
+    unit: str = ""  # unit of the size: "angle" and "length" follow the page's units
     curves: tuple[tuple[str, list[float], list[float]], ...] = ()  # name, times [s]
     overshoot: float = 0.0  # largest excess over the setpoint
     settled: float = 0.0  # time from which on it stays SETTLED near its last value [s]

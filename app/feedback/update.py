@@ -87,7 +87,7 @@ def _changed(
 
 
 def named(design: Design) -> list[str]:
-    """Return the inputs and states whose largest values are asked for."""
+    """Return the inputs and states that need a largest value."""
     return [*drives(design.model), *(design.found.states if design.found else ())]
 
 
@@ -131,7 +131,7 @@ def _begun(state: State, client: int, asked: Asked, before: Design | None = None
     def then(now: State, done: ErrandDone) -> State:
         page = now.clients.get(client)
         if page is None or page.design is not design:
-            return now  # another one is asked for by now, or none
+            return now  # the page has sent another request, or none
         failed = replace(design, problem=done.problem, busy=False)
         return with_client(now, client, design=done.found.value or failed)
 

@@ -47,7 +47,7 @@ def feedback(design: Design, display: Display) -> Payload:
 
 
 def stepped(response: Response, display: Display) -> Payload:
-    """Return the curves of a response to a step, and what is said of them."""
+    """Return the curves of a response to a step, and their description."""
     of = quantity_in(response.unit)
     size = f"{shown(response.size, of, display):.4g} {display.unit(of) or response.unit}".strip()
     texts = (

@@ -66,7 +66,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Client(state.Client):
-    conversion: pg.Report | None = None  # of the last file of another format that it opened
+    conversion: pg.Report | None = None  # report on the last file of another format that it opened
     members: Members | None = None  # models of the last archive, of which it is to choose one
 
     def again(self, fresh: Any) -> Self:

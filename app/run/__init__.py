@@ -163,7 +163,7 @@ class Playback:
 
 @dataclass(frozen=True)
 class State(state.State):
-    """What is computed, what of it is shown, and when."""
+    """Runs that are computed, kept and shown."""
 
     request: Request = field(default_factory=Request)
     last_run: Run | None = None

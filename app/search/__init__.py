@@ -27,14 +27,14 @@ class Free:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a search is asked."""
+    """Request of a search."""
 
     kind: str = "fit"  # or "optimise" or "matters"
     file: str = ""  # name of the file with measured curves
     data: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # its columns, with "t"
     match: Mapping[str, str] = field(default_factory=dict)  # {column: signal, or ""}
     free: tuple[Free, ...] = ()
-    way: str = "peak"  # of the goal: a metric of `pg.sweep`
+    way: str = "peak"  # metric of `pg.sweep` that is the goal
     signal: str = ""
     limits: tuple[tuple[str, str, float | None, float | None], ...] = ()  # (way, signal, low, high)
 
@@ -49,7 +49,7 @@ class Search:
     request: Request
     trials: int = 0
     said: str = ""
-    curves: Curves = field(default_factory=dict)  # of the run that was tried last
+    curves: Curves = field(default_factory=dict)  # curves of the run that was tried last
     cancelled: bool = False
 
 

@@ -31,7 +31,7 @@ def numbers_of(model: pg.Model) -> dict[str, float]:
             value = Path(model, words).present
         except pg.PgraphError:
             continue
-        if value == value and (value or path.startswith("q.")):  # what is zero acts not at all
+        if value == value and (value or path.startswith("q.")):  # zero values have no effect
             found[path] = value
     return found
 

@@ -1,4 +1,4 @@
-"""What a search is asked, its progress and its result (pure)."""
+"""Requests, progress and results of searches (pure)."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def free_number(state: State, event: FreeNumber) -> State:
 
 
 def _bounds(path: str, present: float) -> tuple[float, float]:
-    """A tenth and ten times of a number; of an initial coordinate, one to each side."""
+    """Return a tenth and ten times of a number, or one to each side of an initial coordinate."""
     if path.startswith("q."):
         return present - 1.0, present + 1.0
     return min(present / 10.0, 10.0 * present), max(present / 10.0, 10.0 * present)

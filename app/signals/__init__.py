@@ -36,11 +36,11 @@ class Word(NamedTuple):
 
 @dataclass(frozen=True)
 class Hint:
-    """What stands beside an expression while it is typed."""
+    """Hint beside an expression while it is typed."""
 
     serial: int
     problem: str = ""
-    unit: str = ""  # that the cell expects
+    unit: str = ""  # unit expected by the cell
     value: str = ""  # at the pose and time shown
     words: tuple[Word, ...] = ()
     start: int = 0  # place in the text at which a word begins
@@ -132,7 +132,7 @@ class Vocabulary:
         Names that begin as typed come first, then those that contain it.
         """
         found = WORD.search(typed)
-        assert found is not None  # it may be empty
+        assert found is not None  # possibly empty
         group, name, start = found["group"], found["name"].lower(), found.start()
         before = typed[:start].rstrip()[-1:]
         operand = not found[0] and (before.isalnum() or before in ('"', "]", ")", "_", "."))
@@ -146,7 +146,7 @@ class Vocabulary:
         chosen = (known[i] for rank in (0, 1) for i, at in enumerate(ranks) if at == rank)
         words = tuple(islice((word for one in chosen for word in self._words(*one)), MOST_WORDS))
         if words and words[0].text == found[0]:
-            return start, ()  # it is whole
+            return start, ()  # the name is complete
         return start, words
 
     def _names(self) -> Iterator[tuple[str, str]]:
@@ -236,7 +236,7 @@ def clicked(model: pg.Model, serial: int, part: str, name: str, rate: bool) -> H
 
 @dataclass(frozen=True)
 class Client(constraints.Client):
-    hint: Hint | None = None  # what is said of the expression that is typed
+    hint: Hint | None = None  # hint for the expression being typed
 
     def afresh(self) -> Self:
         return replace(super().afresh(), hint=None)

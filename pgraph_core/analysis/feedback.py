@@ -242,7 +242,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
     """Express the same motion in other coordinates. Raises InputError."""
     if wanted is None:
         return found
-    names = [label for label, *_ in _degrees(mech)]  # as used by `linearise`
+    names = [label for label, *_ in _degrees(mech)]  # names used by `linearise`
     for name in wanted:
         if name not in names:
             text = f"no coordinate is called {shown(name)}; {nearest(str(name), names)}"

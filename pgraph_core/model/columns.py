@@ -12,7 +12,14 @@ from ..fields import GROUND
 from ..given import array_of
 from .body import Body
 
-LEVELS = {"link": 1, "axes": 1, "com": 1, "tip": 1, "rotation": 1, "inertia": 2}  # of lists, of one
+LEVELS = {
+    "link": 1,
+    "axes": 1,
+    "com": 1,
+    "tip": 1,
+    "rotation": 1,
+    "inertia": 2,
+}  # depth of lists, from one
 
 
 def bodies_of(

@@ -16,7 +16,7 @@ from ..fields import Expression, Number, OfKinds, Text, field, refuse
 from ..signals import Node, filled, parsed, signals_in
 from ..units import S
 
-VERSION = 7  # of files that have controls
+VERSION = 7  # schema version of files that have controls
 KIND = "the name of a kind of control"
 STATE = "state"  # the group of signals that names the states of a control, within its own trees
 

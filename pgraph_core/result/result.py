@@ -743,7 +743,7 @@ class Result(EqualByFields, Portable):
         model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
         status = Status(Status.__members__.get(header["status"]))
         arrays = arrays_of(file, len(model.bodies) + len(model.controls))
-        arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # of older files
+        arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # older files have none
         given = {name: header[name] for name in SCALARS}
         given["notices"] = tuple(given["notices"])
         given |= {name: arrays[name] for name in ARRAYS}

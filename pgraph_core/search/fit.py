@@ -194,7 +194,7 @@ class _Task:
         return found
 
     def columns(self, runs: Sequence[Result]) -> list[Array]:
-        """What the runs have for each column of the data, (n,) each."""
+        """Values of the runs for each column of the data, (n,) each."""
         out = []
         for i, run in enumerate(runs):
             found = columns_of(run)

@@ -19,7 +19,7 @@ from ..simulation import simulate
 from ..simulation.paths import Path, distinct, with_numbers
 
 Array = np.ndarray
-FAR = 1e3  # what a run that failed costs, in units of the goal or of the noise
+FAR = 1e3  # cost of a failed run, in units of the goal or of the noise
 TOLD = 6  # numbers in a sentence
 OURS = ("wrt", "events", "progress")  # arguments of `simulate` that a search gives itself
 
@@ -47,7 +47,7 @@ class Own:
     case: str
     kind: str  # "q" or "v"
     body: str
-    entry: str  # of a joint with several, otherwise ""
+    entry: str  # entry of a joint with several coordinates, otherwise ""
 
     @property
     def given(self) -> str:

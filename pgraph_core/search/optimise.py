@@ -22,7 +22,7 @@ from .goals import Goals
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
 INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
-KEPT = 1e-6  # of its size by which a constraint may be missed, as SciPy's solvers allow
+KEPT = 1e-6  # permitted violation of a constraint over its size, as in SciPy's solvers
 
 
 class Trial(NamedTuple):
@@ -35,7 +35,7 @@ class Trial(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """Where one start of a search ended."""
+    """End of a search from one start."""
 
     values: dict[str, float]
     objective: float

@@ -56,10 +56,10 @@ class Node(NamedTuple):
 
     op: str
     args: tuple[Node, ...] = ()
-    value: float = 0.0  # of a number
+    value: float = 0.0  # value of a number
     signal: tuple[str, str, int] = ("", "", 0)  # group, name and entry; without a group a name
-    column: int = 1  # of its first character
-    span: tuple[int, int] = (0, 0)  # of its name in the text
+    column: int = 1  # column of its first character
+    span: tuple[int, int] = (0, 0)  # range of its name in the text
     depth: int = 1
 
 

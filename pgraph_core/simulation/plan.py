@@ -115,7 +115,7 @@ class Way:
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # constraints that are switched on and off
     corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
-    kinks: tuple[Kink, ...] = ()  # of prescribed motions
+    kinks: tuple[Kink, ...] = ()  # corners of prescribed motions
     parts: int = 1  # divisions of intervals shorter than a fixed step, more in a finer run
     shown: NDArray[np.bool_] | None = None  # mask of the requested frames, None for all
     why: str = ""  # this method

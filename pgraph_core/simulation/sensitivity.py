@@ -48,7 +48,7 @@ from .plan import RunPlan, varied
 CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 NUMBERS = carrying(F1)
-SHARE = step_of_differences(6)  # of the size of a number
+SHARE = step_of_differences(6)  # step of differences over the size of a number
 ROUNDS = 50  # projections of the initial state, as in `assembled`
 
 
@@ -74,7 +74,7 @@ class Variable:
 
     path: str
     present: float
-    made: Callable[[float], tuple[Mechanism, RunPlan]]  # what another value makes of the run
+    made: Callable[[float], tuple[Mechanism, RunPlan]]  # the run for another value
     seed: tuple[int, int] | None = None  # 0 or 1, and the place in the initial q or v
 
     def step(self) -> float:
@@ -184,7 +184,7 @@ class Carried:
         self.given, self.variables = given, variables
         self._ended: list[str] = []
         self._base: tuple[Any, Array, Array] | None = None
-        self.out = np.zeros((0, 0, 0, WIDTH))  # of a run that does not start
+        self.out = np.zeros((0, 0, 0, WIDTH))  # empty until a run starts
         _refuse(given)
 
     def join(self, record: Any, start: tuple[Array, Array]) -> None:
@@ -390,7 +390,7 @@ class _RunOfDuals:
         control = table(STEP_CONTROL, 1)
         control[:] = steps.control_table
         control["fresh"] = control["filled"] = control["guard"] = 0
-        control["widths"] = CHOSEN  # of no consequence: steps are given
+        control["widths"] = CHOSEN  # not used: steps are given
         project = address_of(duals.projection_of_duals) if constrain else 0
         links = RunLinks(address_of(duals.acceleration_of_duals), project, 0, 0)
         kept = steps.kept

@@ -280,7 +280,7 @@ def _reading(mech: Mechanism, text: str) -> Callable[[float, Array, Array], floa
     model, packed = mech.model, mech.packed
     bodies = {b.name: b for b in model.bodies}
     known = Known(bodies, model.outputs, model.controls, model.parameters)
-    if problem := known.problem(text, None):  # of a switch that the call gives
+    if problem := known.problem(text, None):  # problem of a switch given in the call
         raise refusal("simulate", "switches", problem)
     places, controls = Places(model, packed.topology, packed.system), known.controls
     program = Program(model.parameters, places, controls)

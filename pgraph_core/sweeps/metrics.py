@@ -16,8 +16,10 @@ from ..result import Result
 from ..result.columns import meant, no_column
 
 Array = np.ndarray
-SETTLED = 0.02  # of its way from start to end within which a curve has settled, as on the page
-WAYS: dict[str, Callable[[Array, Array], Any]] = {  # of times and values
+SETTLED = (
+    0.02  # share of the way to its end within which a curve has settled
+)
+WAYS: dict[str, Callable[[Array, Array], Any]] = {  # functions of times and values
     "final": lambda t, x: x[-1],
     "max": lambda t, x: np.max(x),
     "min": lambda t, x: np.min(x),
