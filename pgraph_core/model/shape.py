@@ -132,12 +132,14 @@ class Shape(Frozen):
     surface_velocity: Vec3 = field(
         "three finite numbers [m/s], in the axes of the shape: how its surface moves past the body",
         converter=vector, default=(0.0, 0.0, 0.0), dim=M / S, role="vector", since=7,
+        label="Surface",
         help="of its surface past the body, as of a belt; contacts take the part along them",
     )  # fmt: skip
     surface_spin: Vec3 = field(
         "three finite numbers [rad/s], in the axes of the shape: how its surface turns past the "
         "body, about the origin of the shape",
         converter=vector, default=(0.0, 0.0, 0.0), dim=RAD / S, role="axial", since=7,
+        label="Spin",
         help="of its surface about the shape's origin, as of a turntable",
     )  # fmt: skip
 

@@ -16,9 +16,7 @@ from ..result import Result
 from ..result.columns import meant, no_column
 
 Array = np.ndarray
-SETTLED = (
-    0.02  # share of the way to its end within which a curve has settled
-)
+SETTLED = 0.02  # share of the way to its end within which a curve has settled
 WAYS: dict[str, Callable[[Array, Array], Any]] = {  # functions of times and values
     "final": lambda t, x: x[-1],
     "max": lambda t, x: np.max(x),
