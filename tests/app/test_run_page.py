@@ -68,8 +68,10 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     until(lambda: place(page, "/bodies/2") != start, "the rod to move")
     page.locator("button.back").click()
     until(lambda: not served.store.state.playback.moves, "the start, at rest")
+    page.wait_for_function("!pgraph.latest.playback.playing")  # what Play does depends on it
     page.locator("button.play").click()
     until(lambda: served.store.state.playback.playing, "it to play again")
+    page.wait_for_function("pgraph.latest.playback.playing")
     page.locator("button.play").click()
     until(lambda: not served.store.state.playback.moves, "a pause")
     scrub = "(e) => { e.value = 0.5; e.dispatchEvent(new Event('input')); }"
