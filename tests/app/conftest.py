@@ -1,7 +1,10 @@
 """One server, one browser and one page for all browser tests of a process."""
 
 import contextlib
+import os
+import random
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -25,6 +28,9 @@ UNCOVERED = """setInterval(() => { // viser's own panel seen before ours
     window.uncovered = true;
 }, 10)"""
 ON_PURPOSE = "thrown by a test"
+# A slow machine on purpose, "8 0.3": a page at an eighth of its speed, and events that wait for up
+# to 0.3 s before they are handled. Tests must not depend on either.
+SLOWER, DELAY = map(float, os.environ.get("PGRAPH_SLOW_PAGE", "1 0").split())
 NOBODY = -1  # a page that is not there: events of the tests themselves
 
 
@@ -58,6 +64,14 @@ def leg() -> pg.Model:
 def served(leg: pg.Model) -> Iterator[Server]:
     server = serve(leg, port=0, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
+    if DELAY:
+        plain = server.store._update
+
+        def late(state: Any, event: Any) -> Any:
+            time.sleep(random.uniform(0, DELAY))
+            return plain(state, event)
+
+        server.store._update = late
     yield server
     server.stop()
 
@@ -85,6 +99,9 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
     def opened() -> Any:
         page = browser.new_page(viewport=SIZE)
         page.set_default_timeout(1000 * LIMIT)
+        if SLOWER > 1:
+            slow = {"rate": SLOWER}
+            page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", slow)
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.add_init_script(UNCOVERED)
         page.goto(served.url)
