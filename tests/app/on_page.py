@@ -64,9 +64,19 @@ def typed(cell: Any, text: str, key: str = "Enter") -> None:
 
 
 def chosen(cell: Any, value: str) -> None:
-    """A drop-down is filled when it is opened."""
-    cell.focus()
-    cell.select_option(value)
+    """Open a drop-down, which fills it, and choose the option with that value.
+
+    Both happen in one task of the page, as nothing is drawn under an open list. Where the option
+    is not there yet, the list is opened again.
+    """
+    choose = """(cell, value) => {
+      cell.focus();
+      cell.dispatchEvent(new MouseEvent("mousedown", { bubbles: true }));
+      if (![...cell.options].some((option) => option.value === value)) return false;
+      cell.value = value;
+      cell.dispatchEvent(new Event("change", { bubbles: true }));
+      return true; }"""
+    until(lambda: cell.evaluate(choose, value), f"the choice {value!r}")
 
 
 def choose_body(page: Any, name: str) -> None:

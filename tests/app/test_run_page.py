@@ -64,14 +64,16 @@ def test_a_run_is_simulated_played_scrubbed_hidden_by_an_edit_and_exported(rods,
     trust.get_by_role("button", name="Report").click()
     assert "Cost" in page.locator(".summary").inner_text()
 
-    start = place(page, "/bodies/2")
-    until(lambda: place(page, "/bodies/2") != start, "the rod to move")
+    until(lambda: served.store.state.playback.time > 0, "the run is shown once")
     page.locator("button.back").click()
     until(lambda: not served.store.state.playback.moves, "the start, at rest")
     page.wait_for_function("!pgraph.latest.playback.playing")  # what Play does depends on it
+    until(lambda: place(page, "/bodies/2") == pytest.approx(rest, abs=1e-6), "the rod at rest")
+    start = place(page, "/bodies/2")
     page.locator("button.play").click()
     until(lambda: served.store.state.playback.playing, "it to play again")
     page.wait_for_function("pgraph.latest.playback.playing")
+    until(lambda: place(page, "/bodies/2") != start, "the rod to move")
     page.locator("button.play").click()
     until(lambda: not served.store.state.playback.moves, "a pause")
     scrub = "(e) => { e.value = 0.5; e.dispatchEvent(new Event('input')); }"

@@ -13,6 +13,7 @@ from .conftest import NOBODY, held, opened, settled, until
 from .on_page import (
     ask,
     choose_body,
+    chosen,
     copied,
     field,
     focused,
@@ -63,12 +64,12 @@ def test_keys_move_and_type_as_in_a_spreadsheet(chain: Any, served: Server):
     parent.focus()
     offered = parent.locator("option").all_inner_texts()
     assert set(offered) == {"ground", "1", "2"}
-    parent.select_option("1")
+    chosen(parent, "1")
     until(lambda: served.store.state.model.body("3").parent == "1", "the new parent")
     page.wait_for_function("() => pgraph.latest.digraph.separation.length === 1")
     joint = row_cell(page, "3", "DoF")
     joint.focus()
-    joint.select_option("3")
+    chosen(joint, "3")
     until(lambda: served.store.state.model.body("3").joint == "spherical", "a ball joint")
     page.wait_for_function("document.querySelector('.count').textContent.includes('7 DoF')")
 
@@ -86,7 +87,7 @@ def test_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain: An
         page.keyboard.press("Shift+Enter")
         page.keyboard.press("ArrowRight")
         page.keyboard.press("ArrowRight")
-        row_cell(page, "3", "DoF").select_option("3")  # by its name until then
+        chosen(row_cell(page, "3", "DoF"), "3")  # by its name until then
         page.keyboard.press("Escape")
         row(page, "5").locator("input.name").focus()
         page.keyboard.type("toe")
