@@ -8,6 +8,7 @@ import time
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import viser
 
@@ -18,20 +19,25 @@ from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet
 from .core.door import token_for
 from .core.events import Event, from_page
-from .core.store import Store
+from .core.jobs import Job, Worker
+from .core.store import Store, View
 from .core.views import Desk, made
 from .features import initial, places, update
 from .gait.live import LiveRunner
 from .model.update import recovered
 from .model.worker import Errands
-from .report.worker import Analyst
-from .run.worker import Compiler, Simulator
-from .search.worker import Searcher
+from .report import Analysis
+from .report.worker import measured
+from .run import Simulation
+from .run.worker import Compiler, simulated
+from .search import Search
+from .search.worker import searched
 from .session.autosave import Autosave, left_behind
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT
 from .session.worker import Files
 
+JOBS: dict[type[Job], Any] = {Simulation: simulated, Analysis: measured, Search: searched}
 AGAIN = 0.2  # s, how often a server that waits asks whether it is to stop
 
 
@@ -60,8 +66,8 @@ class Server:
         bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, given, self.send, again) if keep else None
-        workers = (Simulator, LiveRunner, Analyst, Searcher, Files, Reports, Errands)
-        work = [worker(self.send) for worker in workers]
+        work: list[View] = [Worker(kind, act, self.send) for kind, act in JOBS.items()]
+        work += [worker(self.send) for worker in (LiveRunner, Files, Reports, Errands)]
         keeps = filter(None, [self._autosave])  # first, so confirmed edits are on disk
         self.store.ready, bridge.shown = bridge.ready, self.store.wake
         self.store.together = bridge.together

@@ -128,6 +128,7 @@ class State:
     greeting: Notice | None = None  # to pages that open, until the model is changed
     framed: int = 0  # number of opened models, for each of which the camera is framed
     document: int = 0  # `framed` when the present model was opened, changed by Undo and Redo
+    jobs: int = 0  # number of requested jobs, the id of the last one
 
     def opened(self, before: Any) -> Self:
         """Return the state at the beginning of another model, which was opened after `before`."""
@@ -156,6 +157,11 @@ class State:
     def moves(self) -> bool:
         """True if time is advancing, so that the store ticks."""
         return False
+
+    @property
+    def ready(self) -> bool:
+        """True once background jobs can begin."""
+        return True
 
     @property
     def streams(self) -> bool:

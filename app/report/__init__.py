@@ -8,6 +8,7 @@ from typing import Any, Self
 import pgraph_core as pg
 
 from .. import run
+from ..core.jobs import Job
 from ..core.state import Client as Client
 from ..run import Request
 
@@ -22,16 +23,13 @@ class ReportRequest:
 
 
 @dataclass(frozen=True)
-class Analysis:
+class Analysis(Job):
     """A report in progress."""
 
-    id: int
+    NAME, FIELD, PROBLEM = "report", "analysis", "analysis_problem"
     kind: str  # precision or stability
-    model: pg.Model
     request: Request
     reporting: ReportRequest
-    fraction: float = 0.0
-    cancelled: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from pgraph_core.study.axes import AXES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on, on_news, on_request, on_typed
+from ..core.events import FromPage, Text, on, on_request, on_typed
+from ..core.jobs import cancelled, on_result, started
 from . import Analysis, Report, ReportRequest, State, advised, latest
 
 LONGEST = 60.0  # [s] limit on the measured motion, which is run some hundred times
@@ -58,9 +59,7 @@ def analyse(state: State, event: Analyse) -> State:
         return state
     if not state.model.bodies:
         return replace(state, analysis_problem="There is no body yet: add one to the table.")
-    id = state.jobs + 1
-    analysis = Analysis(id, event.kind, state.model, state.request, state.reporting)
-    return replace(state, analysis=analysis, jobs=id, analysis_problem="")
+    return started(state, Analysis, event.kind, state.request, state.reporting)
 
 
 @dataclass(frozen=True)
@@ -70,42 +69,16 @@ class CancelAnalysis(FromPage):
 
 @on(CancelAnalysis)
 def cancel(state: State, event: CancelAnalysis) -> State:
-    now = state.analysis
-    return state if now is None else replace(state, analysis=replace(now, cancelled=True))
+    return cancelled(state, Analysis)
 
 
-@dataclass(frozen=True)
-class Measuring(Event):
-    id: int
-    fraction: float
-
-
-@dataclass(frozen=True)
-class Measured(Event):
-    id: int
-    report: Any  # pgraph_core's Study or StabilityMap
-
-
-@dataclass(frozen=True)
-class NotMeasured(Event):
-    id: int
-    text: str
-
-
-@on_news("analysis", Measuring, Measured, NotMeasured)
-def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis) -> State:
-    """Handle progress messages from the report in progress."""
-    match event:
-        case Measuring(_, fraction):
-            return replace(state, analysis=replace(now, fraction=fraction))
-        case Measured(_, report):
-            asked = now.reporting.t_end or now.request.t_end
-            other = latest(state.report, "stability" if now.kind == "precision" else "precision")
-            kept = None if other is None else replace(other, other=None)
-            done = Report(now.kind, now.model, report, asked, kept)
-            return replace(state, analysis=None, report=done)
-        case NotMeasured(_, text):
-            return replace(state, analysis=None, analysis_problem=text)
+@on_result(Analysis)
+def measured(state: State, job: Analysis, result: Any) -> State:
+    """Show a Study or StabilityMap of pgraph_core, and keep the latest one of the other kind."""
+    duration = job.reporting.t_end or job.request.t_end
+    other = latest(state.report, "stability" if job.kind == "precision" else "precision")
+    kept = None if other is None else replace(other, other=None)
+    return replace(state, report=Report(job.kind, job.model, result, duration, kept))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from pgraph_core.show import shapes
 from pgraph_core.show.bodies import extent, looks
 
 from ..core import state
+from ..core.jobs import Job
 from ..core.state import Client as Client
 from ..core.state import Names
 from .footfalls import Change, changes
@@ -34,13 +35,11 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Job:
-    """A simulation in progress, with its model."""
+class Simulation(Job):
+    """A simulation in progress."""
 
-    id: int
-    model: pg.Model
+    NAME, FIELD, PROBLEM = "simulation", "job", "run_problem"
     request: Request
-    fraction: float = 0.0
     before: Any = None  # the result that this one goes on from
     gait: pg.Gait | None = None  # replaces the gait of its scenario
     framed: int = 0  # `State.framed` at the request
@@ -168,8 +167,7 @@ class State(state.State):
     request: Request = field(default_factory=Request)
     last_run: Run | None = None
     run_framed: int = 0  # `framed` when it was made
-    job: Job | None = None
-    jobs: int = 0  # number of requested jobs, the id of the last one
+    job: Simulation | None = None
     live: Live | None = None
     runs: tuple[KeptRun, ...] = ()  # earlier ones, shown together with this one
     run_problem: str = ""  # why the last job gave no result
@@ -252,6 +250,10 @@ class State(state.State):
     @property
     def moves(self) -> bool:
         return self.playback.moves
+
+    @property
+    def ready(self) -> bool:
+        return self.kernels.ready
 
     @property
     def streams(self) -> bool:

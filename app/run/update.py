@@ -14,7 +14,8 @@ from pgraph_core.simulation.options import ADAPTIVE
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_news, on_typed
-from . import FREE_RUN, Job, KeptRun, Kernels, Live, Request, Run, State, run_on
+from ..core.jobs import on_result, started
+from . import FREE_RUN, KeptRun, Kernels, Live, Request, Run, Simulation, State, run_on
 from .footfalls import changes, since
 
 LONGEST_RUN = 3600.0  # [s]
@@ -105,11 +106,9 @@ class Continue(FromPage):
 
 def asked(state: S, before: Any, gait: pg.Gait | None = None) -> S:
     """Start a simulation, optionally from the end of `before` or with another gait."""
-    job = Job(
-        state.jobs + 1, state.model, state.request, before=before, gait=gait, framed=state.framed
-    )
     paused = replace(state.playback, playing=False, preview=False)
-    return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
+    state = replace(state, playback=paused)
+    return started(state, Simulation, state.request, before, gait, state.framed)
 
 
 @dataclass(frozen=True)
@@ -124,50 +123,24 @@ def cancel(state: State, event: Cancel) -> State:
     return replace(state, job=None, run_problem="The simulation was cancelled.")
 
 
-@dataclass(frozen=True)
-class Progress(Event):
-    collapses = True
-    id: int  # id of the job
-    fraction: float
-
-
-@dataclass(frozen=True)
-class Simulated(Event):
-    id: int
-    result: Any
-
-
-@dataclass(frozen=True)
-class Failed(Event):
-    id: int
-    text: str
-
-
-@on_news("job", Progress, Simulated, Failed)
-def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State:
-    """Handle news about the current job."""
-    match event:
-        case Progress(_, fraction):
-            return replace(state, job=replace(job, fraction=fraction))
-        case Failed(_, text):
-            return replace(state, job=None, run_problem=text)
-        case Simulated(_, result) if not len(result.t):  # nothing to play or to keep
-            why = result.message or result.status.value
-            return replace(state, job=None, run_problem=f"There is no run to show: {why}.")
-        case Simulated(_, result):
-            start = 0.0 if job.before is None else float(job.before.t[-1])
-            plays = job.model is state.model and len(result.t) > 1
-            unseen = not any(page.aspect for page in state.clients.values())
-            playback = replace(
-                state.playback, time=start, playing=False, preview=plays, unseen=unseen
-            )
-            stale = "The model was changed during the simulation; undo shows that run."
-            problem = "" if job.model is state.model else stale
-            run = Run(job.model, job.request, result)
-            return replace(
-                state, job=None, live=None, last_run=run, run_framed=job.framed,
-                playback=playback, run_problem=problem,
-            )  # fmt: skip
+@on_result(Simulation)
+def simulated(state: State, job: Simulation, result: Any) -> State:
+    """Show the run of a simulation."""
+    if not len(result.t):  # nothing to play or to keep
+        why = result.message or result.status.value
+        return replace(state, run_problem=f"There is no run to show: {why}.")
+    start = 0.0 if job.before is None else float(job.before.t[-1])
+    plays = job.model is state.model and len(result.t) > 1
+    unseen = not any(page.aspect for page in state.clients.values())
+    stale = "The model was changed during the simulation; undo shows that run."
+    return replace(
+        state,
+        live=None,
+        last_run=Run(job.model, job.request, result),
+        run_framed=job.framed,
+        playback=replace(state.playback, time=start, playing=False, preview=plays, unseen=unseen),
+        run_problem="" if job.model is state.model else stale,
+    )
 
 
 @dataclass(frozen=True)

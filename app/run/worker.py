@@ -1,67 +1,26 @@
-"""Background threads for long work: simulations, compiling the kernels, writing files.
-
-Each follows the state like a view and answers with events.
-"""
+"""The work of a simulation, and the compilation of the kernels in the background."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 
 import pgraph_core as pg
 from pgraph_core.engine.compiler.archive import current
 
 from ..core.events import Event
-from . import FREE_RUN, Job, State
-from .update import Compiled, Compiling, Failed, Progress, Simulated
+from ..core.jobs import Report
+from . import FREE_RUN, Simulation
+from .update import Compiled, Compiling
 
 COMPILE = ("-m", "pgraph_core.engine", "--with-parent")
-REPORT = 0.05  # [s] between progress events
 
 Send = Callable[[Event], None]
 
 
-class Simulator:
-    """Runs the state's job in a thread once the kernels are ready, and cancels dropped jobs."""
-
-    def __init__(self, send: Send):
-        self._send = send
-        self._running = 0  # id of the job that was started last
-        self._cancelled = threading.Event()
-
-    def render(self, old: State, new: State) -> None:
-        job = new.job
-        if old.job is not None and (job is None or job.id != old.job.id):
-            self._cancelled.set()
-        if job is None or job.id == self._running or not new.kernels.ready:
-            return
-        self._running, self._cancelled = job.id, threading.Event()
-        args = (job, self._cancelled)
-        threading.Thread(target=self._run, args=args, name="pgraph-run", daemon=True).start()
-
-    def _run(self, job: Job, cancelled: threading.Event) -> None:
-        reported = time.perf_counter()
-
-        def progress(fraction: float) -> bool:
-            nonlocal reported
-            now = time.perf_counter()
-            if now - reported > REPORT:
-                reported = now
-                self._send(Progress(job.id, float(fraction)))
-            return not cancelled.is_set()
-
-        try:
-            self._send(Simulated(job.id, simulated(job, progress)))
-        except pg.PgraphError as error:
-            self._send(Failed(job.id, str(error)))
-        except Exception as error:  # said on the page: the session goes on
-            self._send(Failed(job.id, f"The simulation stopped: {type(error).__name__}: {error}"))
-
-
-def simulated(job: Job, progress: Callable[[float], bool]) -> object:
+def simulated(job: Simulation, progress: Report) -> object:
     """Return the result of a job."""
     request, before = job.request, job.before
     start = 0.0 if before is None else float(before.t[-1])

@@ -7,11 +7,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import pgraph_core as pg
+from pgraph_core.result.columns import columns_of
 
 from .. import run
+from ..core.jobs import Job
 from ..core.state import Client as Client
 from ..core.state import Names as Names
 from ..run import Request
+
+DRAWN = 300  # points of a drawn curve
 
 Curves = Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]  # {name: (times, values)}
 
@@ -40,17 +44,31 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Search:
+class Search(Job):
     """A search in progress."""
 
-    id: int
+    NAME, FIELD, PROBLEM = "search", "search", "search_problem"
     asked: Asked
-    model: pg.Model
     request: Request
     trials: int = 0
     said: str = ""
     curves: Curves = field(default_factory=dict)  # curves of the run that was tried last
-    cancelled: bool = False
+
+    def changes(self, *news: Any) -> Mapping[str, Any]:
+        trials, said, run = news
+        shown = self.curves if run is None else drawn(self.asked, run)
+        return {"trials": trials, "said": said, "curves": shown}
+
+
+def drawn(asked: Asked, run: Any) -> Curves:
+    """Return the curves of a run that a search looks at, thinned for drawing."""
+    found = columns_of(run)
+    names = {s for s in asked.match.values() if s} if asked.kind == "fit" else {asked.signal}
+    step = -(-len(run.t) // DRAWN)
+    return {
+        name: (tuple(run.t[::step].tolist()), tuple(found[name].values[::step].tolist()))
+        for name in sorted(names) if name in found
+    }  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from pgraph_core.sweeps.metrics import WAYS
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on, on_edit, on_news, on_typed
-from . import Curves, Found, Free, Search, State
+from ..core.events import FromPage, Text, on, on_edit, on_typed
+from ..core.jobs import cancelled, on_result, started
+from . import Found, Free, Search, State
 from .known import numbers_of, signals_of
 
 MOST_FREE = 60
@@ -188,9 +189,7 @@ def start(state: State, event: StartSearch) -> State:
         problem = "Choose the curve."
     if problem:
         return replace(state, search_problem=problem)
-    id = state.jobs + 1
-    search = Search(id, asked, state.model, state.request)
-    return replace(state, search=search, jobs=id, search_problem="")
+    return started(state, Search, asked, state.request)
 
 
 @dataclass(frozen=True)
@@ -200,42 +199,12 @@ class CancelSearch(FromPage):
 
 @on(CancelSearch)
 def cancel(state: State, event: CancelSearch) -> State:
-    now = state.search
-    return state if now is None else replace(state, search=replace(now, cancelled=True))
+    return cancelled(state, Search)
 
 
-@dataclass(frozen=True)
-class Tried(Event):
-    collapses = True
-    id: int
-    trials: int
-    said: str
-    curves: Curves
-
-
-@dataclass(frozen=True)
-class FoundNumbers(Event):
-    id: int
-    found: Found
-
-
-@dataclass(frozen=True)
-class FoundNothing(Event):
-    id: int
-    text: str
-
-
-@on_news("search", Tried, FoundNumbers, FoundNothing)
-def heard(state: State, event: Tried | FoundNumbers | FoundNothing, now: Search) -> State:
-    """Handle progress messages from the search in progress."""
-    match event:
-        case Tried(_, trials, said, curves):
-            shown = replace(now, trials=trials, said=said, curves=curves)
-            return replace(state, search=shown)
-        case FoundNumbers(_, found):
-            return replace(state, search=None, found=found)
-        case FoundNothing(_, text):
-            return replace(state, search=None, search_problem=text)
+@on_result(Search)
+def found(state: State, job: Search, result: Found) -> State:
+    return replace(state, found=result)
 
 
 @dataclass(frozen=True)

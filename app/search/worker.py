@@ -1,10 +1,9 @@
-"""Background searches: a thread that follows the state and sends events."""
+"""The work of searches."""
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -13,71 +12,20 @@ import pgraph_core as pg
 from pgraph_core.result.columns import columns_of
 from pgraph_core.search.data import measured
 
-from ..core.events import Event
+from ..core.jobs import Report
 from ..run import FREE_RUN
-from . import Curves, Found, Search, State
+from . import Found, Search, drawn
 from .known import numbers_of
-from .update import FoundNothing, FoundNumbers, Tried, full
-
-REPORT = 0.15  # [s] between progress events
-DRAWN = 300  # points of a drawn curve
+from .update import full
 
 
-class Searcher:
-    """Runs the state's search in a thread once the kernels are ready, until it is cancelled."""
-
-    def __init__(self, send: Callable[[Event], None]):
-        self._send = send
-        self._running = 0
-        self._cancelled = threading.Event()
-
-    def render(self, old: State, new: State) -> None:
-        now = new.search
-        if now is None and old.search is not None:
-            self._cancelled.set()  # over already, or of a model that was closed
-        if now is None or not new.kernels.ready:
-            return
-        if now.cancelled:
-            self._cancelled.set()
-        if now.id == self._running:
-            return
-        self._running, self._cancelled = now.id, threading.Event()
-        args = (now, self._cancelled)
-        threading.Thread(target=self._run, args=args, name="pgraph-search", daemon=True).start()
-
-    def _run(self, now: Search, cancelled: threading.Event) -> None:
-        told, trials = 0.0, 0
-
-        def progress(said: str, run: Any) -> bool:
-            nonlocal told, trials
-            trials += 1
-            if run is not None and time.perf_counter() - told > REPORT:
-                told = time.perf_counter()
-                self._send(Tried(now.id, trials, said, drawn(now, run)))
-            return not cancelled.is_set()
-
-        try:
-            self._send(FoundNumbers(now.id, SEARCHES[now.asked.kind](now, progress)))
-        except KeyboardInterrupt:
-            self._send(FoundNothing(now.id, "The search was cancelled before its first run."))
-        except pg.PgraphError as error:
-            self._send(FoundNothing(now.id, str(error)))
-        except Exception as error:  # said on the page: the session goes on
-            self._send(FoundNothing(now.id, f"The search stopped: {type(error).__name__}: {error}"))
+def searched(now: Search, report: Report) -> Found:
+    """Return what the search finds."""
+    trials = count(1)
+    return SEARCHES[now.asked.kind](now, lambda said, run: report(next(trials), said, run))
 
 
-Progress = Callable[[str, Any], bool]
-
-
-def drawn(now: Search, run: Any) -> Curves:
-    """Return the curves of a run that the search looks at, thinned for drawing."""
-    found, asked = columns_of(run), now.asked
-    names = {s for s in asked.match.values() if s} if asked.kind == "fit" else {asked.signal}
-    step = -(-len(run.t) // DRAWN)
-    return {
-        name: (tuple(run.t[::step].tolist()), tuple(found[name].values[::step].tolist()))
-        for name in sorted(names) if name in found
-    }  # fmt: skip
+Progress = Callable[[str, Any], bool]  # takes what a trial reached, and its run
 
 
 def settings(now: Search, data: bool = False) -> dict[str, Any]:
@@ -106,15 +54,8 @@ def fit(now: Search, progress: Progress) -> Found:
     )  # fmt: skip
     rows = [(path, present[path], x, found.errors[path]) for path, x in found.values.items()]
     noise = [f"{name}: residuals of {size:.2g}" for name, size in found.noise.items()]
-    curves = drawn(now, found.run)
-    return Found(
-        asked,
-        now.model,
-        f"Fit, {found.message}",
-        tuple(rows),
-        (*found.undetermined, *noise),
-        curves,
-    )
+    title, notes = f"Fit, {found.message}", (*found.undetermined, *noise)
+    return Found(asked, now.model, title, tuple(rows), notes, drawn(asked, found.run))
 
 
 def optimise(now: Search, progress: Progress) -> Found:
@@ -133,7 +74,7 @@ def optimise(now: Search, progress: Progress) -> Found:
         for one, x in zip(asked.free, found.values.values(), strict=True)
     ]
     title = f"Least {goal}: {found.objective:.4g}, {found.message}"
-    return Found(asked, now.model, title, tuple(rows), found.active, drawn(now, found.run))
+    return Found(asked, now.model, title, tuple(rows), found.active, drawn(asked, found.run))
 
 
 def matters(now: Search, progress: Progress) -> Found:
@@ -151,7 +92,7 @@ def matters(now: Search, progress: Progress) -> Found:
     rows.sort(key=lambda row: -row[3])
     text = "Root mean square change of the curve, for a number that is larger by its own size."
     title = f"What moves {asked.signal}"
-    return Found(asked, now.model, title, tuple(rows), (text,), drawn(now, run))
+    return Found(asked, now.model, title, tuple(rows), (text,), drawn(asked, run))
 
 
 SEARCHES: dict[str, Callable[[Search, Progress], Found]] = {

@@ -49,7 +49,7 @@ def answered(state: Any, *happened: Event) -> Any:
 def ran(state: Any, result: Any) -> Any:
     """Return the state after a simulation with this result."""
     asked = update(state, do.Simulate(ME))
-    return update(asked, do.Simulated(asked.job.id, result))
+    return update(asked, do.Done(asked.job.id, result))
 
 
 def reply(state: Any, client: int = ME) -> str:

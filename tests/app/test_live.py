@@ -120,7 +120,7 @@ def test_stop_acts_before_the_parts_are_joined(live):
     assert after(over, do.Simulate(ME)).job is not None
     assert stopped(state, do.Simulate(ME)).last_run is not None
     newer = pg.simulate(pg.Mechanism(state.model), t_end=0.2)
-    shown = stopped(state, do.Simulate(ME), do.Simulated(over.jobs + 1, newer))
+    shown = stopped(state, do.Simulate(ME), do.Done(over.jobs + 1, newer))
     assert shown.last_run.result is newer  # what came first is not shown over it
 
 
@@ -195,7 +195,7 @@ def test_continue_asks_for_a_run_from_the_end(finished):
     request = replace(state.job.request, t_end=0.2)
     whole = simulated(replace(state.job, request=request), lambda _: True)
     assert (whole.t[0], whole.t[-1]) == pytest.approx((0.0, 0.4))
-    done = after(state, do.Simulated(state.job.id, whole))
+    done = after(state, do.Done(state.job.id, whole))
     assert done.playback.time == pytest.approx(0.2)
 
 

@@ -7,7 +7,8 @@ from functools import partial
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.report import worker
+from pgraph_app.core.jobs import Worker
+from pgraph_app.report import Analysis, worker
 from pgraph_app.report.view import drawn, page, reports
 from pgraph_app.run.view import run
 
@@ -20,11 +21,11 @@ def measured(state, kind):
 
     def send(event):
         heard.append(event)
-        if not isinstance(event, do.Measuring):
+        if not isinstance(event, do.Progress):
             done.set()
 
     state = after(state, do.Analyse(ME, kind))
-    worker.Analyst(send).render(state, state)
+    Worker(Analysis, worker.measured, send).render(state, state)
     assert done.wait(LIMIT)
     return after(state, *heard)
 
@@ -93,7 +94,7 @@ def test_both_reports_stay_and_each_has_its_button(precise, both):
     use = do.UseAdvised(ME, "precision")
     assert after(both, use).request == after(precise, use).request
     again = after(both, do.Analyse(ME, "precision"))
-    again = after(again, do.Measured(again.analysis.id, precise.report.result))
+    again = after(again, do.Done(again.analysis.id, precise.report.result))
     assert [one["kind"] for one in reports(again)["results"]] == ["precision", "stability"]
     assert again.report.other.result is found
     wanted = do.DownloadReport(ME, "precision")
@@ -128,11 +129,11 @@ def test_a_cancelled_report_ends(monkeypatch):
 
     monkeypatch.setitem(worker.MEASURES, "precision", measure)
     asked, heard = after(begun(pg.Model.serial(1)), do.Analyse(ME, "precision")), []
-    analyst = worker.Analyst(heard.append)
+    analyst = Worker(Analysis, worker.measured, heard.append)
     analyst.render(asked, asked)
     until(lambda: heard, "progress")
     cancelled = after(asked, do.CancelAnalysis(ME))
     analyst.render(asked, cancelled)
-    until(lambda: not isinstance(heard[-1], do.Measuring), "the end")
+    until(lambda: not isinstance(heard[-1], do.Progress), "the end")
     assert after(cancelled, heard[-1]).analysis is None
     assert after(cancelled, heard[-1]).report.result == "measured so far"

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.search import worker
+from pgraph_app.core.jobs import Worker
+from pgraph_app.search import Search
 from pgraph_app.search.view import searches
+from pgraph_app.search.worker import searched as work
 
 from .store import LIMIT, ME, after, begun, do
 
@@ -34,12 +36,12 @@ def searched(state):
 
     def send(event):
         heard.append(event)
-        if not isinstance(event, do.Tried):
+        if not isinstance(event, do.Progress):
             done.set()
 
     state = after(state, do.StartSearch(ME))
     assert state.search is not None, state.search_problem
-    worker.Searcher(send).render(state, state)
+    Worker(Search, work, send).render(state, state)
     assert done.wait(LIMIT)
     return after(state, *heard), heard
 
@@ -53,7 +55,7 @@ def test_a_fit_finds_the_damping_and_is_undone():
         state = after(state, do.FreeNumber(ME, path, True))
     assert len(state.searching.free) == 2
     state, heard = searched(state)
-    assert [one for one in heard if isinstance(one, do.Tried) and one.curves]
+    assert [one for one in heard if isinstance(one, do.Progress) and one.changes["curves"]]
     sent = searches(state)["found"]
     values = {row["name"]: row["found"] for row in sent["rows"]}
     damping = next(x for name, x in values.items() if "damping" in name)
@@ -109,11 +111,11 @@ def test_a_search_is_cancelled_with_its_best():
         heard.append(event)
         done.set()
 
-    searcher = worker.Searcher(send)
+    searcher = Worker(Search, work, send)
     cancelled = after(state, do.CancelSearch(ME))
     searcher.render(state, cancelled)
     assert done.wait(LIMIT)
-    while not isinstance(heard[-1], (do.FoundNumbers, do.FoundNothing)):
+    while not isinstance(heard[-1], (do.Done, do.Failed)):
         done.clear()
         assert done.wait(LIMIT)
     assert after(cancelled, *heard).search is None

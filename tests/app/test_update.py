@@ -49,7 +49,7 @@ def result(t_end=1.0, nb=7):
 
 @pytest.fixture
 def ran(state):
-    return after(state, do.Simulate(ME), do.Simulated(1, result()))
+    return after(state, do.Simulate(ME), do.Done(1, result()))
 
 
 def test_theme_view_and_downloads_are_a_page_s_own_and_switches_shared(state):
@@ -131,8 +131,8 @@ def test_a_run_is_asked_for_once_and_comes_back(state):
     asked = after(state, do.Simulate(ME))
     assert state == before
     assert after(asked, do.Simulate(OTHER)) is asked
-    assert after(asked, do.Progress(1, 0.5)).job.fraction == 0.5
-    done = after(asked, do.Simulated(1, result()))
+    assert after(asked, do.Progress(1, {"fraction": 0.5})).job.fraction == 0.5
+    done = after(asked, do.Done(1, result()))
     assert (done.job, done.t_end) == (None, 1.0)
     failed = after(asked, do.Failed(1, "why"))
     assert (failed.job, failed.run_problem) == (None, "why")
@@ -147,9 +147,9 @@ def test_a_stale_result_is_dropped(state):
     assert cancelled.job is None
     assert cancelled.run_problem
     assert after(cancelled, do.OpenBuiltIn(ME, "serial")).run_problem == ""
-    assert after(cancelled, do.Simulated(1, result())) is cancelled
+    assert after(cancelled, do.Done(1, result())) is cancelled
     again = after(cancelled, do.Simulate(ME))
-    for stale in (do.Simulated(1, result()), do.Progress(1, 0.9), do.Failed(1, "no")):
+    for stale in (do.Done(1, result()), do.Progress(1, {"fraction": 0.9}), do.Failed(1, "no")):
         assert after(again, stale) is again
 
 
@@ -160,7 +160,7 @@ def test_a_run_belongs_to_the_model_it_was_asked_for(state, ran):
     undone = after(edited, do.Undo(ME))
     assert (undone.run, undone.earlier) == (ran.last_run, None)
     assert after(edited, do.OpenBuiltIn(ME, "serial")).plotted is None
-    meanwhile = after(state, do.Simulate(ME), typed("3", "mass", "2"), do.Simulated(1, result()))
+    meanwhile = after(state, do.Simulate(ME), typed("3", "mass", "2"), do.Done(1, result()))
     assert meanwhile.run is None
     assert meanwhile.run_problem
     assert after(meanwhile, do.Undo(ME)).run is not None
@@ -335,7 +335,7 @@ def test_waiting_news_of_the_server_is_drawn_once_and_a_person_passes_it(state):
     store = Store(state, slowly)
     store.start([SimpleNamespace(render=lambda old, new: drawn.append((new.jobs, new.framed)))])
     for _ in range(200):
-        store.send(do.Progress(1, 0.5))
+        store.send(do.Progress(1, {"fraction": 0.5}))
     store.send(do.Select(ME, None))
     gate.set()
     until(lambda: drawn[-1] == (200, 1), "all of it drawn")
@@ -361,7 +361,7 @@ def test_a_view_that_failed_draws_the_whole_change_next_time(state):
     assert seen == [(0, 0), (0, 2)]
 
 
-@pytest.mark.parametrize("event", [do.Select(ME, None), do.Progress(1, 0.5), do.Tick(0.1)])
+@pytest.mark.parametrize("event", [do.Select(ME, None), do.Progress(1, {}), do.Tick(0.1)])
 def test_an_event_of_any_length_is_no_news_for_the_terminal(state, event, caplog, monkeypatch):
     clock = SimpleNamespace(perf_counter=count(step=1000.0).__next__)
     monkeypatch.setattr("pgraph_app.core.store.time", clock)
@@ -405,6 +405,6 @@ def test_a_preview_ends_with_the_run(ran):
 def test_a_run_of_one_instant_has_no_frames_to_step_through(state):
     one = result()
     one.t, one.body_pose = one.t[:1], one.body_pose[:1]
-    state = after(state, do.Simulate(ME), do.Simulated(1, one))
+    state = after(state, do.Simulate(ME), do.Done(1, one))
     state = replace(state, playback=replace(state.playback, playing=True))
     assert after(state, do.StepFrames(ME, 1)) is state

@@ -1,0 +1,90 @@
+"""Background jobs: one class does simulations, reports and searches."""
+
+from dataclasses import replace
+
+import pytest
+
+import pgraph_core as pg
+from pgraph_app.core.jobs import ENDS, Worker, cancelled
+from pgraph_app.report import Analysis
+from pgraph_app.run import Kernels, Simulation
+from pgraph_app.search import Search
+from pgraph_core.errors import Problem
+
+from .store import ME, after, begun, do, until
+
+GOAL = (
+    do.AskSearch(ME, "optimise"), do.SetGoal(ME, 1, "signal", "1"),
+    do.FreeNumber(ME, "bodies.1.mass", True),
+)  # fmt: skip
+ASK = {
+    Simulation: (do.Simulate(ME),), Analysis: (do.Analyse(ME, "precision"),),
+    Search: (*GOAL, do.StartSearch(ME)),
+}  # fmt: skip
+every = pytest.mark.parametrize("kind", ASK)
+
+
+def asked(kind, compiled=True):
+    state = after(begun(pg.Model.serial(2), compiled=compiled), *ASK[kind])
+    assert isinstance(getattr(state, kind.FIELD), kind)
+    return state
+
+
+def test_each_kind_of_job_is_tested():
+    assert set(ASK) == set(ENDS)
+
+
+@every
+@pytest.mark.parametrize(
+    ("error", "fact"),
+    [
+        (pg.InputError(Problem("simulate", "method", "euler")), "euler"),
+        (ZeroDivisionError("0"), "ZeroDivisionError"),
+        (KeyboardInterrupt(), "cancelled"),
+    ],
+)
+def test_a_job_that_fails_leaves_its_reason(kind, error, fact):
+    def work(job, report):
+        raise error
+
+    state, heard = asked(kind), []
+    Worker(kind, work, heard.append).render(state, state)
+    until(lambda: heard, "the end")
+    failed = after(state, *heard)
+    assert getattr(failed, kind.FIELD) is None
+    assert fact in getattr(failed, kind.PROBLEM)
+    assert getattr(after(failed, *ASK[kind]), kind.PROBLEM) == ""
+
+
+@every
+def test_news_of_another_job_are_ignored(kind):
+    state = asked(kind)
+    number = getattr(state, kind.FIELD).id
+    late = do.Progress(number + 1, {}), do.Done(number + 1, None), do.Failed(number + 1, "no")
+    assert after(state, *late) is state
+
+
+@every
+@pytest.mark.parametrize("how", ["dropped", "cancelled"])
+def test_a_job_ends_when_it_is_dropped_or_cancelled(kind, how):
+    """It is told so by what `report` returns, also if it was cancelled before the kernels came."""
+
+    ends = []
+
+    def work(job, report):
+        until(lambda: not report(*news), "the cancellation")
+        ends.append(job.id)
+
+    news = (1, "", None) if kind is Search else (0.5,)
+    state, heard = asked(kind, compiled=False), []
+    over = cancelled(state, kind) if how == "cancelled" else replace(state, **{kind.FIELD: None})
+    worker = Worker(kind, work, heard.append)
+    worker.render(state, state)
+    ready = replace(state, kernels=Kernels(ready=True))
+    if how == "cancelled":
+        worker.render(state, replace(over, kernels=Kernels(ready=True)))
+    else:
+        worker.render(state, ready)
+        worker.render(ready, over)
+    until(lambda: ends, "the end")
+    assert ends == [getattr(state, kind.FIELD).id]
