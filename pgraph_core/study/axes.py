@@ -13,13 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, PgraphError, refusal
-from ..fields import GROUND
+from ..fields import GROUND, fields_of
 from ..joints import AXIAL, SIZE
 from ..model import Body, Force, Model, Spring, Torsion
 from ..topology import Topology
-from .rescaling import changed, rescaled
-
-SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
 
 
 class Axis(NamedTuple):
@@ -30,9 +27,14 @@ class Axis(NamedTuple):
     unit: str
     values: tuple[float, ...]  # usual ones
     applied: Callable[[Model, float], Model] = lambda model, value: model
-    pace: Callable[[float], float] = lambda value: 1.0  # factor on steps and duration
     of_steps: bool = False  # the values are the steps themselves
     own: Callable[[Model], float | None] = lambda model: None  # value of a model as it is
+
+
+def changed(body: Body, **fields: object) -> Body:
+    """Return a validated body with some fields changed, and derived values as numbers."""
+    own = {**fields_of(body), "derived": (), "density": None}
+    return Body(**{**own, **fields})
 
 
 def lacking(axis: str, what: str) -> InputError:
@@ -312,13 +314,6 @@ TABLE = (
          own=lambda model: 0.0),
     Axis("singularity", "distance of the first joint from its initial position", "rad or m",
          (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity, own=lambda model: 0.0),
-    Axis("length_scale", "factor on every length, gravity too", "",
-         SCALES, lambda model, value: rescaled(model, length=value), own=lambda model: 1.0),
-    Axis("mass_scale", "factor on every mass, forces too", "",
-         SCALES, lambda model, value: rescaled(model, mass=value), own=lambda model: 1.0),
-    Axis("time_scale", "factor on every time, steps and duration too", "",
-         SCALES, lambda model, value: rescaled(model, time=value), pace=float,
-         own=lambda model: 1.0),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )

@@ -55,7 +55,6 @@ class Line(NamedTuple):
 
     value: float
     model: Model | None
-    t_end: float
     steps: tuple[float, ...]
     known: KnownMotion | None
     problem: str  # why there is no model, or no known motion
@@ -322,18 +321,16 @@ def _warm(sweep: Sweep) -> None:
 
 def _line(sweep: Sweep, value: float, work: Work) -> Line:
     """Return the model at a given axis value with its most accurate known motion."""
-    pace = sweep.axis.pace(value)
-    t_end = sweep.t_end * pace
-    steps = (value,) if sweep.axis.of_steps else tuple(step * pace for step in sweep.steps)
+    steps = (value,) if sweep.axis.of_steps else sweep.steps
     try:
         model = sweep.axis.applied(sweep.model, value)
-        times = merged([times_of(t_end, step) for step in steps], t_end)
+        times = merged([times_of(sweep.t_end, step) for step in steps], sweep.t_end)
         task = Task(Mechanism(model), None, None, times)
         known = known_motion(task, min(steps), sweep.target, sweep.budget, work.goes_on)
     except PgraphError as refused:
-        return Line(value, None, t_end, steps, None, str(refused))
+        return Line(value, None, steps, None, str(refused))
     problem = "" if known else "no method reaches the end to compare with; try a shorter t_end"
-    return Line(value, model, t_end, steps, known, problem)
+    return Line(value, model, steps, known, problem)
 
 
 def _cell(
@@ -344,18 +341,18 @@ def _cell(
     if line.model is None:
         return index, cell
     mech = Mechanism(line.model)  # one per thread, so that threads share nothing
-    count = steps_of(line.t_end, step)
+    count = steps_of(sweep.t_end, step)
     each, allowed = per_step(method, mech.nv), sweep.budget // weight_of(mech)
     most = count * each
     if most > allowed:
         text = f"about {most:.1e} evaluations, of which the budget allows {allowed:.1e}"
         return index, Cell(line.value, method, step, Verdict.SLOW, text, evaluations=most)
-    task = Task(mech, None, None, times_of(line.t_end, step), stabilise=sweep.stabilise)
+    task = Task(mech, None, None, times_of(sweep.t_end, step), stabilise=sweep.stabilise)
     try:
         whole, half = (  # implicit steps that cannot be solved are divided, and may become many
             task.run(
                 method,
-                Setting(step=line.t_end / n, max_steps=max(allowed // each, n)),
+                Setting(step=sweep.t_end / n, max_steps=max(allowed // each, n)),
                 work.goes_on,
             )
             for n in (count, 2 * count)

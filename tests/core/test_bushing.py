@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from pgraph_core.study.rescaling import rescaled
+
+from .rescaling import rescaled
 
 RNG = np.random.default_rng(7)
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.study.rescaling import rescaled
+
+from .rescaling import rescaled
 
 pytestmark = pytest.mark.quick
 

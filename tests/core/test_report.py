@@ -171,7 +171,7 @@ def test_a_motion_that_is_impossible_is_refused_with_its_cause():
     model = model.add(pg.Point(name="bad", body="1", point=(1, 0, 0), other_point=(3, 3, 3)))
     with pytest.raises(pg.InputError, match="'bad'"):
         pg.work_precision(model, t_end=0.1, rounds=1)
-    found = pg.stability_map(model, axis="mass_scale", values=(1.0,), t_end=0.1, steps=(1e-2,))
+    found = pg.stability_map(model, axis="speed", values=(1.0,), t_end=0.1, steps=(1e-2,))
     assert not any(cell.status == "OK" for cell in found.cells)
     assert "bad" in found.advice
 

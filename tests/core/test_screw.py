@@ -11,6 +11,8 @@ import pgraph_core as pg
 from pgraph_core.model.body import Body
 from pgraph_core.paper import Operators
 
+from .rescaling import rescaled
+
 G = 9.81
 PITCH = 0.3  # [m a turn]
 
@@ -116,8 +118,6 @@ def test_a_reflected_thread_is_of_the_other_hand():
 
 
 def test_a_screw_is_scaled_with_its_model():
-    from pgraph_core.study.rescaling import rescaled
-
     run = pg.simulate(pg.Model(bodies=[nut()]), t_end=0.4, method="rk4", step=0.01)
     small = rescaled(pg.Model(bodies=[nut()]), length=1e-3)
     again = pg.simulate(small, t_end=0.4, method="rk4", step=0.01)

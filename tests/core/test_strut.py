@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.study.rescaling import rescaled
+
+from .rescaling import rescaled
 
 SPRING = pg.Lines(x=(0.5, 1.0, 1.5), value=(-20.0, 0.0, 80.0))  # 40 N/m, then 160 N/m
 DAMPER = pg.Lines(x=(-1.0, 0.0, 1.0), value=(-2.0, 0.0, 6.0))  # 2 N s/m in, 6 N s/m out

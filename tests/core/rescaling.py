@@ -6,20 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import refusal
-from ..fields import Frozen, OfSums, dim_of, facts, fields_of
-from ..joints import KINDS, PER_MOTION, Motion
-from ..model import Body, Force, Model
-from ..model.constraint import InJoints
-from ..packing.signals import varying
-from ..units import Dim, M, S
-
-
-def changed(body: Body, **fields: object) -> Body:
-    """Return a validated body with some fields changed, and derived values as numbers."""
-    own = {**fields_of(body), "derived": (), "density": None}
-    return Body(**{**own, **fields})
-
+from pgraph_core import Body, Force, Model
+from pgraph_core.fields import Frozen, OfSums, dim_of, facts, fields_of
+from pgraph_core.joints import KINDS, PER_MOTION, Motion
+from pgraph_core.study.axes import changed
+from pgraph_core.units import Dim, M, S
 
 # powers of a length in the coordinates and velocities of a motion
 Q = {kind: tuple(int(unit == "m") for unit in k.q) for kind, k in KINDS.items()}
@@ -75,17 +66,9 @@ class Scale:
 def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: float = 1.0) -> Model:
     """Return a model with the same motion, with lengths, masses and times scaled by given factors.
 
-    Scenarios are dropped. Raises InputError for constraints whose numbers have their own units.
+    Scenarios are dropped. Numbers of constraints on coordinates and of expressions stay.
     """
     s = Scale(float(length), float(mass), float(time))
-    fixed = [c.name for c in model.constraints if isinstance(c, InJoints)]
-    if fixed:
-        text = f"constraint '{fixed[0]}' acts on coordinates, whose numbers are not rescaled; "
-        raise refusal("stability_map", "axis", f"{text}choose another axis")
-    varies = [f.name for f in model.forces if varying(f)]
-    if varies:
-        text = f"force '{varies[0]}' has an expression, whose numbers have units of their own; "
-        raise refusal("stability_map", "axis", f"{text}choose another axis")
     steps = tuple(x.unchecked_copy(s.fields(x)) for x in model.ground.steps)
     return model.replace(
         bodies=tuple(_body(b, s) for b in model.bodies),
