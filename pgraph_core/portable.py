@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any, NoReturn, cast
+from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
 
@@ -80,6 +81,62 @@ def put_back(state: memoryview, arrays: Iterable[Any]) -> None:
         view = array.reshape(-1).view(np.uint8)
         view[:] = np.frombuffer(state, np.uint8, array.nbytes, place)
         place += array.nbytes
+
+
+class Snapshots(Portable, ABC):
+    """A mixin for objects that save and restore all that their next steps depend on."""
+
+    GIVEN: ClassVar[tuple[str, ...]]  # attributes that it is made from
+
+    def save(self) -> bytes:
+        """Save all that the next steps depend on, so that `restore` continues bit for bit."""
+        body = b"".join(array.tobytes() for array in self._memory())
+        return sealed(type(self).__name__, self._words(), body)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Restore a snapshot of the same mechanism, method, step size and options.
+
+        The kernels trust the values of a snapshot. Restore it only if you would also run code from
+        its author.
+
+        Parameters
+        ----------
+        snapshot : bytes
+            Result of `save`.
+
+        Raises
+        ------
+        InputError
+            If `save` of such an object did not make these bytes. Nothing is changed.
+        """
+        memory = self._memory()
+        words, state = unsealed(type(self).__name__, snapshot, self._words()[0], memory)
+        self._resume(words, state, memory)
+
+    @abstractmethod
+    def _words(self) -> tuple[str, ...]:
+        """Return a hash of what it is made from, and what a snapshot holds besides numbers."""
+
+    @abstractmethod
+    def _memory(self) -> list[Any]:
+        """Return the arrays that steps read before writing to them."""
+
+    @abstractmethod
+    def _resume(self, words: list[str], state: memoryview, memory: list[Any]) -> None:
+        """Continue from the words and the numbers of a snapshot."""
+
+    @abstractmethod
+    def _renew(self) -> None:
+        """Make the rest from what it is made from."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: self.__dict__[name] for name in self.GIVEN} | {"snapshot": self.save()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        snapshot = state.pop("snapshot")
+        vars(self).update(state)
+        self._renew()
+        self.restore(snapshot)
 
 
 def _magic(kind: str) -> bytes:

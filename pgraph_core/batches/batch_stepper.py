@@ -22,7 +22,7 @@ from ..given import array_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
-from ..portable import Portable, put_back, sealed, unsealed
+from ..portable import Snapshots, put_back
 from ..result.records import Named
 from ..simulation.paths import Path, counting, distinct, with_numbers
 from ..simulation.recording import STATUS
@@ -55,7 +55,7 @@ SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of i
     other="numbers of the description are given as set={path: values}",
 )
 @explained
-class BatchStepper(Portable):
+class BatchStepper(Snapshots):
     """A stepper for many instances of a mechanism, with trees, loops and contacts.
 
     Every instance has its own state and takes the steps that it would take alone in a `Stepper`,
@@ -466,52 +466,24 @@ class BatchStepper(Portable):
 
     # -- snapshots -------------------------------------------------------------------------------
 
-    def save(self) -> bytes:
-        """Save all that the next steps depend on, so that `restore` continues bit for bit."""
-        state = b"".join(map(bytes, self._memory()))
-        return sealed("BatchStepper", (self._key(),), state)
-
-    def restore(self, snapshot: bytes) -> None:
-        """Restore this batch from a snapshot.
-
-        The kernels trust the values of a snapshot. Restore it only if you would also run code from
-        its author.
-
-        Parameters
-        ----------
-        snapshot : bytes
-            Result of `save`.
-
-        Raises
-        ------
-        InputError
-            If `save` of this batch did not make these bytes. The batch stays unchanged.
-        """
-        memory = self._memory()
-        _, state = unsealed("BatchStepper", snapshot, self._key(), memory)
-        put_back(state, memory)
-        self._many.relink()
+    GIVEN = ("mech", "size", "threads", "_options", "_set", "_tau")
 
     def _memory(self) -> list[Any]:
-        """Return the arrays that are read before they are written during steps."""
         return list(self._many.memory)
 
-    def _key(self) -> str:
+    def _words(self) -> tuple[str, ...]:
         given = {**self._options, "tau": None}
         values = [np.ascontiguousarray(x).tobytes() for x in self._set.values()]
         many = self.size, len(self._many.starts)
         said = "\n".join([self.mech.model.hash, repr(given), repr(list(self._set)), repr(many)])
-        return sha256(said.encode() + b"".join(values)).hexdigest()[:16]
+        return (sha256(said.encode() + b"".join(values)).hexdigest()[:16],)
 
-    def __getstate__(self) -> dict[str, Any]:
-        names = ("mech", "size", "threads", "_options", "_set", "_tau")
-        return {name: self.__dict__[name] for name in names} | {"snapshot": self.save()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        snapshot = state.pop("snapshot")
-        self.__dict__.update(state)
+    def _renew(self) -> None:
         self._begin()
-        self.restore(snapshot)
+
+    def _resume(self, words: list[str], state: memoryview, memory: list[Any]) -> None:
+        put_back(state, memory)
+        self._many.relink()
 
 
 def _compiled(tau: Any, varied: bool) -> Any:

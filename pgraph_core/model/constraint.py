@@ -6,7 +6,7 @@ kernels of points and directions in body axes (`packing.constraints.Endpoints`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -56,6 +56,8 @@ class Constraint(OfKinds):
     WORD: ClassVar[str] = "constraint"
     ROWS: ClassVar[int] = 0  # number of scalar equations of the kind
     NOTHING: ClassVar[Mapping[str, Any]] = {"other": GROUND}
+    # (endpoints) -> the blocks of rows. Raises ModelError if the initial state contradicts them
+    _blocks: ClassVar[Callable[..., list[Any]]]
 
     name: Text = field("text that is not empty", label="Name")
     kind: Text = field(KIND, label="Kind")
@@ -65,10 +67,6 @@ class Constraint(OfKinds):
     def __init__(self, /, **data: Any):
         """Create a constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
-
-    def _blocks(self, e: Any) -> list[Any]:
-        """Return the blocks of rows. Raises ModelError if the initial state contradicts them."""
-        raise NotImplementedError(self.kind)
 
 
 # -- between places of bodies ----------------------------------------------------------------------

@@ -26,7 +26,7 @@ from ..model import Force, Model, Servo, Table
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
 from ..packing.signals import values_of, varying
-from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
+from ..portable import ReadOnly, Snapshots, put_back
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
@@ -56,7 +56,7 @@ ADDRESSES = ("guard", "approach")  # in the control of a run: those of this proc
     other="make a new one of the changed model, pg.Stepper(pg.Mechanism(model))",
 )
 @explained
-class Stepper(Portable):
+class Stepper(Snapshots):
     """A mechanism advanced one call at a time, with no set-up between steps.
 
     The states are those of `simulate` with the same method and step, bit for bit.
@@ -359,7 +359,7 @@ class Stepper(Portable):
             self._put(name, value)
         if self._recording:
             self._open()
-        self.__dict__["_looked"] = False
+        vars(self)["_looked"] = False
         steps, left, code = self._steps, n, at.RUNNING
         end = steps.taken + n  # near stiff contacts a step is taken in parts
         while code == at.RUNNING and left > 0:
@@ -549,32 +549,15 @@ class Stepper(Portable):
 
     # -- snapshots -------------------------------------------------------------------------------
 
-    def save(self) -> bytes:
-        """Save the complete state, so that `restore` continues with bit-identical results."""
-        self._open()
-        active = ",".join(map(str, sorted(self._active)))
-        state = b"".join(array.tobytes() for array in self._memory())
-        return sealed("Stepper", (self._key, active), state)
+    GIVEN = ("mech", "method", "_width", "_options", "_tau", "_started")
 
-    def restore(self, snapshot: bytes) -> None:
-        """Restore a snapshot of the same mechanism, method and step size.
+    def _words(self) -> tuple[str, ...]:
+        return self._key, ",".join(map(str, sorted(self._active)))
 
-        The kernels trust the values of a snapshot. Restore it only if you would also run code from
-        its author.
+    def _renew(self) -> None:
+        self.reset()
 
-        Parameters
-        ----------
-        snapshot : bytes
-            Result of `save`.
-
-        Raises
-        ------
-        InputError
-            If `save` of such a stepper did not make these bytes. The stepper stays unchanged.
-        """
-        self._open()
-        memory = self._memory()
-        words, state = unsealed("Stepper", snapshot, self._key, memory)
+    def _resume(self, words: list[str], state: memoryview, memory: list[Array]) -> None:
         active = words[0].split(",") if len(words) == 1 and words[0] else []
         if len(words) != 1 or not {*active} <= {*map(str, range(len(self.mech.model.constraints)))}:
             text = "names constraints that this mechanism does not have"
@@ -590,18 +573,6 @@ class Stepper(Portable):
         self._ended(Outcome())
         self._open()
         self._record.bound()  # the width of a step is not taken from a snapshot
-
-    def __getstate__(self) -> dict[str, Any]:
-        own = {
-            name: self.__dict__[name] for name in ("mech", "method", "_width", "_options", "_tau")
-        }
-        return own | {"_started": self._started, "snapshot": self.save()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        snapshot = state.pop("snapshot")
-        self.__dict__.update(state)
-        self.reset()
-        self.restore(snapshot)
 
     # -- inside ----------------------------------------------------------------------------------
 
@@ -663,11 +634,6 @@ class Stepper(Portable):
         return self._width
 
     @property
-    def knots_given(self) -> list[int]:
-        """The knots of externally given inputs and targets."""
-        return sorted({*self._servos.values(), *(knot for _, knot, *_ in self._inputs.values())})
-
-    @property
     def servos(self) -> dict[str, int]:
         """Return {name: knot of the constant target} for the servos."""
         return self._servos
@@ -706,7 +672,7 @@ class Stepper(Portable):
         return {touch.name: value(pair) for touch, pair in zip(plan.contacts.touches, pairs)}
 
     def _memory(self) -> list[Array]:
-        """Return the arrays that steps read before writing to them."""
+        self._open()
         scene, steps = self._record.scene, self._steps
         found = [steps.control_table, steps.counters_table, steps.stages, *steps.memory]
         found += [scene.given]
