@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .result import Result as Result
     from .result import Status as Status
-    from .result.result import joined as joined
+    from .result.joining import joined as joined
     from .search.fit import Fit as Fit
     from .search.fit import fit as fit
     from .search.optimise import Optimum as Optimum
@@ -145,7 +145,7 @@ _MODULES = {
     "paper": "home_poses",
     "paper.frame_update": "frame_update_trace",
     "result": "Result Status",
-    "result.result": "joined",
+    "result.joining": "joined",
     "simulation": "simulate",
     "simulation.stepper": "Stepper",
     "simulation.walk": "Walk",

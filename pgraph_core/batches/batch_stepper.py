@@ -24,8 +24,8 @@ from ..model import Force, Model
 from ..packing import Array, Ints, System
 from ..portable import Snapshots, put_back
 from ..result.records import Named
+from ..simulation.failures import STATUS
 from ..simulation.paths import Path, counting, distinct, with_numbers
-from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper, refuse_as_torques
 from .feet import FeetLanes, on_feet
 from .instances import (

@@ -26,8 +26,9 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force
 from ..simulation.options import Options
-from ..simulation.plan import plan_of, with_contacts, with_state
+from ..simulation.plan import plan_of, with_contacts
 from ..simulation.recording import Recording
+from ..simulation.start import with_state
 
 ALIGNED = 16  # [bytes] alignment of vectors of two doubles
 ARRAY, AXIS = 32, 16  # [bytes] size of the struct of an array, and per axis

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
@@ -18,8 +16,7 @@ from zipfile import ZipFile
 import numpy as np
 
 from .. import hooks
-from ..dynamics.scene import load_wrenches
-from ..dynamics.states import BodyMotion, Sensors, bodies_over, no_motion, size_of_motion, turned
+from ..dynamics.states import BodyMotion, Sensors, no_motion, size_of_motion
 from ..errors import (
     FileError,
     InputError,
@@ -31,31 +28,26 @@ from ..errors import (
     guarded,
 )
 from ..markup import ordinary, reason_of
-from ..model import Force, Model
-from ..model.constraint import InJoints
-from ..model.files import gathered, shown_path, write_atomic
+from ..model.files import shown_path, write_atomic
 from ..packing import Array
 from ..packing.signals import values_of
 from ..portable import EqualByFields, Portable, ReadOnly, keep_unchanged
 from ..tolerances import EPS
+from .bodies import body_motion, body_poses
 from .columns import Column, columns_of, dataset, frame, matlab, meant, no_column
 from .dense import states_at
 from .records import (
-    KINDS,
     NO_DERIVATIVES,
     NO_FORCES,
     NOTHING,
-    OF_CONSTRAINTS,
     ByTouch,
     ContactRecord,
     Derivatives,
     Event,
     Named,
     UserEvent,
-    event_arrays,
-    events_of_arrays,
 )
-from .stored import arrays_of, header_of
+from .stored import ARRAYS, fields_of, file_of
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -676,20 +668,7 @@ class Result(EqualByFields, Portable):
         if suffix != ".npz":
             text = "must end in .npz (the whole run), .csv or .mat (tables); to_html animates"
             raise FileError(Problem(str(path), "", text))
-        model, folder = self.mechanism.model, Path(path).parent
-        if folder.is_dir():
-            model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
-        arrays = {name: getattr(self, name) for name in ARRAYS}
-        arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
-        arrays |= self.contacts.arrays() | event_arrays(self.user_events)
-        header = {
-            "status": self.status.name,
-            **{name: getattr(self, name) for name in SCALARS},
-            "model": json.loads(model.to_json()),
-        }
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
-        write_atomic(path, buffer.getvalue())
+        write_atomic(path, file_of(self, Path(path).parent))
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Result:
@@ -720,7 +699,7 @@ class Result(EqualByFields, Portable):
                 if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
                     text = f"is no run: not an .npz file; {WRITTEN}"
                     raise FileError(Problem(str(path), "", text))
-                return cls._stored(ZipFile(file), path, roots)
+                return cls(**fields_of(ZipFile(file), path, roots))
         except PgraphError:
             raise
         except KeyError as missing:
@@ -732,34 +711,6 @@ class Result(EqualByFields, Portable):
                 "is damaged and cannot be read as a run; save the run again, or copy the file again"
             )
         raise FileError(Problem(str(path), "", text))
-
-    @classmethod
-    def _stored(cls, file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> Result:
-        """Rebuild a run. Raises KeyError, TypeError, ValueError, AttributeError or FileError."""
-        from ..mechanism import Mechanism
-
-        header = header_of(file)
-        description, folder = json.dumps(header.pop("model")), Path(path).parent
-        model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
-        status = Status(Status.__members__.get(header["status"]))
-        arrays = arrays_of(file, len(model.bodies) + len(model.controls))
-        arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # older files have none
-        given = {name: header[name] for name in SCALARS}
-        given["notices"] = tuple(given["notices"])
-        given |= {name: arrays[name] for name in ARRAYS}
-        prefix = "force:"
-        forces = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-        contacts, happened = ContactRecord.of_arrays(arrays), events_of_arrays(arrays)
-        mech = Mechanism(model)
-        fits = given["q"].shape[1:] == (mech.nq,) and given["v"].shape[1:] == (mech.nv,)
-        if not fits or len({len(given[name]) for name in ARRAYS}) != 1:
-            raise ValueError("arrays of different lengths")
-        loaded = {
-            "constraint_force": Named(forces, *OF_CONSTRAINTS),
-            "contacts": contacts,
-            "user_events": happened,
-        }
-        return cls(mech, status, **loaded, **given)
 
     def to_csv(self, *, bodies: bool = False) -> str:
         """Return `columns` as CSV text with units in the header line, "knee [rad]".
@@ -802,190 +753,5 @@ def _show() -> Any:
 
 FIGURE = 560  # [pixels] height of the figure of a run in a notebook
 
-ARRAYS = (
-    "t",
-    "q",
-    "v",
-    "vdot",
-    "kinetic_energy",
-    "potential_energy",
-    "work",
-    "dissipation",
-    "constraint_drift",
-    "error_at",
-    "states",
-)
-SCALARS = ("message", "counters", "timing", "header", "notices")
-
-
-def body_poses(run: Result) -> Array:
-    """Return body poses for all frames, (n, nb, 7). These do not depend on any forces."""
-    system = run.mechanism.packed.system
-    none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
-    return bodies_over(system, *_states(run), none).pose
-
-
-def body_motion(run: Result) -> BodyMotion:
-    """Compute body motion and joint forces of all frames from (q, v, v') and forces."""
-    mech = run.mechanism
-    states = _states(run)
-    external = _loads(run)
-    if run.contacts.wrench.size:
-        external += run.contacts.wrench
-    motion = bodies_over(mech.packed.system, *states, external)
-    if run.constraint_force:
-        add_constraint_wrenches(mech, run.constraint_force, motion, external)
-        motion = bodies_over(mech.packed.system, *states, external)
-    return motion
-
-
-def _states(run: Result) -> tuple[Array, Array, Array]:
-    """Return writable copies of q, v and v' for all frames, as required by the kernels."""
-    return run.q.copy(), run.v.copy(), run.vdot.copy()
-
-
-def _loads(run: Result) -> Array:
-    """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
-    mech, name = run.mechanism, run.header.get("scenario")
-    own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
-    t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
-    loads = load_wrenches(mech.packed, own, t, q, v)
-    for begin, end, given in run.header.get("forces", ()):
-        force = Force.model_validate(given)
-        acts = (t >= begin) & ((t < end) | (end >= t[-1]))
-        loads[acts] += load_wrenches(mech.packed, (force,), t[acts], q[acts], v[acts])
-    return loads
-
-
-def add_constraint_wrenches(
-    mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
-) -> None:
-    """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
-    position = motion.pose[..., :3]
-    for c in mech.model.constraints:
-        if c.name not in forces or isinstance(c, InJoints):
-            continue
-        wrench = forces[c.name]
-        point = mech.model.point_of(c)
-        b = mech.topology.number(c.body) - 1
-        place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
-        for body, signed in zip(c.pair, (wrench, -wrench)):
-            b = mech.topology.number(body) - 1
-            if b >= 0:
-                arm = place - position[:, b]
-                out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
-                out[:, b, 3:] += signed[:, 3:]
-
 
 # -- several runs as one ---------------------------------------------------------------------------
-
-ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
-
-
-@explained
-def joined(runs: Sequence[Result], /) -> Result:
-    """Join consecutive runs, each of which begins where the previous one ended.
-
-    The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
-    once, as the later run has it, so that a changed body or an impact shows there. Work,
-    dissipation, counters, times and error estimates are summed. A sum of errors holds where the
-    motion does not amplify them.
-
-    Parameters
-    ----------
-    runs : sequence of Result
-        The runs in order.
-
-    Returns
-    -------
-    Result
-        One run.
-
-    Raises
-    ------
-    InputError
-        If there is no run, or if two runs do not meet in time or differ in size.
-    """
-    if not len(runs):
-        raise InputError(Problem("joined", "runs", "needs one run at least; given none"))
-    for before, after in pairwise(runs):
-        _check(before, after)
-    last = runs[-1]
-    keep = [slice(0, -1)] * (len(runs) - 1) + [slice(None)]
-    arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
-    for name in ADDED:
-        arrays[name] = _summed([getattr(r, name) for r in runs], keep)
-    return replace(
-        last,
-        **arrays,
-        constraint_force=Named(
-            _by_name([r.constraint_force for r in runs], keep, runs), *OF_CONSTRAINTS
-        ),
-        contacts=_contacts(runs, keep),
-        counters=_added([r.counters for r in runs]),
-        timing=_added([r.timing for r in runs]),
-        header={
-            **last.header,
-            "t_start": runs[0].header.get("t_start", 0.0),
-            "forces": [force for r in runs for force in r.header.get("forces", ())],
-        },
-        notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
-        user_events=tuple(event for r in runs for event in r.user_events),
-    )
-
-
-def _check(before: Result, after: Result) -> None:
-    if before.q.shape[1:] != after.q.shape[1:] or before.v.shape[1:] != after.v.shape[1:]:
-        text = f"run of {after.q.shape[1]} coordinates after one of {before.q.shape[1]}"
-        raise InputError(Problem("joined", "runs", f"{text}: only runs of the same joints join"))
-    if not len(before.t) or not len(after.t) or not np.isclose(before.t[-1], after.t[0]):
-        ends = [f"{t[k]:g}" if len(t) else "no frame" for t, k in ((before.t, -1), (after.t, 0))]
-        text = f"a run from {ends[1]} s after one to {ends[0]} s; give t_start = {ends[0]}"
-        raise InputError(Problem("joined", "runs", text))
-
-
-def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
-    return np.concatenate([part[some] for part, some in zip(parts, keep)])
-
-
-def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
-    """Concatenate cumulative values, adding to each part the last value of the previous one."""
-    so_far = np.cumsum([0.0, *(part[-1] for part in parts[:-1])])
-    return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
-
-
-def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
-    """Join arrays by name, filling in zeros for runs that lack one."""
-    found = {}
-    for name in dict.fromkeys(key for part in parts for key in part):
-        like = next(part[name] for part in parts if name in part)
-        each = [
-            part[name] if name in part else np.zeros((len(r.t), *like.shape[1:]), like.dtype)
-            for part, r in zip(parts, runs)
-        ]
-        found[name] = _chained(each, keep)
-    return found
-
-
-def _contacts(runs: Sequence[Result], keep: Sequence[slice]) -> ContactRecord:
-    records = [r.contacts for r in runs]
-    parts = {kind: _by_name([getattr(c, kind) for c in records], keep, runs) for kind in KINDS}
-    wrench = records[-1].wrench
-    if any(c.wrench.size for c in records):
-        nb = runs[-1].mechanism.nb
-        each = [
-            c.wrench if c.wrench.size else np.zeros((len(r.t), nb, 6))
-            for c, r in zip(records, runs)
-        ]
-        wrench = _chained(each, keep)
-    events = tuple(event for c in records for event in c.events)
-    residual = records[-1].residual
-    if any(len(c.residual) for c in records):
-        residual = _chained([r.contact_residual for r in runs], keep)
-    return ContactRecord(**parts, wrench=wrench, residual=residual, events=events)
-
-
-def _added(parts: Sequence[Any]) -> dict[str, Any]:
-    return {
-        key: sum(p.get(key, 0) for p in parts) for key in dict.fromkeys(k for p in parts for k in p)
-    }

@@ -6,19 +6,87 @@ other array has at most as many numbers a frame as the model can have.
 
 from __future__ import annotations
 
+import io
 import json
 import math
-from typing import Any
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
 
 import numpy as np
 from numpy.lib import format as npy
 
-from ..model.files import LARGEST
+from ..model import Model
+from ..model.files import LARGEST, gathered
 from ..packing import Array
+from .records import OF_CONSTRAINTS, ContactRecord, Named, event_arrays, events_of_arrays
+
+if TYPE_CHECKING:
+    from .result import Result
 
 CHUNK = 1 << 16  # [bytes] of times read at once
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
+ARRAYS = (
+    "t",
+    "q",
+    "v",
+    "vdot",
+    "kinetic_energy",
+    "potential_energy",
+    "work",
+    "dissipation",
+    "constraint_drift",
+    "error_at",
+    "states",
+)
+SCALARS = ("message", "counters", "timing", "header", "notices")
+FORCE = "force:"  # before the names of constraints
+
+
+def file_of(run: Result, folder: Path) -> bytes:
+    """Return the file of a run. Meshes from elsewhere are copied to the folder if it exists."""
+    model = run.mechanism.model
+    if folder.is_dir():
+        model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
+    arrays = {name: getattr(run, name) for name in ARRAYS}
+    arrays |= {FORCE + name: value for name, value in run.constraint_force.items()}
+    arrays |= run.contacts.arrays() | event_arrays(run.user_events)
+    header = {
+        "status": run.status.name,
+        **{name: getattr(run, name) for name in SCALARS},
+        "model": json.loads(model.to_json()),
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
+    return buffer.getvalue()
+
+
+def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> dict[str, Any]:
+    """Return the fields of a run. Raises KeyError, TypeError, ValueError or FileError."""
+    from ..mechanism import Mechanism
+    from .result import Status
+
+    header = header_of(file)
+    description, folder = json.dumps(header.pop("model")), Path(path).parent
+    model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
+    arrays = arrays_of(file, len(model.bodies) + len(model.controls))
+    arrays.setdefault("states", np.zeros((len(arrays["t"]), 0)))  # older files have none
+    found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
+    forces = {k.removeprefix(FORCE): a for k, a in arrays.items() if k.startswith(FORCE)}
+    mech = Mechanism(model)
+    fits = found["q"].shape[1:] == (mech.nq,) and found["v"].shape[1:] == (mech.nv,)
+    if not fits or len({len(found[name]) for name in ARRAYS}) != 1:
+        raise ValueError("arrays of different lengths")
+    return {
+        **found,
+        "mechanism": mech,
+        "status": Status(Status.__members__.get(header["status"])),
+        "notices": tuple(found["notices"]),
+        "constraint_force": Named(forces, *OF_CONSTRAINTS),
+        "contacts": ContactRecord.of_arrays(arrays),
+        "user_events": events_of_arrays(arrays),
+    }
 
 
 def header_of(file: ZipFile) -> dict[str, Any]:

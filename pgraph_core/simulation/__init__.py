@@ -19,8 +19,9 @@ from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
 from .options import MOST_CHOSEN, Options, inputs_of
-from .plan import by_names, plan_of, torques_by_names, with_state
+from .plan import plan_of
 from .recording import Recording
+from .start import by_names, torques_by_names, with_state
 from .switches import monitors_of
 
 if TYPE_CHECKING:

@@ -24,7 +24,8 @@ from ..tolerances import EPS, SOLVED, VISIBLE
 from .grazing import limits_on_coordinates, undecided
 from .offset import apart, may_jump, offset_plan
 from .options import FINER
-from .plan import RunPlan, fastest_rate, fastest_swings
+from .plan import RunPlan
+from .rates import fastest_rate, fastest_swings
 from .recording import Recording
 
 MORE = 1.25  # least number of steps of a finer run relative to the run

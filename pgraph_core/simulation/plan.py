@@ -18,25 +18,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import finite, names_in, numbers, position
 from ..dynamics.scene import Scene, contact_tables, rubs, stepped_tables
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
-from ..engine import motion
-from ..engine.compiler.address import address_of
-from ..engine.records import JOINT_FORCE, table
-from ..engine.stepping import stiffness
 from ..engine.tree.heights import lowest
-from ..errors import InputError, Problem, choices, nearest_first
+from ..errors import InputError, Problem, choices
 from ..fields import EVERY, GROUND, Frozen
 from ..given import array_of
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Drives, Ints, Loads
-from ..packing.forces import NO_LOADS, bends_of_loads, exerts
+from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import varying
-from ..tolerances import EPS, NOTABLE, SOLVED
+from ..tolerances import EPS, SOLVED
 from .kinks import Kink, kinks_of
 from .options import (
     FRAMES,
@@ -51,6 +46,8 @@ from .options import (
     positive,
     steps_between,
 )
+from .rates import Rate
+from .start import controller_of, initial_state, is_controller
 from .switches import (
     Change,
     ConditionOf,
@@ -63,7 +60,6 @@ from .switches import (
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
-    from ..gait.controller import Controller
     from .event_scene import ContactPoint
 
 T = TypeVar("T")
@@ -80,11 +76,9 @@ MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 STIFF = "stiff:"  # beginning of the warning of too wide steps if the fastest mode is damped
 FAST = "too wide:"  # and where it swings
-MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
-NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
 
 
 class Idle(NamedTuple):
@@ -202,7 +196,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
         plan, state, _ = kept.get(key, NO_PLAN)
     except (TypeError, ValueError):  # an option that cannot be hashed, such as an array
         key, plan, state = None, None, None
-    if _is_controller(tau):
+    if is_controller(tau):
         key = plan = None
     if plan is not None and (state is None or state == _bytes(q, v)):
         return plan
@@ -254,7 +248,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     _check_sizes(mech)
     span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
-    if _is_controller(tau) and mech.model.controls:
+    if is_controller(tau) and mech.model.controls:
         text = "walks by a controller of its own, beside which the model's controls do not act; "
         raise InputError(Problem("simulate", "gait", f"{text}remove the gait or the controls"))
     start = initial_state(mech, given, q, v, tau, span[0])
@@ -263,8 +257,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     if contacts is not None and rated:
         contacts = at_start_speed(mech, contacts, start)
     bare = _what_acts(mech, o, given, span, extra, contacts)
-    bare = replace(bare, start=start, tau=tau if _is_controller(tau) else None)
-    rate = _Rate(mech, bare, span[1] - span[0], known=not callable(tau))
+    bare = replace(bare, start=start, tau=tau if is_controller(tau) else None)
+    rate = Rate(mech, bare, span[1] - span[0], known=not callable(tau))
     plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
     if declared is not None and _may_wait(plan, declared, o.method_name(given)):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})
@@ -309,7 +303,7 @@ def _may_wait(plan: RunPlan, declared: Tables, asked: str) -> bool:
 
 
 def _on_a_way(
-    mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None,
+    mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, given: Scenario | None,
     span: tuple[float, float],
 ) -> RunPlan:  # fmt: skip
     """Return the plan with its method and times, and notices about their fit to forces."""
@@ -359,7 +353,7 @@ def _what_acts(
 
 
 def _with_method(
-    mech: Mechanism, plan: RunPlan, rate: _Rate, o: Options, given: Scenario | None
+    mech: Mechanism, plan: RunPlan, rate: Rate, o: Options, given: Scenario | None
 ) -> tuple[RunPlan, Options]:
     """Return (plan with its method, options for that method).
 
@@ -441,20 +435,6 @@ def _check_sizes(mech: Mechanism) -> None:
 # -- forces, contacts, constraints and state ----------------------------------------------------
 
 
-def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
-    """Return the controller of a scenario's gait, or None if it has no gait."""
-    if given is None or given.gait is None:
-        return None
-    from ..gait.controller import Controller
-
-    return Controller(mech, given.gait)
-
-
-def _is_controller(tau: Any) -> bool:
-    """Return True if `tau` is a gait controller, which has a start and a clock."""
-    return hasattr(tau, "ticks") and hasattr(tau, "start")
-
-
 def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
     """Return the indices of the constraints activated by a scenario, or the model's active ones."""
     if given is None or given.constraints is None:
@@ -490,101 +470,6 @@ def _idle(mech: Mechanism, given: Scenario | None) -> Idle | None:
     numbers = np.array([mech.topology.number(name) for name in contact_of], dtype=np.int64)
     system, normal = mech.packed.system, np.array(mech.model.ground_normal)
     return Idle(contact_of, numbers, normal, (system.bodies_i, system.bodies_f))
-
-
-def initial_state(
-    mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None, t: float = 0.0
-) -> tuple[Array, Array]:
-    """Return the initial state from the arguments, or the scenario, a gait or the model."""
-    tau = controller_of(mech, given) if tau is None else tau
-    known = q is not None and v is not None
-    q0, v0 = tau.start() if _is_controller(tau) and not known else mech.home()
-    if given is not None:
-        for state, entries, kind in ((q0, given.q, "q"), (v0, given.v, "v")):
-            _fill(mech, state, entries, kind)
-    return with_state(mech, (q0, v0), q, v, t)
-
-
-def by_names(
-    mech: Mechanism, scenario: str | None, q: Any, v: Any, tau: Any = None
-) -> tuple[Any, Any]:
-    """Return (q, v), converting {body: value or values} to an array based on the initial state.
-
-    Raises InputError for names without a joint that moves, for other counts of values, and for
-    lists where the order of the numbers is not the order of the bodies.
-    """
-    if isinstance(q, (int, float)):
-        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
-        raise InputError(Problem("simulate", "q", text))
-    _in_order(mech, q=q, v=v)
-    named = [names_in(x) if x is not None else None for x in (q, v)]
-    if named == [None, None]:
-        return q, v
-    given = mech.model.scenario(scenario) if scenario is not None else None
-    q0, v0 = initial_state(mech, given, None, None, tau)
-    start = q0[: mech.nq], v0[: mech.nv]  # without the states of controls
-    found: list[Any] = [q, v]
-    for k, (entries, state) in enumerate(zip(named, start)):
-        if entries is not None:
-            _fill(mech, state, entries, "qv"[k])
-            found[k] = state
-    return found[0], found[1]
-
-
-def torques_by_names(mech: Mechanism, tau: Any) -> Any:
-    """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
-
-    Raises InputError.
-    """
-    _in_order(mech, tau=tau)
-    entries = None if tau is None or callable(tau) else names_in(tau)
-    if entries is None:
-        return tau
-    found = np.zeros(mech.nv)
-    _fill(mech, found, entries, "tau")
-    return found
-
-
-def _in_order(mech: Mechanism, **given: Any) -> None:
-    """Refuse lists if the model numbers its joints in another order than its bodies."""
-    typed = [name for name, value in given.items() if isinstance(value, (list, tuple)) and value]
-    if not typed:
-        return
-    listed = [body.name for body in mech.model.bodies if body.name in mech.joints]
-    numbered = list(mech.joints)
-    if listed != numbered:
-        what = f"a list counts joints as they are numbered, {', '.join(numbered[:6])}"
-        more = ", ..." if len(numbered) > 6 else ""
-        reason = f"{what}{more}, and this model lists its bodies otherwise"
-        cure = "give {body: value}, or a numpy array if that order is meant"
-        raise InputError(Problem("state", typed[0], f"{reason}; {cure}"))
-
-
-def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
-    """Write the values for bodies into q or v."""
-    joints = mech.joints
-    for name, values in entries.items():
-        if name not in joints:
-            near = choices(nearest_first(str(name), joints))
-            text = f"{name!r} is no body with a joint that moves; choose from {near}"
-            raise InputError(Problem(kind, "", text))
-        place = getattr(joints[name], "q" if kind == "q" else "v")
-        label = f"{kind}['{name}']"
-        state[place] = numbers(
-            label, [values] if np.isscalar(values) else values, place.stop - place.start
-        )
-
-
-def with_state(
-    mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any, t: float
-) -> tuple[Array, Array]:
-    """Return copies of the given q and v, or of those in `start` where they are None.
-
-    The states of controls, at a start at t, stand behind those of the bodies.
-    """
-    q = start[0] if q is None else position(mech.packed, q)
-    v = start[1] if v is None else finite("v", v, mech.nv)
-    return mech.packed.with_states(t, q.copy(), v.copy())
 
 
 def _left_open(contacts: Tables) -> bool:
@@ -635,92 +520,6 @@ def _event_driven(
 # -- how it is stepped ---------------------------------------------------------------------------
 
 
-class _Rate:
-    """The fastest rate of the motion at the start, computed on first use."""
-
-    def __init__(self, mech: Mechanism, plan: RunPlan, span: float, *, known: bool):
-        self.mech, self.plan, self.span, self.known = mech, plan, span, known
-        self.found: float | None = None
-
-    def __call__(self) -> float:
-        """Return the rate [1/s], or 0 if torques are given by a function."""
-        if self.found is None:
-            self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
-        return self.found
-
-    def swings(self) -> bool:
-        """Return True if the fastest mode swings rather than decays, or False if unknown."""
-        if not self.known:
-            return False
-        forces = self.plan.drives, self.plan.loads
-        return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
-
-    def explicit(self) -> float:
-        """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
-        drives = self.plan.drives
-        table = drives.table.copy()
-        implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
-        table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
-        return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
-
-    def without_forces(self) -> float:
-        """The rate of the same motion without springs, dampers and other forces [1/s]."""
-        return self._of(NO_FORCES) if self.known else 0.0
-
-    def _of(self, forces: Any) -> float:
-        return fastest_rate(self.mech, forces, self.plan.active, *self.plan.start)
-
-
-def fastest_rate(
-    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
-) -> float:
-    """Return the largest rate of the linearised motion [1/s], to about 10 %.
-
-    Oscillations are included, contacts are not.
-    """
-    scene = Scene(mech.packed, *forces, active)
-    size = len(q), len(v)
-    stages = np.zeros((stiffness.STIFFNESS_ROWS, sum(size)))
-    stages[stiffness.STATE, : len(q)] = q
-    stages[stiffness.STATE, len(q) :] = v
-    accelerate = address_of(motion.acceleration)
-    rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
-    return float(rate) if np.isfinite(rate) else 0.0
-
-
-def fastest_swings(
-    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
-) -> bool:
-    """Return True if the imaginary part of the largest eigenvalue exceeds its real part.
-
-    False for more than MOST_FREEDOMS.
-    """
-    if mech.nv > MOST_FREEDOMS:
-        return False
-    scene, n = Scene(mech.packed, *forces, active), len(v)
-    tau, flow = np.zeros(n), np.zeros(3)
-
-    def acceleration(at: Array, speed: Array) -> Array:
-        vdot = np.zeros(n)
-        motion.acceleration(scene.address, 0.0, at, speed, tau, vdot, flow)
-        return vdot
-
-    def moved(e: Array) -> Array:
-        at = q.copy()
-        motion.move(scene.packed.rows, at, e, NOTABLE)
-        return at
-
-    axes, h = np.eye(n), NOTABLE
-    by_q = np.array([acceleration(moved(e), v) - acceleration(moved(-e), v) for e in axes]).T
-    by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
-    slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])
-    if not np.isfinite(slope).all():
-        return False
-    values = np.linalg.eigvals(slope)
-    largest = values[np.argmax(np.abs(values))]
-    return bool(abs(largest.imag) > abs(largest.real))
-
-
 def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     """Return the requested step size, or the one required by penalty contacts if none is given."""
     contacts = plan.contacts
@@ -732,7 +531,7 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
 
 
 def _method(
-    rate: _Rate, plan: RunPlan, name: str, o: Options, step: float | None
+    rate: Rate, plan: RunPlan, name: str, o: Options, step: float | None
 ) -> tuple[Method, str]:
     """Return (method, reason) of `name`, or a suitable method for "auto". Raises InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
@@ -821,7 +620,7 @@ def _lost(lost: tuple[str, ...]) -> tuple[str, ...]:
     return (f"{text}file's: {choices(lost, 3)}; model.lost has all {len(lost)}",)
 
 
-def _stiff(plan: RunPlan, rate: _Rate) -> list[str]:
+def _stiff(plan: RunPlan, rate: Rate) -> list[str]:
     """Return a notice if fixed steps are too large for an explicit method."""
     step, limit = plan.step, plan.method.limit
     if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
-from ..analysis.singular import Instant, blocked, nulls_of, redundancy, singular_notice, unequal
+from ..analysis.singular import Instant, nulls_of, redundancy, singular_notice, unequal
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene, rubs
@@ -22,11 +22,8 @@ from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
-from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
-from ..errors import InputError, choices
+from ..errors import InputError
 from ..mechanism import Mechanism
-from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
-from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
@@ -38,10 +35,12 @@ from ..result.records import (
     ContactRecord,
     Named,
 )
-from ..tolerances import EPS, NAMED, VISIBLE
+from ..tolerances import EPS
+from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
 from .plan import RunPlan
+from .remarks import remarks, turns_unseen
 from .switches import Change, Condition, closed, hold_here, limits_of, room_for, switched_by
 
 if TYPE_CHECKING:
@@ -57,14 +56,6 @@ NO_CHANGES = table(PHASE_CHANGE, 0)
 WATCHING = "what watches things that may touch"
 NO_MONITORS = np.zeros((6, 0))  # ROWS of contact.points, which most runs do not import
 Progress = Callable[[float], Any] | None
-
-STATUS = {
-    at.NOT_FINITE: Status.NOT_FINITE,
-    at.NOT_CONVERGED: Status.CANNOT_CLOSE,
-    at.TOO_SMALL: Status.STEP_TOO_SMALL,
-    at.TOO_MANY: Status.TOO_MANY_STEPS,
-    at.NOT_SOLVED: Status.NOT_SOLVED,
-}
 
 
 class Recording:
@@ -196,7 +187,7 @@ class Recording:
         """Connect the scene to the stepping loop, with its monitors and event handling."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
         if len(plan.ever) > len(self.held):
-            self.scene.switch(self._active)
+            self.scene.switch(self.active)
         steps, held = self.steps, bool(len(plan.ever)) or plan.contacts is not None
         woken = watch.wake(plan.conditions) if watch is not None and plan.way is None else []
         if self.coarser is not None:
@@ -254,11 +245,7 @@ class Recording:
         if not self.done:
             self._keep_start()
         elif self.ended.status is Status.DONE:
-            if not (self.out.v.any() or self.out.vdot.any()):
-                self._note_rest()
-            self._note_pulses()
-            if (np.abs(self.began[0]) >= MOST_ANGLE).any():
-                self._note_degrees()
+            self.ended.notices += remarks(self)
 
     def finer(self, plan: RunPlan) -> Recording:
         """Record the same motion with a finer plan, for comparison.
@@ -277,57 +264,6 @@ class Recording:
         out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
         out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
         self.steps.control["frame"] = 1
-
-    def _note_rest(self) -> None:
-        """Append a notice if gravity acts but moves no joint in any configuration."""
-        mech, model = self.mech, self.mech.model
-        held = len(self.plan.ever) or self.plan.contacts is not None
-        acted = self.tau is not None or len(model.forces) or self.plan.header["forces"]
-        if held or acted or not mech.nv or not any(model.gravity):
-            return
-        rng = np.random.default_rng(0)
-        still, q = np.zeros(mech.nv), self.q.copy()
-        for joint in mech.joints.values():
-            if joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
-                q[joint.q] += rng.uniform(0.5, 2.5, joint.q.stop - joint.q.start)
-        if not mech.bias_force(q, still).any():
-            why = "gravity turns or shifts no joint at any position, as with hinges about the "
-            why += "vertical; see the axes of the joints"
-            if not any(b.mass for b in model.bodies):
-                why = "no body has a mass that gravity would pull at"
-            self.ended.notices.append(f"nothing moves: {why}")
-
-    def _note_degrees(self) -> None:
-        """Append notices for hinges that start as if in degrees, unless the model's own does."""
-        mech, q = self.mech, self.began[0]
-        home = mech.home()[0]
-        for name, joint in mech.joints.items():
-            k = joint.q.start
-            hinge = [m.kind for m in mech.model.body(name).sequence] == ["rotate"]
-            if hinge and in_degrees(float(q[k])) and q[k] != home[k]:
-                self.ended.notices.append(f"q of '{name}': {several_turns(float(q[k]))}")
-
-    def _note_pulses(self) -> None:
-        """Append a notice if a function's torques change at a frame without affecting the motion.
-
-        A pulse between the evaluations of a step is passed over by any method. Frames are
-        evaluated too.
-        """
-        n, events = self.done, self.plan.contacts is not None or self.plan.changes
-        if self.user is None or events or n < 6 or self.steps.counters["steps"] >= n:
-            return
-        t, v, vdot = self.steps.times[:n, None], self.out.v[:n], self.out.vdot[:n]
-        rate = np.diff(v, axis=0) / np.diff(t, axis=0)
-        around = 0.5 * (rate[:-3] + rate[3:])  # neighbours of frames 2 to n - 3
-        felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
-        acts = np.abs(vdot[2:-2] - around)
-        missed = (acts > NAMED * np.abs(vdot).max(axis=0)) & (felt < VISIBLE * acts)
-        if missed.any():
-            when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
-            self.ended.notices.append(
-                f"at t = {when:.6g} s a torque of the given function acts that no step felt: a "
-                "pulse shorter than the steps; give a largest step= that is shorter"
-            )
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all remaining frames."""
@@ -372,7 +308,7 @@ class Recording:
         """End the run with a kernel's status code. Re-raises exceptions from a user's function."""
         self._raise_user_error()
         if self.ended.ok:
-            self.ended.stop(*self._failure(code))
+            self.ended.stop(*failure(self, code))
 
     def begin(self) -> bool:
         """Return True if the run can start: joints have inertia and constraints can be met."""
@@ -398,13 +334,13 @@ class Recording:
         if code > 0:
             self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
         elif code < 0:
-            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{self._trouble(self.start)}"
+            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{trouble(self, self.start)}"
             self.ended.stop(Status.NOT_FINITE, text)
         elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
             if notice := redundancy(self.scene):
                 self._redundant = self._is_redundant(self.start, self.q)
-                notice = notice if self._redundant else self._unequal()
+                notice = notice if self._redundant else unequal(mech, self.active)
                 self.ended.notices += [notice] if notice else []
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
@@ -505,36 +441,6 @@ class Recording:
             return
         self.steps.times[i], control["last"], control["fired"] = t, i + 1, 0
         self.steps.advance(1)
-
-    def _trouble(self, t: float) -> str:
-        """Return the fault of a function or expression from time t on, for a message."""
-        trouble = self.user.trouble(t) if self.user is not None else ""
-        _, targets, states = self.scene.loads.signals
-        owners = targets[targets[:, FAILED] > 0, OWNER], states[states[:, LOST] > 0, CONTROL]
-        for part in self._parts(*owners):  # a control is the cause of what reads it
-            trouble = f"{part.word()} '{part.name}' has no finite value there: {_texts(part)}"
-        return f": {trouble}" if trouble else ""
-
-    def _parts(self, owners: Ints, controls: Ints) -> list[Any]:
-        """Return the forces and controls whose expressions have these numbers."""
-        forces = [self.plan.varying[i] for i in np.unique(owners).tolist()]
-        return forces + [self.mech.model.controls[i] for i in np.unique(controls).tolist()]
-
-    def _steep(self, t: float) -> str:
-        """Return which expression changes within the least step at t, for a message."""
-        code, targets, states = (array.copy() for array in self.scene.loads.signals)
-        seen = np.concatenate((targets[:, 0], states[:, 0]))
-        found = []
-        for k in (-1.0, 0.0, 1.0):
-            values(code, t + k * 16.0 * EPS * abs(t), self.q, self.v)
-            found.append(code[2 * seen + 1, 0].copy())
-        low, high = np.min(found, axis=0), np.max(found, axis=0)
-        sizes = np.maximum(np.abs(low), np.abs(high))
-        jumps = ~(high - low <= NOTABLE * sizes)  # also where one is not finite
-        owners = targets[jumps[: len(targets)], OWNER], states[jumps[len(targets) :], CONTROL]
-        for part in self._parts(*owners)[-1:]:
-            return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"
-        return ""
 
     def _raise_user_error(self) -> None:
         if self.user is not None and self.user.error is not None:
@@ -684,62 +590,12 @@ class Recording:
     def _cannot_close(self, refused: InputError) -> None:
         self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
 
-    def _failure(self, code: int) -> tuple[Status, str]:
-        """Return (status, message) of a kernel's status code, with the place and a suggestion."""
-        t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
-        status = STATUS[code]
-        if trouble := self._trouble(float(t)):
-            return status, f"{status.value} at t = {t:.6g} s{trouble}"
-        where = f"at t = {t:.6g} s; {self.mech.packed.moved_fastest(row)}"
-        return status, f"{status.value} {where}; {self._advice(status)}"
-
-    def _advice(self, status: Status) -> str:
-        given = self.plan.tolerance
-        match status:
-            case Status.CANNOT_CLOSE:
-                torn = "the mechanism may be torn or at a singular position"
-                return self._contradicted() or self._unequal() or self._blocking() or torn
-            case Status.STEP_TOO_SMALL:
-                text = "forces may jump there, or the tolerance may be too small: try a larger one"
-                return self._steep(float(self.steps.control["failed"])) or text
-            case Status.TOO_MANY_STEPS:
-                return "give a larger max_steps or rtol, or try radau5 if it is stiff"
-        if given is not None and not given.fixed:
-            return "the motion itself may grow without bound, or forces may jump there"
-        step = given.widest if given else float(self.plan.width.max(initial=0.0))
-        return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
-
-    def _contradicted(self) -> str:
-        """Return the contacts and limits that constraints drive bodies against, or ""."""
-        if self.events is None or self.done == 0:
-            return ""
-        from .contact_log import contradicted
-
-        scene, last = self.events.scene, self.done - 1
-        closed = np.flatnonzero(scene.phase != SWING).tolist()
-        points = [scene.contact_points[s] for s in closed]
-        t, q = float(self.steps.times[last]), self.out.q[last]
-        return contradicted(self.mech, self._active, points, t, q)
-
     def _is_redundant(self, t: float, q: Array) -> bool:
         """Return whether rows are dependent at or near q, judged by their directions alone."""
-        return nulls_of(self.mech, self._active, t, q) > 0
-
-    def _unequal(self) -> str:
-        """Return a message about masses too unequal for the active constraints, or ""."""
-        return unequal(self.mech, self._active)
-
-    def _blocking(self) -> str:
-        """Return why the last recorded state cannot move to second order, or ""."""
-        if self.done == 0:
-            return ""
-        last = self.done - 1
-        t = float(self.steps.times[last])
-        q, v = self.out.q[last], self.out.v[last]
-        return blocked(self.mech, self._active, t, q, v)
+        return nulls_of(self.mech, self.active, t, q) > 0
 
     @property
-    def _active(self) -> Ints:
+    def active(self) -> Ints:
         """Return the indices of the currently active constraints."""
         return np.array(sorted(self.held), dtype=np.int64)
 
@@ -754,21 +610,6 @@ class Recording:
         ):
             self.ended.notices.append(notice)
         self._redundant = False
-
-    def _note_unseen(self, frames: tuple[Array, Array, Array, Array]) -> None:
-        """Append a notice about bodies whose motion reverses between frames."""
-        from ..result.dense import TOO_WIDE, unseen
-
-        packed, steps = self.mech.packed, int(self.steps.counters["steps"])
-        rows = unseen(packed.system.rows, frames, packed.length)
-        if not rows:
-            return
-        names = list(dict.fromkeys(f"'{packed.body_of(row)}'" for row in rows))
-        text = (
-            f"{TOO_WIDE} for the motion of {choices(names, 3)}, which turns round between two of "
-        )
-        text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one a step"
-        self.ended.notices.append(text)
 
     # -- the result ------------------------------------------------------------------------------
 
@@ -793,7 +634,7 @@ class Recording:
         nq, nv = self.mech.nq, self.mech.nv
         q, v, vdot, x = q[:, :nq], v[:, :nv], vdot[:, :nv], v[:, nv:]
         if len(t) >= FEW_FRAMES and steps.counters["steps"] > 2 * len(t):
-            self._note_unseen((t, q, v, vdot))
+            self.ended.notices += turns_unseen(self, (t, q, v, vdot))
         forces = NO_FORCES
         if len(self.plan.ever):
             found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
@@ -871,7 +712,7 @@ class Recording:
             out, n = self.out, self._oriented()
             q, v = self._motion(n)
             frames = self.steps.times[:n], q, out.pairs["gap"][:n]
-            given = self.plan.contacts, self._active, frames
+            given = self.plan.contacts, self.active, frames
             if n:
                 contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
             if n and self.plan.contacts.touches:
@@ -879,7 +720,7 @@ class Recording:
 
                 times = self.steps.times[:n], q, v
                 last = float(times[0][-1]), q[-1], v[-1]
-                given = self.plan.contacts, self._active, last, out.pairs[n - 1]
+                given = self.plan.contacts, self.active, last, out.pairs[n - 1]
                 contacts += shared_loads(self.mech, *given)
                 contacts += spun_faces(self.mech, self.plan.contacts, times, out.pairs[:n])
         idle, last = self.plan.idle, self.done - 1
@@ -920,10 +761,6 @@ class Recording:
         some = self.plan.shown[: self.done].copy()
         some[-1:] |= self.ended.over
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
-
-
-def _texts(part: Any) -> str:
-    return " and ".join(repr(text) for _, _, text in expressions_of(part))
 
 
 def _stops(answer: Any) -> bool:

@@ -28,13 +28,14 @@ from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
 from ..packing.signals import values_of, varying
 from ..portable import ReadOnly, Snapshots, put_back
 from ..result import Result, Status
+from ..result.bodies import add_constraint_wrenches
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
-from ..result.result import add_constraint_wrenches
 from ..tolerances import SOLVED
 from .loop import Outcome
 from .options import USUAL, Options, begun, driven, first_of, inputs_of, positive
-from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
+from .plan import plan_of, touching_contacts, with_contacts
 from .recording import Recording
+from .start import by_names, torques_by_names, with_state
 from .switches import Change
 
 if TYPE_CHECKING:

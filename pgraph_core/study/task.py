@@ -24,7 +24,9 @@ from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.options import LEAST_RTOL
-from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
+from ..simulation.plan import active_constraints, touching_contacts
+from ..simulation.rates import fastest_rate
+from ..simulation.start import initial_state
 from .measures import Motion
 
 RUNGS = 8

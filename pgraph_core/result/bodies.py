@@ -1,0 +1,77 @@
+"""Poses, motion and joint forces of the bodies in all frames of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..dynamics.scene import load_wrenches
+from ..dynamics.states import BodyMotion, bodies_over, turned
+from ..model import Force
+from ..model.constraint import InJoints
+from ..packing import Array
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .result import Result
+
+
+def body_poses(run: Result) -> Array:
+    """Return body poses for all frames, (n, nb, 7). These do not depend on any forces."""
+    system = run.mechanism.packed.system
+    none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
+    return bodies_over(system, *_states(run), none).pose
+
+
+def body_motion(run: Result) -> BodyMotion:
+    """Compute body motion and joint forces of all frames from (q, v, v') and forces."""
+    mech = run.mechanism
+    states = _states(run)
+    external = _loads(run)
+    if run.contacts.wrench.size:
+        external += run.contacts.wrench
+    motion = bodies_over(mech.packed.system, *states, external)
+    if run.constraint_force:
+        add_constraint_wrenches(mech, run.constraint_force, motion, external)
+        motion = bodies_over(mech.packed.system, *states, external)
+    return motion
+
+
+def _states(run: Result) -> tuple[Array, Array, Array]:
+    """Return writable copies of q, v and v' for all frames, as required by the kernels."""
+    return run.q.copy(), run.v.copy(), run.vdot.copy()
+
+
+def _loads(run: Result) -> Array:
+    """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
+    mech, name = run.mechanism, run.header.get("scenario")
+    own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
+    t, (q, v) = run.t.copy(), run._with_states()  # kernels need writable arrays
+    loads = load_wrenches(mech.packed, own, t, q, v)
+    for begin, end, given in run.header.get("forces", ()):
+        force = Force.model_validate(given)
+        acts = (t >= begin) & ((t < end) | (end >= t[-1]))
+        loads[acts] += load_wrenches(mech.packed, (force,), t[acts], q[acts], v[acts])
+    return loads
+
+
+def add_constraint_wrenches(
+    mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
+) -> None:
+    """Add constraint forces as wrenches on the bodies, in world axes at origins (eq. (22))."""
+    position = motion.pose[..., :3]
+    for c in mech.model.constraints:
+        if c.name not in forces or isinstance(c, InJoints):
+            continue
+        wrench = forces[c.name]
+        point = mech.model.point_of(c)
+        b = mech.topology.number(c.body) - 1
+        place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
+        for body, signed in zip(c.pair, (wrench, -wrench)):
+            b = mech.topology.number(body) - 1
+            if b >= 0:
+                arm = place - position[:, b]
+                out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
+                out[:, b, 3:] += signed[:, 3:]

@@ -1,0 +1,126 @@
+"""Several consecutive runs as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, Problem, explained
+from .records import KINDS, OF_CONSTRAINTS, ContactRecord, Named
+from .result import Result
+from .stored import ARRAYS
+
+ADDED = ("work", "dissipation", "error_at")  # start from zero in each run
+
+
+@explained
+def joined(runs: Sequence[Result], /) -> Result:
+    """Join consecutive runs, each of which begins where the previous one ended.
+
+    The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
+    once, as the later run has it, so that a changed body or an impact shows there. Work,
+    dissipation, counters, times and error estimates are summed. A sum of errors holds where the
+    motion does not amplify them.
+
+    Parameters
+    ----------
+    runs : sequence of Result
+        The runs in order.
+
+    Returns
+    -------
+    Result
+        One run.
+
+    Raises
+    ------
+    InputError
+        If there is no run, or if two runs do not meet in time or differ in size.
+    """
+    if not len(runs):
+        raise InputError(Problem("joined", "runs", "needs one run at least; given none"))
+    for before, after in pairwise(runs):
+        _check(before, after)
+    last = runs[-1]
+    keep = [slice(0, -1)] * (len(runs) - 1) + [slice(None)]
+    arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
+    for name in ADDED:
+        arrays[name] = _summed([getattr(r, name) for r in runs], keep)
+    return replace(
+        last,
+        **arrays,
+        constraint_force=Named(
+            _by_name([r.constraint_force for r in runs], keep, runs), *OF_CONSTRAINTS
+        ),
+        contacts=_contacts(runs, keep),
+        counters=_added([r.counters for r in runs]),
+        timing=_added([r.timing for r in runs]),
+        header={
+            **last.header,
+            "t_start": runs[0].header.get("t_start", 0.0),
+            "forces": [force for r in runs for force in r.header.get("forces", ())],
+        },
+        notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
+        user_events=tuple(event for r in runs for event in r.user_events),
+    )
+
+
+def _check(before: Result, after: Result) -> None:
+    if before.q.shape[1:] != after.q.shape[1:] or before.v.shape[1:] != after.v.shape[1:]:
+        text = f"run of {after.q.shape[1]} coordinates after one of {before.q.shape[1]}"
+        raise InputError(Problem("joined", "runs", f"{text}: only runs of the same joints join"))
+    if not len(before.t) or not len(after.t) or not np.isclose(before.t[-1], after.t[0]):
+        ends = [f"{t[k]:g}" if len(t) else "no frame" for t, k in ((before.t, -1), (after.t, 0))]
+        text = f"a run from {ends[1]} s after one to {ends[0]} s; give t_start = {ends[0]}"
+        raise InputError(Problem("joined", "runs", text))
+
+
+def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
+    return np.concatenate([part[some] for part, some in zip(parts, keep)])
+
+
+def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
+    """Concatenate cumulative values, adding to each part the last value of the previous one."""
+    so_far = np.cumsum([0.0, *(part[-1] for part in parts[:-1])])
+    return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
+
+
+def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
+    """Join arrays by name, filling in zeros for runs that lack one."""
+    found = {}
+    for name in dict.fromkeys(key for part in parts for key in part):
+        like = next(part[name] for part in parts if name in part)
+        each = [
+            part[name] if name in part else np.zeros((len(r.t), *like.shape[1:]), like.dtype)
+            for part, r in zip(parts, runs)
+        ]
+        found[name] = _chained(each, keep)
+    return found
+
+
+def _contacts(runs: Sequence[Result], keep: Sequence[slice]) -> ContactRecord:
+    records = [r.contacts for r in runs]
+    parts = {kind: _by_name([getattr(c, kind) for c in records], keep, runs) for kind in KINDS}
+    wrench = records[-1].wrench
+    if any(c.wrench.size for c in records):
+        nb = runs[-1].mechanism.nb
+        each = [
+            c.wrench if c.wrench.size else np.zeros((len(r.t), nb, 6))
+            for c, r in zip(records, runs)
+        ]
+        wrench = _chained(each, keep)
+    events = tuple(event for c in records for event in c.events)
+    residual = records[-1].residual
+    if any(len(c.residual) for c in records):
+        residual = _chained([r.contact_residual for r in runs], keep)
+    return ContactRecord(**parts, wrench=wrench, residual=residual, events=events)
+
+
+def _added(parts: Sequence[Any]) -> dict[str, Any]:
+    return {
+        key: sum(p.get(key, 0) for p in parts) for key in dict.fromkeys(k for p in parts for k in p)
+    }

@@ -1,0 +1,115 @@
+"""Why a run ended early: its status, with the place and a suggestion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis.singular import blocked, unequal
+from ..engine import layout as at
+from ..engine.records import SWING
+from ..engine.signals import CONTROL, FAILED, LOST, OWNER, values
+from ..model.expressions import expressions_of
+from ..packing import Ints
+from ..result import Status
+from ..tolerances import EPS, NOTABLE
+
+if TYPE_CHECKING:
+    from .recording import Recording
+
+STATUS = {
+    at.NOT_FINITE: Status.NOT_FINITE,
+    at.NOT_CONVERGED: Status.CANNOT_CLOSE,
+    at.TOO_SMALL: Status.STEP_TOO_SMALL,
+    at.TOO_MANY: Status.TOO_MANY_STEPS,
+    at.NOT_SOLVED: Status.NOT_SOLVED,
+}
+
+
+def failure(record: Recording, code: int) -> tuple[Status, str]:
+    """Return (status, message) of a kernel's status code, with the place and a suggestion."""
+    t, row = record.steps.control["failed"], int(record.steps.control["fastest"])
+    status = STATUS[code]
+    if text := trouble(record, float(t)):
+        return status, f"{status.value} at t = {t:.6g} s{text}"
+    where = f"at t = {t:.6g} s; {record.mech.packed.moved_fastest(row)}"
+    return status, f"{status.value} {where}; {_advice(record, status)}"
+
+
+def _advice(record: Recording, status: Status) -> str:
+    given = record.plan.tolerance
+    match status:
+        case Status.CANNOT_CLOSE:
+            torn = "the mechanism may be torn or at a singular position"
+            heavy = unequal(record.mech, record.active)
+            return _contradicted(record) or heavy or _blocking(record) or torn
+        case Status.STEP_TOO_SMALL:
+            text = "forces may jump there, or the tolerance may be too small: try a larger one"
+            return _steep(record, float(record.steps.control["failed"])) or text
+        case Status.TOO_MANY_STEPS:
+            return "give a larger max_steps or rtol, or try radau5 if it is stiff"
+    if given is not None and not given.fixed:
+        return "the motion itself may grow without bound, or forces may jump there"
+    step = given.widest if given else float(record.plan.width.max(initial=0.0))
+    return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
+
+
+def trouble(record: Recording, t: float) -> str:
+    """Return the fault of a function or expression from time t on, for a message."""
+    text = record.user.trouble(t) if record.user is not None else ""
+    _, targets, states = record.scene.loads.signals
+    owners = targets[targets[:, FAILED] > 0, OWNER], states[states[:, LOST] > 0, CONTROL]
+    for part in _parts(record, *owners):  # a control is the cause of what reads it
+        text = f"{part.word()} '{part.name}' has no finite value there: {_texts(part)}"
+    return f": {text}" if text else ""
+
+
+def _steep(record: Recording, t: float) -> str:
+    """Return which expression changes within the least step at t, for a message."""
+    code, targets, states = (array.copy() for array in record.scene.loads.signals)
+    seen = np.concatenate((targets[:, 0], states[:, 0]))
+    found = []
+    for k in (-1.0, 0.0, 1.0):
+        values(code, t + k * 16.0 * EPS * abs(t), record.q, record.v)
+        found.append(code[2 * seen + 1, 0].copy())
+    low, high = np.min(found, axis=0), np.max(found, axis=0)
+    sizes = np.maximum(np.abs(low), np.abs(high))
+    jumps = ~(high - low <= NOTABLE * sizes)  # also where one is not finite
+    owners = targets[jumps[: len(targets)], OWNER], states[jumps[len(targets) :], CONTROL]
+    for part in _parts(record, *owners)[-1:]:
+        return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"
+    return ""
+
+
+def _parts(record: Recording, owners: Ints, controls: Ints) -> list[Any]:
+    """Return the forces and controls whose expressions have these numbers."""
+    forces = [record.plan.varying[i] for i in np.unique(owners).tolist()]
+    return forces + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
+
+
+def _contradicted(record: Recording) -> str:
+    """Return the contacts and limits that constraints drive bodies against, or ""."""
+    if record.events is None or record.done == 0:
+        return ""
+    from .contact_log import contradicted
+
+    scene, last = record.events.scene, record.done - 1
+    closed = np.flatnonzero(scene.phase != SWING).tolist()
+    points = [scene.contact_points[s] for s in closed]
+    t, q = float(record.steps.times[last]), record.out.q[last]
+    return contradicted(record.mech, record.active, points, t, q)
+
+
+def _blocking(record: Recording) -> str:
+    """Return why the last recorded state cannot move to second order, or ""."""
+    if record.done == 0:
+        return ""
+    last = record.done - 1
+    t = float(record.steps.times[last])
+    q, v = record.out.q[last], record.out.v[last]
+    return blocked(record.mech, record.active, t, q, v)
+
+
+def _texts(part: Any) -> str:
+    return " and ".join(repr(text) for _, _, text in expressions_of(part))

@@ -1,0 +1,109 @@
+"""The fastest rate of a motion, by which methods and steps are chosen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..dynamics.scene import Scene
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.records import JOINT_FORCE, table
+from ..engine.stepping import stiffness
+from ..mechanism import Mechanism
+from ..packing import Array, Drives, Ints, Loads
+from ..packing.forces import NO_LOADS
+from ..tolerances import NOTABLE
+
+if TYPE_CHECKING:
+    from .plan import RunPlan
+
+MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
+NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
+
+
+class Rate:
+    """The fastest rate of the motion at the start, computed on first use."""
+
+    def __init__(self, mech: Mechanism, plan: RunPlan, span: float, *, known: bool):
+        self.mech, self.plan, self.span, self.known = mech, plan, span, known
+        self.found: float | None = None
+
+    def __call__(self) -> float:
+        """Return the rate [1/s], or 0 if torques are given by a function."""
+        if self.found is None:
+            self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
+        return self.found
+
+    def swings(self) -> bool:
+        """Return True if the fastest mode swings rather than decays, or False if unknown."""
+        if not self.known:
+            return False
+        forces = self.plan.drives, self.plan.loads
+        return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
+
+    def explicit(self) -> float:
+        """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
+        drives = self.plan.drives
+        table = drives.table.copy()
+        implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
+        table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
+        return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
+
+    def without_forces(self) -> float:
+        """The rate of the same motion without springs, dampers and other forces [1/s]."""
+        return self._of(NO_FORCES) if self.known else 0.0
+
+    def _of(self, forces: Any) -> float:
+        return fastest_rate(self.mech, forces, self.plan.active, *self.plan.start)
+
+
+def fastest_rate(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> float:
+    """Return the largest rate of the linearised motion [1/s], to about 10 %.
+
+    Oscillations are included, contacts are not.
+    """
+    scene = Scene(mech.packed, *forces, active)
+    size = len(q), len(v)
+    stages = np.zeros((stiffness.STIFFNESS_ROWS, sum(size)))
+    stages[stiffness.STATE, : len(q)] = q
+    stages[stiffness.STATE, len(q) :] = v
+    accelerate = address_of(motion.acceleration)
+    rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
+    return float(rate) if np.isfinite(rate) else 0.0
+
+
+def fastest_swings(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> bool:
+    """Return True if the imaginary part of the largest eigenvalue exceeds its real part.
+
+    False for more than MOST_FREEDOMS.
+    """
+    if mech.nv > MOST_FREEDOMS:
+        return False
+    scene, n = Scene(mech.packed, *forces, active), len(v)
+    tau, flow = np.zeros(n), np.zeros(3)
+
+    def acceleration(at: Array, speed: Array) -> Array:
+        vdot = np.zeros(n)
+        motion.acceleration(scene.address, 0.0, at, speed, tau, vdot, flow)
+        return vdot
+
+    def moved(e: Array) -> Array:
+        at = q.copy()
+        motion.move(scene.packed.rows, at, e, NOTABLE)
+        return at
+
+    axes, h = np.eye(n), NOTABLE
+    by_q = np.array([acceleration(moved(e), v) - acceleration(moved(-e), v) for e in axes]).T
+    by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
+    slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])
+    if not np.isfinite(slope).all():
+        return False
+    values = np.linalg.eigvals(slope)
+    largest = values[np.argmax(np.abs(values))]
+    return bool(abs(largest.imag) > abs(largest.real))

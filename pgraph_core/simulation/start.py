@@ -1,0 +1,126 @@
+"""The state in which a run starts, and its torques, from what a call and a scenario give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..dynamics.arguments import finite, names_in, numbers, position
+from ..errors import InputError, Problem, choices, nearest_first
+from ..mechanism import Mechanism
+from ..model import Scenario
+from ..packing import Array
+
+if TYPE_CHECKING:
+    from ..gait.controller import Controller
+
+
+def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
+    """Return the controller of a scenario's gait, or None if it has no gait."""
+    if given is None or given.gait is None:
+        return None
+    from ..gait.controller import Controller
+
+    return Controller(mech, given.gait)
+
+
+def is_controller(tau: Any) -> bool:
+    """Return True if `tau` is a gait controller, which has a start and a clock."""
+    return hasattr(tau, "ticks") and hasattr(tau, "start")
+
+
+def initial_state(
+    mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None, t: float = 0.0
+) -> tuple[Array, Array]:
+    """Return the initial state from the arguments, or the scenario, a gait or the model."""
+    tau = controller_of(mech, given) if tau is None else tau
+    known = q is not None and v is not None
+    q0, v0 = tau.start() if is_controller(tau) and not known else mech.home()
+    if given is not None:
+        for state, entries, kind in ((q0, given.q, "q"), (v0, given.v, "v")):
+            _fill(mech, state, entries, kind)
+    return with_state(mech, (q0, v0), q, v, t)
+
+
+def by_names(
+    mech: Mechanism, scenario: str | None, q: Any, v: Any, tau: Any = None
+) -> tuple[Any, Any]:
+    """Return (q, v), converting {body: value or values} to an array based on the initial state.
+
+    Raises InputError for names without a joint that moves, for other counts of values, and for
+    lists where the order of the numbers is not the order of the bodies.
+    """
+    if isinstance(q, (int, float)):
+        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
+        raise InputError(Problem("simulate", "q", text))
+    _in_order(mech, q=q, v=v)
+    named = [names_in(x) if x is not None else None for x in (q, v)]
+    if named == [None, None]:
+        return q, v
+    given = mech.model.scenario(scenario) if scenario is not None else None
+    q0, v0 = initial_state(mech, given, None, None, tau)
+    start = q0[: mech.nq], v0[: mech.nv]  # without the states of controls
+    found: list[Any] = [q, v]
+    for k, (entries, state) in enumerate(zip(named, start)):
+        if entries is not None:
+            _fill(mech, state, entries, "qv"[k])
+            found[k] = state
+    return found[0], found[1]
+
+
+def torques_by_names(mech: Mechanism, tau: Any) -> Any:
+    """Return `tau`, converting {body: value or values} to an array with zeros elsewhere.
+
+    Raises InputError.
+    """
+    _in_order(mech, tau=tau)
+    entries = None if tau is None or callable(tau) else names_in(tau)
+    if entries is None:
+        return tau
+    found = np.zeros(mech.nv)
+    _fill(mech, found, entries, "tau")
+    return found
+
+
+def _in_order(mech: Mechanism, **given: Any) -> None:
+    """Refuse lists if the model numbers its joints in another order than its bodies."""
+    typed = [name for name, value in given.items() if isinstance(value, (list, tuple)) and value]
+    if not typed:
+        return
+    listed = [body.name for body in mech.model.bodies if body.name in mech.joints]
+    numbered = list(mech.joints)
+    if listed != numbered:
+        what = f"a list counts joints as they are numbered, {', '.join(numbered[:6])}"
+        more = ", ..." if len(numbered) > 6 else ""
+        reason = f"{what}{more}, and this model lists its bodies otherwise"
+        cure = "give {body: value}, or a numpy array if that order is meant"
+        raise InputError(Problem("state", typed[0], f"{reason}; {cure}"))
+
+
+def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
+    """Write the values for bodies into q or v."""
+    joints = mech.joints
+    for name, values in entries.items():
+        if name not in joints:
+            near = choices(nearest_first(str(name), joints))
+            text = f"{name!r} is no body with a joint that moves; choose from {near}"
+            raise InputError(Problem(kind, "", text))
+        place = getattr(joints[name], "q" if kind == "q" else "v")
+        label = f"{kind}['{name}']"
+        state[place] = numbers(
+            label, [values] if np.isscalar(values) else values, place.stop - place.start
+        )
+
+
+def with_state(
+    mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any, t: float
+) -> tuple[Array, Array]:
+    """Return copies of the given q and v, or of those in `start` where they are None.
+
+    The states of controls, at a start at t, stand behind those of the bodies.
+    """
+    q = start[0] if q is None else position(mech.packed, q)
+    v = start[1] if v is None else finite("v", v, mech.nv)
+    return mech.packed.with_states(t, q.copy(), v.copy())
