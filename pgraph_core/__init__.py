@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from .gait.controller import Controller as Controller
     from .gait.footing import Footprint as Footprint
     from .gait.footing import footprints as footprints
-    from .gait.footing import footprints_csv as footprints_csv
     from .gait.footing import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
@@ -131,7 +130,7 @@ _MODULES = {
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",
     "gait.controller": "Controller",
-    "gait.footing": "Footprint footprints footprints_csv underfoot",
+    "gait.footing": "Footprint footprints underfoot",
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
     "model": (

@@ -427,11 +427,6 @@ class Frozen(_Base):
         """Return a validated instance, like calling the class."""
         return cls(**values)
 
-    @classmethod
-    def unchecked(cls, **values: Any) -> Self:
-        """Create a part from all its fields, without validation."""
-        return super().model_construct(None, **values)
-
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
         """Return a copy with modified fields, without validation."""
         return super().model_copy(update=update)

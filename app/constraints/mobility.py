@@ -63,8 +63,7 @@ def lines_of(state: State, found: Any) -> list[Payload]:
         by_name.setdefault(row.constraint, []).append(row)
     kinds = {c.name: c.kind for c in state.model.constraints}
     lines = [
-        _line(name, needless(name, kinds.get(name, ""), rows), False)
-        for name, rows in by_name.items()
+        _line(name, needless(kinds.get(name, ""), rows), False) for name, rows in by_name.items()
     ]
     if found.prescribed:
         moves = counted(found.prescribed, "way") + " to move"
@@ -84,7 +83,7 @@ def lines_of(state: State, found: Any) -> list[Payload]:
     return lines
 
 
-def needless(name: str, kind: str, rows: list[Any]) -> str:
+def needless(kind: str, rows: list[Any]) -> str:
     """Return a remark about redundant rows, suggesting a constraint kind with fewer of them."""
     always = [row for row in rows if not row.only_here]
     here = [row for row in rows if row.only_here]

@@ -70,7 +70,7 @@ def _derived(model: pg.Model) -> Derived:
     loops = loops_of(model, top)
     tree = _tree(parent, tuple(top.dof.tolist()))
     positions, rotations = pg.home_poses(model)
-    center, size = reach(bodies, tree.children, positions, rotations)
+    center, size = reach(bodies, positions, rotations)
     ends = tuple((loop.body, loop.other) for loop in loops)
     return Derived(
         names=names,

@@ -28,7 +28,7 @@ class Walk(FromPage):
 
 @on(Walk)
 def walk(state: State, event: Walk) -> State:
-    return (idle(state) and begun(state, event.client)) or state
+    return (idle(state) and begun(state)) or state
 
 
 @on(GoLive)
@@ -45,7 +45,7 @@ def live(state: State, event: GoLive) -> State:
     offer = offered(state.model, state.walking)
     if offer is None or offer.scenario != scenario.name:
         state = replace(state, walking=chosen(state.walking, scenario.gait.name))
-    return begun(state, event.client) or go_live(state)
+    return begun(state) or go_live(state)
 
 
 @on(Simulate)
@@ -69,7 +69,7 @@ def set_gait(state: State) -> pg.Gait | None:
     return offer.gait
 
 
-def begun(state: State, client: int) -> State | None:
+def begun(state: State) -> State | None:
     """Start a live run with the gait, and show the ground forces."""
     offer = offered(state.model, state.walking)
     if offer is None:

@@ -24,7 +24,7 @@ from ..core import cells, edit
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
 from ..core.events import Event, FromPage, Text, on, on_edit, on_request
-from ..core.state import Notice, Step, replied, told, with_client
+from ..core.state import Notice, replied, told, with_client
 from . import Errand, Found, Kept, Members, State
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
 
@@ -71,10 +71,7 @@ class Undo(FromPage):
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
     """Restore the model before the last edit, together with its run if it has one."""
-    if not state.undo:
-        return state
-    *undo, step = state.undo
-    return replace(_back(state, step), undo=tuple(undo), redo=(*state.redo, _way(state, step)))
+    return _gone(state, "undo", "redo")
 
 
 @dataclass(frozen=True)
@@ -84,19 +81,17 @@ class Redo(FromPage):
 
 @on(Redo)
 def redone(state: State, event: Redo) -> State:
-    if not state.redo:
+    return _gone(state, "redo", "undo")
+
+
+def _gone(state: State, back: str, onto: str) -> State:
+    """Apply the last step of one list, and put its inverse onto the other."""
+    if not (steps := getattr(state, back)):
         return state
-    *redo, step = state.redo
-    return replace(_back(state, step), undo=(*state.undo, _way(state, step)), redo=tuple(redo))
-
-
-def _back(state: State, step: Step) -> State:
-    return replace(showing(state, step.model, earlier=step), document=step.document)
-
-
-def _way(state: State, step: Step) -> Step:
-    """Return the inverse of a step that is about to be applied."""
-    return replace(step, model=state.model, rows=state.rows, document=state.document)
+    *left, step = steps
+    inverse = replace(step, model=state.model, rows=state.rows, document=state.document)
+    there = replace(showing(state, step.model, earlier=step), document=step.document)
+    return replace(there, **{back: tuple(left), onto: (*getattr(state, onto), inverse)})
 
 
 # -- new and open ----------------------------------------------------------------------------------

@@ -63,9 +63,7 @@ def inverse_kinematics(
             best, least = end, left
         if least <= SOLVED * rows.size:
             return best
-    raise InputError(
-        [_missed(mech, best, target, starts) for target in _off(mech, best, wanted, rows)]
-    )
+    raise InputError([_missed(mech, best, target, starts) for target in _off(best, wanted, rows)])
 
 
 def nearest(
@@ -220,7 +218,7 @@ def _angle(R: Array) -> Array:
     return Rotation.from_matrix(R).as_rotvec()
 
 
-def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Target]:
+def _off(q: Array, wanted: list[Target], rows: Rows) -> list[Target]:
     """Return the missed targets, or all of them if only loops are open."""
     here = rows.at(q)
     loops = len(here.holonomic)

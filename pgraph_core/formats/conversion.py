@@ -212,9 +212,7 @@ def _nearest_moments(moments: np.ndarray) -> np.ndarray:
     return x + slack
 
 
-def unphysical(
-    report: Report, where: str, name: str, mass: float, inertia: np.ndarray
-) -> dict[str, Any]:
+def unphysical(report: Report, where: str, name: str, inertia: np.ndarray) -> dict[str, Any]:
     """Return body fields that keep an unphysical inertia, and report it together with a repair.
 
     Raises FileError for an inertia that overflows.

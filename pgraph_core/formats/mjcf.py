@@ -386,13 +386,13 @@ class _Reader:
                 "parent": before,
                 "link": (0.0, 0.0, 0.0) if free else tuple(link.tolist()),
                 "rotation": (1.0, 0.0, 0.0, 0.0) if free or not first else turn,
-                **self._joint(group, free, b),
+                **self._joint(group, free),
                 **(self._mass(b) if group.last else NO_MASS),
             }
             yield fields
             before, base = group.name, group.pivot
 
-    def _joint(self, group: Group, free: bool, b: int) -> dict[str, Any]:
+    def _joint(self, group: Group, free: bool) -> dict[str, Any]:
         m = self.m
         if not group.joints:
             return {"joint": "weld"}
@@ -485,7 +485,7 @@ class _Reader:
             "com": tuple((m.body_ipos[b] - self.pivot[b]).tolist()) if mass else (0.0, 0.0, 0.0),
             "inertia": tuple(tuple(row) for row in inertia.tolist()),
             "shapes": [*self.shapes(b)],
-            **unphysical(self.report, where, name, mass, inertia),
+            **unphysical(self.report, where, name, inertia),
         }
 
     # -- shapes ----------------------------------------------------------------------------------

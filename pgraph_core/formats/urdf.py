@@ -465,7 +465,7 @@ class _Reader:
         inertia = (inertia + inertia.T) / 2
         fields = {"mass": mass, "com": com, "inertia": inertia}
         where = self.source.at(given or inertial, what)
-        return fields | unphysical(self.report, where, name, mass, inertia)
+        return fields | unphysical(self.report, where, name, inertia)
 
     # -- shapes ----------------------------------------------------------------------------------
 

@@ -62,7 +62,7 @@ class Controller(Portable):
         self.settings = _settings(self.anatomy, gait, mech.model)
         self.legs = self.anatomy.legs.copy()
         self._share()
-        _check_reach(self.anatomy, gait, mech.model)
+        _check_reach(self.anatomy, gait)
         self.terrain = terrain_of(mech.model)
         self.waves = self._waves()
         self.limit = np.full(mech.nv, gait.leg_torque)
@@ -245,7 +245,7 @@ def _settings(a: Anatomy, gait: Gait, model: Model) -> Any:
     return found
 
 
-def _check_reach(a: Anatomy, gait: Gait, model: Model) -> None:
+def _check_reach(a: Anatomy, gait: Gait) -> None:
     """Raise InputError if a leg is too short for the height or the speed, or is stiff."""
     where = f"gait '{gait.name}'"
     stiff = [f.foot for f, leg in zip(a.feet, a.legs) if leg["v_spread"] < 0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -60,24 +58,6 @@ def footprints(run: Result) -> tuple[Footprint, ...]:
         for print_ in _prints(run, name, sole(run, contact.body, np.array(contact.points[0])))
     ]
     return tuple(sorted(found, key=lambda one: one.start))
-
-
-@explained
-def footprints_csv(run: Result) -> str:
-    """Return the footprints as CSV text, with units in the first line.
-
-    Parameters
-    ----------
-    run : Result
-        A run with contacts.
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    units = ("", "s", "s", "m", "m", "m", "m", "N")
-    names = Footprint._fields
-    writer.writerow(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units))
-    writer.writerows(footprints(run))
-    return text.getvalue()
 
 
 def sole(run: Result, body: str, point: Array) -> Array:

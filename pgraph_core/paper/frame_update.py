@@ -257,7 +257,7 @@ def frame_update_trace(
     for visit, moves in start.walk:
         if visit.P:
             body = bodies[visit.number - 1]
-            text = _in_words(body, visit.number, moves, step)
+            text = _in_words(visit.number, moves, step)
         else:
             text = "the start: ground" if visit.kappa == visit.find else "a re-entry: nothing turns"
         steps.append((visit, text))
@@ -277,7 +277,7 @@ def _position(model: Model, name: str, given: Sequence[float] | Array) -> Array:
     return q
 
 
-def _in_words(body: Body, number: int, moves: tuple[Movement, ...], step: Array) -> str:
+def _in_words(number: int, moves: tuple[Movement, ...], step: Array) -> str:
     if not moves:
         return "a weld: nothing turns"
     said = []

@@ -60,7 +60,7 @@ def draw(
     bodies, parent = [model.body(name) for name in names], run.mechanism.topology.parent.tolist()
     t, pose = np.asarray(run.t), np.asarray(run.body_pose)
     children = children_of(parent)
-    _, size = reach(bodies, children, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
+    _, size = reach(bodies, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
     up = np.array(GRID[model.up][1])
     scene, camera = server.scene, server.initial_camera
     scene.set_up_direction(up)

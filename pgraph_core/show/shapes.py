@@ -285,8 +285,7 @@ def _changed(name: str) -> int:
 
 
 def reach(
-    bodies: Sequence[Any], children: Sequence[Sequence[int]],
-    positions: np.ndarray, rotations: np.ndarray,
+    bodies: Sequence[Any], positions: np.ndarray, rotations: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Return the centre of the model in its home configuration, and its extent from there [m]."""
     points = [np.asarray(p) for p in positions]

@@ -53,9 +53,7 @@ class Steps:
 
     carried: Carried | None = None  # derivatives
 
-    def __init__(
-        self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]
-    ):
+    def __init__(self, plan: RunPlan, q: Array, v: Array, frames: tuple[Array, ...]):
         """Start at (q, v) and record states in `frames`."""
         nq, nv = len(q), len(v)
         self.plan, self.tolerance = plan, plan.tolerance

@@ -114,7 +114,7 @@ class Recording:
         self._arrays = tuple(self.out)  # arguments of kernels
         self._give_torques()
         if left is None:
-            self.steps = Steps(mech, plan, q, v, self._arrays)
+            self.steps = Steps(plan, q, v, self._arrays)
         self.q, self.v = self.steps.q, self.steps.v
         if left is None:
             self._join()

@@ -1,7 +1,5 @@
 """Walks of the quadrupeds: speeds, slips, limits, phases, agreement of methods."""
 
-import csv
-import io
 from functools import cache
 
 import numpy as np
@@ -208,7 +206,3 @@ def test_footprints_are_those_of_the_run():
     assert np.all(np.diff(ahead) > 0.0)
     assert np.diff(ahead)[-1] == pytest.approx(0.6 * 0.38, rel=0.1)  # a stride at full speed
     assert all(one.moved < SLIP for one in prints)
-    rows = list(csv.DictReader(io.StringIO(pg.footprints_csv(run))))
-    every = pg.footprints(run)
-    assert [float(row["x [m]"]) for row in rows] == [one.x for one in every]
-    assert [float(row["push [N]"]) for row in rows] == [one.push for one in every]
