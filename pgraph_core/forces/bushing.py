@@ -54,7 +54,6 @@ class Bushing(AtPoint, Between):
     ABOUT: ClassVar[str] = "rubber: springs and dampers along and about three axes"
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness", "damping")
     SINCE: ClassVar[int] = 5
-    MARK: ClassVar[str] = "spring"
     NEW: ClassVar[dict[str, Any]] = {"stiffness": (1e5,) * 3 + (100.0,) * 3}
 
     kind: Literal["bushing"] = field(KIND, default="bushing")

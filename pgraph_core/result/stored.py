@@ -28,18 +28,9 @@ if TYPE_CHECKING:
 CHUNK = 1 << 16  # [bytes] of times read at once
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
-    "t",
-    "q",
-    "v",
-    "vdot",
-    "kinetic_energy",
-    "potential_energy",
-    "work",
-    "dissipation",
-    "constraint_drift",
-    "error_at",
-    "states",
-)
+    "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
+    "constraint_drift", "error_at", "states",
+)  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
 FORCE = "force:"  # before the names of constraints
 
