@@ -22,7 +22,7 @@ from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 from ..core.events import Event
 from ..pose.solving import pull_force
 from ..pose.update import Pull
-from ..run import FREE_RUN, Live
+from ..run import Live
 from ..run.update import Advanced, Joined, Stuck, joined
 from . import State, Walking
 from .walker import LYING, Walker, gait_of
@@ -260,7 +260,7 @@ class Motion:
             step=None if request.step is None and request.rtol is not None else step,
             rtol=request.rtol,
             frames=frames,
-            scenario=None if request.scenario == FREE_RUN else scenario,
+            scenario=scenario,
             tau=tau,
             estimate=False,
         )

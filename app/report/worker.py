@@ -7,7 +7,6 @@ from typing import Any
 import pgraph_core as pg
 
 from ..core.jobs import Report
-from ..run import FREE_RUN
 from . import Analysis
 
 ROUNDS = 3  # rounds of timing, few because a page waits
@@ -17,7 +16,7 @@ HORIZON = 1.0  # [s] limit on the motion of a map, which makes hundreds of runs
 
 def settings(now: Analysis) -> dict[str, Any]:
     """Scenario and duration."""
-    scenario = None if now.request.scenario == FREE_RUN else now.request.scenario
+    scenario = now.request.options["scenario"]
     duration = now.reporting.t_end or now.request.t_end
     return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
 

@@ -33,6 +33,12 @@ class Request:
     method: str = "auto"
     rtol: float | None = None
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """The arguments of `simulate`, without those of time."""
+        named = None if self.scenario == FREE_RUN else self.scenario
+        return {"scenario": named, "method": self.method, "step": self.step, "rtol": self.rtol}
+
 
 @dataclass(frozen=True)
 class Simulation(Job):

@@ -12,7 +12,7 @@ from pgraph_core.engine.compiler.archive import current
 
 from ..core.events import Event
 from ..core.jobs import Report
-from . import FREE_RUN, Simulation
+from . import Simulation
 from .update import Compiled, Compiling
 
 COMPILE = ("-m", "pgraph_core.engine", "--with-parent")
@@ -30,12 +30,9 @@ def simulated(job: Simulation, progress: Report) -> object:
         *((None, None) if before is None else (before.q[-1], before.v[-1])),
         t_start=start,
         t_end=start + request.t_end,
-        step=request.step,
-        rtol=request.rtol,
-        method=request.method,
-        scenario=None if request.scenario == FREE_RUN else request.scenario,
         tau=None if job.gait is None else pg.Controller(mech, job.gait),
         progress=progress,
+        **request.options,
     )
     return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 

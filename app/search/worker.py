@@ -13,7 +13,6 @@ from pgraph_core.result.columns import columns_of
 from pgraph_core.search.data import measured
 
 from ..core.jobs import Report
-from ..run import FREE_RUN
 from . import Found, Search, drawn
 from .known import numbers_of
 from .update import full
@@ -28,17 +27,6 @@ def searched(now: Search, report: Report) -> Found:
 Progress = Callable[[str, Any], bool]  # takes what a trial reached, and its run
 
 
-def settings(now: Search, data: bool = False) -> dict[str, Any]:
-    """Return the arguments of `simulate`: the page's method, step and scenario."""
-    request = now.request
-    scenario = None if request.scenario == FREE_RUN else request.scenario
-    given: dict[str, Any] = {"scenario": scenario}
-    if scenario is None:
-        given |= {"method": request.method, "step": request.step, "rtol": request.rtol}
-        given |= {} if data else {"t_end": request.t_end}
-    return given
-
-
 def bounds(now: Search) -> dict[str, tuple[float, float]]:
     return {one.path: (one.low, one.high) for one in now.asked.free}
 
@@ -50,7 +38,7 @@ def fit(now: Search, progress: Progress) -> Found:
     columns, _ = measured({"t": asked.data["t"], **data})
     found = pg.fit(
         now.model, columns, bounds(now), progress=lambda values, run: progress("", run),
-        **settings(now, data=True),
+        **now.request.options,
     )  # fmt: skip
     rows = [(path, present[path], x, found.errors[path]) for path, x in found.values.items()]
     noise = [f"{name}: residuals of {size:.2g}" for name, size in found.noise.items()]
@@ -67,7 +55,7 @@ def optimise(now: Search, progress: Progress) -> Found:
     found = pg.optimise(
         now.model, goal, free, subject_to=limits,
         progress=lambda trial, run: progress(f"{goal} = {trial.objective:.4g}", run),
-        **settings(now),
+        t_end=now.request.t_end, **now.request.options,
     )  # fmt: skip
     rows = [
         (one.path, present[one.path], x, np.nan)
@@ -81,7 +69,8 @@ def matters(now: Search, progress: Progress) -> Found:
     """Find how far each number moves a curve, per relative change of the number."""
     asked, present = now.asked, numbers_of(now.model)
     paths = [full(one.path) for one in asked.free]
-    run = pg.simulate(now.model, wrt=paths, estimate=False, **settings(now))
+    request = now.request
+    run = pg.simulate(now.model, wrt=paths, t_end=request.t_end, estimate=False, **request.options)
     progress("", run)
     by = run.gradient(lambda run: columns_of(run)[asked.signal].values)
     rows = []

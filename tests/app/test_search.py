@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.jobs import Worker
 from pgraph_app.search import Search
+from pgraph_app.search import worker as work_of_search
 from pgraph_app.search.view import searches
 from pgraph_app.search.worker import searched as work
 
@@ -97,6 +98,27 @@ def test_numbers_are_ranked_by_how_far_they_move_a_curve():
     place = {row["name"]: k for k, row in enumerate(rows)}
     damping = next(name for name in place if "damping" in name)
     assert place["q.rod"] < place[damping]
+
+
+@pytest.mark.parametrize("kind", ["fit", "optimise", "matters"])
+def test_a_search_runs_as_the_page_would_also_in_a_scenario(kind, monkeypatch):
+    """Method, step and duration that were typed for a scenario hold for a search in it, too."""
+    model = pendulum().add(pg.Scenario(name="swing", t_end=1.5))
+    state = after(begun(model), do.SetRun(ME, 1, "method", "rk4"), do.SetRun(ME, 2, "step", "0.02"))
+    state = after(state, do.SetRun(ME, 3, "t_end", "0.5"), do.AskSearch(ME, kind))
+    assert state.request.scenario == "swing"
+    state = after(state, do.SetGoal(ME, 4, "signal", "rod"), do.FreeNumber(ME, "q.rod", True))
+    if kind == "fit":
+        state = after(state, do.OpenData(ME, "swing.csv", curves()))
+        state = after(state, do.MatchColumn(ME, 5, "angle", "rod"))
+    runs, drawn = [], work_of_search.drawn
+    monkeypatch.setattr(
+        work_of_search, "drawn", lambda asked, run: runs.append(run) or drawn(asked, run)
+    )
+    state, _ = searched(state)
+    header = runs[-1].header
+    assert (header["method"], header["step"], header["scenario"]) == ("rk4", 0.02, "swing")
+    assert header["t_end"] == (T[-1] if kind == "fit" else 0.5)
 
 
 def test_a_search_is_cancelled_with_its_best():
