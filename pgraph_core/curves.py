@@ -20,7 +20,7 @@ class Table(Frozen):
     """
 
     t: Numbers = field("ascending times [s], at least one", converter=several)
-    value: Numbers = field("one finite number a time", converter=several)
+    value: Numbers = field("one finite number per time", converter=several)
 
     @model_validator(mode="after")
     def _knots(self) -> Self:
@@ -72,7 +72,7 @@ def _knot_problems(t: tuple[float, ...], value: tuple[object, ...]) -> list[tupl
     found = []
     if not t or len(t) != len(value):
         sizes = f"{len(t)} times, {len(value)} values"
-        found.append(("value", f"needs one value a time, at least one; given {sizes}"))
+        found.append(("value", f"needs one value per time, at least one; given {sizes}"))
     if not all(map(operator.lt, t, t[1:])):
         found.append(("t", f"the times t must ascend; given {list(t)}"))
     return found

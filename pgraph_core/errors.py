@@ -148,7 +148,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def no_method(name: Any, known: Iterable[str]) -> str:
     """Return a message about an unknown integration method."""
     names = list(known)
-    text = f"no method is called {shown(name)}; choose one of {choices(names)}"
+    text = f"no method is named {shown(name)}; choose one of {choices(names)}"
     return text + words.synonym(name, names)
 
 
@@ -303,7 +303,7 @@ def _problems_of_call(
         known = _names(function)
         wrong = [name for name in named if name not in known]
         if wrong and known:
-            text = f"is no argument of it; {nearest(wrong[0], parameters)}"
+            text = f"is not an argument; {nearest(wrong[0], parameters)}"
             return [Problem(where, wrong[0], text)]
         takes = ", ".join(str(p).split(":")[0] for p in parameters.values())
         return [Problem(where, "", f"{error}; it takes ({takes})")]

@@ -664,7 +664,7 @@ class OfKinds(Acting):
         kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
         do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 6 else "leave it out"
         do += f"; given {shown(value)}" if isinstance(value, str) else ""
-        return f"means nothing to kind '{cls.own_kind()}'; {do}"
+        return f"is not a field of kind '{cls.own_kind()}'; {do}"
 
     @classmethod
     def _empty(cls, field: str, value: Any) -> bool:

@@ -120,7 +120,7 @@ def read_markup(path: Path) -> Element:
     try:
         content = content_of(path, LARGEST_XML)
     except FileNotFoundError:
-        raise FileError(Problem(str(path), "", "there is no such file")) from None
+        raise FileError(Problem(str(path), "", "the file does not exist")) from None
     except (OSError, ValueError) as error:
         raise FileError(Problem(str(path), "", f"cannot be read: {reason_of(error)}")) from None
     return parse_markup(content, path.name)

@@ -49,11 +49,11 @@ def parsed_mesh(file: str | Path) -> Any:
     try:
         content = content_of(file, LARGEST)
     except FileNotFoundError as error:
-        raise FileError(Problem(where, "", "there is no such file")) from error
+        raise FileError(Problem(where, "", "the file does not exist")) from error
     except (OSError, ValueError) as error:
         raise FileError(_unreadable(file, reason_of(error))) from error
     if not _looks_like(suffix, content):
-        text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
+        text = f"cannot be read as {suffix}: its content is not a {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
     try:
         if suffix == "dae":

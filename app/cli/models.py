@@ -159,7 +159,7 @@ def check(args: Namespace) -> Answer:
         raise ModelError(problems)
     notes += model.doubts
     data |= {"notes": notes} if notes else {}
-    found = "no problem found" if "loaded" not in data else "some of what acts is left out"
+    found = "no problem found" if "loaded" not in data else "some acting parts are left out"
     lines = [f"{model.name}: {found}", *(f"note: {text}" for text in notes)]
     return Answer(data, "\n".join(lines))
 

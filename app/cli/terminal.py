@@ -95,7 +95,7 @@ def roots(args: Namespace) -> list[str]:
     """Return the folders given by `--root`. Raises FileError if one does not exist."""
     for root in args.root:
         if not Path(root).is_dir():
-            raise FileError(Problem(f"--root {root}", "", "there is no such folder"))
+            raise FileError(Problem(f"--root {root}", "", "the folder does not exist"))
     return args.root
 
 

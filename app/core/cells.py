@@ -94,7 +94,7 @@ def _calculated(typed: str) -> float:
     try:
         return evaluated(typed.replace("^", "**"), {})
     except ValueError as problem:
-        asked, do = "is no formula; write it as =thigh/2", "cannot be calculated; write it as 0.2/2"
+        asked, do = "is not a formula; write =thigh/2", "cannot be calculated; write it as 0.2/2"
         text = str(problem).replace(asked, do)
         raise Refusal(text) from None
 
@@ -182,7 +182,7 @@ def replaced(value: Any, index: tuple[int, ...], new: Any) -> Any:
         return new
     first, *rest = index
     if not isinstance(value, (tuple, list)) or first >= len(value):
-        raise Refusal("has no such entry any more")
+        raise Refusal("no longer has this entry")
     return (*value[:first], replaced(value[first], tuple(rest), new), *value[first + 1 :])
 
 

@@ -55,7 +55,7 @@ class EditFeedback(FromPage):
 def edit(state: State, event: EditFeedback) -> State:
     page = state.clients.get(event.client)
     if page is None or page.design is None:
-        raise Refusal("There is no feedback to change any more.")
+        raise Refusal("The feedback no longer exists.")
     design = page.design
     for index, text in event.entries:
         asked = _changed(design, event.field, index, text, display_of(state, event.client))
@@ -83,7 +83,7 @@ def _changed(
                 if not value > 0:
                     raise Refusal("must be above 0, or empty to leave it out")
             return replace(asked, largest={**asked.largest, name: value})
-    raise Refusal("The feedback has no such field any more.")
+    raise Refusal("The feedback no longer has this field.")
 
 
 def named(design: Design) -> list[str]:

@@ -72,7 +72,7 @@ class Reader:
     def _answer(self) -> tuple[str, Any]:
         with self._lock:
             if self._stopped:
-                raise Refusal("its reading was cancelled")
+                raise Refusal("reading was cancelled")
             self._process = process = subprocess.Popen(
                 [sys.executable, "-m", __name__, str(LONGEST)],
                 stdin=subprocess.PIPE,
@@ -87,7 +87,7 @@ class Reader:
                 process.kill()
                 raise Refusal(TOO_LONG) from None
         if self._stopped:
-            raise Refusal("its reading was cancelled")
+            raise Refusal("reading was cancelled")
         if process.returncode == -signal.SIGXCPU:
             raise Refusal(TOO_LONG)
         if process.returncode != 0:

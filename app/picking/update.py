@@ -157,7 +157,7 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
     of = aim.name if aim.part else aim.bodies[0] if aim.bodies else ""
     after = with_client(state, client, aim=None)
     if vector is None:
-        text = f"{of!r} is not there any more"
+        text = f"{of!r} no longer exists"
         return told(after, client, Notice("Not done", text, bad=True))
 
     def made() -> pg.Model:

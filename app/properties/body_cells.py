@@ -116,7 +116,7 @@ def edit_of(
     if field.startswith("shape_"):
         at, name = of_shape(field)
         if at > len(body.shapes) or (at == len(body.shapes) and name != "kind"):
-            raise Refusal("has no such shape any more")
+            raise Refusal("no longer has this shape")
         if name == "kind":
             return _with_kind(body, at, entries[0][1])
         if name in ("role", "colour"):
@@ -128,7 +128,7 @@ def edit_of(
     if field == "axes" and len(entries[0][0]) == 1:
         (at,), text = entries[0]
         if at >= len(body.axes):
-            raise Refusal("has no such axis any more")
+            raise Refusal("no longer has this axis")
         return {"axes": (*body.axes[:at], direction(text, display), *body.axes[at + 1 :])}
     if field == "motions":
         return {"motions": _motions(body, entries)}

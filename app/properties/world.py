@@ -197,7 +197,7 @@ def _steps(ground: pg.Ground, entries: Entries, display: Display) -> list[dict[s
             return [*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1}]
         i, *rest = index
         if i >= len(steps) or (rest and rest[0] >= len(STEP)):
-            raise Refusal("has no such step or number any more")
+            raise Refusal("no longer has this step or number")
         if not rest:
             return [*steps[:i], *steps[i + 1 :]]
         key, value = STEP[rest[0]], cells.quantity(text, "length", display)

@@ -71,14 +71,14 @@ def changed(
             return _with_body(model, s, text)
         case "constraints" | "contacts":
             return put(model, name, **{field: _acting(model, s, field, index, text == ON)})
-    raise Refusal("has no such field any more")
+    raise Refusal("no longer has this field")
 
 
 def _states(
     model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], text: str, display: Display
 ) -> dict[str, Any]:
     if len(index) != 2 or index[0] >= len(model.bodies):
-        raise Refusal("has no such row any more")
+        raise Refusal("no longer has this row")
     row, k = index
     body, given = model.bodies[row], getattr(s, field)
     old = given.get(body.name, getattr(body, field))
@@ -115,7 +115,7 @@ def _acting(
     """Return the active parts with one switched on or off, or None for the model's default."""
     parts = [name for name, _ in acting(model, s, field)]
     if not index or index[0] >= len(parts):
-        raise Refusal("has no such row any more")
+        raise Refusal("no longer has this row")
     now = {**dict(acting(model, s, field)), parts[index[0]]: on}
     if now == {part.name: part.active for part in getattr(model, field)}:
         return None

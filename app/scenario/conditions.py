@@ -286,7 +286,7 @@ def _edited(
             return _with(old, when={HOLDS: text.strip()})
         case "clause" | "not" | "less" | "and" | "or":
             return _with(old, when={HOLDS: _compared(model, old, what, index, text, display)})
-    raise Refusal("The switch has no such field any more.")
+    raise Refusal("The switch no longer has this field.")
 
 
 def _compared(
@@ -306,7 +306,7 @@ def _compared(
         joiner = what if len(found) == 1 else joiner
         return text_of(joiner, [*found, _next(model, found)])
     if not index or index[0] >= len(found):
-        raise Refusal("There is no such comparison any more.")
+        raise Refusal("This comparison no longer exists.")
     k = index[0]
     one = found[k]
     match what, index[1:]:

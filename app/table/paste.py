@@ -161,7 +161,7 @@ def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:
     if len(known) < 3 or "name" not in known:
         return
     other = next(text for text, field in zip(line, fields) if field is None)
-    raise Refusal(f"no field is called {cells.quoted(other)}; {nearest(other, FIELDS)}")
+    raise Refusal(f"no field is named {cells.quoted(other)}; {nearest(other, FIELDS)}")
 
 
 def _field(heading: str) -> str | None:

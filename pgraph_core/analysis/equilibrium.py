@@ -53,7 +53,7 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
     push = search.best.M @ search.best.free @ search.slope(search.best, search.best.free)
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
     left = f"{np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'"
-    text = f"no equilibrium was found near q: {left}; give it a spring, or another start q"
+    text = f"no equilibrium was found near q: {left}; add a spring, or start from another q"
     raise InputError(Problem("equilibrium", "q", text))
 
 

@@ -196,7 +196,7 @@ class _Plant:
             reach = np.abs(row @ self.B).max() / max(np.abs(self.B).max(), 1e-300)
             if value.real >= 0 and reach < NOTABLE * np.abs(row).max():
                 most = self.states[int(np.argmax(np.abs(row)))]
-                return f"the inputs do not move the motion of '{most}' with the pole {value:.3g}/s"
+                return f"the inputs do not control '{most}' with the pole {value:.3g}/s"
         return ""
 
 
@@ -245,7 +245,7 @@ def _chosen(call: str, mech: Dynamics, found: Linearisation, wanted: Any) -> Lin
     names = [label for label, *_ in _degrees(mech)]  # names used by `linearise`
     for name in wanted:
         if name not in names:
-            text = f"no coordinate is called {shown(name)}; {nearest(str(name), names)}"
+            text = f"no coordinate is named {shown(name)}; {nearest(str(name), names)}"
             raise InputError(Problem(call, "states", text))
     T = found.moves[[names.index(name) for name in wanted]]
     n = len(found.coordinates)
@@ -277,7 +277,7 @@ def _drives(call: str, model: Model, names: Any) -> list[OnJoint]:
     for name in wanted:
         if name not in known:
             do = nearest(str(name), known) if known else "the model has none"
-            text = f"no motor, servo or actuator is called {shown(name)}; {do}"
+            text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise InputError(Problem(call, "inputs", text))
     if not wanted:
         text = "needs a motor, servo or actuator; add one with model.add(pg.Motor(...))"
@@ -305,7 +305,7 @@ def _names(call: str, mech: Dynamics, found: Linearisation) -> tuple[tuple[str, 
         name, k, several = parts[label]
         place = joints.places(mech.model.body(name).sequence)[k]
         if place is None:
-            text = f"'{name}' turns as a ball, whose turn is no single number; give it hinges"
+            text = f"'{name}' is a ball joint, which has no single angle; use hinges"
             raise InputError(Problem(call, "model", text))
         names.append(written("q", name, k if several else None))
         places.append(mech.joints[name].q.start + place)

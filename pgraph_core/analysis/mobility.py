@@ -345,7 +345,7 @@ def _redundant(m: Mobility) -> list[str]:
     lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:MOST_LISTED]]
     if len(always) > MOST_LISTED:
         lines.append(f"  and {len(always) - MOST_LISTED} more")
-    lines.append("  for forces that are unique let constraints of kinds with fewer rows close it")
+    lines.append("  for unique forces use kinds of constraints with fewer rows")
     return lines
 
 

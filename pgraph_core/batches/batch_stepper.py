@@ -361,7 +361,7 @@ class BatchStepper(Snapshots):
         entries = self._entries
         kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
         if numbers is not None and not self._set:
-            raise _refused("numbers", "means nothing without set={path: values}", "reset")
+            raise _refused("numbers", "requires set={path: values}", "reset")
         qs = None if q is None else self._configurations(q, len(chosen))
         vs = None if v is None else _table("v", v, len(chosen), self.mech.nv)
         before = many.states[chosen], many.codes[chosen], many.kind[chosen]
@@ -454,7 +454,7 @@ class BatchStepper(Snapshots):
         """
         targets = self._many.targets
         if servo not in targets:
-            text = f"no servo with a constant target is called {shown(servo)}; {one_of(targets)}"
+            text = f"no servo with a constant target is named {shown(servo)}; {one_of(targets)}"
             raise _refused("servo", text, "target")
         given = _table("value", value, self.size, None)
         for force in self.mech.model.forces:

@@ -69,9 +69,9 @@ class OnJoint(Force, OfSums):
         default=False, since=3, help="the integral of the input over time acts in its place",
     )  # fmt: skip
     start: Number | None = field(
-        "what acts when a run begins, with a lag or integral; left out: the input, or 0",
+        "the initial value, with a lag or integral; left out: the input, or 0",
         default=None, dim=NONE, since=3,
-        help="what acts first; empty: the input with a lag, 0 with an integral",
+        help="the initial value; empty: the input with a lag, 0 with an integral",
     )  # fmt: skip
     state_low: Number | None = field(
         "the least value of the integral, or nothing", default=None, dim=NONE,

@@ -121,13 +121,13 @@ class Report:
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {kind}" for kind in KINDS if (n := len([*self.of(kind)])))
-        word = "loaded" if self.loaded else "not all that acts is loaded"
+        word = "loaded" if self.loaded else "some acting parts are not loaded"
         word = "will be refused" if self.refused else word
         return f"<Report {shown(self.file)}: {word}; {counts}>"
 
     def __str__(self) -> str:
         first = self.refused or (
-            "nothing that acts is left out" if self.loaded else "some of what acts is left out"
+            "all acting parts are included" if self.loaded else "some acting parts are left out"
         )
         return "\n".join(
             [f"{self.file}: {first}", *(f"  {e}" for kind in KINDS for e in self.of(kind))]
@@ -378,5 +378,5 @@ class Folders:
                 continue
         if outside:
             root = self.package or self.here
-            return None, f"it lies outside of {root}; {ALLOW}"
-        return None, "there is no such file"
+            return None, f"it is outside {root}; {ALLOW}"
+        return None, "the file does not exist"

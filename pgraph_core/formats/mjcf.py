@@ -198,7 +198,7 @@ class _Files:
         path = self.directories[0] / slashed(given)
         if not self.folders.holds(path):
             where = f"{file.name}, line {compiler.line}, compiler"
-            text = f"{shown(given)} lies outside of the model's folder; {ALLOW}"
+            text = f"{shown(given)} is outside the model's folder; {ALLOW}"
             raise FileError(Problem(where, name, text))
         self.directories.append(path)
 
@@ -223,7 +223,7 @@ class _Files:
             paths = [folder / slashed(given) for folder in self.directories]
             there = [path for path in paths if os.path.lexists(path)]  # False for a name too long
             if any(not self.folders.holds(path) for path in there or paths[:1]):
-                return f"{shown(given)} lies outside of the model's folder; {ALLOW}"
+                return f"{shown(given)} is outside the model's folder; {ALLOW}"
         return ""
 
 
@@ -561,7 +561,7 @@ class _Reader:
             return self._inline(k, name, acts)
         file = Path(os.fsdecode(m.paths[at : m.paths.index(b"\0", at)])).resolve()
         if not self.files.folders.holds(file):
-            self.left_out("mesh", name, "it lies outside of the model's folder", acts=acts)
+            self.left_out("mesh", name, "it is outside the model's folder", acts=acts)
             return None
         if file.suffix.lower().lstrip(".") not in FORMATS:
             self.left_out("mesh", name, f"of a format that is not read: {file.name}", acts=acts)

@@ -74,7 +74,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
-        raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
+        raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
     inside = [b for b in model.bodies if b.joint == "free" and b.parent != GROUND]
     if inside:
         text = "is free below another body; MJCF has free joints at the ground only"
@@ -282,7 +282,7 @@ class _Writer:
                 case "ellipsoid":
                     geom.set(type="ellipsoid", size=shape.radii)
                 case "mesh" if not (self.folder / (shape.file or "")).is_file():
-                    what = f"a mesh whose file {shape.file} is not there"
+                    what = f"a mesh whose file {shape.file} does not exist"
                     self.out(f"body '{body.name}'", what, acts=shape.role != "visual")
                     continue
                 case "mesh" if Path(shape.file or "").suffix.lower() in MESHES:

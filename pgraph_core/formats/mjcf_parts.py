@@ -226,7 +226,7 @@ class Parts:
             name = unused(one.name, taken)
             taken.add(name)
             if name != one.name:
-                text = f"is called {shown(name)} here: another force has its name"
+                text = f"is named {shown(name)} here: another force has its name"
                 self.report.add("converted", self.reader.path.name, f"{shown(one.name)} {text}")
             yield one if name == one.name else one.model_copy(update={"name": name})
 
@@ -460,7 +460,7 @@ class Parts:
         least, most = m.actuator_actrange[a] if m.actuator_actlimited[a] else (-np.inf, np.inf)
         filtered = m.actuator_dyntype[a] in FILTERS
         if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
-            return "an actuator with a state of its own that is no filter or integral (muscle)"
+            return "an actuator with a state of its own other than a filter or integral (muscle)"
         if filtered and (least > low or most < high):
             return "an actuator with a filter that has bounds of its own"
         if a in m.set_in("actuator_delay"):
@@ -635,7 +635,7 @@ class Parts:
                 (self.m.key_ctrl[k], "its controls; a run takes them as inputs={name: value}"),
                 (
                     self.m.key_act[k],
-                    "its activations; `start` of a motor or servo is what acts first",
+                    "its activations; `start` of a motor or servo is its initial value",
                 ),
             ):
                 if np.any(given):

@@ -349,7 +349,7 @@ class _Reader:
             text = "the root link is welded to the ground; base='free' lets it float"
             self.report.add("converted", where, text, part=name)
         if name != link:
-            text = f"is called {name!r} here: {link!r} means something else"
+            text = f"is named {name!r} here: {link!r} means something else"
             self.report.add("converted", where, text, part=name)
         fields |= self._inertial(element, what, name, fields["joint"] == "weld")
         fields["shapes"] = self._shapes(element, what, name)
@@ -429,7 +429,7 @@ class _Reader:
             self.report.add("converted", where, text, part=joint.child)
             return {}
         if low > high:
-            text = f"lower {shown(low)} above upper {shown(high)} is no limit, as in Bullet"
+            text = f"lower {shown(low)} above upper {shown(high)} is ignored, as in Bullet"
             self.report.add("warning", where, text, part=joint.child)
             return {}
         if low == high:
@@ -439,7 +439,7 @@ class _Reader:
             return {}
         start = min(max(0.0, low), high)
         if start != 0.0:
-            text = f"0 lies outside of the limits {shown((low, high))}; it starts at {start:.6g}"
+            text = f"0 is outside the limits {shown((low, high))}; it starts at {start:.6g}"
             self.report.add("warning", where, text, part=joint.child)
         ends = tuple(end if math.isfinite(end) else None for end in (low, high))
         return {"limits": [ends], "q": (start,)}
@@ -504,7 +504,7 @@ class _Reader:
             self.report.add("left out", where, f"a {role} without geometry", part=name)
             return None
         if zero := self._zero(solid, what):
-            text = f"a {role} of {zero} 0, which is no solid"
+            text = f"a {role} of {zero} 0, which is not a solid"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
         position, rotation = self._pose(element, what)

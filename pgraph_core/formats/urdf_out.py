@@ -54,7 +54,7 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     """
     path = named(path, ".urdf")
     if not path.parent.is_dir():
-        raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
+        raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
     writer = _Writer(model, path)
     writer.refuse_balls()
     bodies = gathered(model.bodies, path.parent)

@@ -120,7 +120,7 @@ class Contact(Acting):
         found = []
         if self.law == "complementarity":
             found += [
-                (name, "means nothing to a rigid contact; use law 'soft' or 'penalty'")
+                (name, "does not apply to a rigid contact; use law 'soft' or 'penalty'")
                 for name in ("stiffness", "damping")
                 if getattr(self, name) is not None
             ]

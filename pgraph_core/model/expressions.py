@@ -81,7 +81,7 @@ class Known:
             text = f"the joint of '{name}' has {body.dof} degrees of freedom, counted from 0"
             raise Unreadable(node.column, f"{text}; given {k}")
         if not rate and joints.places(body.sequence)[k] is None:
-            text = f"a ball's turn is no single number; take v[{shown(name)}][{k}]"
+            text = f"a ball joint has no single angle; use v[{shown(name)}][{k}]"
             raise Unreadable(node.column, text)
         return kinds_of(body)[k] / (S if rate else S / S)
 
@@ -128,7 +128,7 @@ class Known:
             hint = nearest(name, known)
             if name in self.bodies:
                 hint = f"write q.{name} for its coordinate, v.{name} for its rate"
-            raise Unreadable(node.column, f"nothing is called {shown(name)}; {hint}")
+            raise Unreadable(node.column, f"unknown name {shown(name)}; {hint}")
         if node.op == "signal" and of_time:
             raise Unreadable(node.column, "a prescribed motion depends on t alone")
         if node.op == "table":

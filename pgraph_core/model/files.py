@@ -417,7 +417,7 @@ def _located(body: Any, folder: Path, allowed: tuple[Path, ...], problems: list[
 
 def _outside(file: str, folder: Path) -> str:
     return (
-        f"the mesh file {shown(file, 200)} lies outside of the model's folder {folder}; copy it "
+        f"the mesh file {shown(file, 200)} is outside the model's folder {folder}; copy it "
         f"into that folder, or {ALLOW}"
     )
 

@@ -958,7 +958,7 @@ class Model(World):
             If it describes no valid model.
         """
         if Path(path).suffix.lower() in files.FOREIGN:
-            text = "is no file of Pgraph; read it with pg.load, which converts it"
+            text = "is not a Pgraph file; read it with pg.load, which converts it"
             raise FileError(Problem(files.shown_path(path), "", text))
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
@@ -982,7 +982,7 @@ class Model(World):
         """
         suffix = Path(path).suffix.lower()
         if suffix in files.FOREIGN:
-            text = f"is no file of Pgraph; use pg.write_{files.FOREIGN[suffix]}"
+            text = f"is not a Pgraph file; use pg.write_{files.FOREIGN[suffix]}"
             raise FileError(Problem(str(path), "", text))
         if suffix in files.NOT_JSON:
             text = f"would be JSON in a file that says {suffix}; give a name that ends in .json"

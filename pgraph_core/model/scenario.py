@@ -97,7 +97,7 @@ class Gait(Described):
         default=0.5, description="a height > 0 of the centre of mass over the ground [m]"
     )
     width: Number = Field(
-        default=0.0, description="a finite number: how far outside of its hip a foot lands [m]"
+        default=0.0, description="a finite number: how far outside its hip a foot lands [m]"
     )
     clearance: AtLeast0 = Field(default=0.06, description="a height >= 0 of a swinging foot [m]")
     landing: AtLeast0 = Field(

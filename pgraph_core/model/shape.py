@@ -366,7 +366,7 @@ def _enclosed(vertices: Array, faces: Array) -> tuple[float, Array, Array]:
 def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
     mesh = load_mesh(shape.file or "", shape.scale, unit)
     if reason := leak(mesh):
-        do = "mend the file, or give the body mass, com and inertia of its own"
+        do = "repair the file, or give the body its own mass, com and inertia"
         raise ModelError(Problem(f"mesh {shape.file}", "", f"{reason}; {do}"))
     mesh.density = 1.0
     found = mesh.mass_properties

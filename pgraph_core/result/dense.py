@@ -17,7 +17,7 @@ from ..tolerances import NAMED, NOTABLE, SOLVED
 
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
 TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
-TOO_WIDE = "frames are too wide"  # beginning of the notice about such an oscillation
+TOO_WIDE = "frames are too coarse"  # beginning of the notice about such an oscillation
 CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
 
 
@@ -107,7 +107,7 @@ def _inside(asked: Any, t: Array) -> Array:
     if outside.any():
         bad = float(np.atleast_1d(times)[np.atleast_1d(outside)][0])
         first, last = float(t[0]), float(t[-1])
-        text = f"{bad!r} s is outside of the run: give times from {first!r} to {last!r} s"
+        text = f"{bad!r} s is outside the run: give times from {first!r} to {last!r} s"
         raise InputError(Problem("run.at", "t", text))
     return np.clip(times, t[0], t[-1])
 

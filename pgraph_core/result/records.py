@@ -184,7 +184,7 @@ class Named(Mapping[str, Any]):
         if not self._arrays:
             return f"no {self._what} acts in this run; given {shown(name)}"
         known = choices(nearest_first(name, self) if isinstance(name, str) else self)
-        return f"no {self._what} is called {shown(name)}; choose one of {known}"
+        return f"no {self._what} is named {shown(name)}; choose one of {known}"
 
 
 class ByTouch(Named):
@@ -228,7 +228,7 @@ class ByTouch(Named):
         bodies = (*self._model.row, GROUND)
         for name in (a, b):
             if name not in bodies:
-                return f"no body is called {shown(name)}; choose one of {choices(bodies)}"
+                return f"no body is named {shown(name)}; choose one of {choices(bodies)}"
         crowds = [
             c.name for c in self._model.contacts if c.name in self and c.pair == (EVERY, EVERY)
         ]

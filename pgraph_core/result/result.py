@@ -259,7 +259,7 @@ class Result(EqualByFields, Portable):
         Raises
         ------
         InputError
-            If a time is outside of the run.
+            If a time is outside the run.
         """
         frames = (self.t, self.q, self.v, self.vdot)
         return states_at(self.mechanism.packed.rows, frames, self.error_at, t)
@@ -402,7 +402,7 @@ class Result(EqualByFields, Portable):
             If the file has another suffix or cannot be written.
         """
         if Path(path).suffix.lower() not in (".html", ".htm"):
-            text = "is no page: give a name that ends in .html"
+            text = "is not a web page; give a name that ends in .html"
             raise FileError(Problem(str(path), "", text))
         if live or open:
             write_atomic(path, hooks.page(self, open).encode())
@@ -697,7 +697,7 @@ class Result(EqualByFields, Portable):
         try:
             with file:
                 if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
-                    text = f"is no run: not an .npz file; {WRITTEN}"
+                    text = f"is not a saved run (.npz); {WRITTEN}"
                     raise FileError(Problem(str(path), "", text))
                 return cls(**fields_of(ZipFile(file), path, roots))
         except PgraphError:

@@ -172,9 +172,7 @@ class _Reader:
 
     def call(self, at: _Token, level: int) -> Node:
         if at.text not in FUNCTIONS:
-            self.refuse(
-                f"no function is called {shown(at.text)}; {nearest(at.text, FUNCTIONS)}", at
-            )
+            self.refuse(f"no function is named {shown(at.text)}; {nearest(at.text, FUNCTIONS)}", at)
         self.take()
         args: list[Node] = []
         while self.next.text != ")" or self.next.kind != "sign":

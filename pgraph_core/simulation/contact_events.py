@@ -287,7 +287,7 @@ class ContactEvents:
             if not self._change(t, before):
                 return
         self.ended.notices.append(
-            f"t = {t:.6g} s: no phases fit all forces at once; the last are kept"
+            f"t = {t:.6g} s: no phases satisfy all contact laws at once; the last are kept"
         )
 
     def _change(self, t: float, before: Ints) -> bool:
@@ -389,7 +389,7 @@ class ContactEvents:
             solved = impacts.impulses(omega, u, bilateral, rows)
         if solved.missed > SOLVED:
             self.ended.notices.append(
-                f"t = {t:.6g} s: impulses of an impact are good to {solved.missed:.3g} only"
+                f"t = {t:.6g} s: impulses of an impact are accurate to {solved.missed:.3g} only"
             )
         scene.strike(solved.impulse, self.v)
         self.steps.ledger[at.DISSIPATED] -= solved.gain

@@ -128,29 +128,29 @@ def contact_notices(
     found: list[str] = []
     if tally["calmed"]:
         found.append(
-            f"in {tally['calmed']} steps the bounce with friction would have gained energy: "
-            "they were taken without restitution"
+            f"restitution with friction would have gained energy in {tally['calmed']} steps: "
+            "these were computed without restitution"
         )
     if tally["crowded"]:
         found.append(
-            f"{tally['crowded']} steps, the first at t = {tally['crowded_time']:.6g} s, had more "
-            "impacts than are located one by one: the rest of them was taken at once, so that the "
-            "motion after it is not to be relied on; a smaller step would do"
+            f"{tally['crowded']} steps, the first at t = {tally['crowded_time']:.6g} s, had too "
+            "many impacts to locate one by one: the rest of each step was computed at once, and "
+            "the motion after it is unreliable; use a smaller step"
         )
     if tally["chains"]:
         found.append(
             f"at t = {tally['chain_time']:.6g} s a body rebounds between several that it touches, "
-            f"{tally['chains']} times in all: they are hit at once by Newton's law; with gaps "
-            "between them, however small, one impact follows the other and ends otherwise"
+            f"{tally['chains']} times in all: all are hit at once by Newton's law; with gaps "
+            "between them, however small, the impacts would be successive and the result different"
         )
     names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
     if tally["worst"] > NOTABLE * tally["force"]:
         found.append(
-            f"the contact solver stopped before it was exact: at t = {tally['worst_time']:.6g} s "
-            f"{names[tally['worst_pair']]} missed its law by {tally['worst']:.3g} N; the largest "
-            f"force of the run is {tally['force']:.3g} N; a smaller step may do"
+            f"the contact solver did not converge: at t = {tally['worst_time']:.6g} s "
+            f"{names[tally['worst_pair']]} violates its law by {tally['worst']:.3g} N; the largest "
+            f"force of the run is {tally['force']:.3g} N; try a smaller step"
         )
-    share, of = float(tally["deepest"]), "the thickness of what touches"
+    share, of = float(tally["deepest"]), "the thickness of the touching shapes"
     if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
         moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
         share, of = share / moved if moved else 0.0, "how far it moved"
@@ -160,21 +160,21 @@ def contact_notices(
         found.append(
             f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
             f"{share:.2g} of {of}; "
-            f"{why or 'a smaller step, or a start without overlap, would do'}"
+            f"{why or 'use a smaller step, or start without overlap'}"
         )
     if tally["passed"]:
         found.append(
-            f"at t = {tally['passed_time']:.6g} s {names[tally['passed_pair']]} did not hold: one "
-            "shape passed through the other within a step; a smaller step would do"
+            f"at t = {tally['passed_time']:.6g} s {names[tally['passed_pair']]} failed: one "
+            "shape passed through the other within a step; use a smaller step"
         )
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
     found += bounced(mech, tables, active)
     found += sunk(mech, tables, active, *frames)
     if unlogged:
-        found.append(f"{unlogged} changes of contacts' phases were too many to log")
+        found.append(f"{unlogged} changes of contacts' phases were not logged")
     if tally["overflows"]:
-        found.append(f"in {tally['overflows']} steps there were more contact points than room")
+        found.append(f"in {tally['overflows']} steps there were too many contact points")
     return found
 
 
@@ -285,9 +285,9 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
                 body = _of(mech, int(terms[own.start, 0]))
             by = _by(holding(mech, active, float(t[i]), q[i], way), body, f"limit '{name}'")
             text = (
-                f"at t = {t[i]:.6g} s limit '{name}' is passed, by up to {deepest:.3g} rad or m: "
+                f"at t = {t[i]:.6g} s limit '{name}' is exceeded by up to {deepest:.3g} rad or m: "
             )
-            found.append(text + (by or "a smaller step, or a start within it, would do"))
+            found.append(text + (by or "use a smaller step, or start within the limit"))
     return found
 
 
@@ -307,8 +307,8 @@ def sunk(
             why = driven_into(mech, tables, active, k, (t, q, gap), when)
             found.append(
                 f"at t = {when:.6g} s contact '{pair.name}' is {-gap[deepest, k]:.3g} m deep, "
-                f"{-gap[deepest, k] / size:.2g} of the size of what touches, beyond what its law "
-                f"means; {why or 'give it more stiffness, or start without overlap'}"
+                f"{-gap[deepest, k] / size:.2g} of the size of the shapes, beyond the range of its "
+                f"law; {why or 'give it more stiffness, or start without overlap'}"
             )
     return found
 
@@ -331,9 +331,9 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
         times = (depth / usual) ** power if usual > 0.0 else 0.0
         if VISIBLE * times > 1.0:
             found.append(
-                f"contact '{pair.name}' starts {depth:.3g} m deep, where weight presses it "
-                f"{usual:.2g} m: it pushes with {times:.2g} times the weight, which throws things "
-                "apart and takes many steps; start without overlap, or give less stiffness"
+                f"contact '{pair.name}' starts {depth:.3g} m deep, and weight alone gives "
+                f"{usual:.2g} m: the force is {times:.2g} times the weight, which throws bodies "
+                "apart and needs many steps; start without overlap, or give less stiffness"
             )
     return found
 
@@ -470,8 +470,8 @@ def _by(names: Sequence[str], body: str, what: str) -> str:
     drive = "constraint {} drives" if len(names) == 1 else "constraints {} drive"
     named = " and ".join(f"'{name}'" for name in names[:MOST_NAMED])
     return (
-        f"{drive.format(named)} '{body}' against {what}, and neither gives way: end the motion "
-        "before, or drive by a servo, whose force is finite"
+        f"{drive.format(named)} '{body}' against {what}, and neither can yield: end the motion "
+        "earlier, or use a servo, whose force is finite"
     )
 
 

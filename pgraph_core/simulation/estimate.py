@@ -134,10 +134,10 @@ def _notices(t: Array, error: Array, size: float) -> tuple[str, ...]:
     digits = _digits(t)
     if known < len(t):
         return (
-            f"the error is not known from t = {t[known]:.{digits}g} s on, where a finer run goes "
-            f"another way; until t = {t[known - 1]:.{digits}g} s it is about "
-            f"{error[known - 1]:.2g} rad or m. A smaller step or rtol moves that time, which "
-            "chaotic motion always has",
+            f"the error is not known from t = {t[known]:.{digits}g} s on, where a finer run "
+            f"diverges; until t = {t[known - 1]:.{digits}g} s it is about "
+            f"{error[known - 1]:.2g} rad or m. A smaller step or rtol extends that time; "
+            "chaotic motion always has one",
         )
     if error[-1] <= VISIBLE * size:
         return ()
@@ -196,7 +196,7 @@ def _passed_over(record: Recording, error: float) -> tuple[str, ...]:
     if most <= error:
         return ()
     return (
-        f"the error has no part of vibrations of {rate:.3g} rad/s, which {plan.method.name} takes "
+        f"the error excludes vibrations of {rate:.3g} rad/s, which {plan.method.name} takes "
         f"out in steps of {given.widest:.3g} s: up to {most:.2g} rad or m. Where they matter, give "
         f"a step below {1.0 / rate:.2g} s",
     )

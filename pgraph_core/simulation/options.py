@@ -179,7 +179,7 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
     for name, value in inputs:
         if name not in known:
             do = one_of(known) if known else "the model has no motor or servo"
-            text = f"no motor, servo or actuator is called {shown(name)}; {do}"
+            text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise InputError(Problem(call, "inputs", text))
         if text := known[name].input_problem(value):
             raise InputError(Problem(call, f"inputs[{name!r}]", text))

@@ -207,7 +207,7 @@ class Path:
             groups = [g for g in KINDS if any(p.name == words[0] for p in getattr(model, g))]
             if groups:
                 hint = f"write {groups[0]}.{self.text}"
-            raise self._refused(f"is no path in the model; {hint}")
+            raise self._refused(f"is not a path in the model; {hint}")
         if len(words) < 3:
             raise self._refused(f"must name a part and its field, as in {words[0]}.NAME.FIELD")
         try:

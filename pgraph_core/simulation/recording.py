@@ -468,9 +468,9 @@ class Recording:
             self._prepare(*(x.copy() for x in self.began))
             return self.begin()
         if refused is not None:
-            text = f"t = {t:.6g} s: something comes near, from there on by '{plan.way.method.name}'"
-            self.ended.notices.append(f"{text}: {refused}")
-        self.met = f"{plan.method.name} until something came near at t = {t:.6g} s"
+            text = f"t = {t:.6g} s: bodies come close, and the run continues with"
+            self.ended.notices.append(f"{text} '{plan.way.method.name}': {refused}")
+        self.met = f"{plan.method.name} until bodies came close at t = {t:.6g} s"
         self.plan, self._free, before = plan.onward(), None, self.steps.watched
         held, self.scene, old = self.scene.blocks.blocks_f, self._scene(), self.out
         self.scene.blocks.blocks_f[: len(held)] = held  # places of switched constraints

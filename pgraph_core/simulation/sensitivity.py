@@ -135,7 +135,7 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
     body, _, entry = name.rpartition(".")
     body, entry = (body, entry) if body in joints and entry.isdecimal() else (name, "0")
     if body not in joints:
-        text = f"no body with a joint that moves is called {body!r}; {nearest(body, joints)}"
+        text = f"no body with a moving joint is named {body!r}; {nearest(body, joints)}"
         raise InputError(Problem(call, f"{kind}.{name}", text))
     place = joints[body]
     if (body == name and len(place) > 1) or int(entry) >= len(place):
@@ -163,7 +163,7 @@ def _input(given: Given, name: str, call: str) -> Variable:
     inputs = dict(options.inputs)
     present = inputs.get(name)
     if not isinstance(present, (int, float)):
-        text = f"is no number that the call gives; give inputs={{{name!r}: 0.0}} to simulate"
+        text = f"is not a number given in the call; give inputs={{{name!r}: 0.0}} to simulate"
         raise InputError(Problem(call, f"inputs.{name}", text))
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:

@@ -449,7 +449,7 @@ class Stepper(Snapshots):
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
-            text = f"no constraint is called {shown(constraint)}; {one_of(names)}"
+            text = f"no constraint is named {shown(constraint)}; {one_of(names)}"
             raise InputError(Problem("Stepper.switch", "constraint", text))
         number = names.index(constraint)
         if (number in self._active) == bool(active):
@@ -506,7 +506,7 @@ class Stepper(Snapshots):
     def _checked(self, name: str, value: Any) -> float:
         """Return a checked input value. Raises InputError."""
         if name not in self._inputs:
-            text = f"no constant input is called {shown(name)}; {one_of(self._inputs)}"
+            text = f"no constant input is named {shown(name)}; {one_of(self._inputs)}"
             raise InputError(Problem("Stepper.input", "name", text))
         x = float(finite("value", [value], 1)[0])
         if text := self._inputs[name][0].input_problem(x):
@@ -540,7 +540,7 @@ class Stepper(Snapshots):
         """
         if servo not in self._servos:
             text = (
-                f"no servo with a constant target is called {shown(servo)}; {one_of(self._servos)}"
+                f"no servo with a constant target is named {shown(servo)}; {one_of(self._servos)}"
             )
             raise InputError(Problem("Stepper.target", "servo", text))
         if servo in self._inputs:  # all with a gain

@@ -268,7 +268,7 @@ def conditions_of(
             continue
         known = _known(mech, contacts)[what]
         if name not in known:
-            text = f"of '{s.constraint}': no {what} is called {name!r}; "
+            text = f"of '{s.constraint}': no {what} is named {name!r}; "
             text += f"choose one of {choices(tuple(known))}" if known else f"there is no {what}"
             raise refusal("simulate", "switches", text)
         found.append(ConditionOf(number, s.active, s.when, known[name], contacts))

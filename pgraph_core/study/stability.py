@@ -165,7 +165,7 @@ def _checked(
     stabilise: str | None,
 ) -> Sweep:
     if axis not in AXES:
-        text = f"no axis is called {axis!r}; choose one of {choices(AXES, len(AXES))}"
+        text = f"no axis is named {axis!r}; choose one of {choices(AXES, len(AXES))}"
         raise refusal(CALL, "axis", text)
     chosen = AXES[axis]
     if chosen.of_steps and steps is not None:

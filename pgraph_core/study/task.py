@@ -327,7 +327,7 @@ def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
     known = installed_peers() if names else {}
     for name in names:
         if known and name not in known:
-            text = f"no peer is called {name!r}; choose from {choices(known)}"
+            text = f"no peer is named {name!r}; choose from {choices(known)}"
             raise refusal("work_precision", "peers", text)
     return names
 

@@ -73,7 +73,7 @@ class Sweep(Portable):
         columns = self.columns()
         if name not in columns:
             do = "; rows are table.to_pandas().iloc[...]" if not isinstance(name, str) else ""
-            text = f"no column is called {shown(name)}; choose one of {choices(columns)}{do}"
+            text = f"no column is named {shown(name)}; choose one of {choices(columns)}{do}"
             raise InputError(Problem("table", "", text))
         return columns[name]
 
@@ -291,7 +291,7 @@ def _known(options: dict[str, Any]) -> dict[str, Any]:
     options = words.renamed(options, known) or options
     for name in options:
         if name not in known:
-            text = f"is no option of sweep or simulate; {nearest(name, known)}"
+            text = f"is not an option of sweep or simulate; {nearest(name, known)}"
             raise InputError(Problem("sweep", name, text))
     return options
 

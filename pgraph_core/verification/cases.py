@@ -409,7 +409,7 @@ def _observable(
     given = dict(seen)
     kind, scale, target = given.pop("kind"), given.pop("scale", 1.0), given.pop("target")
     if kind not in KINDS:
-        text = f"no observable is called {kind!r}; choose one of {choices(KINDS, 20)}"
+        text = f"no observable is named {kind!r}; choose one of {choices(KINDS, 20)}"
         raise FileError(Problem(str(path), "kind", text))
     frames, first = given.pop("frames", None), given.pop("first", None)
     reference = np.atleast_1d(np.array(_found(data, given.pop("reference")), dtype=float))

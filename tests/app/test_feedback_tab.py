@@ -96,7 +96,7 @@ def test_the_response_ends_at_the_step_of_what_is_chosen():
         ([edit("poles", "fast")], ("-3+1i",)),
         ([edit("poles", "1" * 20_000 + "x")], ("-3+1i",)),
         ([edit("states", "a", at=9)], ("field",)),
-        ([do.CloseFeedback(ME), edit("step", "q.pole")], ("any more",)),
+        ([do.CloseFeedback(ME), edit("step", "q.pole")], ("no longer",)),
     ],
 )
 def test_what_cannot_be_is_refused_beside_its_cell(events, parts):

@@ -78,7 +78,7 @@ def test_robots_are_loaded_and_equal_pinocchio(package):
         except pg.PgraphError as error:
             refused.append(str(error))
             continue
-        if any(e.acts and "no such file" not in e.text for e in report.of("left out")):
+        if any(e.acts and "does not exist" not in e.text for e in report.of("left out")):
             left_out.append(path.name)
         errors = by_pinocchio(path, pg.Mechanism(without_friction(model)), rng)
         assert max(errors.values(), default=0.0) < SAME, (path.name, errors)
