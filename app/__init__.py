@@ -11,6 +11,6 @@ if TYPE_CHECKING:
 
 def show(model: pg.Model) -> Server:
     """Open `model` in the browser. The page stays available while the returned server exists."""
-    from pgraph_app.server import serve  # also where this package is called `app`
+    from pgraph_app.server import serve  # even if this package is called `app`
 
     return serve(model)

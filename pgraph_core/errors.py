@@ -31,7 +31,7 @@ class Problem:
     """A single problem in a description: the part, the field and a message about it."""
 
     where: str  # "body 'knee'", "constraint 'paw'", "model", "file mine.json, line 3"
-    field: str  # "mass", or "" where no single field is at fault
+    field: str  # "mass", or "" if no single field is at fault
     text: str  # the given value and the allowed values
 
     def __str__(self) -> str:

@@ -524,7 +524,7 @@ class Described(Frozen):
     """A named part that reports all its problems as readable messages."""
 
     WORD: ClassVar[str] = ""  # its word in sentences, "" for the class's name
-    # field -> fields that mean nothing without it: not reported where it is refused itself
+    # field -> fields that mean nothing without it: not reported if it is refused itself
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     if not TYPE_CHECKING:
@@ -582,7 +582,7 @@ class OfKinds(Acting):
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # kinds of each class that names a part
-    # field -> its value in files where it has no meaning: older ones give it to every kind
+    # field -> its value in files if it has no meaning: older ones give it to every kind
     NOTHING: ClassVar[Mapping[str, Any]] = {}
     ABOUT: ClassVar[str] = ""  # one line about the kind, for a list to choose from
     SINCE: ClassVar[int] = 1  # first schema version that has the kind

@@ -18,7 +18,7 @@ EPS: float = sys.float_info.epsilon  # distance of 1 from the next float64, 2.2e
 # From 2e-15 to 2e-11.
 ROUNDING = 1024 * EPS
 
-# An equation holds where its residual is this part of its largest term. Newton's method doubles
+# An equation holds if its residual is this part of its largest term. Newton's method doubles
 # the digits of each step, so that a residual stops at ROUNDING or does not pass here.
 # From 1e-11 to 1e-7.
 SOLVED = 1e-9
@@ -57,7 +57,7 @@ PROXIMAL = 1e-10
 # its square after two corrections. From 1e-7 to 1e-5.
 SHARED = 1e-6
 
-# Factor by which a pivot falls below its largest where a position may be singular: the rows there
+# Factor by which a pivot falls below its largest if a position may be singular: the rows there
 # are a tenth as independent as elsewhere. From 50 to 200.
 DIP = 100.0
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 class Dim(NamedTuple):
     """Exponents of length, mass, time, angle, and of a coordinate, which is a length or an angle.
 
-    A sum of coordinates is a length where all of them are.
+    A sum of coordinates is a length if all its terms are.
     """
 
     length: float = 0

@@ -1,7 +1,7 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
-A name is taken where it means the same in the same form: `dt` is the step, `axis` the direction of
-a joint. Where the form differs it is a hint: `tspan` is a pair, and `t_end` one number. The tables
+A name is taken if it means the same in the same form: `dt` is the step, `axis` the direction of
+a joint. If the form differs it is a hint: `tspan` is a pair, and `t_end` one number. The tables
 are read only after something was refused, so that a call in our own words costs nothing.
 """
 

@@ -167,7 +167,7 @@ def check(args: Namespace) -> Answer:
 def mesh_problems(model: pg.Model) -> list[Problem]:
     """Return one problem for each body with an unreadable mesh file.
 
-    A file that is not there is a doubt where it would only be drawn.
+    A file that is not there is a doubt if it would only be drawn.
     """
     from pgraph_core.mesh_files import load_mesh  # imported late, because it needs the compiler
 

@@ -16,7 +16,7 @@ from ..core.views import Payload
 from . import State
 from .update import MobilityFound
 
-# translations and rotations that a kind holds: the kind to choose where others are redundant
+# translations and rotations that a kind holds: the kind to choose if others are redundant
 HOLDING = {
     (3, 3): "weld", (3, 2): "revolute", (2, 3): "prismatic", (2, 2): "cylindrical",
     (3, 1): "universal", (3, 0): "point", (2, 0): "line", (1, 0): "plane", (0, 3): "orientation",

@@ -50,7 +50,7 @@ class WokenInItsLoop(asyncio.Event):
     """An event whose `set` has no effect outside its event loop, where asyncio forbids it.
 
     viser sets its events in the thread that sends, and then again in the loop. The first of the
-    two fails where the loop changes the list of who waits at that moment.
+    two fails if the loop changes the list of who waits at that moment.
     """
 
     def set(self) -> None:

@@ -333,7 +333,7 @@ def names_of(model: pg.Model, part: str) -> tuple[str, ...]:
 
 GONE = "The row was taken out meanwhile: what was typed for it is not taken."
 UNLIKE = "The selected bodies have different shapes by now: select one of them."
-# Field of a shape: its number, or one for each selected body where they differ; its name.
+# Field of a shape: its number, or one for each selected body if they differ; its name.
 SHAPE = re.compile(r"shape_(?:((?:\d+|more)(?:\.(?:\d+|more))*)_)?([a-z_]+)")
 
 
@@ -484,7 +484,7 @@ def _place(known: tuple[int, ...], number: int) -> int:
 def scenario(rows: Rows, model: pg.Model, chosen: str, event: Any) -> str:
     """Return the scenario that an event names by its number, or `chosen` if it names none.
 
-    Raises Refusal where it is gone.
+    Raises Refusal if it is gone.
     """
     if event.scenario is None:
         return chosen

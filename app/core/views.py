@@ -26,7 +26,7 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
 def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
     """Return the pages on which a view that is sent only while visible is out of date.
 
-    Where another model was opened that is all of them: a hidden tab keeps nothing of the last one.
+    If another model was opened that is all of them: a hidden tab keeps nothing of the last one.
     """
     opened = new.framed != old.framed
     return [

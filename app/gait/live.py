@@ -121,7 +121,7 @@ def only_young_garbage() -> Iterator[None]:
     """Suspend full garbage collections inside the context.
 
     It goes through every object of the process and holds Python's lock all the time: 0.1 s of
-    processor time, in which nobody is answered, and seconds where others keep the processor busy.
+    processor time, in which nobody is answered, and seconds if others keep the processor busy.
     """
     gc.set_threshold(*USUAL[:2], NEVER)
     try:

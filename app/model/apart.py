@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 class Reader:
     """A child process that reads one file.
 
-    `leaves` is a file or folder that the work makes. It is removed where a reading was broken off.
+    `leaves` is a file or folder that the work makes. It is removed if a reading was broken off.
     """
 
     def __init__(self, work: Work, leaves: Path | None = None):

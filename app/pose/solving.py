@@ -165,7 +165,7 @@ def dragged(
     """Return the pose that brings a body's point (3,) as close as possible to a target (3,) [m].
 
     Free joints of other bodies do not move, so that an animal stays where it is. Raises
-    PgraphError where the loops cannot be closed.
+    PgraphError if the loops cannot be closed.
     """
     body = state.model.body(name)
     if not state.kernels.ready:

@@ -184,7 +184,7 @@ class State(state.State):
         at_start = replace(self.playback, time=0.0, playing=False, preview=False)
         return replace(
             super().opened(before),
-            last_run=before.last_run,  # not of this model, also where it is the same once more
+            last_run=before.last_run,  # not of this model, even if it is the same once more
             playback=self.playback if self.live else at_start,
             request=first_request(self.model),
             run_problem="",

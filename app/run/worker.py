@@ -46,7 +46,7 @@ def why_compiled() -> str:
 class Compiler:
     """Compiles kernels in a separate process if the package contains none that fit.
 
-    Where it does, a run loads what it needs by itself, in a second or two at the first start.
+    If it does, a run loads what it needs by itself, in a second or two at the first start.
     """
 
     def __init__(

@@ -126,7 +126,7 @@ def look(
     seen = above_ground(state, seen, up)
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
-    # viser sends nothing where the camera that it last heard of is the one asked for. The page may
+    # viser sends nothing if the camera that it last heard of is the one asked for. The page may
     # have another one by then, so a second camera goes first: the last view asked for always holds.
     far = np.linalg.norm(seen.position - seen.target) + 1e-3 * np.linalg.norm(seen.position)
     at.position = seen.position + 0.1 * far * way

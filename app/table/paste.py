@@ -42,7 +42,7 @@ def rows_of(
     """Return the model with the pasted lines, their bodies, and notes on changed entries.
 
     Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
-    names are made free where `rows` is empty. Raises Refusal or PgraphError, naming the line.
+    names are made free if `rows` is empty. Raises Refusal or PgraphError, naming the line.
     """
     columns, units, lines = _table(text, column)
     for name in rows:

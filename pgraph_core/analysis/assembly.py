@@ -155,8 +155,8 @@ class Closing(NamedTuple):
 def closed(rows: Rows) -> Closing:
     """Find positions that satisfy all constraints, nearest to the given ones in the mass metric.
 
-    Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic where the gap is small,
-    also where rows are redundant, and downhill where it is not. Where it ends with a gap it tries
+    Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic if the gap is small,
+    even if rows are redundant, and downhill if it is not. If it ends with a gap it tries
     again from places around; of all the best is given.
     """
     best = descended(rows)

@@ -316,7 +316,7 @@ class _Search:
     def lower(self, ways: _Ways) -> Place | None:
         """Backtrack along the Newton step until the energy decreases sufficiently.
 
-        Where its change is rounding, after a whole step that leaves less of the forces.
+        If its change is rounding, after a whole step that leaves less of the forces.
         """
         step = ways.newton
         share = self.share(step)

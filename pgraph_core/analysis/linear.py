@@ -510,7 +510,7 @@ def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
     direction.
 
     Dampers are linear in v and drags quadratic: central differences have no error of order. Steps
-    of the largest speed times the cube root of EPS err least where a drag changes its side.
+    of the largest speed times the cube root of EPS err least if a drag changes its side.
     """
     if len(loads.signals[1]):
         return differences_in_v(v, of)

@@ -277,7 +277,7 @@ def _others(group: Group) -> tuple[str, ...]:
 
 
 def _directions(state: Rows, group: Group, null: Array) -> list[str]:
-    """Describe combinations of a group's rows in words, along axes where possible."""
+    """Describe combinations of a group's rows in words, along axes if possible."""
     if group.nature == COORDINATE:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)
@@ -288,7 +288,7 @@ def _directions(state: Rows, group: Group, null: Array) -> list[str]:
 
 
 def _upright(vectors: Array) -> list[Array]:
-    """Return unit vectors that span the rows, using world axes where these lie in the span."""
+    """Return unit vectors that span the rows, using world axes if these lie in the span."""
     _, sizes, right = np.linalg.svd(vectors)
     basis = right[: int((sizes > SOLVED * sizes.max(initial=0.0)).sum())]
     found: list[Array] = []

@@ -26,7 +26,7 @@ from ..tolerances import NOTABLE, SOLVED
 LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"
 
 # Degrees of freedom below which no solver makes threads: OpenBLAS's triangular one does for any
-# matrix, and waits a hundred times as long for them as it computes where processors are busy.
+# matrix, and waits a hundred times as long for them as it computes if processors are busy.
 ALONE = 200
 
 

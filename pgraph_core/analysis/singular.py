@@ -133,7 +133,7 @@ class _Look:
         """Return (values over the mean diagonal, vectors) for Ω after a time tau, on the
         constraints.
 
-        Where a run blew up and Ω is not finite, no row is null.
+        If a run blew up and Ω is not finite, no row is null.
         """
         if tau not in self.seen:
             self.seen[tau] = self._eigen(tau)
@@ -251,7 +251,7 @@ def singular_notice(
 def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
     """Return the number of rows of J that are redundant at or near q, for any masses.
 
-    Rows of unit length, in which a radian counts as the mechanism's extent, say nothing new where a
+    Rows of unit length, in which a radian counts as the mechanism's extent, say nothing new if a
     singular value is below ten times FAINT of the largest.
     """
     state = Rows.of(mech, active, q, None, t)

@@ -47,7 +47,7 @@ def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
 
 
 class Touching:
-    """The closed contacts at the state (q, v) where a run starts."""
+    """The closed contacts at the state (q, v) at which a run starts."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class Touching:
         tables = contact_tables(mech.packed, contacts) if contacts else None
         if tables is None or not tables.touches:
             return
-        from ..engine.contact import contacts as kernels  # compiled only where something touches
+        from ..engine.contact import contacts as kernels  # compiled only if something touches
 
         self.scenes = [
             Scene(mech.packed, *forces, NO_CONSTRAINTS, contacts=with_contacts)

@@ -416,7 +416,7 @@ class TreeLanes(Instances):
         """Return rows, constants, drives and loads of the instances in the layout used by lane
         kernels.
 
-        Where there are no loads, nothing of them is compiled.
+        If there are no loads, nothing of them is compiled.
         """
         some = unnamed(loads) if loads.number else None
         rows = self.workers[0].stepper.mech.packed.rows

@@ -1,7 +1,7 @@
 """Exact impulses at one instant for a few contacts with friction, using Newton's restitution.
 
 With u = Ω λ + u⁻: a contact that pushes (λ_n > 0) leaves with u_n = -e u_n⁻, one that does not with
-u_n ≥ -e u_n⁻; λ_t is within μ λ_n where nothing slips, and on that rim against the slip else.
+u_n ≥ -e u_n⁻; λ_t is within μ λ_n if nothing slips, and on that rim against the slip else.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Collision shapes: the contact geometry of each kind, and arrays of shapes packed for kernels.
 
-Tables are those of `engine/records.py`. trimesh is imported only where a mesh file is opened.
+Tables are those of `engine/records.py`. trimesh is imported only if a mesh file is opened.
 """
 
 from __future__ import annotations
@@ -380,7 +380,7 @@ def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> lis
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:
     """Return the kernels' `ground`: the plane and its patches (x0, x1, y0, y1, height, box).
 
-    `box` is 1 where a box touches in place of the plane, else 0 or left out. x and y of a patch
+    `box` is 1 if a box touches in place of the plane, else 0 or left out. x and y of a patch
     are along `ground_axes`, its height is along the normal [m].
     """
     n = np.asarray(normal, float) / np.linalg.norm(normal)
@@ -451,7 +451,7 @@ def convex_hull(
 ) -> Solid:
     """Return the convex hull of a mesh file for collisions.
 
-    Raises FileError, ModelError, also for a mesh that is not `closed` where it has to be.
+    Raises FileError, ModelError, also for a mesh that is not `closed` if it has to be.
     """
     mesh = load_mesh(file, scale, unit)
     vertices = np.asarray(mesh.vertices)

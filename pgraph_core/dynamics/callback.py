@@ -87,7 +87,7 @@ class UserTorque(Unportable):
     def _checked(self, t: float) -> Array:
         """Call the function on copies and return its result. A non-finite result ends the run.
 
-        Raises InputError where the function raises or does not fit.
+        Raises InputError if the function raises or does not fit.
         """
         try:
             given = self.function(t, self._q.copy(), self._v.copy())
@@ -120,7 +120,7 @@ def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:
 def _compiled(function: Any, nq: int, nv: int, behind: int) -> Any:
     """Wrap the function in C's calling convention.
 
-    Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
+    Its answer is 0, or 1 and the number of torques if that is not nv. τ is not finite where
     the function raises: numba goes on then. The number in the row behind τ is the time of the last
     answer that was not finite.
     """

@@ -45,7 +45,7 @@ def slope_of(kind: Any, values: Sequence[Any], weights: Sequence[float]) -> Any:
 
     The sum of the weights is zero: numbers that do not differ have a slope of exactly zero.
 
-    Raises Differs where sizes or integers are not the same.
+    Raises Differs if sizes or integers are not the same.
     """
     if isinstance(kind, Group):
         return tuple(
@@ -107,7 +107,7 @@ def laid_out(kind: Any, value: Any) -> list[int]:
 
 
 def weighted(values: Sequence[Array], weights: Sequence[float]) -> Array:
-    """Σ weights (values - the first of them), zero where that is not finite."""
+    """Σ weights (values - the first of them), zero if that is not finite."""
     first, total = values[0], np.zeros(np.shape(values[0]))
     finite = np.isfinite(first)
     for weight, value in zip(weights, values):

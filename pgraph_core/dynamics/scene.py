@@ -97,7 +97,7 @@ class Scene(Unportable):
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
         self._spans: list[tuple[str, int, int]] = []
-        self._one_each: list[str] = []  # their names where each has one block, in order
+        self._one_each: list[str] = []  # their names if each has one block, in order
         if len(self.blocks.blocks_i):
             self.activate(active)
         tables = arrays.Blocks(*self.blocks[2:], self.active)
@@ -209,7 +209,7 @@ class ContactSpace(Unportable):
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
         from ..contact import solids
-        from ..engine.contact import contacts as kernels  # compiled only where something touches
+        from ..engine.contact import contacts as kernels  # compiled only if something touches
 
         n, count = len(contacts.touches), contacts.room
         limits = len(contacts.limits)
@@ -292,7 +292,7 @@ ENVELOPE = 150  # entries a freedom of the contact solver's matrix: wider island
 
 def islands(rows: Ints, nv: int, blocks: int) -> Islands:
     """Allocate buffers in the contact solver for the given number of blocks."""
-    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only where something touches
+    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only if something touches
 
     n, room = len(rows), min(nv * (nv + 1) // 2, ENVELOPE * nv)
     by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]

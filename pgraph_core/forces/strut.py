@@ -36,7 +36,7 @@ class Lines(Frozen):
 class Strut(BetweenPoints):
     """A strut pulling two points together, with `spring` over length and `damper` over its rate.
 
-    Where the length is less than `bump_length` by d, and falls at the speed u, a stop pushes them
+    If the length is less than `bump_length` by d, and falls at the speed u, a stop pushes them
     apart by bump_stiffness d (1 + bump_damping u), and never pulls (Hunt and Crossley, 1975).
     """
 

@@ -231,7 +231,7 @@ def unphysical(report: Report, where: str, name: str, inertia: np.ndarray) -> di
 
 # -- limits --------------------------------------------------------------------------------------
 
-NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit where a format asks for a number
+NO_LIMIT = 1e9  # m, rad, N, rad/s: stands for no limit if a format asks for a number
 
 # -- units -----------------------------------------------------------------------------------------
 

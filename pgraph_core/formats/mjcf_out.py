@@ -390,7 +390,7 @@ class _Writer:
     def _between(self, one: str, two: str) -> Contact | None:
         """Return the contact between two bodies, preferring one that names both."""
         parent = self.model.body(one).parent, self.model.body(two).parent
-        tied = parent[0] == two or parent[1] == one  # these touch only where both are named
+        tied = parent[0] == two or parent[1] == one  # these touch only if both are named
 
         def meet(c: Contact) -> bool:
             here = (c.body in (one, EVERY) and c.other in (two, EVERY)) or (

@@ -1,7 +1,7 @@
 """The xacro reader. The xacro package expands the macros, and the result is read as URDF.
 
 The macros are a program: they evaluate Python, and the package's sandbox can be left. So a file is
-expanded only where its user names it, in Python or in the terminal, and never for a page.
+expanded only if its user names it, in Python or in the terminal, and never for a page.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def underfoot(
     """
     changes: dict[str, Any] = {} if friction is None else {"friction": friction}
     if changes:
-        Contact(name="underfoot", body="any", **changes)  # also where no contact takes it
+        Contact(name="underfoot", body="any", **changes)  # even if no contact takes it
     if law is not None:
         changes |= {"law": law, "stiffness": None, "damping": None, **LAWS.get(law, {})}
     contacts = tuple(

@@ -3,7 +3,7 @@
 The browser must do with a field what Python does. By a rule: every number that changes with it is
 a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
 kernel that packs models; that is tried out at several values, byte for byte. Or of a list: the
-numbers for each of n values are worked out here and stored; so where no rule holds.
+numbers for each of n values are worked out here and stored, also if no rule holds.
 """
 
 from __future__ import annotations

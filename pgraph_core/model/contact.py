@@ -29,7 +29,7 @@ class Contact(Acting):
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty:
     k d + c d' with Coulomb friction that sticks by a spring; both, without damping, lose what gives
     the restitution, at any speed of impact. complementarity: no depth, impulses in the friction
-    cone, Newton's restitution. Where it rolls or spins, a torque of at most rolling_friction or
+    cone, Newton's restitution. If it rolls or spins, a torque of at most rolling_friction or
     spinning_friction times the normal force resists.
     """
 

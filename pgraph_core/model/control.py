@@ -29,7 +29,7 @@ def varying(value: float | str) -> Number | Expression:
 class Own(NamedTuple):
     """A state of a control.
 
-    `change` is its rate, or its new value at multiples of `sample` [s] where that is not 0. `start`
+    `change` is its rate, or its new value at multiples of `sample` [s] if that is not 0. `start`
     is its first value.
     """
 
@@ -127,7 +127,7 @@ class PID(Control):
     """A PID controller of a signal, with limits, a filtered derivative and anti-windup.
 
     Its value is kp e + I + D within `low` and `high`, with e = setpoint - signal, I' = ki e, and D
-    the derivative kd s/(filter s + 1) of e, which is 0 at the start. Where the value has limits,
+    the derivative kd s/(filter s + 1) of e, which is 0 at the start. If the value has limits,
     "clamp" keeps I within them too, and "back" adds (value - kp e - I - D)/tracking to I' [Astrom,
     Hagglund 2006, 3.5]. With `sample` it acts at samples and holds its value between them: I by
     Euler's forward rule, D by the backward one. Its states are I and the filtered error.

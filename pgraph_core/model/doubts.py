@@ -114,7 +114,7 @@ def _units(model: Any) -> Iterator[str]:
 def wide(bodies: Sequence[Body]) -> Iterator[tuple[str, str]]:
     """Yield (body, warning) for inertias that fit the model better in kg mm² or g mm².
 
-    A radius of gyration is a length like all others of the model. Where it is nearer to them when
+    A radius of gyration is a length like all others of the model. If it is nearer to them when
     it is divided by 1000, it is likely one in millimetres.
     """
     lengths = [math.hypot(*x) for b in bodies for x in (b.com, b.tip_point, b.link)]

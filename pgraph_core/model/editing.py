@@ -86,7 +86,7 @@ def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
 def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[str]]:
     """Return a part other than a body with changed fields, and further changes. Raises ModelError.
 
-    Where `kind` changes, fields that the new kind does not have go.
+    If `kind` changes, fields that the new kind does not have go.
     """
     data, notices = fields_of(old), []
     if isinstance(old, OfKinds) and changes.get("kind", old.own_kind()) in old.KINDS:

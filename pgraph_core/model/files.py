@@ -277,7 +277,7 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
         text = f"cannot be written: {reason_of(error)}; choose another place"
         raise FileError(Problem(shown_path(given), "", text)) from None
     finally:
-        if temporary is not None:  # gone where it took the path's place
+        if temporary is not None:  # gone if it took the path's place
             Path(temporary).unlink(missing_ok=True)
 
 
@@ -370,7 +370,7 @@ def located(
     """Return the fields of a model with absolute mesh paths, resolved relative to `folder`.
 
     Without a folder, names count from the current one on and stay as they are. Raises ModelError
-    for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also where `..` or
+    for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also if `..` or
     a link leads out.
     """
     bodies = data.get("bodies")

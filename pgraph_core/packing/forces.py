@@ -192,7 +192,7 @@ def _placed(
 def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """Return (target, torque) in kernel form, with the law torque + kp (target - q) - kd v.
 
-    The input u adds gain u to the torque; it stands in the target where there is a kp. Of an
+    The input u adds gain u to the torque; it stands in the target if there is a kp. Of an
     input whose integral acts, `torque` is part of what acts at first.
     """
     gain, torque, kp, _ = f.law
@@ -246,7 +246,7 @@ def _bounded(row: Any) -> bool:
 def times_at_bounds(row: Any, knots: Array) -> Array:
     """Return the times between two knots at which an input, or its integral, reaches a bound [s].
 
-    There are none where the motion counts. With c from there to the bound, these are the zeros of
+    There are none if the motion counts. With c from there to the bound, these are the zeros of
     u s + slope s^2 / 2 = c for an integral, and of slope s = c for an input.
     """
     if not _bounded(row):

@@ -31,7 +31,7 @@ class Operators:
     """All operators at (q, v), computed on first access, in world axes and at the body origins.
 
     Spatial vectors are [angular; linear]. Bodies stand in number order. Sparse matrices are
-    SciPy's. `v` may be left out where only positions matter.
+    SciPy's. `v` may be left out if only positions matter.
     """
 
     model: Model

@@ -246,7 +246,7 @@ def propagation_operator(parent: Ints, link: Array) -> Any:
     matrix.
 
     Block row κ is φ_κ,ρ(κ) times block row ρ(κ), and 1 at κ: no inverse is formed, and block
-    (κ, j) is there only where j is an ancestor of κ or κ itself. O(n · depth).
+    (κ, j) is there only if j is an ancestor of κ or κ itself. O(n · depth).
     """
     paths: list[Ints] = []
     rows: list[Array] = []

@@ -131,7 +131,7 @@ def meant(columns: Iterable[str], name: str) -> list[str]:
 
     "trunk" is trunk.0 to trunk.6, "v" all velocities, "paw" everything of a contact or constraint
     of that name; "q.knee" is knee; the words of a name may stand apart, "kinetic energy", and its
-    unit may follow in brackets. Empty where nothing fits.
+    unit may follow in brackets. Empty if nothing fits.
     """
     known = list(columns)
     word = name.partition(" [")[0]

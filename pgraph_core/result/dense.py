@@ -15,7 +15,7 @@ from ..given import array_of
 from ..packing import Array, Ints, plain, quaternions
 from ..tolerances import NAMED, NOTABLE, SOLVED
 
-SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
+SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames if motion is smooth
 TURN = np.pi  # rad of an oscillation: wider frames show a slower one (Nyquist's limit)
 TOO_WIDE = "frames are too coarse"  # beginning of the notice about such an oscillation
 CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smooth; 4 is a reserve
@@ -186,8 +186,8 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
 
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
     seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Else,
-    as where an impact lies in it, the difference of quintic and cubic. It is inf where that is
-    more than the motion, where two frames alone do not tell, or where frames are so wide that
+    for example if an impact lies in it, the difference of quintic and cubic. It is inf if that is
+    more than the motion, where two frames alone do not tell, or if frames are so wide that
     polynomials may agree by chance.
     """
     t, q, rate, bend = frames

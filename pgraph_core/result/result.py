@@ -73,7 +73,7 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
-# weights of f(x + k h) for 2 h f'(x): central, and on one side where the other is invalid
+# weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
 SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
@@ -171,7 +171,7 @@ class Result(EqualByFields, Portable):
     def relative_error(self) -> Array:
         """Return `error_at` relative to the largest joint displacement from the start, (n,).
 
-        Where nothing moves, it is relative to 1.5e-8 of the mechanism's length.
+        If nothing moves, it is relative to 1.5e-8 of the mechanism's length.
         """
         packed = self.mechanism.packed
         return self.error_at / (size_of_motion(packed.rows, self.q, packed.length) or 1.0)

@@ -46,7 +46,7 @@ class Fit:
 
     model: Model  # the model with the fitted numbers
     values: Mapping[str, float]
-    errors: Mapping[str, float]  # standard errors, nan where the data do not determine a number
+    errors: Mapping[str, float]  # standard errors, nan if the data do not determine a number
     covariance: Array  # (k, k)
     correlation: Array  # (k, k)
     residuals: Mapping[str, Array]  # {column: (n,)} run - data
@@ -126,7 +126,7 @@ def fit(
         Growth of what a residual costs, of which the last four bear outliers. Their scale is
         `sigma`, or the median residual.
     progress : callable, optional
-        Function of the numbers and of the run of the first case. The search stops where it returns
+        Function of the numbers and of the run of the first case. The search stops if it returns
         False.
     **options
         Arguments of `simulate`, such as `method` and `step`.
@@ -134,7 +134,7 @@ def fit(
     Returns
     -------
     Fit
-        The best numbers found, also where the search did not converge: `message` says why.
+        The best numbers found, even if the search did not converge: `message` says why.
 
     Raises
     ------
@@ -181,7 +181,7 @@ class _Task:
         self.best: tuple[float, Array] | None = None
 
     def runs(self, x: Array) -> list[Result] | None:
-        """The runs at x, with derivatives by all free numbers, or None where one fails."""
+        """The runs at x, with derivatives by all free numbers, or None if one fails."""
         if self._last is not None and np.array_equal(self._last[0], x):
             return self._last[1]
         found = self.numbers.runs(x, True)
@@ -323,7 +323,7 @@ class _Task:
         return [run - data for run, data in zip(self.columns(runs), self.measured)]
 
     def _spread(self, left: Sequence[Array], loss: str) -> Array:
-        """The standard deviation of each column: where outliers are borne, from the median."""
+        """The standard deviation of each column: if outliers are borne, from the median."""
         share = max(1.0 - len(self.numbers) / sum(self.lengths), 1.0 / sum(self.lengths))
         if loss == "linear":
             return np.array([math.sqrt(float(x @ x) / (share * len(x))) for x in left])
@@ -388,7 +388,7 @@ def _direction(names: Sequence[str], direction: Array) -> str:
 
 
 def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:
-    """Return data and arguments of `simulate` by case, "" where there is one alone."""
+    """Return data and arguments of `simulate` by case, "" if there is one alone."""
     tables = (Mapping, str, FilePath, tuple)
     several = (
         isinstance(data, Mapping)
@@ -405,7 +405,7 @@ def _cases(data: Any) -> dict[str, tuple[Any, Mapping[str, Any]]]:
 
 
 def _noise(task: _Task, sigma: Any) -> Array | None:
-    """(columns,) standard deviations, None where they are not given. Raises InputError."""
+    """(columns,) standard deviations, None if they are not given. Raises InputError."""
     if sigma is None:
         return None
     names = [label.rpartition("@")[0] or label for label in task.labels]

@@ -174,7 +174,7 @@ class Numbers:
     # -- runs --------------------------------------------------------------------------------------
 
     def at(self, x: Array) -> Model:
-        """Return the model with other numbers. Raises ModelError where it is none."""
+        """Return the model with other numbers. Raises ModelError if it is none."""
         inside = [(p, value) for p, value in zip(self.places, x.tolist()) if isinstance(p, Path)]
         return with_numbers(self.model, [p for p, _ in inside], [value for _, value in inside])
 
@@ -189,7 +189,7 @@ class Numbers:
         return options
 
     def runs(self, x: Array, derivatives: bool) -> list[Result] | None:
-        """Run all cases on all cores. Return None where the model or a run fails, see `failed`."""
+        """Run all cases on all cores. Return None if the model or a run fails, see `failed`."""
         self.evaluations += len(self.cases)
 
         def one(case: Case) -> Result:

@@ -29,7 +29,7 @@ class Trial(NamedTuple):
     """One evaluation of a search."""
 
     values: dict[str, float]
-    objective: float  # nan where the run failed
+    objective: float  # nan if the run failed
     constraints: dict[str, float]
     failed: str = ""  # why, or ""
 
@@ -93,7 +93,7 @@ def optimise(
 ) -> Optimum:
     """Find the numbers of a model that make a goal of its run least.
 
-    The goal is minimised by solvers of SciPy with exact derivatives of each run. Where the model
+    The goal is minimised by solvers of SciPy with exact derivatives of each run. If the model
     is invalid or a run fails on the way, the solver's step is shortened. Ctrl-C ends the search,
     which then returns its best.
 
@@ -131,14 +131,14 @@ def optimise(
     seed : int
         Seed of the random starts.
     progress : callable, optional
-        Function of each trial and its run. The search stops where it returns False.
+        Function of each trial and its run. The search stops if it returns False.
     **options
         Arguments of `simulate`, such as `t_end`, `method` and `step`.
 
     Returns
     -------
     Optimum
-        The best numbers found, also where the search did not converge: `message` says why.
+        The best numbers found, even if the search did not converge: `message` says why.
 
     Raises
     ------
@@ -203,7 +203,7 @@ class _Search:
         self.idle: set[str] = set()  # numbers without influence on the motion
 
     def _read(self, history: Any) -> dict[str, float]:
-        """The best values of an earlier search, {} where there is none."""
+        """The best values of an earlier search, {} if there is none."""
         trials = []
         if isinstance(history, Optimum):
             return dict(history.values)
@@ -235,7 +235,7 @@ class _Search:
     # -- evaluations -------------------------------------------------------------------------------
 
     def at(self, u: Array) -> _Point:
-        """The goals at u. Where there is no run, they are far above those of the last that had
+        """The goals at u. If there is no run, they are far above those of the last that had
         one, so that solvers shorten their step.
         """
         if self._last is not None and np.array_equal(self._last.u, u):

@@ -17,7 +17,7 @@ from ..engine.compiler.kinds import F1, F2, f4, f8, group, i4, named, u1, void
 from ..engine.vec import add_scaled, dot, load, scale, sub
 
 Vector = tuple[float, float, float]
-NOTHING = -1  # the number of the face where there is none
+NOTHING = -1  # the number of the face if there is none
 LINE = 0.008  # half the width of the lines of the ground over a cell
 GLOSS, GLEAM = 40.0, 0.18  # exponent and strength of the sun's reflection (Blinn's model)
 SKY = 1.6  # slope of the sky's colour over a ray's height, from horizon to zenith

@@ -100,7 +100,7 @@ def compares(node: Node) -> bool:
 # -- units -----------------------------------------------------------------------------------------
 
 NAMES = {J: "N m", J / RAD: "N m", N: "N", RAD / S: "rad/s", M / S: "m/s"}
-# the dimension of a signal, None where it fits everything. Raises Unreadable for an unknown one
+# the dimension of a signal, None if it fits everything. Raises Unreadable for an unknown one
 Units = Callable[[Node], Dim | None]
 
 
@@ -109,7 +109,7 @@ def dim_of(node: Node, units: Units) -> Dim | None:
     dimension.
 
     Numbers, parameters and time fit everything, since what stands for a gain has no unit. Raises
-    Unreadable where two measured quantities do not fit, and where a name is unknown.
+    Unreadable if two measured quantities do not fit, and where a name is unknown.
     """
     if node.op in ("number", "name"):
         return None

@@ -232,7 +232,7 @@ class ContactEvents:
 
     def _open(self, s: int, cause: str) -> None:
         self._set(s, SWING)
-        self.scene.points["fresh"][s] = 1  # also where it was closed at this very event
+        self.scene.points["fresh"][s] = 1  # even if it was closed at this very event
         self.causes[s] = cause
 
     def _close(self, s: int, sliding: int) -> None:

@@ -53,7 +53,7 @@ def estimable(tau: object) -> bool:
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     """Return the error estimate for a completed run.
 
-    `asked` is None where a function that gives torques is not to be called again. Where there is
+    `asked` is None if a function that gives torques is not to be called again. If there is
     no estimate, the run's message says why.
     """
     if not record.ended.ok or asked is False:
@@ -205,7 +205,7 @@ def _passed_over(record: Recording, error: float) -> tuple[str, ...]:
 def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     """Return a run with at least MORE times the steps, or the reason why there is none.
 
-    Where a tighter tolerance does not, as near rounding, no step is wider than half the mean one.
+    If a tighter tolerance does not, as near rounding, no step is wider than half the mean one.
     """
     steps, given = int(record.steps.counters["steps"]), plan.tolerance
     finer = finer_plan(plan, steps, record.steps.divided > 0)
@@ -235,7 +235,7 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     """Return the plan at half the step size or a tighter tolerance, given the number of steps
     taken.
 
-    Where frames or corners of tables end steps, the finer ones end half way from one to the next.
+    If frames or corners of tables end steps, the finer ones end half way from one to the next.
     Given steps that were `divided` followed a tolerance inside.
     """
     given = plan.tolerance

@@ -111,7 +111,7 @@ def limits_on_coordinates(tables: Tables) -> Iterator[LimitGap]:
 def _least(t: Array, gap: Array, rate: Array, curve: Array) -> tuple[float, float]:
     """Return (minimum gap where its rate passes zero, time [s]), using cubics between frame times.
 
-    Where accelerations do not explain how the rate changes, there is an impact. Where polynomials
+    If accelerations do not explain how the rate changes, there is an impact. If polynomials
     of third and fifth degree differ by more than the gap, it is not known.
     """
     h, fall, rise = np.diff(t), rate[:-1], rate[1:]

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_EVENTS = np.zeros(0, dtype=np.int64)
 ANY_NUMBER = (1 << 63) - 1  # limit on steps if none is given
-UNCOUNTED = 1 << 62  # steps to the next frame where none is recorded
+UNCOUNTED = 1 << 62  # steps to the next frame if none is recorded
 TAKEN, FRESH = ((STEP_CONTROL.fields or {})[x][1] // 8 for x in ("taken", "fresh"))  # words
 TURNED = 0.03  # limit on how fast friction may rotate the slip direction, relative to √rtol
 
@@ -175,7 +175,7 @@ class Steps:
         """Take a trial step of time stepping to obtain the forces for frame 0.
 
         A frame has the forces of the step that ends there, the first frame those of the step that
-        begins there. Where something hits in that step, the impulse is left to its end.
+        begins there. If something hits in that step, the impulse is left to its end.
         `tally` (1,) is that of the contacts.
         """
         from ..engine.contact.contacts import FROZEN
@@ -221,7 +221,7 @@ class Steps:
         return code
 
     def _attempt(self, budget: int) -> int:
-        """`advance_run`, with derivatives where they are wanted."""
+        """`advance_run`, with derivatives if they are wanted."""
         if self.carried is not None:
             return self.carried.advance(self.address, budget)
         return run.advance_run(self.address, budget)
@@ -376,7 +376,7 @@ class Outcome:
 def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = True) -> RunLinks:
     """Return the addresses of the kernels called by a run with this method.
 
-    Where nothing is `held` by constraints, nothing is projected: that kernel takes a quarter of the
+    If nothing is `held` by constraints, nothing is projected: that kernel takes a quarter of the
     time in which those of a first run compile.
     """
     method = METHODS[name]

@@ -26,7 +26,7 @@ def may_jump(record: Recording, plan: RunPlan) -> bool:
     """Return whether forces may have jumped within steps.
 
     Those of joint friction and of functions may. Those of contacts and limits of time stepping do
-    where one has pushed.
+    if one has pushed.
     """
     touching = record.scene.touching
     pushed = touching is not None and touching.tally["force"] > 0.0
@@ -74,7 +74,7 @@ def apart(record: Recording, finer: Recording, n: int) -> tuple[Array, Array, Ar
     """Return the angles (n,) [rad], the distances (n,) [m] and the differences (n, nx) of states of
     controls between two runs, at n times of the first.
 
-    Where only the first records a time, it is the difference at the next one that both record.
+    If only the first records a time, it is the difference at the next one that both record.
     """
     t, theirs = record.steps.times[:n], finer.steps.times[: finer.done]
     _, i, j = np.intersect1d(t, theirs, assume_unique=True, return_indices=True)

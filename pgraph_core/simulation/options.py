@@ -21,7 +21,7 @@ from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 
 LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
-USUAL = 1e-3  # s: fixed steps where nothing is given
+USUAL = 1e-3  # s: fixed steps if nothing is given
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000
@@ -275,7 +275,7 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
     """Return (substeps, step size [s]) for the fixed steps between recorded times.
 
-    Where all recorded times are whole steps from the first, every step has the width asked for.
+    If all recorded times are whole steps from the first, every step has the width asked for.
     """
     apart = times[1:] - times[:-1]
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1.0)

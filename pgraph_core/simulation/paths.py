@@ -29,7 +29,7 @@ WORLD = ("gravity", "ground")  # fields of the model itself
 
 
 def distinct(paths: Sequence[Path], call: str) -> None:
-    """Raise InputError where two paths are of the same number."""
+    """Raise InputError if two paths are of the same number."""
     for i, path in enumerate(paths):
         if any(path.leads_to(other) for other in paths[:i]):
             raise InputError(Problem(call, path.text, "is given twice, spelt in two ways"))
@@ -75,7 +75,7 @@ class Path:
     """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `gravity.1`,
     `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
 
-    Given as text, or as a tuple where a name contains dots. Raises InputError if the model has no
+    Given as text, or as a tuple if a name contains dots. Raises InputError if the model has no
     such number; `call` is named there.
     """
 

@@ -157,7 +157,7 @@ class RunPlan(Way):
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # length of the mechanism, a scale of errors [m]
-    start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
+    start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v if the call gives none
     tau: Any = None  # the controller of the scenario's gait
     way: Way | None = None  # continuation once bodies come close, None for no change
     declared: Tables | None = None  # contacts and limits that are ignored until then

@@ -250,7 +250,7 @@ class Recording:
     def finer(self, plan: RunPlan) -> Recording:
         """Record the same motion with a finer plan, for comparison.
 
-        Raises InputError where contacts that come near do not fit the plan's method.
+        Raises InputError if contacts that come near do not fit the plan's method.
         """
         other = Recording(self.mech, plan, *self.began, self.tau, coarser=self)
         other.progress = progress = self.progress

@@ -313,7 +313,7 @@ class Carried:
         return scene, q, v
 
     def _line(self, built: Callable[[int], Any], h: float) -> tuple[Any, Array, Array] | None:
-        """Derivatives of what is linear in a number, from three values. None where it is not."""
+        """Derivatives of what is linear in a number, from three values. None if it is not."""
         found = [built(k) for k in (0, 1, -2)]
         slope = self._sum(found, (0.0, 1.0 / (3.0 * h), -1.0 / (3.0 * h)))
         values = [*zip(*found)]

@@ -2,7 +2,7 @@
 
 Impulses that cancel in all joints can be added to those of a solution: four wheels of one cart, a
 box between walls with friction. The solver takes the solution of least norm. Here such combinations
-are found among the points that carry at an instant, and kept where they change the sum of a pair of
+are found among the points that carry at an instant, and kept if they change the sum of a pair of
 bodies. A face that spins on another has the friction of its outer points, not that of its area.
 """
 

@@ -261,7 +261,7 @@ class Stepper(Snapshots):
         """Return the wrenches on bodies from forces, contacts and constraints at the state, (1, nb,
         6).
 
-        `again`: where another has put its state into the run.
+        `again`: if another has put its state into the run.
         """
         if again:
             self._looked = False

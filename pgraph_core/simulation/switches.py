@@ -160,7 +160,7 @@ class Watch:
     def begin(self, t: float, q: Array, v: Array) -> list[float]:
         """Evaluate the monitors at the start.
 
-        Raises InputError where a monitor fails, or would end the run before it begins.
+        Raises InputError if a monitor fails, or would end the run before it begins.
         """
         values = [monitor(t, q, v) for monitor in self.monitors]
         for monitor, value in zip(self.monitors, values):
@@ -246,7 +246,7 @@ class ConditionOf(NamedTuple):
 
     @property
     def limit(self) -> tuple[float, float]:
-        """Return (sign, value) such that the condition holds where sign x - value < 0."""
+        """Return (sign, value) such that the condition holds if sign x - value < 0."""
         when = self.when
         return (-1.0, -when.above) if when.above is not None else (1.0, when.below or 0.0)
 

@@ -298,7 +298,7 @@ class StabilityMap(Portable):
         """The run with the recommended method and step size, for the unmodified model if it is in
         the map.
 
-        None where no run is as accurate as asked for, or none of the model as it is.
+        None if no run is as accurate as asked for, or none of the model as it is.
         """
         taken = self._taken()
         cells = [] if taken is None else taken[1]

@@ -331,7 +331,7 @@ class Study(Portable):
         """Return our fastest run that meets the target (default 1e-6), or else the most accurate
         one.
 
-        None where no run reached the end.
+        None if no run reached the end.
         """
         try:
             return self.recommend(NOTABLE if self.target is None else self.target)

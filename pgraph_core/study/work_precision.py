@@ -469,7 +469,7 @@ class Work:
 
 
 def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
-    """Return the indices of rows in pairs where the run with more work was notably faster."""
+    """Return the indices of rows in pairs in which the run with more work was notably faster."""
     found: set[int] = set()
     curves: dict[str, list[int]] = {}
     for i, row in enumerate(rows):

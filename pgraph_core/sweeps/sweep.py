@@ -43,7 +43,7 @@ TRIED = 100  # points of which one must be a model for a look before the first r
 class Sweep(Portable):
     """Points and their measured values, in the order of the design.
 
-    `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan where the
+    `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan if the
     run failed; `status` and `reason` (n,) say why.
     """
 

@@ -90,7 +90,7 @@ class Together:
         """Return values of shape (points, metrics), and flags (points,) for runs that reached the
         end.
 
-        Raises PgraphError where a point is refused, or points do not have one structure.
+        Raises PgraphError if a point is refused, or points do not have one structure.
         """
         batch = Exact(model, len(points), set=dict(zip(paths, points.T)), threads=1, **self.options)
         wanted = [self.columns[metric] for metric in metrics]
