@@ -141,7 +141,7 @@ class Task:
         return np.concatenate(rows, axis=-1).astype(np.float32)
 
     def state(self, rng: np.random.Generator) -> tuple[Any, Any]:
-        """Return the initial (q, v) for an episode. None stands for the model's initial state."""
+        """Return the initial (q, v) for an episode. None is the initial state of the model."""
         return (None, None) if self.start is None else self.start(rng)
 
     def checked(self, action: Any, space: Any) -> Array:

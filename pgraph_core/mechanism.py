@@ -85,7 +85,7 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If constraints cannot be met. The message names them and says by how much they miss.
+            If constraints cannot be met. The message names them and gives the remaining errors.
         """
         return assemble(self, q, v, active)
 
@@ -147,7 +147,7 @@ class Mechanism(Dynamics):
         ------
         InputError
             If q, v or v' violate a constraint, or if no torque of these joints gives the motion.
-            Then more than 1e-9 of the forces in the equations is left over.
+            The tolerance is 1e-9 of the forces.
         """
         from .analysis.inverse import constrained_inverse_dynamics
 
@@ -183,10 +183,10 @@ class Mechanism(Dynamics):
 
         x holds independent coordinates and velocities. All forces and active constraints of a run
         at t = 0 are included. Soft and penalty contacts act as springs and dampers. Closed rigid
-        contacts and limits have no slope and are named in `notices` of the result, which also says
-        if the state is no equilibrium. Constraints of velocities alone reduce the velocities only.
-        The eigenvalues of a conservative mechanism at rest are ±iω from two symmetric problems,
-        good to 1e-12 on a chain of 1000 bodies.
+        contacts and limits have no derivative and are listed in `notices` of the result, as is a
+        state that is not an equilibrium. Constraints of velocities alone reduce the velocities
+        only. The eigenvalues of a conservative mechanism at rest are ±iω from two symmetric
+        problems, good to 1e-12 on a chain of 1000 bodies.
 
         Parameters
         ----------
@@ -251,8 +251,8 @@ class Mechanism(Dynamics):
     ) -> Array:
         """Find a configuration near q that brings bodies and sites to their targets.
 
-        Joint limits and active constraints hold. The search starts at q. If it fails, it starts
-        again from random configurations within the limits, the same ones in each call.
+        Joint limits and active constraints are satisfied. The search starts at q. If it fails, it
+        starts again from random configurations within the limits, the same ones in each call.
 
         Parameters
         ----------
@@ -264,7 +264,7 @@ class Mechanism(Dynamics):
         q : (nq,) array, optional
             Configuration to start from, by default the initial one.
         scenario : str, optional
-            Name of the scenario whose initial state and active constraints count.
+            Name of the scenario that provides the initial state and the active constraints.
         starts : int
             Largest number of starts.
 

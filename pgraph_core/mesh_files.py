@@ -24,8 +24,8 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
     """Load a mesh file as a single trimesh.Trimesh in metres, with its parts merged.
 
-    `unit` is that of the file; `scale` comes on top, one factor or one an axis.
-    Raises FileError, ModelError.
+    `unit` is the unit of the file, and `scale` an additional factor, or one factor per axis. Raises
+    FileError, ModelError.
     """
     if unit not in UNITS:
         text = f"must be one of {choices(UNITS)}; given {unit!r}"

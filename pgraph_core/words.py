@@ -1,8 +1,9 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
-A name is taken if it means the same in the same form: `dt` is the step, `axis` the direction of
-a joint. If the form differs it is a hint: `tspan` is a pair, and `t_end` one number. The tables
-are read only after something was refused, so that a call in our own words costs nothing.
+A name is accepted if its meaning and form are the same: `dt` is the step, and `axis` is the
+direction of a joint. If the form differs, the message gives a hint: `tspan` is a pair, but `t_end`
+is a number. The tables are read only after something was refused, so that a call in our own words
+costs nothing.
 """
 
 from __future__ import annotations
@@ -112,7 +113,8 @@ def ours(name: str, known: Iterable[str]) -> str:
 
 
 def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
-    """Return arguments under Pgraph names, or {} if none is renamed or two mean the same."""
+    """Return arguments under Pgraph names, or {} if none is renamed or two have the same
+    meaning."""
     names = list(known)
     pairs = [(ours(name, names) or name, value) for name, value in given.items()]
     changed = [name for name, _ in pairs] != list(given)

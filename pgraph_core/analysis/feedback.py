@@ -41,7 +41,7 @@ class Feedback:
     def stable(self) -> bool:
         """Return True if all poles lie in the left half-plane.
 
-        A double pole is known to the root of rounding, relative to the largest one.
+        Double poles are accurate to the square root of rounding, relative to the largest pole.
         """
         rounding = math.sqrt(np.finfo(float).eps) * np.abs(self.poles).max(initial=0.0)
         return bool((self.poles.real < -rounding).all())
@@ -64,16 +64,17 @@ def lqr(
     ----------
     model : Model
         The feedback replaces the torque, target, speed or input of each drive. Other fields of the
-        drives count, such as the kp and kd of a servo.
+        drives, such as kp and kd of a servo, are kept.
     Q : number, (n,), (n, n) or dict
-        Weights of the states: one for all, one each, a matrix, or by name, 0 for the others.
+        Weights of the states: a number for all, one number per state, a matrix, or a dictionary by
+        name (0 for the others).
     R : number, (m,), (m, m) or dict
         Weights of the inputs in the same form.
     inputs : list of str, optional
         Names of motors, servos and actuators; by default all of the model.
     states : list of str, optional
-        Bodies whose coordinates are fed back, where constraints tie others to them: as many as
-        the motion is free in, by default the best conditioned ones.
+        Bodies whose coordinates are fed back if constraints couple coordinates, one per degree of
+        freedom. By default the best conditioned ones.
     q : (nq,) array, optional
         Configuration, by default the initial one.
 
@@ -85,8 +86,7 @@ def lqr(
     Raises
     ------
     InputError
-        For weights that do not fit, a state that the inputs cannot hold, and one that they cannot
-        make stable.
+        If the weights have the wrong shape, or if the inputs cannot hold or stabilise the state.
 
     Examples
     --------
@@ -139,8 +139,8 @@ def place_poles(
     Raises
     ------
     InputError
-        For another number of poles, for poles that SciPy refuses, and for a state that the inputs
-        cannot hold.
+        If the number of poles is wrong, SciPy rejects the poles, or the inputs cannot hold the
+        state.
     """
 
     def gains(plant: _Plant) -> Array:

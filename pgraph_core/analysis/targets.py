@@ -71,8 +71,9 @@ def nearest(
 ) -> Array:  # fmt: skip
     """Return q (nq,) near q with a body's point (3,) as close as possible to a target (3,) [m].
 
-    Limits hold. Loops nearly stay closed, and `assemble` closes them. The degrees of freedom
-    `still` (nv,) do not move. One call moves the point by at most STRIDE of the mechanism's size.
+    Limits hold. Loops nearly stay closed, and `assemble` closes them. `still` (nv,) contains the
+    degrees of freedom that do not move. One call moves the point by at most STRIDE of the
+    mechanism's size.
     """
     rows = Rows.of(mech, acting(mech, None)[1], q)
     low, high = bounds(mech)

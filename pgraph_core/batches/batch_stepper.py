@@ -58,11 +58,11 @@ SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of i
 class BatchStepper(Snapshots):
     """A stepper for many instances of a mechanism, with trees, loops and contacts.
 
-    Every instance has its own state and takes the steps that it would take alone in a `Stepper`,
-    bit for bit, whatever its neighbours and the number of threads. Free trees that differ in their
-    bodies, and in the targets of servos without a limit, are stepped in SIMD lanes and agree to
-    rounding. An instance that fails stays at its last good state, is named in `failures`, and takes
-    no further steps until it is reset.
+    Each instance has its own state. Its steps are identical to those of a single `Stepper`, bit for
+    bit, for any number of threads and instances. Free trees that differ in their bodies, and in the
+    targets of servos without a limit, are stepped in SIMD lanes and agree to rounding. If an
+    instance fails, it keeps its last valid state, is listed in `failures`, and takes no steps until
+    it is reset.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ class BatchStepper(Snapshots):
         Number of threads, by default one for each core.
     set : dict, optional
         Numbers of the description that differ between instances: a path (see `sweep`) with one
-        value per instance. Further values wait for `reset(numbers=...)`. Each instance is
-        `Model.edit` of its numbers, which changes no others.
+        value per instance. Additional values can be selected by `reset(numbers=...)`. Each instance
+        is the result of `Model.edit` with its numbers; no other numbers change.
 
     Raises
     ------
@@ -337,9 +337,9 @@ class BatchStepper(Snapshots):
     def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
         """Reset instances to t = 0.
 
-        Targets of servos are the model's again. A soft or penalty contact without a stiffness keeps
-        the one that fits the speed of the model's initial state. Give it a stiffness of its own if
-        steps must be those of a Stepper that starts from another (q, v).
+        Targets of servos are reset to those of the model. The default stiffness of soft and penalty
+        contacts is computed from the initial state of the model and does not change. Set it
+        explicitly if steps must be identical to those of a Stepper that starts from another (q, v).
 
         Parameters
         ----------
@@ -350,7 +350,7 @@ class BatchStepper(Snapshots):
         which : array_like, optional
             Numbers of instances, or a mask (size,). The default is all.
         numbers : array_like (k,), optional
-            Places in the lists of `set`, whose entries the instances take from now on.
+            Indices into the lists of `set`, whose entries the instances use from now on.
 
         Raises
         ------

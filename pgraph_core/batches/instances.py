@@ -416,7 +416,7 @@ class TreeLanes(Instances):
         """Return rows, constants, drives and loads of the instances in the layout used by lane
         kernels.
 
-        If there are no loads, nothing of them is compiled.
+        Without loads, their kernels are not compiled.
         """
         some = unnamed(loads) if loads.number else None
         rows = self.workers[0].stepper.mech.packed.rows

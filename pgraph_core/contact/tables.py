@@ -336,8 +336,8 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
 def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     """Adapt the tables to a run with these maximum initial body speeds (nb,) [m/s].
 
-    Of soft and penalty contacts that leave out their stiffness, that speed leads no deeper than a
-    tenth of the thinner shape.
+    For soft and penalty contacts without a given stiffness, the penetration at that speed is at
+    most a tenth of the thinner shape.
     """
     laws = found.laws.copy()
     shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]

@@ -74,7 +74,7 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
 def size_of_motion(rows: Ints, q: Array, length: float) -> float:
     """Return the largest rotation or translation of any joint from its start in a motion q (n, nq).
 
-    What moves by less than rounding shows, of the mechanism's length, is at rest.
+    Coordinates that move by less than the rounding of the mechanism's length are at rest.
     """
     if not len(q):
         return 0.0

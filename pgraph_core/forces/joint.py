@@ -18,8 +18,8 @@ from .base import KIND, Force, over_time
 class OnJoint(Force, OfSums):
     """A drive acting on a coordinate of the joint of `body`, or on a sum of joint coordinates.
 
-    Its length is gear x q, or gear x the sum of coefficients x q; what it gives acts on each
-    coordinate times that factor. One field is its input, which runs and steppers can give.
+    Its length is gear x q, or gear x the sum of coefficients x q. Its force acts on each
+    coordinate, multiplied by that factor. One field is its input, which runs and steppers can give.
     """
 
     INPUT: ClassVar[str] = "torque"  # the field that is the input

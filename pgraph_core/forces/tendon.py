@@ -14,8 +14,8 @@ from .base import KIND, Force, refuse_crossed_ends
 class Tendon(OnSum, Force):
     """A tendon along joints, with length equal to the sum of `coefficients` x q.
 
-    Spring, damper and friction pull it to the length `rest`; it gets no shorter than `low` and no
-    longer than `high`. Passive, as springs and dampers of joints.
+    Spring, damper and friction act towards the length `rest`. The length is at least `low` and at
+    most `high`. Passive, as springs and dampers of joints.
     """
 
     ABOUT: ClassVar[str] = "spring, damper, friction and limits of a sum of joint coordinates"

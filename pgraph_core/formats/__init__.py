@@ -35,13 +35,13 @@ def load(
 ) -> Model:
     """Load a model from a file in Pgraph JSON, URDF, xacro or MJCF format, chosen by its suffix.
 
-    The notices of the model name what is omitted or doubtful. `pg.read_urdf` and `pg.read_mjcf`
-    return the whole report.
+    `notices` of the model list omissions and warnings. `pg.read_urdf` and `pg.read_mjcf` return the
+    whole report.
 
     Parameters
     ----------
     path : path
-        The file. Paths of its meshes are relative to its folder.
+        The file. Paths of meshes are relative to the folder of the file.
     roots : iterable of paths, optional
         Further folders in which meshes are permitted.
     arguments : dict, optional
@@ -52,7 +52,7 @@ def load(
     FileError
         If the file cannot be read.
     ModelError
-        If it describes no valid model.
+        If the model is not valid.
     InputError
         If the suffix or an argument is unknown.
     """

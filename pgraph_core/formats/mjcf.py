@@ -59,8 +59,8 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     path : str or path
         The file.
     roots : iterable of paths
-        Folders in which included files and meshes may lie, besides the nearest folder above the
-        file with a package.xml, or its own.
+        Additional folders for included files and meshes. By default they must be in the nearest
+        parent folder with a package.xml, or in the folder of the file.
 
     Returns
     -------

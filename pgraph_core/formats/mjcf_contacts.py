@@ -32,7 +32,7 @@ class Law(NamedTuple):
 class Contacts:
     """The contacts of a model, following MuJoCo's rules for which geoms may touch.
 
-    `filters` says that a body and its parent do not touch, which is MuJoCo's default.
+    If `filters` is true, a body and its parent do not touch, as is the default in MuJoCo.
     """
 
     def __init__(self, reader: Reading, filters: bool):

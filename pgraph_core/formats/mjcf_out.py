@@ -69,8 +69,8 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     FileError
         If the file cannot be written.
     ModelError
-        If a joint is one that MJCF does not have, a screw or a free joint inside the tree. Then
-        nothing is written.
+        If the model has a screw joint, or a free joint that is not at a root, which MJCF does not
+        support. Then nothing is written.
     """
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():

@@ -94,8 +94,8 @@ def read_urdf(
     path : str or path
         The file.
     roots : iterable of paths
-        Folders in which `package://` and other mesh files may lie, besides the nearest folder above
-        the file with a package.xml, or its own.
+        Additional folders for mesh files. By default they must be in the nearest parent folder with
+        a package.xml, or in the folder of the file.
     base : {"fixed", "free"}
         Whether the root link is welded to the ground or floats.
     arguments : dict, optional

@@ -46,12 +46,12 @@ REACH = 0.98  # largest reach of a step, relative to the stretched leg
 class Controller(Portable):
     """Joint torques for a gait, as a function of (t, q, v) without memory or look-ahead.
 
-    Give it to `simulate` as `tau`, or let a scenario with a gait make one. It computes with the
-    numbers of the model that it is made for. To study a wrong mass, give the controller of one
-    model to runs of another model with the same joints. Torques stay within their limits.
+    Give it to `simulate` as `tau`, or let a scenario with a gait make one. It uses the parameters
+    of the model that it is created for. To study a wrong mass, give the controller of one model to
+    runs of another model with the same joints. Torques are limited.
 
-    Raises InputError for a model that cannot walk on the feet of the gait, and for a speed that its
-    legs cannot reach.
+    Raises InputError if the model cannot walk on the feet of the gait, or if its legs cannot reach
+    the speed.
     """
 
     def __init__(self, mech: Mechanism | Model, gait: Gait):
@@ -77,7 +77,8 @@ class Controller(Portable):
         return GaitTorque(self)
 
     def changed(self, t: float, /, **fields: object) -> Controller:
-        """Return a controller of the changed gait, which goes on from this one's clock at t."""
+        """Return a controller of the changed gait, which continues from the clock of this one at
+        t."""
         new = Controller(self.mech, self.gait.edit(**fields))
         old, s = self.settings[0], new.settings[0]
         rise = old["speed_to"] - old["speed_from"]
@@ -92,7 +93,7 @@ class Controller(Portable):
         """Return the times [s] within an interval at which feet touch down or lift off and the
         torques jump.
 
-        Two each, so near that rounding of the clock is between them.
+        Each is given twice, shortly before and after the change.
         """
         s, f = self.settings[0], self.legs
         clock = s["clock_phase"] + (np.array([t_start, t_end]) - s["clock_time"]) / s["stride"]

@@ -94,7 +94,7 @@ def height_under(model: Model, x: float, z: float) -> float:
 def terrain_of(model: Model) -> Terrain:
     """Return the heights of the steps on a grid formed by all step edges.
 
-    The arrays are empty without steps. Of overlapping steps the last one counts.
+    The arrays are empty without steps. If steps overlap, the last one is used.
     """
     steps, ny = model.ground.steps, model.ground_normal[1]
     if not steps:
@@ -134,8 +134,9 @@ def underfoot(
     model : Model
         The model, with contacts with the ground.
     law : str, optional
-        Contact law. It brings the stiffness and damping of a paw's sole. With "penalty", explicit
-        methods can take steps of 0.25 ms. "soft" needs an implicit method such as "radau5".
+        Contact law. It includes the stiffness and damping of the sole of a paw. With "penalty",
+        explicit methods can take steps of 0.25 ms. "soft" needs an implicit method such as
+        "radau5".
     friction : float, optional
         Coefficient of friction.
     slope : float, optional

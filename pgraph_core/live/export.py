@@ -66,7 +66,7 @@ def exported(
 ) -> tuple[Result, str]:
     """Write a figure to `path`. Return the run, and the reason why it is only a recording, or "".
 
-    `fields` are PATH or PATH=low:high of what the reader may change. Raises InputError.
+    `fields` are PATH or PATH=low:high of the fields that the reader can change. Raises InputError.
     """
     run = recorded(model, scenario, t_end)
     write_atomic(path, page(run, fields).encode())
@@ -74,7 +74,7 @@ def exported(
 
 
 def page(run: Result, fields: Sequence[str] = ()) -> str:
-    """Return the HTML page for a run. Raises InputError for fields that cannot stay open."""
+    """Return the HTML page of a run. Raises InputError for fields that cannot stay open."""
     model = run.mechanism.model
     wanted = [opened(model, one) for one in fields]
     engine = _engine(run, wanted)

@@ -95,7 +95,7 @@ def pair_problems(
 ) -> list[Problem]:
     """Check for unknown bodies in `body` and `other`, and for a body paired with itself.
 
-    `anyone` are names that stand for bodies.
+    `anyone` contains names that represent bodies.
     """
     found = []
     body, other = part.pair

@@ -1,7 +1,7 @@
 """Constraints between two bodies, or a body and the ground, in addition to the joints of the tree.
 
-One class a kind; `Constraint(kind=...)` makes them too. `_blocks` makes a kind's rows for the
-kernels of points and directions in body axes (`packing.constraints.Endpoints`).
+There is one class per kind; `Constraint(kind=...)` creates them as well. `_blocks` makes a kind's
+rows for the kernels of points and directions in body axes (`packing.constraints.Endpoints`).
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def copied(
     """Return all parts including copies for the copied bodies, and a list of parts that cannot be
     copied.
 
-    What touches a copied body and another one ties the copy to that same other body.
+    Parts between a copied body and another one connect the copy to the same other body.
     """
     bodies = _bodies(parts["bodies"], names, mirror)
     known = {body.name: body for body in parts["bodies"]}

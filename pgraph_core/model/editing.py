@@ -86,7 +86,7 @@ def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
 def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[str]]:
     """Return a part other than a body with changed fields, and further changes. Raises ModelError.
 
-    If `kind` changes, fields that the new kind does not have go.
+    If `kind` changes, fields that the new kind does not have are removed.
     """
     data, notices = fields_of(old), []
     if isinstance(old, OfKinds) and changes.get("kind", old.own_kind()) in old.KINDS:
@@ -106,7 +106,7 @@ def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[s
 def renamed_in_scenarios(
     scenarios: Sequence[Scenario], key: str, names: Mapping[str, str | None]
 ) -> tuple[tuple[Scenario, ...], list[str]]:
-    """Return scenarios with renamed constraints or contacts, and notices of what they lose.
+    """Return scenarios with renamed constraints or contacts, and notices about removed entries.
 
     `key` is "constraints" or "contacts"; a name that is None goes.
     """
@@ -431,7 +431,8 @@ def cut_joint(
     """Return the constraint that replaces a joint from `body` to a second parent. Raises
     ModelError.
 
-    `given` has joint, name, and fields of the constraint; what is None is as in the body's joint.
+    `given` has joint, name, and fields of the constraint; fields that are None default to the joint
+    of the body.
     """
     given = {key: value for key, value in given.items() if value is not None}
     joint = given.pop("joint", body.joint)

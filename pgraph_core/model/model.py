@@ -69,8 +69,8 @@ PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items()
 class Model(World):
     """A multibody system, consisting of the table rows in order and the parts that act on them.
 
-    Bodies stand in the order of the table, which is also the order of left children. Every
-    change makes a new, validated model; the old one stays as it was.
+    Bodies are in the order of the table, which is also the order of left children. Every change
+    makes a new, validated model; the old one stays as it was.
     """
 
     bodies: tuple[Body, ...] = field("a list of bodies", converter=parts_of(Body), default=())
@@ -371,8 +371,8 @@ class Model(World):
         gravity : (3,) array, optional
             Gravity [m/s^2].
         **columns
-            Fields of `Body`, such as `joint`, `link`, `mass` and `inertia`: nb entries, or one that
-            stands for all.
+            Fields of `Body`, such as `joint`, `link`, `mass` and `inertia`: nb entries, or one for
+            all bodies.
 
         Raises
         ------
@@ -536,7 +536,7 @@ class Model(World):
         Raises
         ------
         ModelError
-            If no constraint stands for the joint.
+            If the joint has no equivalent constraint.
 
         Examples
         --------
@@ -674,7 +674,7 @@ class Model(World):
     ) -> Self:
         """Return a new model without one or several parts.
 
-        Parts that refer to them are removed too and listed in `notices`.
+        Parts that refer to them are also removed and listed in `notices`.
 
         Parameters
         ----------
@@ -738,15 +738,15 @@ class Model(World):
         """Return a new model with a copy of a body and the parts that act on it, such as a second
         leg.
 
-        The copies have the same parents as the originals, stand in the rows below them, and get
-        free names such as femur_2.
+        The copies have the same parents as the originals, are inserted below them, and get unused
+        names such as femur_2.
 
         Parameters
         ----------
         name : str or iterable of str
             Name of the body, or of several.
         subtree : bool
-            Whether the bodies that it carries are copied too.
+            Whether its descendants are also copied.
 
         Returns
         -------
@@ -809,7 +809,7 @@ class Model(World):
         Parameters
         ----------
         name : str or iterable of str
-            Name of the body. Several bodies keep their order and stand together.
+            Name of the body. Several bodies are moved together in their order.
         to : int
             Row of the first of them, from 0.
 
@@ -834,8 +834,8 @@ class Model(World):
         Parameters
         ----------
         **fields
-            `gravity`, `up`, `ground`, `constraints`, `contacts` or the like. If `up` changes,
-            gravity that pointed down points down along the new axis too.
+            `gravity`, `up`, `ground`, `constraints`, `contacts` or the like. If `up` changes, the
+            default gravity is rotated with it.
 
         Raises
         ------
@@ -933,7 +933,7 @@ class Model(World):
         FileError
             If the text is not JSON, or was written by a later version.
         ModelError
-            If it describes no valid model.
+            If the model is not valid.
         """
         return cls(**located(files.parse(text, source), folder, roots))
 
@@ -941,12 +941,12 @@ class Model(World):
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
         """Load a model from a Pgraph JSON file.
 
-        `pg.load` reads files of other formats too.
+        `pg.load` also reads files of other formats.
 
         Parameters
         ----------
         path : path
-            The file. Paths of its meshes are relative to its folder.
+            The file. Paths of meshes are relative to the folder of the file.
         roots : iterable of paths, optional
             Further folders in which meshes are permitted.
 
@@ -955,7 +955,7 @@ class Model(World):
         FileError
             If the file cannot be read.
         ModelError
-            If it describes no valid model.
+            If the model is not valid.
         """
         if Path(path).suffix.lower() in files.FOREIGN:
             text = "is not a Pgraph file; read it with pg.load, which converts it"
@@ -972,8 +972,7 @@ class Model(World):
         Parameters
         ----------
         path : path
-            The file, with the suffix .json. Writers such as `pg.write_urdf` write other formats and
-            report what these cannot express.
+            The file, with the suffix .json. Functions such as `pg.write_urdf` write other formats.
 
         Raises
         ------

@@ -131,7 +131,7 @@ def meant(columns: Iterable[str], name: str) -> list[str]:
 
     "trunk" is trunk.0 to trunk.6, "v" all velocities, "paw" everything of a contact or constraint
     of that name; "q.knee" is knee; the words of a name may stand apart, "kinetic energy", and its
-    unit may follow in brackets. Empty if nothing fits.
+    unit may follow in brackets. The result is empty if no column matches.
     """
     known = list(columns)
     word = name.partition(" [")[0]
@@ -171,7 +171,7 @@ def no_column(columns: Iterable[str], name: str) -> str:
 def frame(columns: Mapping[str, Column]) -> Any:
     """Return a pandas.DataFrame with one row per frame, indexed by t [s], with `attrs["units"]`.
 
-    It also accepts the names that `meant` accepts and the name of the index. A KeyError lists the
+    Names are resolved as in `meant`; the name of the index is also accepted. A KeyError lists the
     columns. Needs pandas.
     """
     numbers = {name: column for name, column in columns.items() if column.unit}

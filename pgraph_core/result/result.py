@@ -85,8 +85,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculate
 class Result(EqualByFields, Portable):
     """The result of a run, with arrays that have one row per recorded frame.
 
-    A run that failed keeps the frames up to the failure. Two runs are equal if their models and all
-    their numbers are equal. Their costs are not compared.
+    If a run fails, the frames up to the failure are kept. Two runs are equal if their models and
+    all their numbers are equal. Their costs are not compared.
     """
 
     mechanism: Mechanism = field(compare=False)  # only its model is compared
@@ -293,9 +293,9 @@ class Result(EqualByFields, Portable):
     def gradient(self, function: Callable[[Result], Any], /) -> dict[str, Any]:
         """Return the derivatives of a function of this run by the numbers of `wrt`.
 
-        The function is evaluated at runs beside this one, which `sensitivity` gives exactly to
-        first order, and central differences are taken of it, to about 1e-10. What it reads of a run
-        may be anything: coordinates, energies, forces, outputs.
+        The function is differentiated by central differences along the exact sensitivities of the
+        run, to about 1e-10. It can use any quantity of the run, such as coordinates, energies,
+        forces or outputs.
 
         Parameters
         ----------
@@ -305,7 +305,7 @@ class Result(EqualByFields, Portable):
         Returns
         -------
         dict
-            {path: derivative}, of the shape of what the function returns.
+            {path: derivative}, with the shape of the function's result.
 
         Raises
         ------
@@ -517,8 +517,9 @@ class Result(EqualByFields, Portable):
         """Contact wrenches {contact pair: (n, 6)}, [torque, force] on the body at its origin, world
         axes.
 
-        `run.contact_force["a", "b"]` is what all contacts between the bodies a and b, or "ground",
-        do to a. Raises NameLookupError, a KeyError, for names that are not there.
+        `run.contact_force["a", "b"]` is the total wrench on a of all contacts between the bodies a
+        and b, one of which may be "ground". Raises NameLookupError, a KeyError, for names that are
+        not there.
         """
 
         def on_other(wrench: Array, a: str, b: str) -> Array:
@@ -545,7 +546,8 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """Maximum slip speed [m/s] as {contact pair: (n,)}. Takes two names, too."""
+        """Maximum slip speed [m/s] as {contact pair: (n,)}. Two names of bodies are also
+        accepted."""
         return self._by_touch("slip", np.maximum.reduce)
 
     @property
@@ -679,7 +681,7 @@ class Result(EqualByFields, Portable):
         path : path
             An `.npz` file.
         roots : iterable of paths, optional
-            Folders in which meshes are permitted besides the file's own.
+            Additional folders for meshes, apart from the folder of the file.
 
         Raises
         ------

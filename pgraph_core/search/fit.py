@@ -102,17 +102,18 @@ def fit(
     """Fit numbers of a model to measured curves.
 
     Residuals are minimised by `scipy.optimize.least_squares` with exact derivatives of each run.
-    The search starts at the numbers of the model. Each column is weighted by its noise: that of
-    `sigma`, or what the fit before left of it. Ctrl-C ends the search, which then returns its best.
+    The search starts at the numbers of the model. Each column is weighted by its noise, either
+    `sigma` or the residuals of a first fit. Ctrl-C ends the search and returns the best result so
+    far.
 
     Parameters
     ----------
     model : Model or Mechanism
         The model to fit.
     data : DataFrame, dict or path of a .csv file
-        Times "t" [s] and columns that are named as those of `Result.columns`, units in brackets
-        permitted. Or several cases, which run on all cores: {NAME: data}, or
-        {NAME: (data, options)} with arguments of `simulate`, such as {"q": {"arm": 0.3}}.
+        Times "t" [s] and columns named as in `Result.columns`, optionally with units in brackets.
+        Or several cases, which run on all cores: {NAME: data}, or {NAME: (data, options)} with
+        arguments of `simulate`, such as {"q": {"arm": 0.3}}.
     free : dict
         Bounds (low, high) by path, as in `sweep`: {"bodies.arm.mass": (0.1, 2.0)}. "q.arm" and
         "v.arm" stand for the initial state of a body, "q.arm@NAME" for that of one case.
@@ -123,8 +124,8 @@ def fit(
     priors : dict, optional
         Expected value and its standard deviation by path.
     loss : {"linear", "soft_l1", "huber", "cauchy", "arctan"}
-        Growth of what a residual costs, of which the last four bear outliers. Their scale is
-        `sigma`, or the median residual.
+        Loss function of a residual. All but the first reduce the influence of outliers. Their scale
+        is `sigma`, or the median residual.
     progress : callable, optional
         Function of the numbers and of the run of the first case. The search stops if it returns
         False.

@@ -174,7 +174,7 @@ class Numbers:
     # -- runs --------------------------------------------------------------------------------------
 
     def at(self, x: Array) -> Model:
-        """Return the model with other numbers. Raises ModelError if it is none."""
+        """Return the model with other numbers. Raises ModelError if it is not valid."""
         inside = [(p, value) for p, value in zip(self.places, x.tolist()) if isinstance(p, Path)]
         return with_numbers(self.model, [p for p, _ in inside], [value for _, value in inside])
 

@@ -62,7 +62,7 @@ class Goals:
         return lambda run: sign * metric(run, text)
 
     def begin(self, run: Result) -> None:
-        """Look at the first run, so that goals that are none are refused."""
+        """Check the first run, so that invalid goals are rejected."""
         first = np.asarray(self.objective(run), dtype=object)
         self.squares, self.count = first.ndim > 0, first.size
         for what, function in (

@@ -91,23 +91,23 @@ def optimise(
     progress: Callable[[Trial, Result | None], Any] | None = None,
     **options: Any,
 ) -> Optimum:
-    """Find the numbers of a model that make a goal of its run least.
+    """Minimise an objective of a run over numbers of a model.
 
-    The goal is minimised by solvers of SciPy with exact derivatives of each run. If the model
-    is invalid or a run fails on the way, the solver's step is shortened. Ctrl-C ends the search,
-    which then returns its best.
+    SciPy's solvers are used with exact derivatives of each run. If a trial model is invalid or its
+    run fails, the step of the solver is shortened. Ctrl-C ends the search and returns the best
+    result so far.
 
     Parameters
     ----------
     model : Model or Mechanism
         The model to change. The search starts at its numbers.
     objective : str or callable
-        A metric as in `sweep`, such as "peak v.knee" or "final energy", or with a minus before it
-        what shall be largest. Or a function of the run that returns a number, or an array whose
-        sum of squares is made least by Gauss and Newton's method.
+        A metric as in `sweep`, such as "peak v.knee" or "final energy", with a leading minus to
+        maximise it. Or a function of the run that returns a number, or an array whose sum of
+        squares is minimised by the Gauss-Newton method.
     free : dict
-        Bounds (low, high) by path, as in `fit`; None is no bound. The path of a list or of a table
-        over time frees all its numbers: {"forces.push.torque": (-5, 5)} finds an input over time.
+        Bounds (low, high) by path, as in `fit`; None for no bound. The path of a list or a table
+        over time selects all its numbers: {"forces.push.torque": (-5, 5)} finds an input over time.
     subject_to : dict, optional
         Limits (low, high) by metric: {"peak v.knee": (None, 3.0)}. Equal limits are an equation.
         {NAME: (function, low, high)} limits a function of the run.
@@ -116,16 +116,17 @@ def optimise(
     solver : {"SLSQP", "trust-constr", "L-BFGS-B", "least_squares"}, optional
         By default "least_squares" for an array without limits, otherwise "SLSQP".
     starts : int or sequence of dict
-        Number of starts: the model's numbers first, then random ones within the bounds. Or values
-        by path of each start.
+        Number of starting points: first the numbers of the model, then random ones within the
+        bounds. Or a sequence of starting points, each as values by path.
     history : path or Optimum, optional
-        An earlier search: this one starts at its best. A file of this name gets every evaluation,
-        one JSON object a line, and an interrupted search goes on from it.
+        An earlier search whose best result is the starting point. If a file name is given, every
+        evaluation is appended to the file as one JSON object per line, and an interrupted search
+        continues from it.
     differences : float, optional
-        Share of each number's range over which differences are taken in place of exact derivatives,
-        for runs that have none.
+        Step of finite differences as a fraction of each number's range, for runs without exact
+        derivatives.
     tol : float
-        Relative change of the goal at which a search has converged.
+        Relative change of the objective at convergence.
     most : int
         Largest number of iterations of each start.
     seed : int

@@ -63,7 +63,7 @@ def unlit(scene: viser.SceneApi) -> None:
 def light(scene: viser.SceneApi, dark: bool, up: str, shadows: bool = True) -> None:
     """Add a key light, sky light and cool rim light from behind, on a plain background.
 
-    Without `shadows` the page casts them itself, with one map a light if viser draws three.
+    Without `shadows` the page casts them itself, with one shadow map per light instead of three.
     """
     tones = DARK if dark else LIGHT
     lights = (

@@ -108,7 +108,7 @@ def dim_of(node: Node, units: Units) -> Dim | None:
     """Return the dimension of an expression, or None if a plain number in it may have any
     dimension.
 
-    Numbers, parameters and time fit everything, since what stands for a gain has no unit. Raises
+    Numbers, parameters and time match every unit, because gains have no declared unit. Raises
     Unreadable if two measured quantities do not fit, and where a name is unknown.
     """
     if node.op in ("number", "name"):

@@ -69,7 +69,7 @@ def simulate(
     q, v : array or dict, optional
         Initial configuration (nq,) and velocity (nv,) in the order of `mech.names`, or values by
         name of body, as a dictionary or a row of pandas. Coordinates that are not named keep the
-        values of the scenario or of the model. A list is refused if the model lists its bodies in
+        values of the scenario or of the model. Lists raise an error if the table of bodies is in
         another order.
     t_start, t_end : float
         Time at the start and at the end [s].
@@ -97,7 +97,7 @@ def simulate(
     scenario : str, optional
         Name of a scenario of the model. Other arguments override its fields.
     forces : sequence of Force
-        Forces that act in addition to those of the model, with names of their own.
+        Forces in addition to those of the model, with different names.
     inputs : dict, optional
         Inputs by name of motor, servo or actuator in place of the model's: numbers or a `pg.Table`
         over time.
@@ -116,12 +116,12 @@ def simulate(
     estimate : bool, optional
         Whether to estimate the error from a second run at half the step or a tighter tolerance,
         which doubles the time. By default all runs do but those with a Python function `tau`, which
-        may have a memory. Without an estimate it is nan, and `message` says so.
+        may have a memory. Without an estimate it is nan, and `message` gives the reason.
     wrt : str or sequence of str, optional
         Numbers that the run is differentiated by: paths in the model as in `sweep`
         ("bodies.arm.mass", the name of a parameter), "q.arm" and "v.arm" of the initial state, and
         "inputs.knee" of the call. `run.sensitivity(path)` and `run.gradient(function)` give the
-        derivatives. They are those of the steps taken, with their widths held.
+        derivatives. They are the derivatives of the computed steps with constant step sizes.
 
     Returns
     -------

@@ -217,10 +217,10 @@ def phases_over(
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
     """Return ({pair: (len(t),) phase}, events) from PHASE_CHANGE records in chronological order.
 
-    The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
-    time stepping releases a point for a step when its body is moved out of the ground.
-    Touches of one contact between many bodies together have phases as one. A shape over the ground
-    that never touches it, while points do, has none: of a robot, only the feet have.
+    The phase of a touch's first row is that of the start. Flights shorter than `graze` are ignored:
+    time stepping releases a point for a step when its body is moved out of the ground. Touches of
+    one contact between many bodies together have phases as one. A shape over the ground that never
+    touches it, while points do, has none: of a robot, only the feet have.
     """
     phases, events = {}, []
     points = any(pair.contact.points for pair in touches)
@@ -414,7 +414,7 @@ def driven_into(
     """Return the constraint that drives the bodies of pair k into each other, or "" if there is
     none.
 
-    It may do so through bodies between them, by other pairs that are closed then.
+    This includes bodies between them that are in contact.
     """
     t, q, gap = frames
     i = min(int(np.searchsorted(t, when)), len(t) - 1)

@@ -299,8 +299,7 @@ class Steps:
         return float(min(1.0, (self.control["time"] - self.times[0]) / self.control["span"]))
 
     def crawl(self) -> str:
-        """Return a message about a run that would take more than MANY_STEPS at its step sizes so
-        far.
+        """Return a message if the run would need more than MANY_STEPS at its current step sizes.
 
         It is not asked for before √MANY_STEPS steps, which a transient at the start may take.
         """
@@ -354,7 +353,7 @@ def taken(left: list[Any]) -> Any:
 
 
 class Outcome:
-    """The status of a run, its notices, and its events so far."""
+    """The status, the notices and the events of a run."""
 
     def __init__(self) -> None:
         """Assume that the run reaches its end until something stops it."""

@@ -703,7 +703,7 @@ class Recording:
         return (*self.plan.notices, *self.plan.told, *self.ended.notices)
 
     def notices(self) -> tuple[str, ...]:
-        """Notices about the run so far."""
+        """Notices about the run up to now."""
         user = self.user.notices() if self.user is not None else []
         contacts: list[str] = []
         if self.scene.touching is not None and self.plan.contacts is not None:

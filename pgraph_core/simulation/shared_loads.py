@@ -35,7 +35,8 @@ def shared_loads(
 ) -> list[str]:
     """Return a notice about bodies whose contacts can share loads in several ways, if any.
 
-    `state` is (t, q, v), `active` the constraints, and `pairs` the records of contacts then.
+    `state` is (t, q, v), `active` contains the constraints, and `pairs` the contact records at that
+    state.
     """
     t, q, v = state
     points = _points(mech, tables, q, pairs)

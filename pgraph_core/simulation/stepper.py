@@ -287,7 +287,7 @@ class Stepper(Snapshots):
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Notices about the steps so far."""
+        """Notices about the steps taken."""
         if not self.status.ok:
             return self._record.told  # contacts tell of the step that was not taken
         record = self._record if self._recording else self._seen()

@@ -104,7 +104,7 @@ class FunctionMonitor:
 def monitors_of(events: Any, size: tuple[int, int]) -> tuple[FunctionMonitor, ...]:
     """Return the events passed to `simulate`, functions of q and v of `size`.
 
-    Raises InputError for what is neither a function nor a list of them.
+    Raises InputError for values that are neither a function nor a list of functions.
     """
     given = (events,) if callable(events) else events
     if not isinstance(given, Sequence) or isinstance(given, str):

@@ -35,9 +35,9 @@ class Walk(Portable):
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk, in world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
-    A piece continues where the last one ended, at absolute times, so the same changes at the same
-    times give the same bits. The controller has no memory: (t, q, v, gait) is the whole state. A
-    fall is reported in the warnings of the piece, and `fell` stays true.
+    Each piece continues at the end of the last one. Times are absolute, so the same changes at the
+    same times give identical results. The controller has no memory: (t, q, v, gait) is the whole
+    state. A fall is reported in the warnings of the piece, and `fell` stays true.
     """
 
     def __init__(

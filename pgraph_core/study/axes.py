@@ -20,7 +20,7 @@ from ..topology import Topology
 
 
 class Axis(NamedTuple):
-    """A quantity that makes a scene extreme when varied."""
+    """A quantity that is varied to make a scene extreme."""
 
     name: str
     what: str  # meaning of a value

@@ -298,7 +298,7 @@ class StabilityMap(Portable):
         """The run with the recommended method and step size, for the unmodified model if it is in
         the map.
 
-        None if no run is as accurate as asked for, or none of the model as it is.
+        Return None if no run reaches the target, or none of the unchanged model.
         """
         taken = self._taken()
         cells = [] if taken is None else taken[1]
@@ -367,7 +367,8 @@ class StabilityMap(Portable):
         return groups
 
     def findings(self) -> list[str]:
-        """Return the first cell in words and the count, by method and verdict other than OK."""
+        """Return a description of the first cell and the number of cells, for each method and
+        verdict other than OK."""
         found = []
         for (method, status), cells in self.troubles().items():
             where = f"{self.axis} {cells[0].value:g}, step {cells[0].step:g} s"

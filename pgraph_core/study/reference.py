@@ -156,9 +156,9 @@ def finest(
 ) -> tuple[Reference, Task]:
     """Return the most accurate fine run, its distance to the second finest run, and its task.
 
-    A chaotic motion is shortened to the horizon up to which both agree, and a long one to what can
-    be computed in time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the
-    ladder [s]. Raises InputError, with the cause, if no method reaches the end.
+    Chaotic motions are shortened to the time up to which both agree, and long ones to the available
+    time. `rate` is the fastest rate of the motion [1/s], `step` the finest of the ladder [s].
+    Raises InputError, with the cause, if no method reaches the end.
     """
     best: tuple[float, Motion, Array, str] | None = None
     failures: list[str] = []

@@ -87,7 +87,7 @@ def stability_map(
 ) -> StabilityMap:
     """Evaluate every combination of `axis` value, method and step size.
 
-    Each cell runs at its step and at half of it, and is compared with two far finer runs by
+    Each cell is run at its step and at half of it, and compared with two much finer runs by
     different methods. OK means that its error is at most `target`.
 
     Parameters
@@ -97,13 +97,12 @@ def stability_map(
     q, v : array or dict, optional
         Initial state, by default that of the scenario or of the model.
     axis : str, optional
-        Quantity to vary, such as "stiffness", "damping" or "mass", by default the first that the
-        model has.
+        Quantity to vary, such as "stiffness", by default the first one that applies to the model.
     values : iterable of float, optional
         Values of the axis, by default its own list with the value of the model.
     methods, steps : iterable, optional
-        Names of methods and widths of steps [s]. By default the methods that are right most often
-        come first.
+        Names of methods and step sizes [s]. By default the methods that are right most often come
+        first.
     t_end : float, optional
         Duration of the runs [s].
     target : float
@@ -115,7 +114,8 @@ def stability_map(
     threads : int, optional
         Number of threads, by default one for each core.
     progress : callable, optional
-        Function of the completed fraction. If it returns False, the map ends with the cells so far.
+        Function of the completed fraction. If it returns False, the map ends with the finished
+        cells.
 
     Returns
     -------
@@ -267,7 +267,7 @@ class Work:
     def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
         """Yield results as they become available, in the caller's thread, until the caller cancels.
 
-        An exception, Ctrl-C among them, stops the other threads too.
+        An exception, including Ctrl-C, also stops the other threads.
         """
         try:
             for future in as_completed(futures):

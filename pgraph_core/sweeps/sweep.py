@@ -43,8 +43,8 @@ TRIED = 100  # points of which one must be a model for a look before the first r
 class Sweep(Portable):
     """Points and their measured values, in the order of the design.
 
-    `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan if the
-    run failed; `status` and `reason` (n,) say why.
+    `points` (n, k) are the values of `paths`. `values` has one array (n,) per metric, nan if the
+    run failed. `status` and `reason` (n,) give the cause.
     """
 
     paths: tuple[str, ...]
@@ -183,10 +183,10 @@ def sweep(
 ) -> Sweep:
     """Run a model at many field values and measure each run.
 
-    A sweep that takes longer than a second runs in several processes. In a script without
-    `if __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric
-    that cannot be pickled, such as a lambda. The table does not depend on where it is computed. A
-    failed point keeps its reason.
+    A sweep that takes longer than a second runs in several processes. In a script without `if
+    __name__ == "__main__":` it runs in this process alone, with a warning, as does a metric that
+    cannot be pickled, such as a lambda. The table does not depend on the number of processes. The
+    reason of a failed point is stored.
 
     Parameters
     ----------
@@ -213,8 +213,8 @@ def sweep(
     scheduler : optional
         Address of a Dask cluster to run on.
     out : str or path, optional
-        File (.csv or .parquet) to write at the end. Until then `out` + ".part" holds the finished
-        points.
+        File (.csv or .parquet) to write at the end. Until then finished points are in `out` +
+        ".part".
     resume : bool
         Whether to continue from an existing ".part" file, which is an error otherwise.
     progress : callable or bool, optional
