@@ -79,9 +79,9 @@ class SetError(InputError, AttributeError):
 def guarded(**advice: str) -> Callable[[Called], Called]:
     """Make a class reject attempts to set public attributes from outside.
 
-    Its own methods write them with `vars(self)`. `advice`: what to write instead, by the names
-    that are tried, several joined by "_or_"; "other" is for the rest. Classes of users that inherit
-    add attributes of their own.
+    Its own methods write them with `vars(self)`. `advice` maps attribute names, several joined by
+    "_or_", to a hint on what to write instead; "other" applies to all remaining names. Classes of
+    users that inherit add attributes of their own.
     """
     told = {name: text for names, text in advice.items() for name in names.split("_or_")}
 

@@ -73,11 +73,11 @@ Role = Literal[
 class Facts(NamedTuple):
     """The dimension, role, first schema version and help text of a field.
 
-    The role says how a reflection changes it. A `point`, `direction` or `vector` is reflected, an
-    `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3 by 3 numbers, a
-    `screw` 6 by 6. A `joint` goes by the motions of a joint. `parts` have fields of their own.
-    Everything else stays. A file that gives the field a value
-    other than its default needs the schema version `since`.
+    The role determines how the value changes under reflection. A `point`, `direction` or `vector`
+    is reflected, an `axial` vector the other way round. A `frame` is a quaternion, a `tensor` has 3
+    by 3 numbers, a `screw` 6 by 6. A `joint` goes by the motions of a joint. `parts` have fields of
+    their own. Everything else stays. A file that gives the field a value other than its default
+    needs the schema version `since`.
     """
 
     dim: Dim | None  # None: not a number
@@ -560,7 +560,7 @@ class Described(Frozen):
 
 
 class Acting(Described):
-    """A part acting on `body`, and on `other` if it has that."""
+    """A part acting on `body` and, if given, on `other`."""
 
     @property
     def pair(self) -> tuple[str, str]:

@@ -63,13 +63,13 @@ def make(
     """Create an environment for a model. With `num_envs` it is a vector environment over one
     `BatchStepper`.
 
-    An action holds the inputs of the model's motors, servos and actuators, within their limits, or
-    the torques of all joints if the model has none. It acts for `dt` [s]. The observation holds
-    the model's outputs in order, or q and v if the model has none. `reward` and `ended` are
-    functions of (observation, action) and of the observation, by default 0 and never. Vector
+    An action contains the inputs of the model's motors, servos and actuators, within their limits,
+    or the torques of all joints if the model has none. It acts for `dt` [s]. The observation
+    contains the model's outputs in order, or q and v if the model has none. `reward` and `ended`
+    are functions of (observation, action) and of the observation, by default 0 and never. Vector
     environments call them with one row per instance. An episode also ends if the run fails.
-    `start(rng)` returns the (q, v) of an episode, by default those of the model. `options` are
-    those of `Stepper` or `BatchStepper`. Raises InputError.
+    `start(rng)` returns the initial (q, v) of an episode, by default the initial state of the
+    model. `options` are arguments of `Stepper` or `BatchStepper`. Raises InputError.
     """
     task = Task(mechanism_of(model, "gym.make"), dt, reward, ended, start)
     if num_envs is not None:

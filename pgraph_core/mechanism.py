@@ -181,10 +181,10 @@ class Mechanism(Dynamics):
     ) -> Linearisation:
         """Linearise the equations of motion about a state: x' = drift + A x + B δτ.
 
-        x holds independent coordinates and velocities. All forces and active constraints of a run
-        at t = 0 are included. Soft and penalty contacts act as springs and dampers. Closed rigid
-        contacts and limits have no derivative and are listed in `notices` of the result, as is a
-        state that is not an equilibrium. Constraints of velocities alone reduce the velocities
+        x contains independent coordinates and velocities. All forces and active constraints of a
+        run at t = 0 are included. Soft and penalty contacts act as springs and dampers. Closed
+        rigid contacts and limits have no derivative and are listed in `notices` of the result, as
+        is a state that is not an equilibrium. Constraints of velocities alone reduce the velocities
         only. The eigenvalues of a conservative mechanism at rest are ±iω from two symmetric
         problems, good to 1e-12 on a chain of 1000 bodies.
 

@@ -26,10 +26,10 @@ def all_problems(
     where: str,
     followers: Mapping[str, tuple[str, ...]],
 ) -> list[Problem]:
-    """Return all problems in a part, including those found once the refused fields are removed.
+    """Return all problems in a part, including those found after the invalid fields are removed.
 
-    A refused field hides the findings of validators of the whole part, so validation is repeated
-    without it. `followers` have no meaning without their field and are dropped with it.
+    An invalid field hides problems of the whole part, so validation is repeated without it.
+    `followers` have no meaning without their field and are dropped with it.
     """
     found: list[Problem] = []
     refused: set[str] = set()
@@ -164,7 +164,7 @@ def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
 
 
 def in_our_words(kind: type[BaseModel], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return refused fields under our names and choices, or {} if nothing changes."""
+    """Return invalid fields under our names and choices, or {} if nothing changes."""
     found = _ours(kind.model_fields, data)
     if "name" in kind.model_fields and "name" not in found and isinstance(found.get("body"), str):
         found["name"] = _name_of(kind, found)

@@ -131,7 +131,7 @@ def chosen(value: Any, known: Iterable[str]) -> str:
 def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     """Return the known name related to another program's `name`, or "".
 
-    With `alike`, a name of similar spelling counts too.
+    With `alike`, names with similar spelling are accepted as well.
     """
     names = list(known)
     near = [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]

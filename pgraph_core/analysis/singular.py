@@ -222,8 +222,9 @@ def singular_notice(
 ) -> str:
     """Return a warning about singular positions passed during a run, or "".
 
-    `start` and `end` are those of the run. `redundant` tells whether rows were redundant at the
-    start, and `genuine` whether they are at a place by their directions alone, whatever masses do.
+    `start` and `end` are the first and the last state of the run. `redundant` states whether rows
+    were redundant at the start. `genuine` decides from the directions of the rows alone,
+    independent of masses, whether rows are dependent.
     """
     dips = int(scene.space.watch[0]["count"])
     places = [p for p in passed(scene) if genuine(p.t, p.q)] if dips else []
@@ -251,7 +252,7 @@ def singular_notice(
 def nulls_of(mech: Dynamics, active: Ints, t: float, q: Array) -> int:
     """Return the number of rows of J that are redundant at or near q, for any masses.
 
-    Rows of unit length, in which a radian counts as the mechanism's extent, say nothing new if a
+    Rows of unit length, in which a radian counts as the mechanism's extent, are redundant if a
     singular value is below ten times FAINT of the largest.
     """
     state = Rows.of(mech, active, q, None, t)
@@ -327,7 +328,8 @@ def holding(
 ) -> list[str]:
     """Return the names of the constraints that determine a gap's rate, or [] if it is free.
 
-    `way` (nv,) is the gradient of the gap, `closed` those of gaps that are closed meanwhile.
+    `way` (nv,) is the gradient of the gap. `closed` contains the gradients of the gaps that are
+    closed at that time.
     """
     if len(active) == 0 or not np.any(way):
         return []

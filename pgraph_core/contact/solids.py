@@ -120,7 +120,7 @@ def cylinder(radius: float, length: float) -> Solid:
 
 
 def frustum(radius: float, end: float, length: float) -> Solid:
-    """Return a cone along z, or what is left of one that is cut, with as many sides as SIDES.
+    """Return a truncated or complete cone along z with SIDES sides.
 
     Its edges are on the round surface, so sides and rims miss it by `radius` (1 - cos(π / SIDES)).
     """
@@ -353,8 +353,8 @@ def packed(
 def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
     """Find the shapes that form one solid with each shape: same row, overlapping boxes.
 
-    A neighbour touches all that the shape itself may touch (`partners` of each); else it is not
-    there for what may touch the shape alone.
+    A neighbour can touch all partners of the shape (`partners` of each); otherwise it would be
+    missing for some of them.
     """
     found: list[list[int]] = [[] for _ in shapes]
     by_row: dict[int, list[int]] = {}
@@ -380,8 +380,8 @@ def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> lis
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:
     """Return the kernels' `ground`: the plane and its patches (x0, x1, y0, y1, height, box).
 
-    `box` is 1 if a box touches in place of the plane, else 0 or left out. x and y of a patch
-    are along `ground_axes`, its height is along the normal [m].
+    `box` is 1 if a box replaces the plane, otherwise 0 or omitted. x and y of a patch are along
+    `ground_axes`, its height is along the normal [m].
     """
     n = np.asarray(normal, float) / np.linalg.norm(normal)
     plane = table(PLANE, 1)
@@ -451,7 +451,7 @@ def convex_hull(
 ) -> Solid:
     """Return the convex hull of a mesh file for collisions.
 
-    Raises FileError, ModelError, also for a mesh that is not `closed` if it has to be.
+    Raises FileError, ModelError, also for a mesh that is not closed if `closed` is required.
     """
     mesh = load_mesh(file, scale, unit)
     vertices = np.asarray(mesh.vertices)

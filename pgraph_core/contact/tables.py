@@ -109,7 +109,7 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
 
 
 def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
-    """Add a block to the tables for each drive with friction. `rows` are those of the system."""
+    """Add a block to the tables for each drive with friction. `rows` are the rows of the system."""
     ints: list[tuple[int, ...]] = []
     values: list[Array] = []
     terms: list[tuple[int, int]] = []

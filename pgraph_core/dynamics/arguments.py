@@ -28,7 +28,7 @@ def numbers_in(given: Any, *shapes: tuple[int, ...]) -> Array | None:
     """Copy numbers into an array, with nan for masked entries.
 
     None for text, truth values, complex numbers and other objects. An array that has none of the
-    shapes, where some are given, is not copied.
+    given shapes is not copied.
     """
     try:
         found = array_of(given)

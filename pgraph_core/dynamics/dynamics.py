@@ -184,8 +184,8 @@ class Dynamics(Portable):
     def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
         """Transfer the state of another mechanism to this one.
 
-        Joints with the same name and the same kinds of motions keep their coordinates, whatever
-        their parents. Other joints take the initial values of the model.
+        Joints with the same name and the same kinds of motions keep their coordinates, even if
+        their parents differ. Other joints take the initial values of the model.
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class Dynamics(Portable):
         """Return the poses, velocities and accelerations of all bodies, and the full joint forces.
 
         (nb, 7 | 6 | 6 | 6), by number, world axes at the bodies' origins, eqs. (17), (21), (22).
-        Without `vdot` the accelerations are those at v' = 0.
+        Without `vdot`, the accelerations are computed for v' = 0.
         """
         state = (position(self.packed, q), self._speed(v))
         rate = self._rest if vdot is None else finite("vdot", vdot, self.nv)
@@ -466,7 +466,7 @@ class Dynamics(Portable):
         point : (3,) sequence
             The point in its axes [m].
         frame : {"world", "body"}
-            Axes of the velocity: those of the world, or those of the body or site.
+            Axes of the velocity: the world, or the body or site.
 
         Returns
         -------
@@ -495,7 +495,7 @@ class Dynamics(Portable):
     ) -> Array:
         """Return the velocity (6,) [angular, linear] of a point on a body or site [rad/s, m/s].
 
-        `point` and `frame` are those of `jacobian`.
+        `point` and `frame` are as in `jacobian`.
         """
         return self.jacobian(q, name, point, frame=frame) @ self._speed(v)
 

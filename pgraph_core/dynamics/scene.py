@@ -121,7 +121,8 @@ class Scene(Unportable):
         return self._kept
 
     def solve_tighter(self) -> None:
-        """Halve the tolerances of solver and gaps, in a run that tells the error of another."""
+        """Halve the tolerances of solver and gaps, in a run that is compared with another to
+        estimate its error."""
         if self.touching is not None:
             self.touching.tally["fine"] = 0.5
             first, count = (int(self.touching.tally[x]) for x in ("first_limit", "limits"))
@@ -182,7 +183,7 @@ class Scene(Unportable):
         """Return {name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ...,
         6).
 
-        Of these constraints, the active ones by default.
+        Return the forces of these constraints, by default of the active ones.
         """
         if constraints is None and self._one_each:
             return dict(zip(self._one_each, wrenches))

@@ -57,7 +57,8 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     """Return ((n,) largest rotation [rad], (n,) largest translation [m]) between motions q and
     `other`.
 
-    Motions are (n, nq), `rows` those of the mechanism's joints. Attitudes differ by an angle.
+    Motions have shape (n, nq), and `rows` are the joint rows of the mechanism. Attitudes differ by
+    an angle.
     """
     kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
     apart = np.abs(q - other)

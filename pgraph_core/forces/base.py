@@ -147,7 +147,7 @@ class Load(NamedTuple):
     `pack(f, one, at)` writes the numbers of a force into its row, and returns its knots or None.
     `law(one, knots, work, linear, t)` returns (p, torque, force, end, power put in, power lost):
     torque and force [N m, N] on A at p, the opposite on B at `end`, world axes, powers in W.
-    `energy(one, knots, work)` is what it stores [J].
+    `energy(one, knots, work)` returns the stored energy [J].
     """
 
     part: type[OnBody]

@@ -324,7 +324,7 @@ class Folders:
         return None
 
     def holds(self, path: Path) -> bool:
-        """Return True if a path lies in one of the folders after resolving links."""
+        """Return True if a path is inside one of the folders after resolving links."""
         try:
             return self._inside(path.resolve())
         except (OSError, RuntimeError, ValueError):

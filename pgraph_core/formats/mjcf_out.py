@@ -49,8 +49,8 @@ WORLD = "world"
 def write_mjcf(model: Model, path: str | Path) -> Report:
     """Write a model as an MJCF file.
 
-    The format holds trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors,
-    servos and springs. Meshes from other folders are copied to `meshes` next to the file.
+    The format supports trees, loops of kinds point, weld, revolute, gear and motion, contacts,
+    motors, servos and springs. Meshes from other folders are copied to `meshes` next to the file.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     Returns
     -------
     Report
-        The parts that the format cannot hold.
+        The parts that the format does not support.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     Returns
     -------
     Report
-        The parts that the format cannot hold.
+        The parts that the format does not support.
 
     Raises
     ------

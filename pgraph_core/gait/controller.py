@@ -46,9 +46,9 @@ REACH = 0.98  # largest reach of a step, relative to the stretched leg
 class Controller(Portable):
     """Joint torques for a gait, as a function of (t, q, v) without memory or look-ahead.
 
-    Give it to `simulate` as `tau`, or let a scenario with a gait make one. It uses the parameters
-    of the model that it is created for. To study a wrong mass, give the controller of one model to
-    runs of another model with the same joints. Torques are limited.
+    Pass it to `simulate` as `tau`, or use a scenario with a gait, which creates one. It uses the
+    parameters of the model that it is created for. To study a wrong mass, give the controller of
+    one model to runs of another model with the same joints. Torques are limited.
 
     Raises InputError if the model cannot walk on the feet of the gait, or if its legs cannot reach
     the speed.

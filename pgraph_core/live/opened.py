@@ -107,7 +107,7 @@ def follows(
 ) -> list[tuple[Opened, dict[str, Follows]]]:
     """Return each field with the dependent addresses as {method: addresses}.
 
-    A field that no rule covers takes some values only. `make(mechanism, method)` returns the run
+    Fields without a rule have a finite number of values. `make(mechanism, method)` returns the run
     of a changed model. Raises InputError if the browser cannot follow a field.
     """
     found = []

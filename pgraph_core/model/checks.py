@@ -341,7 +341,7 @@ def reference_problems(
 ) -> list[Problem]:
     """Return problems with references by name between parts.
 
-    `names` are those of all constraints and all contacts, refused ones included.
+    `names` contains the names of all constraints and contacts, including invalid ones.
     """
     return [
         *constraint_problems(constraints, bodies),

@@ -28,7 +28,7 @@ def bodies_of(
     """Return a body for each entry in `parent` (nb,), with rows numbered from 1 and 0 for the
     ground.
 
-    `columns` holds fields of `Body`: nb entries, or one for all. Raises ModelError.
+    `columns` contains fields of `Body`: nb entries, or one for all. Raises ModelError.
     """
     above = _array("parent", parent)
     if above.ndim != 1 or (above.size and above.dtype.kind not in "iu"):

@@ -27,8 +27,8 @@ class Contact(Acting):
     """A contact between `body` and `other`. Contact forces only push.
 
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty: k
-    d + c d' with Coulomb friction that sticks by a spring; both, without damping, lose what gives
-    the restitution, at any speed of impact. complementarity: no depth, impulses in the friction
+    d + c d' with Coulomb friction that sticks by a spring; without a given damping, both have the
+    requested restitution at any impact speed. complementarity: no depth, impulses in the friction
     cone, Newton's restitution. Rolling and spinning are resisted by torques of at most
     rolling_friction and spinning_friction times the normal force.
     """

@@ -63,7 +63,7 @@ class Control(OfKinds):
 
     @property
     def value(self) -> Node:
-        """The value, an expression of the states and of what the control reads."""
+        """The value, as an expression of the states and the inputs of the control."""
         return self._state(0)
 
     def _state(self, k: int) -> Node:
@@ -129,8 +129,8 @@ class PID(Control):
     Its value is kp e + I + D within `low` and `high`, with e = setpoint - signal, I' = ki e, and D
     the derivative kd s/(filter s + 1) of e, which is 0 at the start. If the value has limits,
     "clamp" keeps I within them too, and "back" adds (value - kp e - I - D)/tracking to I' [Astrom,
-    Hagglund 2006, 3.5]. With `sample` it acts at samples and holds its value between them: I by
-    Euler's forward rule, D by the backward one. Its states are I and the filtered error.
+    Hagglund 2006, 3.5]. With `sample` it is updated at samples and constant in between; I uses the
+    forward and D the backward Euler rule. Its states are I and the filtered error.
     """
 
     ABOUT: ClassVar[str] = "a PID controller of a signal, with limits and anti-windup"

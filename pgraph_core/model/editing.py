@@ -148,7 +148,7 @@ def edited_all(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return all parts after editing several bodies, and further changes. Raises ModelError.
 
-    `others` are the other parts; `parent` in `changes` means new names.
+    `others` are the other parts; `parent` in `changes` refers to the new names.
     """
     rows, names, notices = {body.name: body for body in bodies}, {}, []
     for name, fields in changes.items():
@@ -196,7 +196,7 @@ def _set(body: Body, field: str) -> bool:
 
 
 def renamed(part: T, names: Mapping[str, str]) -> T:
-    """Return the part with bodies renamed in the fields that hold body names."""
+    """Return the part with renamed bodies in its fields."""
     known = type(part).model_fields
     old = {field: getattr(part, field) for field in NAMING if field in known}
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}

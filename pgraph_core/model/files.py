@@ -253,7 +253,7 @@ def refuse_format(path: str | Path) -> None:
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> None:
-    """Write a file atomically, so that its path holds either the old or the new content.
+    """Write a file atomically, so that the path contains either the old or the new content.
 
     Raises FileError.
     """
@@ -369,9 +369,9 @@ def located(
 ) -> dict[str, Any]:
     """Return the fields of a model with absolute mesh paths, resolved relative to `folder`.
 
-    Without a folder, names count from the current one on and stay as they are. Raises ModelError
-    for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also if `..` or
-    a link leads out.
+    Without a folder, names are relative to the current folder and are not changed. Raises
+    ModelError for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also if
+    `..` or a link leads out.
     """
     bodies = data.get("bodies")
     if not isinstance(bodies, list):

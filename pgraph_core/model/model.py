@@ -179,7 +179,7 @@ class Model(World):
     def notices(self) -> tuple[str, ...]:
         """Notices of additional changes from the last edit or from reading a file.
 
-        A run repeats those of all edits since the model was made or read.
+        A run repeats the notices of all edits since the model was made or read.
         """
         return ()
 
@@ -326,8 +326,8 @@ class Model(World):
     def serial(cls, n: int) -> Self:
         """Return n rods in series, named "1" to "n", as in the first table of section 4.1.
 
-        The rods are slender and 0.2 m long. They lie along x and are connected by hinges about y,
-        so that they swing.
+        The rods are slender and 0.2 m long. They are aligned with x and connected by hinges about
+        y, so they swing.
 
         Parameters
         ----------
@@ -518,14 +518,14 @@ class Model(World):
         body, parent : str
             Names of the body and of its second parent.
         joint : str, optional
-            Kind of the second joint, by default that of the body's own joint.
+            Kind of the second joint, by default the kind of the body's joint.
         name : str, optional
             Name of the constraint.
         point, other_point : (3,) sequence, optional
             The place of the joint in the axes of the body, by default its tip, and in those of the
             parent, by default where that point is in the initial state [m].
         axis, other_axis : (3,) sequence, optional
-            The axis of the joint in the axes of both bodies, by default that of the body's own
+            The axis of the joint in the axes of both bodies, by default the axis of the body's
             joint.
 
         Returns
@@ -684,7 +684,7 @@ class Model(World):
             Kind of part, such as "contact", to choose among several parts with this name.
         children : {"attach", "delete"}, optional
             Whether the children of a removed body are attached to the next remaining body towards
-            the ground, at the same place at q = 0, or deleted too.
+            the ground, at the same position at q = 0, or deleted as well.
 
         Raises
         ------

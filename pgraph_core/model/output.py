@@ -75,9 +75,9 @@ READINGS: dict[str, Reading] = {
 class Output(Described):
     """A named quantity in a run or stepper: `run.outputs[name]`, `stepper.outputs[name]`.
 
-    `joint_position` and `joint_velocity` are those of a coordinate of the joint of body `at`. The
-    other kinds refer to the frame of the body or site `at`. In world axes they are `position` of
-    its origin, `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity`. In its own
+    `joint_position` and `joint_velocity` refer to a coordinate of the joint of body `at`. The other
+    kinds refer to the frame of the body or site `at`. In world axes they are `position` of its
+    origin, `rotation` (quaternion [w, x, y, z]), `velocity` and `angular_velocity`. In its own
     axes, like instruments fixed there, they are `velocimeter`, `gyro`, `accelerometer`
     (acceleration minus gravity), and `force` and `torque` of the joint on the body about the
     frame's origin.

@@ -63,7 +63,7 @@ _WORD = {
 
 
 def is_formula(value: Any, parameters: Container[str] = ()) -> bool:
-    """Return True if a cell holds a constant formula, False if its value varies in a motion."""
+    """Return True if a cell contains a constant formula, False if its value varies in a motion."""
     return is_expression(value) and not varies(value, parameters)
 
 
@@ -127,8 +127,8 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
 def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a model with formulas replaced by numbers, and all formulas.
 
-    Formulas stand in the cells of parts given as dictionaries, or under "formulas".
-    Raises ModelError with every formula that has no value.
+    Formulas are in the cells of parts given as dictionaries, or under "formulas". Raises ModelError
+    with every formula that has no value.
     """
     formulas = data.get("formulas", ())
     if not isinstance(formulas, (list, tuple)):
@@ -201,7 +201,7 @@ def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
-    """Return True if any cell in a dictionary holds a formula or an expression."""
+    """Return True if any cell in a dictionary contains a formula or an expression."""
     if isinstance(value, str):
         return is_expression(value)
     if depth > MOST_LISTS:
@@ -339,7 +339,7 @@ def followed(
 def still_true(
     formulas: Iterable[Formula], parts: Mapping[str, Sequence[Any]], parameters: Mapping[str, float]
 ) -> tuple[Formula, ...]:
-    """Return the formulas whose cell exists and still holds their number."""
+    """Return the formulas whose cell exists and still has their value."""
     named: dict[str, dict[str, Any]] = {}
     kept = []
     for f in formulas:

@@ -216,8 +216,8 @@ class Shape(Frozen):
     def surface(self) -> tuple[Array, Array]:
         """Return (vertices (n, 3), triangles (m, 3)) for the closed surface of a heightfield [m].
 
-        The first vertices are those of the top, row by row; triangles of a cell share the diagonal
-        from its least x and y to its greatest.
+        The vertices of the top come first, row by row. The two triangles of a cell share the
+        diagonal from its smallest x and y to its largest.
         """
         heights = np.array(self.heights)
         nx, ny = heights.shape
@@ -271,7 +271,7 @@ class MassProperties(NamedTuple):
 def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProperties:
     """Return the mass properties of a homogeneous shape with `density` [kg/m^3].
 
-    A mesh must be closed, and `unit` is that of its file. Raises ModelError, FileError.
+    A mesh must be closed, and `unit` is the unit of its file. Raises ModelError, FileError.
     """
     if not 0 < density < math.inf:
         raise ModelError(

@@ -192,8 +192,8 @@ def _placed(
 def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """Return (target, torque) in kernel form, with the law torque + kp (target - q) - kd v.
 
-    The input u adds gain u to the torque; it stands in the target if there is a kp. Of an
-    input whose integral acts, `torque` is part of what acts at first.
+    The input u adds gain u to the torque; with a kp it is part of the target. If the input is
+    integrated, `torque` is part of the initial value.
     """
     gain, torque, kp, _ = f.law
     u: Any = getattr(f, f.INPUT)

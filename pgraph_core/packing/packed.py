@@ -207,7 +207,7 @@ class Packed:
     def loads(self, forces: tuple[Force, ...], *, states: bool = False) -> Loads:
         """Return the given wrenches, springs between bodies, and expressions of all forces.
 
-        With `states`, those of controls too, even if no force reads them.
+        With `states`, the states of controls are included even if no force reads them.
         """
         found = NO_LOADS
         if on_bodies(forces):

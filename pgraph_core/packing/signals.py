@@ -121,7 +121,7 @@ class Program:
         return self.put(OPERATIONS[node.op], a, *rest)
 
     def signal(self, group: str, name: str, k: int) -> Operand:
-        """Add the value of a signal, which for a control may be an expression of its own."""
+        """Add the value of a signal, which can be an expression if it is a control."""
         if group == "x" and k == 0:
             if name not in self._values:
                 self._values[name] = self.of(self._controls[name].value)
@@ -156,7 +156,7 @@ class Program:
         return self.put(kernels.MUL, self.put(kernels.MUL, s, s), rest)
 
     def margin(self, node: Node) -> Operand:
-        """Add the margin by which comparisons hold, positive if true."""
+        """Add the margin of the comparisons, positive if true."""
         match node.op:
             case "and" | "or":
                 a, b = map(self.margin, node.args)

@@ -30,8 +30,8 @@ from .motion import propagation_operator as propagation_operator
 class Operators:
     """All operators at (q, v), computed on first access, in world axes and at the body origins.
 
-    Spatial vectors are [angular; linear]. Bodies stand in number order. Sparse matrices are
-    SciPy's. `v` may be left out if only positions matter.
+    Spatial vectors are [angular; linear]. Bodies are in number order. Sparse matrices are SciPy's.
+    `v` may be left out if only positions matter.
     """
 
     model: Model

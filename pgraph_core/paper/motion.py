@@ -166,8 +166,8 @@ def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
 def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) -> Joint:
     """Return the joint of a body whose parent has this rotation and angular velocity.
 
-    Every motion is a step of eqs. (5) and (8) by itself; their φ, H and a are chained, so that
-    one block H (6 x dof) and one a stand for the whole joint.
+    Every motion is a step of eqs. (5) and (8) by itself; their φ, H and a are chained, so that one
+    block H (6 x dof) and one a represent the whole joint.
     """
     turned, home = rotation, matrix(body.rotation)
     link = rotation @ body.link
@@ -231,7 +231,7 @@ def kernel_operator(parent: Ints, link: Array) -> Any:
 def kernel_operator_of_pgraph(pgraph: Sequence[int] | Ints, link: Array) -> Any:
     """Build ε_φ from Pgraph alone, Fig. 6. No adjacency matrix is required or formed.
 
-    Walk Pgraph; where a body stands for the first time, its parent stands before it.
+    Walk Pgraph: the entry before the first occurrence of a body is its parent.
     """
     pgraph = np.asarray(pgraph, dtype=np.int64)
     first = find(pgraph)

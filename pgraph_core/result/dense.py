@@ -24,10 +24,11 @@ CUBIC_GAIN = 16  # the error over one frame is 1/64 of that over two if q is smo
 def states_at(
     rows: Ints, frames: tuple[Array, Array, Array, Array], known: Array, asked: Any
 ) -> tuple[Array, Array, Any]:
-    """Return (q, v, error) at the times `asked`, a scalar or an array, from frames (t, q, v, v').
+    """Return (q, v, error) at the requested times `asked`, a scalar or an array, from frames (t, q,
+    v, v').
 
-    `rows` are the joint rows of the mechanism, `known` (n,) is the estimated error at the frames,
-    the largest so far. Raises InputError outside of the run.
+    `rows` are the joint rows of the mechanism, `known` (n,) is the largest estimated error up to
+    each frame. Raises InputError outside of the run.
     """
     t, q, v, vdot = frames
     times = _inside(asked, t)

@@ -190,7 +190,8 @@ class Named(Mapping[str, Any]):
 class ByTouch(Named):
     """Arrays by contact pair or by two body names: `run.contact_force["a", "ground"]`.
 
-    Of several pairs between the two, forces are added, gaps are the smallest, slips the largest.
+    If there are several pairs between the two, forces are added, and the smallest gap and the
+    largest slip are used.
     """
 
     def __init__(

@@ -339,7 +339,7 @@ class Result(EqualByFields, Portable):
 
         Columns of words, such as the phases of contacts, are omitted. `table["trunk"]` returns all
         columns of the joint. An unknown name raises a KeyError that lists the columns.
-        `table.attrs["units"]` holds the units. `bodies` as for `columns`. Needs pandas.
+        `table.attrs["units"]` contains the units. `bodies` as for `columns`. Needs pandas.
         """
         return frame(columns_of(self, bodies))
 
@@ -556,7 +556,7 @@ class Result(EqualByFields, Portable):
 
         Of complementarity [N]: by how much normal forces differ from those that end the approach;
         of the cone [N]: by how much friction differs from what Coulomb's disc allows against the
-        slip; and the penetration [m]. Limits count in their own units.
+        slip; and the penetration [m]. Limits are included in their own units.
         """
         found = self.contacts.residual
         return found if len(found) else np.zeros((len(self.t), 3))
@@ -650,8 +650,8 @@ class Result(EqualByFields, Portable):
         Parameters
         ----------
         path : path
-            A `.npz` file holds the run with its model, and meshes from other folders are copied to
-            `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
+            A `.npz` file contains the run with its model, and meshes from other folders are copied
+            to `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
             variable per column, with `_` in place of characters other than letters and digits, and
             the lists `names` and `units`.
 

@@ -116,7 +116,7 @@ def fit(
         arguments of `simulate`, such as {"q": {"arm": 0.3}}.
     free : dict
         Bounds (low, high) by path, as in `sweep`: {"bodies.arm.mass": (0.1, 2.0)}. "q.arm" and
-        "v.arm" stand for the initial state of a body, "q.arm@NAME" for that of one case.
+        "v.arm" are the initial state of a body, and "q.arm@NAME" that of one case.
     scenario : str, optional
         Name of the scenario to run.
     sigma : dict, optional

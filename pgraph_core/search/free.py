@@ -51,7 +51,7 @@ class Own:
 
     @property
     def given(self) -> str:
-        """The path as `wrt` takes it."""
+        """The path in the form of `wrt`."""
         return ".".join(filter(None, (self.kind, self.body, self.entry)))
 
     text = given

@@ -147,9 +147,9 @@ def gutter(
 ) -> Gutter:
     """Return the lanes for bodies 1..nb with parents `parent` in rows `row` (0 to nb - 1).
 
-    The first child keeps the lane of its parent. Each other child has the first lane that is free
-    from its parent's row to the last row of its own lane. Each loop has a lane of its own between
-    the rows of its bodies.
+    The first child keeps the lane of its parent. Every other child gets the first lane that is free
+    from its parent's row to the last row of its lane. Each loop has a separate lane between the
+    rows of its bodies.
     """
     first: dict[int, int] = {}
     for k, p in enumerate(parent, 1):
@@ -304,8 +304,8 @@ def digraph_svg(
 ) -> str:  # fmt: skip
     """Return the digraph as SVG, with bodies by number and name, and loops as dashed lines.
 
-    `parent` holds the number of each body's parent, 0 for the ground; `loops` pairs of bodies;
-    `size` is (width, height) in pixels. It takes the colour of the text around it, so it suits
+    `parent` contains the number of each body's parent, 0 for the ground; `loops` pairs of bodies;
+    `size` is (width, height) in pixels. It uses the colour of the surrounding text, so it fits
     light and dark pages.
     """
     place = layout(tuple(parent), tuple(map(len, names)), loops)

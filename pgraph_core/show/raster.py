@@ -76,8 +76,8 @@ class Tones(NamedTuple):
 def cover(points, faces, opacity, depth, seen):
     """Rasterise faces (m, 3) of screen points (n, 3) into depth and seen (height, width).
 
-    Each pixel gets the greatest w of the triangles over its centre, and the triangle's number.
-    Of a triangle with an opacity below 1 only this share of the pixels counts, in an ordered
+    Each pixel gets the greatest w of the triangles over its centre, and the triangle's number. If
+    the opacity of a triangle is below 1, only this fraction of its pixels is drawn, in an ordered
     pattern of 16 levels (Bayer, IEEE International Conference on Communications 1973).
     """
     height, width = depth.shape

@@ -65,7 +65,7 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     """Return the body's own shapes, or slender links from its origin to its children, tip or com.
 
-    Links in `STAND_IN`, half transparent, stand for meshes that cannot be read.
+    Meshes that cannot be read are replaced by half-transparent links in the colour `STAND_IN`.
     """
     seen = [shape for shape in body.drawn if shape.opacity]
     own = tuple(_own(shape) for shape in seen if not _missing(shape))

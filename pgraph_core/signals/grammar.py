@@ -70,7 +70,7 @@ class _Token(NamedTuple):
 
 
 def is_expression(value: object) -> bool:
-    """Return True if a cell holds '=...'."""
+    """Return True if a cell contains '=...'."""
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 

@@ -43,7 +43,7 @@ def constant(
 ) -> Any:
     """Evaluate a tree to a number, using `read` for the values of any signals.
 
-    Raises Unreadable for a name that is no parameter, and what arithmetic raises.
+    Raises Unreadable for names that are not parameters, and arithmetic errors.
     """
     if node.op == "number":
         return node.value
@@ -156,7 +156,7 @@ def _same(node: Node, dims: Any) -> Dim | None:
 
 
 def fits(a: Dim, b: Dim) -> bool:
-    """Return True if two quantities may be added. An angle counts as a plain number."""
+    """Return True if two quantities may be added. Angles are treated as plain numbers."""
     return a._replace(angle=0) == b._replace(angle=0)
 
 

@@ -74,9 +74,9 @@ def simulate(
     t_start, t_end : float
         Time at the start and at the end [s].
     method : str, optional
-        Name of an integration method; "auto" chooses. With rigid contacts or joint limits it takes
-        "moreau_jean" (time stepping), or with `rtol` "dop853" or "dopri5", which go from event to
-        event like "rk4" and "semi_implicit_euler". Event-driven runs always project onto the
+        Name of an integration method; "auto" chooses. With rigid contacts or joint limits it
+        selects "moreau_jean" (time stepping), or with `rtol` "dop853" or "dopri5", which are
+        event-driven like "rk4" and "semi_implicit_euler". Event-driven runs always project onto the
         constraints.
     step : float, optional
         Step [s]. Without `rtol` all steps have this width. Otherwise it is the largest step.
@@ -115,8 +115,9 @@ def simulate(
         terminal or notebook (tqdm).
     estimate : bool, optional
         Whether to estimate the error from a second run at half the step or a tighter tolerance,
-        which doubles the time. By default all runs do but those with a Python function `tau`, which
-        may have a memory. Without an estimate it is nan, and `message` gives the reason.
+        which doubles the time. By default all runs are estimated, except those with a Python
+        function `tau`, which may have internal state. Without an estimate it is nan, and `message`
+        gives the reason.
     wrt : str or sequence of str, optional
         Numbers that the run is differentiated by: paths in the model as in `sweep`
         ("bodies.arm.mass", the name of a parameter), "q.arm" and "v.arm" of the initial state, and

@@ -102,7 +102,7 @@ def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
 
 
 def contact_counters(scene: Scene) -> dict[str, int]:
-    """Return fallback counts for the contact solver."""
+    """Return the fallback counts of the contact solver."""
     if scene.touching is None:
         return {}
     tally = scene.touching.tally
@@ -317,7 +317,7 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
     """Return a notice for each soft or penalty contact that starts far deeper than weight presses
     it.
 
-    The weight is that of all that moves, which may rest on one contact.
+    The weight is the total weight of all moving bodies, which may rest on one contact.
     """
     deep = [(row, pair, -x) for row, pair, x in zip(tables.laws, tables.touches, gap.tolist())
              if pair.contact.law != "complementarity" and x < 0.0]  # fmt: skip

@@ -53,8 +53,8 @@ def estimable(tau: object) -> bool:
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     """Return the error estimate for a completed run.
 
-    `asked` is None if a function that gives torques is not to be called again. If there is
-    no estimate, the run's message says why.
+    `asked` is None if a torque function must not be called again. If there is no estimate, the
+    message of the run gives the reason.
     """
     if not record.ended.ok or asked is False:
         return Estimate()

@@ -174,9 +174,9 @@ class Steps:
     def rehearse(self, tally: Any) -> None:
         """Take a trial step of time stepping to obtain the forces for frame 0.
 
-        A frame has the forces of the step that ends there, the first frame those of the step that
-        begins there. If something hits in that step, the impulse is left to its end.
-        `tally` (1,) is that of the contacts.
+        A frame has the forces of the step that ends there; the first frame has the forces of the
+        step that begins there. If an impact occurs in that step, its impulse is applied at the end.
+        `tally` (1,) is the tally of the contacts.
         """
         from ..engine.contact.contacts import FROZEN
         from ..engine.stepping.moreau import moreau_jean
@@ -271,7 +271,7 @@ class Steps:
     def go_another_way(self, plan: RunPlan, frames: Frames) -> None:
         """Continue with the method and steps of `plan`, in the scene provided next by `join`.
 
-        Frames, counters and the ledger go on.
+        Frames, counters and the energy ledger continue.
         """
         before, given = self.control.copy(), self.tolerance is None
         self.plan, self.tolerance, self.frames = plan, plan.tolerance, tuple(frames)
@@ -301,7 +301,8 @@ class Steps:
     def crawl(self) -> str:
         """Return a message if the run would need more than MANY_STEPS at its current step sizes.
 
-        It is not asked for before √MANY_STEPS steps, which a transient at the start may take.
+        It is not called before √MANY_STEPS steps, because an initial transient may need small
+        steps.
         """
         n, given = int(self.counters["steps"]), self.tolerance
         if given is None or given.fixed or n * n < MANY_STEPS or n <= MANY_STEPS * self.fraction():
@@ -375,8 +376,8 @@ class Outcome:
 def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = True) -> RunLinks:
     """Return the addresses of the kernels called by a run with this method.
 
-    If nothing is `held` by constraints, nothing is projected: that kernel takes a quarter of the
-    time in which those of a first run compile.
+    If nothing is `held` by constraints, the projection kernel, which is slow to compile, is not
+    loaded.
     """
     method = METHODS[name]
     if watched:

@@ -275,7 +275,7 @@ def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_e
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
     """Return (substeps, step size [s]) for the fixed steps between recorded times.
 
-    If all recorded times are whole steps from the first, every step has the width asked for.
+    If all recorded times are multiples of the step, every step has the requested size.
     """
     apart = times[1:] - times[:-1]
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1.0)

@@ -145,8 +145,8 @@ class Way:
 class RunPlan(Way):
     """A run, checked and complete except for its initial state.
 
-    Contacts and limits are ignored as long as nothing comes near. Then the run continues by the
-    other `way`, from the state that it has reached.
+    Contacts and limits are ignored as long as nothing comes near. The run then continues by the
+    other `way` from its current state.
     """
 
     drives: Drives

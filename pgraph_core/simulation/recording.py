@@ -618,7 +618,8 @@ class Recording:
     ) -> Result:
         """Return the requested frames as a Result.
 
-        `error` (n,) is that of q at the recorded times [rad, m], and `told` are warnings about it.
+        `error` (n,) is the error of q at the recorded times [rad, m], and `told` contains warnings
+        about it.
         """
         if self._first is not None:
             self._note_singular()

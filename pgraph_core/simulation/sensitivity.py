@@ -229,7 +229,7 @@ class Carried:
 
     @cached_property
     def order(self) -> Ints:
-        """The entries of a run's state, with those of controls behind the motion's."""
+        """The entries of the state of a run: first the motion, then the controls."""
         mech, (q, v) = self.given.mech, self.given.plan.start
         entries = np.arange(len(q) + len(v) + 2)
         own = np.isin(

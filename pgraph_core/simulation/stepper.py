@@ -67,11 +67,11 @@ class Stepper(Snapshots):
     mechanism : Mechanism or Model
         The system to step.
     step : float, optional
-        Width of the steps [s], by default that of the scenario, else 1e-3.
+        Step size [s], by default the step of the scenario, otherwise 1e-3.
     method : str
-        Name of a method of fixed steps. "auto" takes that of the scenario if it is one, else
-        "moreau_jean" with contacts or joint limits, else "rk4". Rigid contacts and limits always
-        get "moreau_jean".
+        Name of a method of fixed steps. "auto" selects the method of the scenario if it has fixed
+        steps, otherwise "moreau_jean" with contacts or joint limits, otherwise "rk4". Rigid
+        contacts and limits always get "moreau_jean".
     scenario, forces, inputs, stabilise :
         As in `simulate`.
     tau : (nv,) array or callable, optional
@@ -79,7 +79,7 @@ class Stepper(Snapshots):
     switches : sequence, optional
         Give () for a scenario that switches constraints later on, and call `switch` instead.
     q, v : array or dict, optional
-        Initial state, by default that of the scenario or of the model.
+        Initial state, by default the one of the scenario or of the model.
     t_start : float
         Time at the start [s].
 
@@ -375,7 +375,7 @@ class Stepper(Snapshots):
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
         """Take n steps and return them as a Result.
 
-        Counters, work and dissipation are those of these steps.
+        Counters, work and dissipation refer to these steps.
 
         Parameters
         ----------

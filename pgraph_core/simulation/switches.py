@@ -154,7 +154,7 @@ class Watch:
 
     @property
     def wanted(self) -> Ints:
-        """The crossing direction that counts for each monitor."""
+        """The crossing direction that each monitor reports."""
         return np.array([m.direction for m in self.monitors], dtype=np.int64)
 
     def begin(self, t: float, q: Array, v: Array) -> list[float]:
@@ -246,7 +246,7 @@ class ConditionOf(NamedTuple):
 
     @property
     def limit(self) -> tuple[float, float]:
-        """Return (sign, value) such that the condition holds if sign x - value < 0."""
+        """Return (sign, value) such that the condition is true if sign x - value < 0."""
         when = self.when
         return (-1.0, -when.above) if when.above is not None else (1.0, when.below or 0.0)
 
@@ -474,7 +474,7 @@ def switch_changes(
 ) -> tuple[Ints, tuple[Change, ...]]:
     """Return (constraints active at the start, later changes) for a run over `span`.
 
-    Switches that are `asked` for replace those of the scenario. Raises InputError.
+    If `asked` is given, it replaces the switches of the scenario. Raises InputError.
     """
     every = switches_of(mech, given, asked, span)
     switches = [s for s in every if s.t is not None]

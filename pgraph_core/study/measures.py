@@ -219,8 +219,8 @@ def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) ->
     rounding.
 
     Those are the points in a row, three or more, whose slopes from one to the next agree and over
-    which the error shrinks most. Errors near `limit`, or near where shorter steps no longer help,
-    do not count. None if there are fewer than three.
+    which the error shrinks most. Errors near `limit`, or near the smallest useful step, are
+    ignored. None if there are fewer than three.
     """
     ordered = sorted((n, e) for n, e in points if n > 0)
     errors = [e for _, e in ordered]

@@ -191,8 +191,8 @@ def error_diagram(
 ) -> str:
     """Return a diagram of log error over log run time, with one curve per method.
 
-    Without points it is a sentence. `titles` are those of the axes. Errors below `limit`, the limit
-    of the reference, are shaded. `target` is a dashed line.
+    Without points it is a sentence. `titles` are the titles of the axes. Errors below `limit`, the
+    limit of the reference, are shaded. `target` is a dashed line.
     """
     open_ = (
         '<svg xmlns="http://www.w3.org/2000/svg" role="img" '

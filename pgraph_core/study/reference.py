@@ -266,8 +266,8 @@ def known_motion(
     """Return the better of two runs by different methods, or None if no run reaches the end.
 
     Its accuracy is the distance of both runs, or the estimate of the better one if the other is
-    within its own estimate. `step` is the finest of the cells [s], `budget` that of one cell.
-    Raises PgraphError if no method accepts the scene.
+    within its own estimate. `step` is the smallest step of all cells [s], and `budget` the budget
+    of one cell. Raises PgraphError if no method accepts the scene.
     """
     mech = task.mech
     rate = task.rate_at([mech.home()])
@@ -318,7 +318,7 @@ def weight_of(mech: Mechanism) -> int:
 
 
 def per_step(method: str, nv: int) -> int:
-    """Return the approximate evaluations per step, with those of a numerical Jacobian."""
+    """Return the approximate number of evaluations per step, including a numerical Jacobian."""
     chosen = METHODS[method]
     if chosen.implicit and not chosen.jacobian:
         return NEWTON_COST * chosen.evaluations

@@ -95,7 +95,7 @@ def stability_map(
     mech : Mechanism or Model
         The system to run.
     q, v : array or dict, optional
-        Initial state, by default that of the scenario or of the model.
+        Initial state, by default the one of the scenario or of the model.
     axis : str, optional
         Quantity to vary, such as "stiffness", by default the first one that applies to the model.
     values : iterable of float, optional

@@ -91,7 +91,7 @@ def work_precision(
     mech : Mechanism or Model
         The system to run.
     q, v : array or dict, optional
-        Initial state, by default that of the scenario or of the model.
+        Initial state, by default the one of the scenario or of the model.
     t_end : float, optional
         Duration [s], by default that of the scenario, else 1.
     methods : sequence of str, optional
@@ -101,7 +101,7 @@ def work_precision(
     tolerances : sequence of float, optional
         Tolerances of adaptive methods, by default 1e-2 .. 1e-12.
     fixed : bool
-        Whether adaptive methods run at fixed `steps` too.
+        Whether adaptive methods are also run at fixed `steps`.
     reference : Result, tuple, Case or Reference, optional
         Motion to compare with, a tuple of times and configurations. By default it is the finest run
         possible, with an estimate of its error.
@@ -110,7 +110,7 @@ def work_precision(
     clock : {"processor", "wall"}
         Clock for whole calls on a built mechanism. "wall" includes time taken by other programs.
     quantity : {"position", "velocity", "force"}
-        Quantity to compare; "force" is that of constraints.
+        Quantity to compare; "force" refers to constraint forces.
     scenario, tau, stabilise :
         As in `simulate`.
     target : float, optional
@@ -170,10 +170,10 @@ def work_precision(
 def suited(
     task: Task, names: tuple[str, ...], ladder: Ladder, *, asked: bool
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Try each method for one frame. Return those that support the scene, and a message for each
-    other.
+    """Try each method for one frame. Return the methods that support the scene, and a message for
+    each other method.
 
-    Raises InputError for one that was `asked` for.
+    Raises InputError for a requested method (`asked`) that does not.
     """
     kept, refused = [], []
     for name in names:

@@ -199,8 +199,8 @@ def sweep(
     metric : str, callable, list or dict
         A name such as "max knee", a function of a run that returns a number, or several of these.
         Names are final, max, min, mean, rms, peak, range or settle (time after which it stays
-        within 2 % of its way) of a column of `Result.columns`, and energy_drift, error_estimate,
-        t_end and steps.
+        within 2 % of its total change) of a column of `Result.columns`, and energy_drift,
+        error_estimate, t_end and steps.
     scenario : str, optional
         Name of the scenario to run.
     samples : {"grid", "latin", "sobol", "random"}

@@ -51,7 +51,7 @@ class Together:
         """Return the plan, or None unless all metrics use coordinates only and the step size is
         fixed.
 
-        `model` is that of the first point and `run` its run, or the start of it.
+        `model` is the model of the first point, and `run` its run or the beginning of it.
         """
         named = all(isinstance(metric, str) for metric in metrics.values())
         known = {*OPTIONS, *ALSO}.issuperset(options) and not options.get("estimate")
@@ -90,7 +90,7 @@ class Together:
         """Return values of shape (points, metrics), and flags (points,) for runs that reached the
         end.
 
-        Raises PgraphError if a point is refused, or points do not have one structure.
+        Raises PgraphError if a point is invalid, or if the points differ in structure.
         """
         batch = Exact(model, len(points), set=dict(zip(paths, points.T)), threads=1, **self.options)
         wanted = [self.columns[metric] for metric in metrics]

@@ -198,7 +198,8 @@ def errors(kind: str, found: Array, reference: Array, scale: float) -> Array:
     """Return the largest |found - reference| / max(|reference|, scale) in each row, as an (n,)
     array.
 
-    Points, directions and forces count as vectors, rotations by the angle between both [rad].
+    Points, directions and forces are compared as vectors, and rotations by the angle between them
+    [rad].
     """
     apart = found - reference
     if kind == "rotation":
