@@ -182,7 +182,7 @@ def shown(value: Any, limit: int = 60) -> str:
     try:
         return _cut(repr(_lists(value, limit, [limit])), limit)
     except RecursionError:
-        return f"a {type(value).__name__} that is nested too deeply"
+        return f"a {type(value).__name__} nested too deeply"
 
 
 def _lists(value: Any, most: int, left: list[int]) -> Any:
@@ -249,7 +249,7 @@ def _explained(function: Any) -> Any:
         except RecursionError:
             if not any(map(is_deep, (*args, *named.values()))):
                 raise
-            text = "has an argument that is nested too deeply, or that holds itself"
+            text = "has an argument that contains itself or is nested too deeply"
             raise InputError(Problem(function.__qualname__, "", text)) from None
         except BARE as error:
             if ours := words.renamed(named, _names(function)):

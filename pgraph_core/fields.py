@@ -162,7 +162,7 @@ def _ordered(value: Any) -> Any:
     if type(value) is tuple and PLAIN.issuperset(map(type, value)):
         return value
     if isinstance(value, (set, frozenset)):
-        raise ValueError("a set has no order")
+        raise ValueError("sets have no order; give a list")
     return listed(value)
 
 
@@ -275,7 +275,7 @@ class Fixed(dict[str, Any]):
     """An immutable dictionary in a part. Changing it raises ModelError."""
 
     def _refused(self, *args: Any, **named: Any) -> NoReturn:
-        text = "is not changed in place; make a new model: "
+        text = "cannot be changed in place; make a new model: "
         text += "model = model.edit(name of the part, field={**old, 'key': value})"
         raise ModelError(Problem("a dictionary of a model", shown(args[0]) if args else "", text))
 
@@ -303,7 +303,7 @@ def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
 def name_problem(name: str) -> str:
     """Return the problem with a part's name, which must be visible in tables and files, or ""."""
     if not name.strip():
-        return f"must be text that is not empty; given {shown(name)}"
+        return f"must be non-empty text; given {shown(name)}"
     if name != name.strip():
         return f"must not start or end with a space; given {shown(name)}"
     if not name.isprintable():
@@ -392,7 +392,7 @@ class Frozen(_Base):
         if name not in type(self).model_fields:
             text = f"no such field; {nearest(name, type(self).model_fields)}"
             raise ModelError(Problem(where, name, text))
-        text = "is not changed in place; make a new model: model = "
+        text = "cannot be changed in place; make a new model: model = "
         if own is None:
             text += f"model.edit(...), with a {type(self).__name__} that has another {name}"
         elif "bodies" in type(self).model_fields:
@@ -451,7 +451,7 @@ class Frozen(_Base):
 
     def __delattr__(self, name: str) -> None:
         """Refuse. Raises ModelError."""
-        text = "is not deleted; an edit gives it another value"
+        text = "cannot be deleted; use `edit` to change it"
         raise ModelError(Problem(type(self).__name__.lower(), name, text))
 
     def __dir__(self) -> list[str]:

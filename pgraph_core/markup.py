@@ -145,7 +145,7 @@ def ordinary(path: str | Path) -> BinaryIO:
     file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller closes it
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
-        raise OSError(errno.EINVAL, "it is no ordinary file")
+        raise OSError(errno.EINVAL, "it is not a regular file")
     return file
 
 
@@ -156,7 +156,7 @@ def reason_of(error: Exception) -> str:
     text = str(error)
     if "null byte" in text:
         return "its path holds a NUL character"
-    return "its links lead in a circle" if "Symlink loop" in text else text
+    return "its links form a cycle" if "Symlink loop" in text else text
 
 
 def parse_markup(content: bytes, name: str) -> Element:

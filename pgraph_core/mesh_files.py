@@ -44,7 +44,7 @@ def parsed_mesh(file: str | Path) -> Any:
     trimesh = needed("trimesh")  # not before a file is opened: half a second
     where, suffix = f"mesh {file}", Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS and os.path.isfile(file):
-        text = f"no mesh is read from .{suffix} files; give one of {choices(FORMATS)}"
+        text = f"meshes are not read from .{suffix} files; give one of {choices(FORMATS)}"
         raise FileError(Problem(where, "", text))
     try:
         content = content_of(file, LARGEST)
@@ -155,7 +155,7 @@ class _Collada:
     def _node(self, node: Element, before: Array, depth: int) -> None:
         self.count += 1
         if depth > MOST_REFERENCES or self.count > 100_000:
-            raise self.source.wrong(node, "", "its nodes name each other in a circle")
+            raise self.source.wrong(node, "", "its nodes form a cycle")
         turn = before.copy()
         for child in node.children:
             if child.tag in ("matrix", "translate", "rotate", "scale"):

@@ -66,7 +66,7 @@ NAMED = 0.1
 
 # Distance of two points, edges or planes that are one, relative to the sizes of shapes, and of
 # equal instants, relative to a step: poses at the end of a long chain are rounded to a tenth of
-# it, and no gap that is meant is as small. From 1e-10 to 1e-8.
+# it, and intended gaps are larger. From 1e-10 to 1e-8.
 COINCIDENT = 1e-9
 
 # -- searches -------------------------------------------------------------------------------------

@@ -298,9 +298,7 @@ def export(args: Namespace) -> Answer:
         kind = f"picture of the {args.what}" if suffix in (".png", ".svg") else "page"
     for option, usual in USUAL.items():
         if getattr(args, option) != usual and option not in TAKES[kind]:
-            text = (
-                f"--{option} does nothing to a {kind}; leave it out, or name another kind of file"
-            )
+            text = f"--{option} does not apply to a {kind}; remove it, or use another kind of file"
             raise FileError(Problem(args.output, "", text))
     return _page(args) if kind == "page" else _drawn(args, kind == "film")
 

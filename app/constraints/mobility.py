@@ -93,7 +93,7 @@ def needless(kind: str, rows: list[Any]) -> str:
         if better := instead(kind, always):
             parts.append(better)
     if here:
-        parts.append(f"says nothing new about {_listed([r.direction for r in here])} only here")
+        parts.append(f"depends on other rows in {_listed([r.direction for r in here])} only here")
     return "; ".join(parts)
 
 

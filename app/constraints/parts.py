@@ -126,7 +126,7 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
 
 
 READS = {"state": "rate", "filter": "input", "pid": "signal", "sampled": "update"}
-QUICKLY = {"filter": {"lag": 0.1}, "sampled": {"sample": 0.01}}  # [s] times to begin with
+QUICKLY = {"filter": {"lag": 0.1}, "sampled": {"sample": 0.01}}  # [s] initial times
 
 
 def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:
     first = next((b for b in model.bodies if b.dof), None)
     of = model.body(body) if body in model.row and model.body(body).dof else first
     if of is None:
-        raise Refusal("There is no joint that moves and could be read: add a body first.")
+        raise Refusal("No joint to measure: add a body first.")
     group = "q" if joints.places(of.sequence)[0] is not None else "v"
     return {READS[kind]: "=" + written(group, of.name, 0 if of.dof > 1 else None),
             **QUICKLY.get(kind, {})}  # fmt: skip

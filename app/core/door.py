@@ -108,7 +108,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
             try:
                 response = page(connection, request)
             except (OSError, ValueError):  # a path that no file has: too long, or with a NUL
-                response = connection.respond(http.HTTPStatus.NOT_FOUND, "There is no such page.\n")
+                response = connection.respond(http.HTTPStatus.NOT_FOUND, "Page not found.\n")
             if response is not None:
                 ours(response, pages)
                 for name, value in HEADERS.items():
@@ -161,7 +161,7 @@ def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None
             return f"Pages of {origin} may not connect."
         mine = cookie_for(named)
     except (ValueError, LookupError):  # LookupError: two Host headers
-        return "The request names no host that can be read."
+        return "The host of the request is not valid."
     if token is None:
         return None
     cookies = (cookie.partition("=") for cookie in headers.get("Cookie", "").split("; "))

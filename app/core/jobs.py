@@ -26,7 +26,7 @@ Report = Callable[..., bool]  # takes news of the work, and returns False once i
 class Job:
     """Work in progress for a model."""
 
-    NAME: ClassVar[str]  # what people call it
+    NAME: ClassVar[str]  # the name that users see
     FIELD: ClassVar[str]  # field of the state that holds it
     PROBLEM: ClassVar[str]  # field of the state with the reason why the last one had no result
     id: int
@@ -72,7 +72,7 @@ class Progress(Event):
 
     collapses = True
     id: int  # id of the job
-    changes: Mapping[str, Any]  # of the fields of the job
+    changes: Mapping[str, Any]  # changed fields of the job
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class Several(Refusal):
     def __init__(self, members: list[str]):
         self.members = tuple(members)
         super().__init__(
-            f"it holds {len(members)} model files, {choices(members)}; name the one that is meant"
+            f"it holds {len(members)} model files, {choices(members)}; name one of them"
         )
 
 
@@ -112,7 +112,7 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
     try:
         size, held, others = _contents(content)
     except DAMAGED:
-        text = "it is no zip that can be read: damaged, cut short or encrypted; pack it again"
+        text = "it cannot be read as a zip file: damaged, incomplete or encrypted; pack it again"
         raise Refusal(text) from None
     if size > LARGEST_WITHIN:
         said = f"{size / 1e6:.0f} MB unpacked"
@@ -130,7 +130,7 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
     folder = folder_of(content, keep)
     if not folder.exists() and _size(keep) + size > LARGEST_KEPT:
         most = f"{LARGEST_KEPT / 1e6:.0f} MB"
-        raise Refusal(f"{keep} would hold more than {most}; remove there what you no longer need")
+        raise Refusal(f"{keep} would exceed {most}; remove files that you no longer need")
     used = {file for file in folder.rglob("*") if file.is_file()}
     try:
         for name, data in held.items():

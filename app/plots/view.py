@@ -34,7 +34,7 @@ LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] least plotted span of a live run
 CARRIED = ("constraint_force", "constraint_torque", "contact_force")
 NOTHING = "Nothing to plot yet: press Play."
-EMPTY = "There is no body yet: add one to the table."
+EMPTY = "No bodies yet: add one to the table."
 IDLE = "0 throughout this run: it is off, or carries nothing"
 
 

@@ -248,7 +248,7 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes, _: Any = None) ->
     """
     suffix = Path(file).suffix.lower().lstrip(".")
     if suffix not in FORMATS:
-        raise Refusal(f"no mesh is read from .{suffix} files; give one of {', '.join(FORMATS)}")
+        raise Refusal(f"meshes are not read from .{suffix} files; give one of {', '.join(FORMATS)}")
     if len(content) > LARGEST_MESH:
         size = len(content) / 1e6
         raise Refusal(f"{file} has {size:.1f} MB; a mesh file has at most 10 MB")

@@ -58,7 +58,7 @@ def analyse(state: State, event: Analyse) -> State:
     if state.analysis is not None:
         return state
     if not state.model.bodies:
-        return replace(state, analysis_problem="There is no body yet: add one to the table.")
+        return replace(state, analysis_problem="No bodies yet: add one to the table.")
     return started(state, Analysis, event.kind, state.request, state.reporting)
 
 

@@ -22,7 +22,7 @@ def settings(now: Analysis) -> dict[str, Any]:
 
 
 def measured(job: Analysis, progress: Report) -> object:
-    """Return the report that was asked for."""
+    """Return the requested report."""
     return MEASURES[job.kind](job, progress)
 
 

@@ -134,5 +134,5 @@ def as_forces(model: pg.Model, s: pg.Scenario) -> pg.Model:
 def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
     """Return the model with the edited forces of the scenario. Raises Refusal."""
     if any(f.part == "forces" for f in drafted.formulas):
-        raise Refusal("must be a number: forces of a scenario hold no formulas")
+        raise Refusal("must be a number: formulas are not supported in forces of a scenario")
     return put(model, name, forces=drafted.forces)

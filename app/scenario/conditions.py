@@ -236,7 +236,7 @@ def switch_edited(
     """Return the model with cells of a switch changed. Raises Refusal, PgraphError."""
     s = model.scenario(name)
     if number >= len(s.switches):
-        raise Refusal("The switch is gone.")
+        raise Refusal("This switch no longer exists.")
     old = new = s.switches[number]
     for index, text in entries:
         new = _edited(model, s, new, what, index, text, display)
@@ -374,7 +374,7 @@ def with_switch(
     """
     s = model.scenario(name)
     if not model.constraints:
-        raise Refusal("There is no constraint to switch: add one in Connections.")
+        raise Refusal("No constraint to switch: add one in Connections.")
     state = dict(acting(model, s, "constraints"))
     own = [c.name for c in model.constraints if when and when[0] in c.touches]
     first = constraint if constraint in state else next(iter([*own, *state]))

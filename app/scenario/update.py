@@ -29,7 +29,7 @@ from . import (
 )
 
 Number = Annotated[int, Field(ge=0, le=10**9)]
-NONE = "There is no scenario: make one first."
+NONE = "No scenario yet: create one first."
 
 
 def named(state: State, event: Any = None) -> str:
@@ -253,7 +253,7 @@ def add_switch(state: State, event: AddSwitch) -> State:
     if state.request.scenario == FREE_RUN:
         known = state.model.scenarios
         if not state.model.constraints:
-            text = "There is no constraint to switch: add one in the tab Constraints."
+            text = "No constraint to switch: add one in the tab Constraints."
             return told(state, event.client, Notice("Not done", text, bad=True))
         state = chosen(state, known[0].name) if known else _added(state, event.client)
 

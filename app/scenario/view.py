@@ -88,7 +88,7 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
     for row, body in enumerate(model.bodies):
         if body.name not in s.q and body.name not in s.v:
             continue
-        out = button("×", "", "starts as the model says", field="bodies", index=[], text=body.name)
+        out = button("×", "", "starts as in the model", field="bodies", index=[], text=body.name)
         for name, label in (("q", body.name), ("v", "velocity")):
             values = getattr(s, name).get(body.name, getattr(body, name))
             of = quantities(body, name)
@@ -97,7 +97,7 @@ def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
             found.append(
                 field(name, label, row_cells, unit=unit, buttons=[out] if name == "q" else [])
             )
-    note = "" if found else "every body starts as the model says"
+    note = "" if found else "every body starts as in the model"
     more = field("bodies", "+ body", [cell((), "")], kind="names", options=[], note=note,
                  help="a body that starts otherwise in this scenario")  # fmt: skip
     return group("Initial state", [*found, more])

@@ -202,6 +202,6 @@ def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> P
     others = sorted((x, name) for name, x in missing.items() if name not in (actuated or ()))
     named = [name for x, name in reversed(others) if x > NOTABLE * most]
     by = "every joint" if actuated is None else choices(actuated) or "no joint"
-    text = f"the motion cannot be reached with torques of {by}: forces of up to {most:.3g} (N m or"
+    text = f"the motion is not possible with torques of {by}: forces of up to {most:.3g} (N m or"
     text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
     return Problem(WHERE, "actuated", text)

@@ -88,7 +88,7 @@ class Balance:
         self.forces, self.active = acting(mech, scenario)
         packed = mech.packed
         if mech.model.controls:
-            text = "has states, which are no part of the motion that is linearised or balanced; "
+            text = "has states, which are not included in linearisation and equilibria; "
             text += "remove it, or write its law at rest into the forces"
             name = mech.model.controls[0].name
             raise InputError(Problem(f"control {shown(name)}", "", text))

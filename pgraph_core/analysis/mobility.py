@@ -354,12 +354,12 @@ def _singular(m: Mobility) -> list[str]:
         return []
     here = [str(row) for row in m.redundant if row.only_here]
     lines = [
-        f"singular position: {counted(m.extra, 'more way')} to move than around it, as "
-        f"{_listed(here) or 'rows'} {'says' if len(here) < 2 else 'say'} nothing new here",
+        f"singular position: {counted(m.extra, 'more way')} to move than nearby, because "
+        f"{_listed(here) or 'rows'} {'is' if len(here) < 2 else 'are'} dependent here",
         f"  joints that can move: {_listed(m.joints)}",
     ]
     if not m.finite:
-        return [*lines, "  none of it leads anywhere: the parts can shake, not move"]
+        return [*lines, "  only infinitesimal motion: the parts can shake, not move"]
     lines += [
         f"  branch {n}{' (the velocity takes it)' if n == m.branch + 1 else ''}: {_motion(m, d)}"
         for n, d in enumerate(m.branches[:MOST_LISTED], start=1)

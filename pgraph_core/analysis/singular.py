@@ -240,8 +240,8 @@ def singular_notice(
         return ""
     listed = ", ".join(began.rows[:ROWS_LISTED]) + (" ..." if len(began.rows) > ROWS_LISTED else "")
     return (
-        f"{where}: {listed} {'says' if len(began.rows) < 2 else 'say'} nothing new there, so that "
-        "more than one motion leads on; it took the one that its velocity or rounding was on, and "
+        f"{where}: {listed} {'is' if len(began.rows) < 2 else 'are'} dependent there, so "
+        "more than one motion is possible; it followed its velocity or rounding errors, and "
         + TOO_LOW
     )
 
@@ -313,10 +313,10 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
     names = " and ".join(f"'{name}'" for name in _parts(state, full))
     return (
         f"constraints {names} leave '{joint}' free to move to first order and block it to second, "
-        f"which no finite force does: they are off by {np.abs(gap).max():.2g} m where their rows "
-        "say nothing new. Give one of them a kind with fewer rows (line, plane, distance), or a "
-        "joint the freedom that is missing; with stabilise=None the run goes on and the gap "
-        "stands in constraint_drift"
+        f"so no finite force can close them: the gap is {np.abs(gap).max():.2g} m where their rows "
+        "are dependent. Use a kind with fewer rows for one of them (line, plane, distance), or add "
+        "the missing freedom to a joint; with stabilise=None the run continues, and "
+        "constraint_drift contains the gap"
     )
 
 

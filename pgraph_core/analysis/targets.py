@@ -51,7 +51,7 @@ def inverse_kinematics(
     q, _ = state_of(mech, q, None, scenario)
     wanted = [_target(mech, q, name, value) for name, value in targets.items()]
     if not wanted:
-        raise InputError(Problem(WHERE, "targets", "name at least one body and its target"))
+        raise InputError(Problem(WHERE, "targets", "give at least one body and its target"))
     rows = Rows.of(mech, acting(mech, scenario)[1], q)
     low, high = bounds(mech)
     random = np.random.default_rng(0)
@@ -236,7 +236,7 @@ def _missed(mech: Dynamics, q: Array, target: Target, starts: int) -> Problem:
         parts.append(f"{np.linalg.norm(place + turn @ target.point - target.place):.3g} m")
     if target.turn is not None:
         parts.append(f"{np.linalg.norm(_angle(turn @ target.turn.T)):.3g} rad")
-    text = f"the best of {counted(starts, 'start')} misses its target by {' and '.join(parts)}, "
-    text += "within the limits and with its constraints met; move the target, start nearer to it "
+    text = f"the best of {counted(starts, 'start')} misses the target by {' and '.join(parts)}, "
+    text += "within the limits and constraints; move the target, start closer to it "
     text += "with q=..., or give more starts=..."
     return Problem(WHERE, f"target of '{target.name}'", text)

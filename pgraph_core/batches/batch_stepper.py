@@ -42,7 +42,7 @@ from .loops import LoopLanes, on_constraints
 MOST_COPIES = 10_000_000  # instances
 SHARED: dict[Any, str] = {  # field of a scenario: why an instance has none of its own
     "step": "instances take steps of one width: give the batch a step=",
-    "t_end": "nothing would read it: a batch takes the steps that it is asked for",
+    "t_end": "not supported: a batch takes the steps that `step` requests",
 }
 
 
@@ -492,7 +492,7 @@ def _compiled(tau: Any, varied: bool) -> Any:
         text = "a controller knows one set of numbers; give the scenario that has its gait"
         raise _refused("tau", text)
     if callable(tau) and not hasattr(tau, "acting") and not made_by_numba(tau):
-        text = "a Python function would be called for each instance in turn; compile it by "
+        text = "Python functions are not supported; compile it by "
         text += "numba.njit, or give an array to each call of step"
         raise _refused("tau", text)
     return tau
@@ -545,7 +545,7 @@ def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
     for stepper in steppers:
         if _shapes(stepper) != shapes:
             text = "some values add or remove a spring, a damper, a shape or a part; instances "
-            text += "share what there is: start with values that are not zero (nor a gear of 1, "
+            text += "have one structure: start with values that are not zero (nor a gear of 1, "
             text += "which is none)"
             raise _refused("set", text)
         numbers = words_of(number_arrays(stepper))

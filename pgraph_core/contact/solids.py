@@ -507,7 +507,7 @@ def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
     parts = coacd.run_coacd(given, seed=0, decimate=True, max_ch_vertex=CORNERS)
     if len(parts) > MOST_PARTS:
         text = f"splits into {len(parts)} convex parts, more than {MOST_PARTS}"
-        do = "simplify the mesh, give the body simple shapes, or use hull 'convex'"
+        do = "simplify the mesh, use simple shapes, or hull 'convex'"
         raise ModelError(Problem(f"mesh {file}", "", f"{text}; {do}"))
     return tuple(hull(np.unique(vertices, axis=0)) for vertices, _ in parts)
 

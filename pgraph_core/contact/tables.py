@@ -161,7 +161,7 @@ class _Shapes:
             mine = self._shapes(self.model.body(body), c)
             others = self._shapes(self.model.body(other), c, points=False)
             if self.placed[mine[0]].row == self.placed[others[0]].row:
-                text = f"'{body}' and '{other}' are welded together and cannot touch"
+                text = f"'{body}' and '{other}' are welded together and cannot collide"
                 raise ModelError(Problem(f"contact '{c.name}'", "other", text))
             if any(self.placed[b].solid.kind == HEIGHTFIELD for b in others):
                 self._refuse_field(c, mine, "does not touch another heightfield")

@@ -45,8 +45,8 @@ OF_MODEL = "gravity_or_up_or_ground_or_name_or_bodies_or_constraints_or_contacts
 
 @guarded(**{
     OF_MODEL: "it is the model's: make a new one, mech = pg.Mechanism(mech.model.replace(...))",
-    "q_or_v_or_tau": "it keeps no state: give q, v or tau to the call, as pg.simulate(mech, q=...)",
-    "other": "a part is changed by mech = mech.edit(name, ...); the rest is given to each call",
+    "q_or_v_or_tau": "it has no state: pass q, v or tau to the call, as pg.simulate(mech, q=...)",
+    "other": "change a part by mech = mech.edit(name, ...); pass the rest to each call",
 })  # fmt: skip
 @explained
 class Dynamics(Portable):
@@ -363,7 +363,7 @@ class Dynamics(Portable):
         own["_untold"] = False
         if DIRECT and not packed.springs:
             own["_free"] = self.nq, self.nv, *packed.tree, self._work, self._rest
-        text = f"{call} is of the tree alone: the active constraints {names} are left out; "
+        text = f"{call} ignores the active constraints {names}; "
         warnings.warn(f"{text}Mechanism.{instead} imposes them", stacklevel=level)
 
     def constrained_dynamics(

@@ -146,7 +146,7 @@ class Sensors:
     """The outputs of a model as a kernel table."""
 
     def __init__(self, packed: Packed, model: Model):
-        """Build the table. `loads`: an output reads joint forces; `moves`: one reads bodies."""
+        """Build the table. `loads`: outputs read joint forces. `moves`: they read bodies."""
         wanted, sites = model.outputs, {s.name: s for s in model.sites}
         self.gravity = np.array(model.gravity)
         self.table, self._spans, self.width = table(sensors.SENSOR, len(wanted)), [], 0

@@ -333,14 +333,14 @@ class Folders:
     def find(self, name: str) -> tuple[Path | None, str]:
         """Return (path, "") for a file named by a model, or (None, reason)."""
         if "\0" in name or not name:
-            return None, "its name is empty or holds a NUL"
+            return None, "its name is empty or contains a NUL"
         for scheme in ("package://", "model://"):
             if name.startswith(scheme):
                 return self._packaged(unquote(name[len(scheme) :]))
         if name.startswith("file://"):
             name = unquote(name[len("file://") :])
         elif "://" in name:
-            return None, "files are not fetched from elsewhere; give a path"
+            return None, "files are not downloaded; give a path"
         found = [self.here / name, *(root / name for root in self.allowed)]
         return self._checked(found if not Path(name).is_absolute() else [Path(name)])
 

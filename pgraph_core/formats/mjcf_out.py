@@ -223,7 +223,7 @@ class _Writer:
         turn = quaternion_of(axes if np.linalg.det(axes) > 0 else -axes)
         if body.joint == "weld":
             return {"diaginertia": np.maximum(moments, 0.0), "quat": turn}
-        text = f"a moment of inertia of zero is {least:.3g} kg m^2, since MuJoCo wants one"
+        text = f"a moment of inertia of zero is {least:.3g} kg m^2, because MuJoCo needs one"
         self.report.add("approximated", f"body '{body.name}'", text, part=body.name)
         return {"diaginertia": np.maximum(moments, least), "quat": turn}
 

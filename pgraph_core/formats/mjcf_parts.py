@@ -270,7 +270,7 @@ class Parts:
             if not self.actuators or not self.driven:
                 idle = [bool(m.jnt_actgravcomp[j]) for j in self._joints_above(int(b))]
                 if any(idle):
-                    text = "actuatorgravcomp, which does nothing where no actuator acts"
+                    text = "actuatorgravcomp, which has no effect without an actuator"
                     if not all(idle):
                         text = "gravcomp of joints of which some have actuatorgravcomp, with no "
                         text += "actuator that acts"

@@ -307,7 +307,7 @@ class _Reader:
             waiting += reversed(children.get(link, ()))
         if len(order) < len(self.links):
             left = next(joint for joint in self.joints if joint.child not in set(order))
-            text = "its links hang on each other in a circle; one of them needs another parent"
+            text = "its links form a cycle; give one of them another parent"
             raise self.source.wrong(left.element, "", text, f"joint {shown(left.name)}")
         return order
 
@@ -425,7 +425,7 @@ class _Reader:
         if low == -math.inf and high == math.inf:
             return {}
         if low == high == 0.0:
-            text = "the limits 0 and 0 would hold the joint; it is taken to have none"
+            text = "the limits 0 and 0 would lock the joint; they are ignored"
             self.report.add("converted", where, text, part=joint.child)
             return {}
         if low > high:

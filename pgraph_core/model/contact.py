@@ -125,7 +125,7 @@ class Contact(Acting):
                 if getattr(self, name) is not None
             ]
         if self.law == "soft" and self.damping is not None and self.restitution is not None:
-            text = "damping says how much of the velocity comes back; give one of the two"
+            text = "damping also determines the restitution; give one of the two"
             found.append(("restitution", text))
         if self.friction is not None and self.static_friction is not None:
             found += below_kinetic("static_friction", self.static_friction, self.friction)

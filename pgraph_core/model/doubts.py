@@ -59,10 +59,8 @@ def unlinked(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[tu
         if body.sequence and not any(body.link) and tip is not None and any(tip):
             yield (
                 body.name,
-                (
-                    f"link is (0, 0, 0), so its joint is at the origin of "
-                    f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
-                ),
+                f"link is (0, 0, 0), so its joint is at the origin of '{body.parent}', not at its "
+                f"tip; for a joint at the tip give link={shown(tip)}",
             )
 
 
@@ -243,7 +241,7 @@ def _twice(model: Any) -> Iterator[str]:
         same = one.points == other.points or set(one.points) & set(other.points)
         if same and all(_overlap(a, b) for a, b in zip(one.pair, other.pair)):
             yield (
-                f"contacts '{one.name}' and '{other.name}' are of the same bodies, "
+                f"contacts '{one.name}' and '{other.name}' are between the same bodies, "
                 f"{' and '.join(one.pair)}, and both push; remove one"
             )
 

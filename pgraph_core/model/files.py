@@ -264,7 +264,7 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if path.exists() and not path.is_file():
-            raise OSError(errno.EINVAL, "it is no ordinary file")
+            raise OSError(errno.EINVAL, "it is not a regular file")
         handle, temporary = tempfile.mkstemp(prefix=".pgraph-", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(data)

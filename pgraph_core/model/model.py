@@ -984,7 +984,7 @@ class Model(World):
             text = f"is not a Pgraph file; use pg.write_{files.FOREIGN[suffix]}"
             raise FileError(Problem(str(path), "", text))
         if suffix in files.NOT_JSON:
-            text = f"would be JSON in a file that says {suffix}; give a name that ends in .json"
+            text = f"is JSON, not {suffix}; use a name that ends in .json"
             raise FileError(Problem(str(path), "", text))
         folder, model = Path(path).parent, self
         if folder.is_dir():

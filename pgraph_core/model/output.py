@@ -94,7 +94,7 @@ class Output(Described):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if self.coordinate and self.kind not in OF_JOINT:
-            refuse([("coordinate", f"has no meaning for {self.kind}; leave it out")])
+            refuse([("coordinate", f"does not apply to {self.kind}; remove it")])
         return self
 
     @property

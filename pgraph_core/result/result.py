@@ -573,7 +573,7 @@ class Result(EqualByFields, Portable):
 
     @property
     def phases(self) -> Mapping[str, Any]:
-        """Phases {point: (n,)}: swing, weight acceptance, slip, stance; free or stop of limits."""
+        """Phases {point: (n,)}: swing, weight acceptance, slip, stance. Limits: free, stop."""
         return Named(self.contacts.phases, "phases", "contact point or limit")
 
     @property

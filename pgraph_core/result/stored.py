@@ -25,7 +25,7 @@ from .records import OF_CONSTRAINTS, ContactRecord, Named, event_arrays, events_
 if TYPE_CHECKING:
     from .result import Result
 
-CHUNK = 1 << 16  # [bytes] of times read at once
+CHUNK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
     "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",

@@ -244,7 +244,7 @@ def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
     if given is None:
         return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
     ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
-    frames = ends_run if len(plan.method.tableau.dense) else plan.times  # that end steps
+    frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
     ends = np.union1d(plan.corners, frames)
     wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
     halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]

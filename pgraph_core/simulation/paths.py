@@ -41,7 +41,7 @@ def counting(
     """Raise InputError for a path whose numbers something else of the call replaces."""
     for path in paths:
         if instead := path.replaced_by(model, scenario, given):
-            text = f"its values would do nothing: {instead}"
+            text = f"its values have no effect: {instead}"
             text += "" if "give scenario" in instead else " stands in its place; leave one out"
             raise InputError(Problem(call, path.text, text))
 

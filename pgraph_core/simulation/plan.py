@@ -70,7 +70,7 @@ KEPT_PLANS = 8  # by a mechanism
 KEEPING = threading.Lock()
 NO_PLAN = (None, None, None)
 PARTS = Options._fields.index("forces")  # index in the options, followed by switches
-RESOLVED = 0.25  # of a rate times a step of a method of order 4 that shows it well
+RESOLVED = 0.25  # rate times step that a method of order 4 resolves
 MANY_RADIANS = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 MANY_STEPS = 1_000_000  # number of default steps above which a warning is given
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
@@ -663,6 +663,6 @@ def _filled(plan: RunPlan) -> list[str]:
     others = f", and {more} more" if more else ""
     return [
         f"the mesh of '{body}'{others} touches by its convex hull, whose volume is {excess:.3g} "
-        "times its own: what is hollow is filled; give its shape hull 'parts', or 'convex' if "
-        "that is meant"
+        "times its own, so hollows are filled; give its shape hull 'parts', or 'convex' to "
+        "accept this"
     ]

@@ -26,7 +26,7 @@ from ..tolerances import NOTABLE, SOLVED
 if TYPE_CHECKING:
     from ..contact.tables import Tables
 
-MOST_POINTS = 200  # that are examined: the work grows with the third power of their number
+MOST_POINTS = 200  # the work grows with the third power of their number
 LISTED = 4  # names in a notice
 
 

@@ -47,7 +47,7 @@ STEPS_BETWEEN_LOOKS = 100_000  # steps between two looks at whether the user wan
 KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
 FOLLOWS = ("lag", "integrates", "least", "most")  # fields of the response to an input
 
-ADDRESSES = ("guard", "approach")  # in the control of a run: those of this process stay
+ADDRESSES = ("guard", "approach")  # fields of a run's control that belong to this process
 
 
 @guarded(

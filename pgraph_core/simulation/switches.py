@@ -201,7 +201,7 @@ class Watch:
             raise refusal(
                 "simulate",
                 "events",
-                f"{MOST_EVENTS} of them by t = {t:.6g} s: a function may be noise",
+                f"{MOST_EVENTS} of them by t = {t:.6g} s: a function may be noisy",
             )
         return ends
 
@@ -605,8 +605,8 @@ def closed(mech: Mechanism, scene: Scene, change: Change, q: Array, v: Array) ->
     turned, slid = differences(mech.packed.rows, old[None], q[None])
     near = turned[0] <= NEARBY and slid[0] <= NEARBY * (mech.packed.length or 1.0)
     if rounds < 0 or not near:
-        text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
-        text += f"{moved:.3g}; switch it where it is met, or leave out an other_point that it has"
+        text = f"is violated when switched on, at t = {change.t:g} s: a joint would have to jump "
+        text += f"by {moved:.3g}; switch it in a position that satisfies it, or omit other_point"
         raise InputError(Problem(where, "", text))
     from ..engine.contact.points import impulse_rows
 

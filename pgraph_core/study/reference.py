@@ -107,7 +107,7 @@ def given(task: Task, reference: Any) -> Reference:
         text += f"shape (len(t), {task.mech.nq}); given {type(reference).__name__}"
         raise refusal("work_precision", "reference", text)
     if task.quantity != "position":
-        text = f"(t, q) says nothing of the {task.quantity}; give a Result"
+        text = f"(t, q) does not contain the {task.quantity}; give a Result"
         raise refusal("work_precision", "reference", text)
     return Reference.of_motion(task, t, Motion(q), 0.0, "given states, taken as exact")
 

@@ -47,7 +47,7 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
         found = dict(named)
         for name, one in named:
             if one is not found[name] and one != found[name]:
-                text = f"two are named {name!r}, so that one column would hold both; "
+                text = f"two are named {name!r}, so their columns would be the same; "
                 raise _refused(text + "give each a name: metric={'a': f, 'b': g}")
     else:
         found = {}
