@@ -13,7 +13,7 @@ PAGE = Path(__file__).with_name("fields.md")
 HEAD = """# All fields
 
 Generated from the classes by `docs/fields.py`. [Models](description.md) explains the parts.
-A required field must be given, an optional one may be left out. Units stand in brackets.
+Required fields must be given; optional fields can be omitted. Units are in brackets.
 """
 BASES = {"Constraints": pg.Constraint, "Forces": pg.Force, "Controls": pg.Control}
 PARTS = {

@@ -701,7 +701,7 @@ class AtPoint(Described):
     """A part acting at a point on `body`."""
 
     point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        "three finite numbers in the axes of `body` [m]; default: its tip",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the body; empty: its tip",
     )  # fmt: skip
@@ -742,8 +742,8 @@ class OnSum(OfSums):
 
     body: Text = field("the name of a body", default="", label="Body")
     coefficients: ByName = field(
-        "body name -> numbers, one a degree of freedom of its joint",
-        converter=by_name, label="Coefficient", dim=NONE, help="one a degree of freedom",
+        "body name -> numbers, one per degree of freedom of its joint",
+        converter=by_name, label="Coefficient", dim=NONE, help="one per degree of freedom",
     )  # fmt: skip
 
     @model_validator(mode="after")

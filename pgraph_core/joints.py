@@ -159,7 +159,7 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
     if not motions:
         return [("limits", f"a weld has no motion; given {shown(limits)}")]
     if len(limits) != len(motions):
-        text = f"give one pair for all motions, or one a motion: {len(motions)}"
+        text = f"give one pair for all motions, or one per motion: {len(motions)}"
         return [("limits", f"{text}; given {shown(limits)}")]
     bounded = [(pair, m) for pair, m in zip(limits, motions) if pair is not None]
     if any(m.kind not in AXIAL for _, m in bounded):
@@ -237,7 +237,7 @@ def physics_problems(
     if values and not motions:
         return [(name, f"a weld has no motion; given {list(values)}")]
     if len(values) != len(motions):
-        text = f"give one number for all motions, or one a motion: {len(motions)}"
+        text = f"give one number for all motions, or one per motion: {len(motions)}"
         text += f"; given {list(values)}"
         return [(name, text)]
     if name == "pitch":

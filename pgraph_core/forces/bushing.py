@@ -62,13 +62,15 @@ class Bushing(AtPoint, Between):
         converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), role="frame",
     )  # fmt: skip
     other_point: Vec3 | None = field(
-        "three finite numbers in the axes of `other` [m]; left out: where `point` is at first",
+        "three finite numbers in the axes of `other` [m]; default: the initial position of `point`",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the other; empty: where the point is at first",
+        help="in the axes of the other; empty: the initial position of the point",
     )  # fmt: skip
     other_rotation: Quat | None = field(
-        "a quaternion [w, x, y, z] that is not zero, in the axes of `other`; left out: as at first",
-        default=None, role="frame", help="axes in those of the other; empty: as at first",
+        "a quaternion [w, x, y, z] that is not zero, in the axes of `other`; default: as in the "
+        "initial state",
+        default=None, role="frame",
+        help="axes in those of the other; empty: as in the initial state",
     )  # fmt: skip
     stiffness: Mat6 = field(
         "six numbers >= 0, along and about x, y, z, or a symmetric 6x6 matrix without negative "

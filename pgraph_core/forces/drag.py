@@ -40,7 +40,7 @@ class Drag(OnBody):
     density: Number = field("a number >= 0 [kg/m^3]", default=0.0, ge=0, dim=KG / M**3)
     viscosity: Number = field("a number >= 0 [Pa s]", default=0.0, ge=0, dim=PA * S)
     point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its centre of mass",
+        "three finite numbers in the axes of `body` [m]; default: its centre of mass",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="middle of the box; empty: the centre of mass",
     )  # fmt: skip

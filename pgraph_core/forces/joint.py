@@ -29,9 +29,9 @@ class OnJoint(Force, OfSums):
         default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
     )  # fmt: skip
     coefficients: ByName = field(
-        "body name -> numbers, one a degree of freedom of its joint; empty: `coordinate` alone",
+        "body name -> numbers, one per degree of freedom of its joint; empty: `coordinate` alone",
         converter=by_name, default=EMPTY, label="Coefficient", dim=NONE, since=3,
-        help="acts on a sum: one a degree",
+        help="acts on a sum: one per degree",
     )  # fmt: skip
     gear: Number = field(
         "a number that is not zero",
@@ -43,25 +43,25 @@ class OnJoint(Force, OfSums):
         help="a number, over time: t value; t value; ..., or =2*sin(3*t) - q.arm",
     )  # fmt: skip
     torque_limit: Number | None = field(
-        "a number > 0 [N m, N], or nothing",
+        "a number > 0 [N m, N], or None",
         default=None, gt=0, label="At most", dim=J / Q, help="largest magnitude; empty: none",
     )  # fmt: skip
     torque_low: Number | None = field(
-        "a number below torque_limit [N m, N], or nothing: -torque_limit",
+        "a number below torque_limit [N m, N], or None: -torque_limit",
         default=None, label="At least", dim=J / Q, since=3,
-        help="least torque; empty: minus the most",
+        help="lower limit; empty: minus the upper limit",
     )  # fmt: skip
     input_low: Number | None = field(
-        "the least value of its input, or nothing",
-        default=None, dim=NONE, since=3, help="least value of its input",
+        "the lower bound of its input, or None",
+        default=None, dim=NONE, since=3, help="lower bound of its input",
     )  # fmt: skip
     input_high: Number | None = field(
-        "the greatest value of its input, or nothing",
-        default=None, dim=NONE, since=3, help="greatest value of its input",
+        "the upper bound of its input, or None",
+        default=None, dim=NONE, since=3, help="upper bound of its input",
     )  # fmt: skip
 
     lag: Number = field(
-        "a time >= 0 [s], or nothing: no lag",
+        "a time >= 0 [s], or None: no lag",
         default=0.0, ge=0, dim=S, since=3, help="time constant with which the input acts",
     )  # fmt: skip
     integrates: Flag = field(
@@ -69,17 +69,17 @@ class OnJoint(Force, OfSums):
         default=False, since=3, help="the integral of the input over time acts in its place",
     )  # fmt: skip
     start: Number | None = field(
-        "the initial value, with a lag or integral; left out: the input, or 0",
+        "the initial value, with a lag or integral; default: the input, or 0",
         default=None, dim=NONE, since=3,
         help="the initial value; empty: the input with a lag, 0 with an integral",
     )  # fmt: skip
     state_low: Number | None = field(
-        "the least value of the integral, or nothing", default=None, dim=NONE,
-        help="least value of the integral of its input",
+        "the lower bound of the integral, or None", default=None, dim=NONE,
+        help="lower bound of the integral of its input",
     )  # fmt: skip
     state_high: Number | None = field(
-        "the greatest value of the integral, or nothing", default=None, dim=NONE,
-        help="greatest value of the integral of its input",
+        "the upper bound of the integral, or None", default=None, dim=NONE,
+        help="upper bound of the integral of its input",
     )  # fmt: skip
 
     @model_validator(mode="after")

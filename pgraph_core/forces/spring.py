@@ -23,7 +23,7 @@ class BetweenPoints(AtPoint, Between):
     """A force between a point on `body` and one on `other`, along the line joining them."""
 
     other_point: Vec3 | None = field(
-        "three finite numbers in the axes of `other` [m]; left out: its origin",
+        "three finite numbers in the axes of `other` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the other; empty: its origin",
     )  # fmt: skip
@@ -55,16 +55,17 @@ class Spring(BetweenPoints):
     stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, dim=N / M)
     damping: Number = field("a number >= 0 [N s/m]", default=0.0, ge=0, dim=N * S / M)
     rest: Number | None = field(
-        "a length >= 0 without force [m]; left out: as in the initial state",
+        "a length >= 0 without force [m]; default: as in the initial state",
         default=None, ge=0, dim=M, help="without force; empty: as in the initial state",
     )  # fmt: skip
     low: Number | None = field(
-        "the least length > 0 [m], or nothing",
-        default=None, gt=0, dim=M, since=3, help="least length; empty: none",
+        "the smallest length > 0 [m], or None",
+        default=None, gt=0, dim=M, since=3, help="smallest length; empty: none",
     )  # fmt: skip
     high: Number | None = field(
-        "the greatest length > 0 [m], or nothing",
-        default=None, gt=0, dim=M, since=3, help="greatest length, as of a string; empty: none",
+        "the largest length > 0 [m], or None",
+        default=None, gt=0, dim=M, since=3,
+        help="largest length, for example of a string; empty: none",
     )  # fmt: skip
 
     @model_validator(mode="after")

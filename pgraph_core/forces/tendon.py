@@ -27,15 +27,15 @@ class Tendon(OnSum, Force):
     damping: Number = field("a number >= 0 [N s/m, N m s/rad]", default=0.0, ge=0, dim=J * S / Q**2)
     friction: Number = field("a number >= 0 [N, N m]", default=0.0, ge=0, dim=J / Q)
     rest: Number | None = field(
-        "a length without force [m, rad]; left out: as in the initial state",
+        "a length without force [m, rad]; default: as in the initial state",
         default=None, dim=Q, help="without force; empty: as in the initial state",
     )  # fmt: skip
     low: Number | None = field(
-        "the least length [m, rad], or nothing", default=None, dim=Q, help="least length"
+        "the smallest length [m, rad], or None", default=None, dim=Q, help="smallest length"
     )
     high: Number | None = field(
-        "the greatest length [m, rad], or nothing",
-        default=None, dim=Q, help="greatest length",
+        "the largest length [m, rad], or None",
+        default=None, dim=Q, help="largest length",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -27,7 +27,7 @@ class Torsion(Between):
 
     kind: Literal["torsion"] = field(KIND, default="torsion")
     axis: Vec3 | None = field(
-        "a direction [x, y, z] that is not zero, in the axes of `body`; left out: z",
+        "a direction [x, y, z] that is not zero, in the axes of `body`; default: z",
         converter=maybe_vector, default=None, role="axial",
         help="direction in the axes of the body; empty: z",
     )  # fmt: skip

@@ -34,10 +34,10 @@ class Wrench(OnBody):
     )  # fmt: skip
     frame: Literal["world", "body"] = field(
         "'world' or 'body': the axes of torque and force",
-        default="world", label="Axes of", help="whose axes force and torque are in",
+        default="world", label="Axes of", help="axes of force and torque",
     )  # fmt: skip
     point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its origin",
+        "three finite numbers in the axes of `body` [m]; default: its origin",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="in the axes of the body; empty: its origin",
     )  # fmt: skip

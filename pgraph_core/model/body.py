@@ -127,7 +127,7 @@ class Body(Described):
         dim=KG * M**2, role="tensor", help="in body axes; symmetric",
     )  # fmt: skip
     tip: Vec3 | None = field(
-        "three finite numbers [x, y, z] in body axes [m], or nothing",
+        "three finite numbers [x, y, z] in body axes [m], or None",
         converter=maybe_vector, default=None, dim=M, role="point",
         help="point of interest, in body axes; empty: the centre of mass",
     )  # fmt: skip
@@ -142,44 +142,44 @@ class Body(Described):
         help="initial joint velocity",
     )  # fmt: skip
     stiffness: PerMotion = field(
-        "numbers >= 0, one for all or one a motion",
+        "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J / Q**2,
         help="spring of each motion of the joint",
     )  # fmt: skip
     damping: PerMotion = field(
-        "numbers >= 0, one for all or one a motion",
+        "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S / Q**2,
         help="viscous damper of each motion of the joint",
     )  # fmt: skip
     rest: PerMotion = field(
-        "finite numbers, one for all or one a motion",
+        "finite numbers, one for all or one per motion",
         converter=per_motion, default=(), dim=Q, label="Rest position",
-        help="where the spring is relaxed",
+        help="position without spring torque",
     )  # fmt: skip
     friction: PerMotion = field(
-        "numbers >= 0 [N m, N], one for all or one a motion",
+        "numbers >= 0 [N m, N], one for all or one per motion",
         converter=per_motion, default=(), dim=J / Q,
         help="Coulomb's, of each rotation or translation",
     )  # fmt: skip
     armature: PerMotion = field(
-        "numbers >= 0, one for all or one a motion",
+        "numbers >= 0, one for all or one per motion",
         converter=per_motion, default=(), dim=J * S**2 / Q**2,
         help="inertia of the drive, felt by the joint alone",
     )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
-        "[least, greatest] position [rad, m], each may be left open by null, one pair "
-        "for all motions or one a motion",
-        converter=_limits_in, default=(), dim=Q, help="least and greatest position; empty: open",
+        "[lower, upper] position [rad, m], null for an open end, one pair "
+        "for all motions or one per motion",
+        converter=_limits_in, default=(), dim=Q, help="lower and upper position; empty: unlimited",
     )  # fmt: skip
     limit_restitution: PerMotion = field(
-        "numbers from 0 to 1, one for all or one a motion",
+        "numbers from 0 to 1, one for all or one per motion",
         converter=per_motion, default=(), dim=NONE, label="Rebound",
-        help="velocity that comes back at a limit, 0 to 1",
+        help="restitution at a limit, 0 to 1",
     )  # fmt: skip
     pitch: PerMotion = field(
-        "numbers [m a turn], not 0 of a screw and 0.01 by default, one for all or one a motion",
+        "numbers [m per turn], not 0 for a screw, by default 0.01, one for all or one per motion",
         converter=per_motion, default=(), dim=M, since=5,
-        help="way along the axis of a screw in a turn; negative for a left-handed thread",
+        help="advance of a screw per turn; negative for a left-handed thread",
     )  # fmt: skip
     shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}",
@@ -196,10 +196,10 @@ class Body(Described):
         since=2,
     )
     density: Number | None = field(
-        "a number > 0 [kg/m^3], or nothing", default=None, gt=0, dim=KG / M**3, since=2
+        "a number > 0 [kg/m^3], or None", default=None, gt=0, dim=KG / M**3, since=2
     )
     derived: tuple[Derived, ...] = field(
-        "a list of 'mass', 'com', 'inertia', 'tip': what follows from the shapes",
+        "a list of 'mass', 'com', 'inertia', 'tip': fields computed from the shapes",
         converter=_derived_in, default=(), since=2,
     )  # fmt: skip
 

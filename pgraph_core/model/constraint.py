@@ -80,10 +80,10 @@ class AtPoints(AtPoint, ToOther):
     """A constraint between a point on `body` and a point on `other`."""
 
     other_point: Vec3 | None = field(
-        "three finite numbers in the axes of `other` [m]; left out: where `point` is in the "
-        "initial state",
+        "three finite numbers in the axes of `other` [m]; default: the initial position "
+        "of `point`",
         converter=maybe_vector, default=None, dim=M, role="point",
-        help="in the axes of the other; empty: where the point is at first",
+        help="in the axes of the other; empty: the initial position of the point",
     )  # fmt: skip
 
 
@@ -206,7 +206,7 @@ class Distance(AtPoints):
         converter=vector, dim=M, role="point", help="in the axes of the other",
     )  # fmt: skip
     length: Number | None = field(
-        "a length > 0 [m]; left out: as in the initial state",
+        "a length > 0 [m]; default: as in the initial state",
         default=None, gt=0, dim=M, help="of the rod; empty: as in the initial state",
     )  # fmt: skip
 
@@ -349,7 +349,7 @@ class Rolling(AlongAxes):
     ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
-        "a radius > 0 [m]; left out: that of the body's shape",
+        "a radius > 0 [m]; default: that of the body's shape",
         default=None, gt=0, dim=M, help="empty: that of the body's shape",
     )  # fmt: skip
 
@@ -396,7 +396,7 @@ class Velocity(Sum):
     kind: Literal["velocity"] = field(KIND, default="velocity")
     value: Number = field(
         "a finite number [rad/s, m/s]",
-        default=0.0, dim=Q / S, help="what the sum of coefficients × v is",
+        default=0.0, dim=Q / S, help="value of the sum of coefficients × v",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:
@@ -413,7 +413,7 @@ class Coupling(Sum):
     kind: Literal["coupling"] = field(KIND, default="coupling")
     value: Number = field(
         "a finite number [rad, m]",
-        default=0.0, dim=Q, help="what the sum of coefficients × q is",
+        default=0.0, dim=Q, help="value of the sum of coefficients × q",
     )  # fmt: skip
 
     def _blocks(self, e: Any) -> list[Any]:

@@ -50,40 +50,40 @@ class Contact(Acting):
         default="complementarity", label="Law", help="how it pushes back",
     )  # fmt: skip
     friction: Number | None = field(
-        "Coulomb's coefficient >= 0; left out: that of the ground",
+        "Coulomb's coefficient >= 0; default: that of the ground",
         default=None, dim=NONE, ge=0, help="Coulomb's coefficient; empty: that of the ground",
     )  # fmt: skip
     static_friction: Number | None = field(
-        "a coefficient >= friction, of what does not slide; left out: friction, or the ground's",
+        "a coefficient >= friction, without sliding; default: friction, or that of the ground",
         default=None, dim=NONE, since=2, ge=0,
-        help="of what does not slide yet; empty: as friction",
+        help="without sliding; empty: as friction",
     )  # fmt: skip
     rolling_friction: Number | None = field(
-        "a length >= 0 [m]: torque against rolling over normal force; left out: the ground's",
+        "a length >= 0 [m]: torque against rolling over normal force; default: that of the ground",
         default=None, ge=0, dim=M, since=2,
         help="torque against rolling over normal force; empty: that of the ground",
     )  # fmt: skip
     spinning_friction: Number | None = field(
-        "a length >= 0 [m]: torque about the normal over normal force; left out: the ground's",
+        "a length >= 0 [m]: torque about the normal over normal force; default: that of the ground",
         default=None, ge=0, dim=M, since=2,
         help="torque about the normal over normal force; empty: that of the ground",
     )  # fmt: skip
     restitution: Number | None = field(
-        "a number from 0 to 1; left out: that of the ground",
+        "a number from 0 to 1; default: that of the ground",
         default=None, dim=NONE, ge=0, le=1, help="0 to 1; empty: that of the ground",
     )  # fmt: skip
     stiffness: Number | None = field(
-        "a number > 0 [N/m; of a soft contact N/m^1.5]; left out: from the masses",
+        "a number > 0 [N/m; of a soft contact N/m^1.5]; default: from the masses",
         default=None, gt=0, dim=N / M, help="empty: from the masses",
     )  # fmt: skip
     damping: Number | None = field(
-        "a number >= 0 [N s/m; of a soft contact s/m]; left out: from the restitution",
+        "a number >= 0 [N s/m; of a soft contact s/m]; default: from the restitution",
         default=None, ge=0, dim=N * S / M, help="empty: from the restitution",
     )  # fmt: skip
     points: Vec3s = field(
-        "a list of points [x, y, z] of `body` [m]; left out: its shape",
+        "a list of points [x, y, z] of `body` [m]; default: its shape",
         converter=vectors, default=(), dim=M, role="point",
-        help="that touch, in the axes of the body; none: its shape",
+        help="contact points, in the axes of the body; none: its shape",
     )  # fmt: skip
     active: Flag = field("true or false", default=True)
 

@@ -85,7 +85,7 @@ class Control(OfKinds):
 
 
 class State(Control):
-    """A state of one's own, whose `rate` is integrated with the motion."""
+    """A state with a given `rate`, integrated with the motion."""
 
     ABOUT: ClassVar[str] = "a state with a rate of one's own"
 
@@ -108,11 +108,11 @@ class Filter(Control):
 
     kind: Literal["filter"] = field(KIND, default="filter")
     input: Number | Expression = field(
-        "a number or an expression", converter=varying, help="what it follows: =v.arm"
+        "a number or an expression", converter=varying, help="followed signal, such as =v.arm"
     )
     lag: Number = field("a time > 0 [s]", gt=0, dim=S, help="its time constant")
     start: Number | None = field(
-        "a number, or nothing: its input at the start", default=None, since=VERSION,
+        "a number, or None: its input at the start", default=None, since=VERSION,
         help="its value at the start; empty: its input there",
     )  # fmt: skip
 
@@ -137,11 +137,11 @@ class PID(Control):
 
     kind: Literal["pid"] = field(KIND, default="pid")
     signal: Number | Expression = field(
-        "an expression", converter=varying, help="what it controls: =q.arm"
+        "an expression", converter=varying, help="controlled signal, such as =q.arm"
     )
     setpoint: Number | Expression = field(
         "a number or an expression", converter=varying, default=0.0, since=VERSION,
-        help="where the signal should be",
+        help="desired value of the signal",
     )  # fmt: skip
     kp: Number = field("a number", default=0.0, since=VERSION, label="kp", help="value per error")
     ki: Number = field(
@@ -151,14 +151,14 @@ class PID(Control):
         "a number", default=0.0, since=VERSION, label="kd", help="value per rate of the error"
     )
     filter: Number | None = field(
-        "a time > 0 [s], or nothing without kd", default=None, gt=0, dim=S, since=VERSION,
+        "a time > 0 [s], or None without kd", default=None, gt=0, dim=S, since=VERSION,
         help="time constant of the derivative's filter",
     )  # fmt: skip
     low: Number | None = field(
-        "a number, or nothing", default=None, since=VERSION, help="its least value"
+        "a number, or None", default=None, since=VERSION, help="lower bound of its value"
     )
     high: Number | None = field(
-        "a number, or nothing", default=None, since=VERSION, help="its greatest value"
+        "a number, or None", default=None, since=VERSION, help="upper bound of its value"
     )
     windup: Literal["clamp", "back", "none"] = field(
         "one of clamp, back, none", default="clamp", since=VERSION, label="Anti-windup",
@@ -170,7 +170,7 @@ class PID(Control):
     )  # fmt: skip
     start: Number = field("a number", default=0.0, since=VERSION, help="its integral at the start")
     sample: Number | None = field(
-        "a time > 0 [s], or nothing: it acts at all times", default=None, gt=0, dim=S,
+        "a time > 0 [s], or None: it acts at all times", default=None, gt=0, dim=S,
         since=VERSION, help="time between its samples; empty: none",
     )  # fmt: skip
 

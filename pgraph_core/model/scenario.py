@@ -257,7 +257,7 @@ class Scenario(Described):
         "a list of forces besides those of the model", converter=parts_of(Force), default=()
     )
     constraints: tuple[str, ...] | None = field(
-        "names of the active constraints; left out: the model's own choice",
+        "names of the active constraints; default: those of the model",
         converter=names_or_none, default=None,
     )  # fmt: skip
     switches: tuple[Switch, ...] = field(
@@ -265,16 +265,16 @@ class Scenario(Described):
         converter=parts_of(Switch), default=(),
     )  # fmt: skip
     contacts: tuple[str, ...] | None = field(
-        "names of the active contacts; left out: the model's own choice",
+        "names of the active contacts; default: those of the model",
         converter=names_or_none, default=None,
     )  # fmt: skip
     gait: Gait | None = field(
-        "a gait that drives the joints, or nothing: {'name': ...}",
+        "a gait that drives the joints, or None: {'name': ...}",
         converter=maybe_part_of(Gait), default=None,
     )  # fmt: skip
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a step > 0 [s]; left out: as without a scenario"
+        default=None, description="a step > 0 [s]; default: as without a scenario"
     )
     method: Text = Field(default="auto", description="the name of an integrator")
 

@@ -127,20 +127,21 @@ class Shape(Frozen):
     )  # fmt: skip
     opacity: Number = field(
         "a number from 0 to 1", default=1.0, dim=NONE, since=2, ge=0, le=1,
-        help="1: nothing is seen through it; 0: not drawn",
+        help="1: opaque; 0: invisible",
     )  # fmt: skip
     surface_velocity: Vec3 = field(
-        "three finite numbers [m/s], in the axes of the shape: how its surface moves past the body",
+        "three finite numbers [m/s], in the axes of the shape: velocity of its surface relative to "
+        "the body",
         converter=vector, default=(0.0, 0.0, 0.0), dim=M / S, role="vector", since=7,
         label="Surface",
-        help="of its surface past the body, as of a belt; contacts take the part along them",
+        help="of its surface relative to the body, for example of a belt",
     )  # fmt: skip
     surface_spin: Vec3 = field(
-        "three finite numbers [rad/s], in the axes of the shape: how its surface turns past the "
-        "body, about the origin of the shape",
+        "three finite numbers [rad/s], in the axes of the shape: spin of its surface relative to "
+        "the body, about the origin of the shape",
         converter=vector, default=(0.0, 0.0, 0.0), dim=RAD / S, role="axial", since=7,
         label="Spin",
-        help="of its surface about the shape's origin, as of a turntable",
+        help="of its surface about the shape's origin, for example of a turntable",
     )  # fmt: skip
 
     @model_validator(mode="before")

@@ -61,7 +61,7 @@ class Ground(Frozen):
         gt=-math.pi / 2, lt=math.pi / 2, dim=RAD, help="by which the plane rises",
     )  # fmt: skip
     uphill: Vec3 | None = field(
-        "the direction [x, y, z] in which it rises; left out: the first axis not up",
+        "the direction [x, y, z] in which it rises; default: the first axis not up",
         converter=maybe_vector, default=None, role="direction",
         help="direction in which it rises; empty: the first axis that is not up",
     )  # fmt: skip
@@ -70,9 +70,9 @@ class Ground(Frozen):
         help="Coulomb's coefficient of contacts that give none",
     )  # fmt: skip
     static_friction: Number | None = field(
-        "a coefficient >= friction, of what does not slide; left out: friction",
+        "a coefficient >= friction, without sliding; default: friction",
         default=None, dim=NONE, since=2, ge=0,
-        help="of what does not slide yet; empty: as friction",
+        help="without sliding; empty: as friction",
     )  # fmt: skip
     rolling_friction: Number = field(
         "a length >= 0 [m]: torque against rolling over normal force", default=0.0, ge=0,
