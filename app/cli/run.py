@@ -272,7 +272,7 @@ def size(text: str) -> tuple[int, int]:
     """Parse a width and height in pixels."""
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not found:
-        raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, as 1280x720; given {text!r}")
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, such as 1280x720; given {text!r}")
     return int(found[1]), int(found[2])
 
 

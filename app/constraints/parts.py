@@ -47,7 +47,7 @@ def item_of(model: pg.Model, part: Part, name: str) -> Item:
     """Return the part with that name. Raises Refusal."""
     found = next((x for x in getattr(model, part) if x.name == name), None)
     if found is None:
-        raise Refusal(f"the {WORD[part]} '{name}' is gone")
+        raise Refusal(f"the {WORD[part]} '{name}' no longer exists")
     return found
 
 

@@ -106,9 +106,7 @@ def quantity(text: str, of: Quantity, display: Display) -> float:
     """
     found = _quantity(text, of, display)
     if of == "length" and abs(found) > FAR:
-        raise Refusal(
-            f"is too long to be drawn; use at most {FAR:g} m; given {quoted(text.strip())}"
-        )
+        raise Refusal(f"is too long to draw; use at most {FAR:g} m; given {quoted(text.strip())}")
     return found
 
 

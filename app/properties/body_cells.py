@@ -385,7 +385,7 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
         sizes["size"], rotation = tuple((turn.round() @ sizes["size"]).tolist()), NO_TURN
     sizes["radii"] = tuple(x / 2 for x in sizes["size"])
     if not set(DIMENSIONS[kind]) <= sizes.keys():
-        raise Refusal(f"a {kind} comes from a file: use 'Mesh file ...'")
+        raise Refusal("meshes are read from files: use 'Mesh file ...'")
     where = {"position": position, "rotation": rotation}
     return {"kind": kind, **{name: sizes[name] for name in DIMENSIONS[kind]}, **where}
 

@@ -41,7 +41,7 @@ def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Mode
         end = end_of(body)
         old = float(np.linalg.norm(end))
         if old < 1e-9:
-            raise Refusal(f"'{name}' has no length yet: give it a tip first")
+            raise Refusal(f"'{name}' has no length: give it a tip first")
         moved[name] = end, end * (length / old)
         changes.setdefault(name, {}).update(_own(body, end / old, old, length))
         for child in model.bodies:

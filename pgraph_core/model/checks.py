@@ -296,7 +296,7 @@ def _active_problems(
             do = f"choose one of {choices(known)}" if known else f"the model has no {kind}"
             found.append(Problem(where, f"{kind}s", f"no {kind} is named '{name}'; {do}"))
         elif name in names[:i]:
-            found.append(Problem(where, f"{kind}s", f"'{name}' stands there twice"))
+            found.append(Problem(where, f"{kind}s", f"'{name}' appears twice"))
     return found
 
 

@@ -129,12 +129,12 @@ def renamed_in_scenarios(
         if switches != s.switches:
             update["switches"] = switches
             if len(switches) < len(s.switches):
-                notices.append(f"scenario '{s.name}': switches of a removed {key[:-1]} went")
+                notices.append(f"scenario '{s.name}': a {key[:-1]} was removed with its switches")
         if key == "contacts" and s.gait and any(f.foot in names for f in s.gait.feet):
             feet = [names.get(f.foot, f.foot) for f in s.gait.feet]
             if None in feet:
                 update["gait"] = None
-                notices.append(f"scenario '{s.name}': its gait went with a foot")
+                notices.append(f"scenario '{s.name}': its gait was removed with a foot")
             else:
                 moved = zip(s.gait.feet, feet)
                 feet = tuple(f.unchecked_copy({"foot": name}) for f, name in moved)
@@ -404,13 +404,15 @@ def without(
         for kind, dropped in gone.items()
     }
     notices = [
-        f"{kind[:-1]} '{part.name}' went with its body"
+        f"{kind[:-1]} '{part.name}' was removed with its body"
         for kind in gone
         for part in parts[kind]
         if part.name in gone[kind]
     ]
     notices += [
-        f"scenario '{s.name}': its gait went with a foot" for s in parts["scenarios"] if lame(s)
+        f"scenario '{s.name}': its gait was removed with a foot"
+        for s in parts["scenarios"]
+        if lame(s)
     ]
     return {**kept, "scenarios": tuple(map(cut, parts["scenarios"]))}, notices
 

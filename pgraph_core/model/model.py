@@ -717,7 +717,7 @@ class Model(World):
         if key == "sites":
             fields["outputs"] = tuple(o for o in self.outputs if o.at != part.name)
             gone = (o.name for o in self.outputs if o.at == part.name)
-            notices += [f"output '{name}' went with its site" for name in gone]
+            notices += [f"output '{name}' was removed with its site" for name in gone]
         return self._with(notices, **fields)
 
     def _without_bodies(self, gone: Mapping[str, Body], children: str) -> Self:
@@ -760,7 +760,7 @@ class Model(World):
         """
         given = [name] if isinstance(name, str) else list(name)
         if not given:
-            raise ModelError(Problem("model", "duplicate", "give the name of a body; given none"))
+            raise ModelError(Problem("model", "duplicate", "needs the name of a body; given none"))
         roots = [self.body(each).name for each in given]
         names = branch(self.bodies, roots) if subtree else roots
         return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))

@@ -133,9 +133,7 @@ class Gait(Described):
             text = f"must be four; given {shown(names)}"
             found.append(("feet", text))
         found += [
-            ("feet", f"'{name}' stands there twice")
-            for i, name in enumerate(names)
-            if name in names[:i]
+            ("feet", f"'{name}' appears twice") for i, name in enumerate(names) if name in names[:i]
         ]
         for wave in ("sway", "surge", "flexion"):
             given = getattr(self, wave)

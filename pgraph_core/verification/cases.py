@@ -326,7 +326,7 @@ def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Ver
         If `case` is not a Case.
     """
     if not isinstance(case, Case):
-        raise wrong_type("verify", "case", "a pg.Case, one of those of pg.load_cases(path)", case)
+        raise wrong_type("verify", "case", "a pg.Case, for example from pg.load_cases(path)", case)
     motion = case.motion(progress=progress, estimate=False)  # the error itself is measured
     found = [float(np.max(each.errors(motion))) for each in case.observables]
     parts = [error / each.target for error, each in zip(found, case.observables)]
