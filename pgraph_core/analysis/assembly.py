@@ -280,8 +280,8 @@ def _sentence(names: list[str], by: str, what: str) -> Problem:
     *others, last = names
     where = f"constraint '{last}'"
     if not others:
-        text = f"cannot be satisfied: the error is {by} at the closest {what} that the joints allow"
+        text = f"cannot be satisfied: it misses by {by} at the closest {what} that the joints allow"
         return Problem(where, "", f"{text}; move its points or change a length")
     listed = " and ".join(f"'{name}'" for name in others)
-    text = f"contradicts {listed}: the smallest error is {by}; change one of them, or make it"
+    text = f"contradicts {listed}: they miss by {by} at least; change one of them, or make it"
     return Problem(where, "", f"{text} inactive")
