@@ -23,7 +23,7 @@ def joined(runs: Sequence[Result], /) -> Result:
 
     The result belongs to the mechanism of the last run. The frame at which two runs meet is kept
     once, as the later run has it, so that a changed body or an impact shows there. Work,
-    dissipation, counters, times and error estimates are summed. A sum of errors holds where the
+    dissipation, counters, times and error estimates are summed. The sum of errors is valid if the
     motion does not amplify them.
 
     Parameters
@@ -42,7 +42,7 @@ def joined(runs: Sequence[Result], /) -> Result:
         If there is no run, or if two runs do not meet in time or differ in size.
     """
     if not len(runs):
-        raise InputError(Problem("joined", "runs", "needs one run at least; given none"))
+        raise InputError(Problem("joined", "runs", "needs at least one run; given none"))
     for before, after in pairwise(runs):
         _check(before, after)
     last = runs[-1]

@@ -75,7 +75,7 @@ def _steep(record: Recording, t: float) -> str:
         found.append(code[2 * seen + 1, 0].copy())
     low, high = np.min(found, axis=0), np.max(found, axis=0)
     sizes = np.maximum(np.abs(low), np.abs(high))
-    jumps = ~(high - low <= NOTABLE * sizes)  # also where one is not finite
+    jumps = ~(high - low <= NOTABLE * sizes)  # even if one is not finite
     owners = targets[jumps[: len(targets)], OWNER], states[jumps[len(targets) :], CONTROL]
     for part in _parts(record, *owners)[-1:]:
         return f"{part.word()} '{part.name}' jumps or grows without end there: {_texts(part)}"

@@ -37,10 +37,10 @@ def at_rest(record: Recording) -> Iterator[str]:
         if joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
             q[joint.q] += rng.uniform(0.5, 2.5, joint.q.stop - joint.q.start)
     if not mech.bias_force(q, still).any():
-        why = "gravity turns or shifts no joint at any position, as with hinges about the "
-        why += "vertical; see the axes of the joints"
+        why = "gravity does not move any joint, for example if all hinges are about the "
+        why += "vertical; check the axes of the joints"
         if not any(b.mass for b in model.bodies):
-            why = "no body has a mass that gravity would pull at"
+            why = "no body has mass"
         yield f"nothing moves: {why}"
 
 
@@ -75,8 +75,8 @@ def pulses(record: Recording) -> Iterator[str]:
     if missed.any():
         when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
         yield (
-            f"at t = {when:.6g} s a torque of the given function acts that no step felt: a "
-            "pulse shorter than the steps; give a largest step= that is shorter"
+            f"at t = {when:.6g} s the torque function has a pulse shorter than "
+            "the steps, which the motion misses; give a step= shorter than the pulse"
         )
 
 
@@ -89,6 +89,6 @@ def turns_unseen(record: Recording, frames: tuple[Array, Array, Array, Array]) -
     if not rows:
         return
     names = list(dict.fromkeys(f"'{packed.body_of(row)}'" for row in rows))
-    text = f"{TOO_WIDE} for the motion of {choices(names, 3)}, which turns round between two of "
-    text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one a step"
+    text = f"{TOO_WIDE} for the motion of {choices(names, 3)}, which reverses between two of "
+    text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one per step"
     yield text

@@ -50,7 +50,7 @@ def by_names(
     """Return (q, v), converting {body: value or values} to an array based on the initial state.
 
     Raises InputError for names without a joint that moves, for other counts of values, and for
-    lists where the order of the numbers is not the order of the bodies.
+    lists in which the order of the numbers is not the order of the bodies.
     """
     if isinstance(q, (int, float)):
         text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
@@ -95,7 +95,7 @@ def _in_order(mech: Mechanism, **given: Any) -> None:
         what = f"a list counts joints as they are numbered, {', '.join(numbered[:6])}"
         more = ", ..." if len(numbered) > 6 else ""
         reason = f"{what}{more}, and this model lists its bodies otherwise"
-        cure = "give {body: value}, or a numpy array if that order is meant"
+        cure = "give {body: value}, or a numpy array to use that order"
         raise InputError(Problem("state", typed[0], f"{reason}; {cure}"))
 
 
@@ -105,7 +105,7 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
     for name, values in entries.items():
         if name not in joints:
             near = choices(nearest_first(str(name), joints))
-            text = f"{name!r} is no body with a joint that moves; choose from {near}"
+            text = f"{name!r} is not a body with a moving joint; choose from {near}"
             raise InputError(Problem(kind, "", text))
         place = getattr(joints[name], "q" if kind == "q" else "v")
         label = f"{kind}['{name}']"
@@ -117,9 +117,9 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
 def with_state(
     mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any, t: float
 ) -> tuple[Array, Array]:
-    """Return copies of the given q and v, or of those in `start` where they are None.
+    """Return copies of the given q and v, or of those in `start` if they are None.
 
-    The states of controls, at a start at t, stand behind those of the bodies.
+    The states of controls at time t follow those of the bodies.
     """
     q = start[0] if q is None else position(mech.packed, q)
     v = start[1] if v is None else finite("v", v, mech.nv)
