@@ -99,7 +99,7 @@
       el.querySelector("svg").replaceWith(icon(el.dataset.icon, 14));
     }
     el.querySelector(".said").textContent = word;
-    el.title = empty ? "There is no body yet" : job ? "Cancel the simulation" : playing ? "Pause (Space)" : stale ? "The model was edited since this run: compute it again (Space)" : "Play (Space); compute it again (Shift Space)";
+    el.title = empty ? "No bodies yet" : job ? "Cancel the simulation" : playing ? "Pause (Space)" : stale ? "The model was edited since this run: compute it again (Space)" : "Play (Space); compute it again (Shift Space)";
     el.setAttribute("aria-label", job ? "cancel" : word.toLowerCase());
     el.disabled = empty;
     bar.hidden = !job;
