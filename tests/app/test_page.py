@@ -132,7 +132,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
     assert page.get_by_label("name of the model").count() == 0  # it has one
     path = page.locator(".asked input[type=text]").last
     typed(path, str(tmp_path / "no such folder" / "mine.json"))
-    refused(page, "does not exist")
+    refused(page, "no such folder")
     typed(path, str(tmp_path / "mine.json"))
     until(lambda: (tmp_path / "mine.json").exists(), "the file")
     until(lambda: pg.Model.load(tmp_path / "mine.json") == leg, "all of it")
