@@ -24,6 +24,7 @@ quick: kernels ## the quick tests, without a browser: under a minute
 
 nightly: $(VENV)/installed-for-nights prepared ## every test, the long ones too, with new random cases
 	@PGRAPH_EXPLORE=1 $(PYTEST) -m "nightly or not nightly"
+	@PGRAPH_SLOW_PAGE="4 0.1" $(PYTEST) tests/app -k page # what depends on speed fails here
 	@$(MAKE) --no-print-directory mutants
 
 prepared: $(VENV)/installed-for-tests
