@@ -14,10 +14,15 @@ def row(page: Any, name: str) -> Any:
     return page.locator(f'table.bodies tr[data-name="{name}"]')
 
 
+def under_pointer(line: Any, what: Any) -> Any:
+    """Return what a line shows while the pointer is over it, wherever the line moves meanwhile."""
+    until(lambda: (line.hover(), what.count() and what.is_visible())[1], "what the pointer reveals")
+    return what
+
+
 def row_cell(page: Any, name: str, label: str) -> Any:
     """Return a cell of a row, which has it while the pointer is there."""
-    row(page, name).hover()
-    return row(page, name).get_by_label(label, exact=True)
+    return under_pointer(row(page, name), row(page, name).get_by_label(label, exact=True))
 
 
 def node(page: Any, name: str) -> Any:

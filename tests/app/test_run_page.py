@@ -21,6 +21,7 @@ from .on_page import (
     row,
     simulate,
     typed,
+    under_pointer,
 )
 
 
@@ -207,8 +208,7 @@ def test_a_constraint_goes_off_by_a_condition_set_by_clicks(page, served, compil
     tie = pg.Constraint(name="tie", kind="point", body="2", point=(0.0, 0.0, 0.0))
     opened(page, served, pg.Model.serial(2).add(tie).replace(name="tied"))
     page.get_by_role("tab", name="Connections").click()
-    page.locator(".tie .line").hover()
-    page.locator(".tie button.when").click()
+    under_pointer(page.locator(".tie .line"), page.locator(".tie button.when")).click()
     switch = page.locator(".switch")
     switch.wait_for()
     until(lambda: store.state.model.scenarios, "a scenario")
