@@ -20,6 +20,7 @@
         make("div", { className: "poses" },
           button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { scenario: now(), shown: true })),
           button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { scenario: now(), shown: false }))),
+        make("div", { className: "active-form" }),
         make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors" }), text("div", "empty"), text("div", "rows"), drive()))));
     pgraph.inSight(host, "scenario");
   }
@@ -51,7 +52,8 @@
       press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), scenario, field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
     };
     forms.draw($(".settings-form"), data.form, ask, String(scenario));
-    forms.draw($(".start-form"), data.start, ask, String(scenario));
+    forms.draw($(".start-form"), data.start.slice(0, 1), ask, String(scenario));
+    forms.draw($(".active-form"), data.start.slice(1), ask, String(scenario));
     $(".add-drive").pgraphFill();
     switches($(".going"), data);
     drives($(".drives"), data);
