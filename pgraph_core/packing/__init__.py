@@ -74,7 +74,7 @@ def plain(rows: Ints) -> tuple[Ints, Ints]:
 
 
 def row_of_velocity(rows: Ints, index: int) -> int:
-    """Return the row whose motion has v[index]."""
+    """Return the row of the motion that contains v[index]."""
     return int(np.searchsorted(rows[1:, at.VI], index, side="right"))
 
 

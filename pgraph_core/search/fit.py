@@ -112,8 +112,8 @@ def fit(
         The model to fit.
     data : DataFrame, dict or path of a .csv file
         Times "t" [s] and columns named as in `Result.columns`, optionally with units in brackets.
-        Or several cases, which run on all cores: {NAME: data}, or {NAME: (data, options)} with
-        arguments of `simulate`, such as {"q": {"arm": 0.3}}.
+        Or a dictionary of several cases, which run on all cores: {NAME: data}, or {NAME: (data,
+        options)} with arguments of `simulate`, such as {"q": {"arm": 0.3}}.
     free : dict
         Bounds (low, high) by path, as in `sweep`: {"bodies.arm.mass": (0.1, 2.0)}. "q.arm" and
         "v.arm" are the initial state of a body, and "q.arm@NAME" that of one case.

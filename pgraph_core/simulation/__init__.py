@@ -119,7 +119,7 @@ def simulate(
         function `tau`, which may have internal state. Without an estimate it is nan, and `message`
         gives the reason.
     wrt : str or sequence of str, optional
-        Numbers that the run is differentiated by: paths in the model as in `sweep`
+        Parameters with respect to which the run is differentiated: paths in the model as in `sweep`
         ("bodies.arm.mass", the name of a parameter), "q.arm" and "v.arm" of the initial state, and
         "inputs.knee" of the call. `run.sensitivity(path)` and `run.gradient(function)` give the
         derivatives. They are the derivatives of the computed steps with constant step sizes.
