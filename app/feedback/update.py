@@ -172,7 +172,7 @@ class AskResponse(FromPage):
 @on(AskResponse)
 def responded(state: State, event: AskResponse) -> State:
     client, asked, request = event.client, Response(event.name), state.request
-    how = vars(request) | {"scenario": request.scenario or None}
+    how = {**request.options, "t_end": request.t_end}
     state = with_client(state, client, response=asked)
 
     def work(model: pg.Model) -> Found:
