@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,17 +15,16 @@ from ..packing import Array
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-    from .result import Result
 
 
-def body_poses(run: Result) -> Array:
+def body_poses(run: Any) -> Array:
     """Return body poses for all frames, (n, nb, 7). These do not depend on any forces."""
     system = run.mechanism.packed.system
     none = np.zeros((len(run.t), len(system.bodies_i) - 1, 6))
     return bodies_over(system, *_states(run), none).pose
 
 
-def body_motion(run: Result) -> BodyMotion:
+def body_motion(run: Any) -> BodyMotion:
     """Compute body motion and joint forces of all frames from (q, v, v') and forces."""
     mech = run.mechanism
     states = _states(run)
@@ -39,12 +38,12 @@ def body_motion(run: Result) -> BodyMotion:
     return motion
 
 
-def _states(run: Result) -> tuple[Array, Array, Array]:
+def _states(run: Any) -> tuple[Array, Array, Array]:
     """Return writable copies of q, v and v' for all frames, as required by the kernels."""
     return run.q.copy(), run.v.copy(), run.vdot.copy()
 
 
-def _loads(run: Result) -> Array:
+def _loads(run: Any) -> Array:
     """Return the wrenches on bodies due to model, scenario and call forces, (n, nb, 6)."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())

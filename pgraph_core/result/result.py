@@ -701,7 +701,9 @@ class Result(EqualByFields, Portable):
                 if file.read(2) != b"PK":  # the first bytes of a zip file, hence of an .npz file
                     text = f"is not a saved run (.npz); {WRITTEN}"
                     raise FileError(Problem(str(path), "", text))
-                return cls(**fields_of(ZipFile(file), path, roots))
+                given = fields_of(ZipFile(file), path, roots)
+                status = Status(Status.__members__.get(given["status"]))
+                return cls(**{**given, "status": status})
         except PgraphError:
             raise
         except KeyError as missing:

@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -21,9 +21,6 @@ from ..model import Model
 from ..model.files import LARGEST, gathered
 from ..packing import Array
 from .records import OF_CONSTRAINTS, ContactRecord, Named, event_arrays, events_of_arrays
-
-if TYPE_CHECKING:
-    from .result import Result
 
 CHUNK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
@@ -35,7 +32,7 @@ SCALARS = ("message", "counters", "timing", "header", "notices")
 FORCE = "force:"  # before the names of constraints
 
 
-def file_of(run: Result, folder: Path) -> bytes:
+def file_of(run: Any, folder: Path) -> bytes:
     """Return the file of a run. Meshes from elsewhere are copied to the folder if it exists."""
     model = run.mechanism.model
     if folder.is_dir():
@@ -54,9 +51,11 @@ def file_of(run: Result, folder: Path) -> bytes:
 
 
 def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> dict[str, Any]:
-    """Return the fields of a run. Raises KeyError, TypeError, ValueError or FileError."""
+    """Return the fields of a run, with the name of its status.
+
+    Raises KeyError, TypeError, ValueError or FileError.
+    """
     from ..mechanism import Mechanism
-    from .result import Status
 
     header = header_of(file)
     description, folder = json.dumps(header.pop("model")), Path(path).parent
@@ -72,7 +71,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     return {
         **found,
         "mechanism": mech,
-        "status": Status(Status.__members__.get(header["status"])),
+        "status": header["status"],
         "notices": tuple(found["notices"]),
         "constraint_force": Named(forces, *OF_CONSTRAINTS),
         "contacts": ContactRecord.of_arrays(arrays),

@@ -1,8 +1,11 @@
-"""Why a run ended early: its status, with the place and a suggestion."""
+"""Why a run ended early: its status, with the place and a suggestion.
+
+A `record` is a `Recording`, whose module imports this one.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +18,6 @@ from ..packing import Ints
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
 
-if TYPE_CHECKING:
-    from .recording import Recording
-
 STATUS = {
     at.NOT_FINITE: Status.NOT_FINITE,
     at.NOT_CONVERGED: Status.CANNOT_CLOSE,
@@ -27,7 +27,7 @@ STATUS = {
 }
 
 
-def failure(record: Recording, code: int) -> tuple[Status, str]:
+def failure(record: Any, code: int) -> tuple[Status, str]:
     """Return (status, message) of a kernel's status code, with the place and a suggestion."""
     t, row = record.steps.control["failed"], int(record.steps.control["fastest"])
     status = STATUS[code]
@@ -37,7 +37,7 @@ def failure(record: Recording, code: int) -> tuple[Status, str]:
     return status, f"{status.value} {where}; {_advice(record, status)}"
 
 
-def _advice(record: Recording, status: Status) -> str:
+def _advice(record: Any, status: Status) -> str:
     given = record.plan.tolerance
     match status:
         case Status.CANNOT_CLOSE:
@@ -55,7 +55,7 @@ def _advice(record: Recording, status: Status) -> str:
     return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
 
-def trouble(record: Recording, t: float) -> str:
+def trouble(record: Any, t: float) -> str:
     """Return the fault of a function or expression from time t on, for a message."""
     text = record.user.trouble(t) if record.user is not None else ""
     _, targets, states = record.scene.loads.signals
@@ -65,7 +65,7 @@ def trouble(record: Recording, t: float) -> str:
     return f": {text}" if text else ""
 
 
-def _steep(record: Recording, t: float) -> str:
+def _steep(record: Any, t: float) -> str:
     """Return which expression changes within the least step at t, for a message."""
     code, targets, states = (array.copy() for array in record.scene.loads.signals)
     seen = np.concatenate((targets[:, 0], states[:, 0]))
@@ -82,13 +82,13 @@ def _steep(record: Recording, t: float) -> str:
     return ""
 
 
-def _parts(record: Recording, owners: Ints, controls: Ints) -> list[Any]:
+def _parts(record: Any, owners: Ints, controls: Ints) -> list[Any]:
     """Return the forces and controls whose expressions have these numbers."""
     forces = [record.plan.varying[i] for i in np.unique(owners).tolist()]
     return forces + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
 
 
-def _contradicted(record: Recording) -> str:
+def _contradicted(record: Any) -> str:
     """Return the contacts and limits that constraints drive bodies against, or ""."""
     if record.events is None or record.done == 0:
         return ""
@@ -101,7 +101,7 @@ def _contradicted(record: Recording) -> str:
     return contradicted(record.mech, record.active, points, t, q)
 
 
-def _blocking(record: Recording) -> str:
+def _blocking(record: Any) -> str:
     """Return why the last recorded state cannot move to second order, or ""."""
     if record.done == 0:
         return ""

@@ -258,7 +258,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
         contacts = at_start_speed(mech, contacts, start)
     bare = _what_acts(mech, o, given, span, extra, contacts)
     bare = replace(bare, start=start, tau=tau if is_controller(tau) else None)
-    rate = Rate(mech, bare, span[1] - span[0], known=not callable(tau))
+    acts, length = (bare.drives, bare.loads), span[1] - span[0]
+    rate = Rate(mech, acts, bare.active, start, length, known=not callable(tau))
     plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, given, span)
     if declared is not None and _may_wait(plan, declared, o.method_name(given)):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})

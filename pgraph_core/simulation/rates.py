@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS
 from ..tolerances import NOTABLE
 
-if TYPE_CHECKING:
-    from .plan import RunPlan
-
 MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
 NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
 
@@ -26,37 +23,46 @@ NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))
 class Rate:
     """The fastest rate of the motion at the start, computed on first use."""
 
-    def __init__(self, mech: Mechanism, plan: RunPlan, span: float, *, known: bool):
-        self.mech, self.plan, self.span, self.known = mech, plan, span, known
+    def __init__(
+        self,
+        mech: Mechanism,
+        forces: tuple[Drives, Loads],
+        active: Ints,
+        start: tuple[Array, Array],
+        span: float,
+        *,
+        known: bool,
+    ):
+        self.mech, self.forces, self.active, self.start = mech, forces, active, start
+        self.span, self.known = span, known
         self.found: float | None = None
 
     def __call__(self) -> float:
         """Return the rate [1/s], or 0 if torques are given by a function."""
         if self.found is None:
-            self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
+            self.found = self._of(self.forces) if self.known else 0.0
         return self.found
 
     def swings(self) -> bool:
         """Return True if the fastest mode swings rather than decays, or False if unknown."""
         if not self.known:
             return False
-        forces = self.plan.drives, self.plan.loads
-        return fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
+        return fastest_swings(self.mech, self.forces, self.active, *self.start)
 
     def explicit(self) -> float:
         """The fastest explicit rate of time stepping [1/s]: dampers and friction are implicit."""
-        drives = self.plan.drives
+        drives, loads = self.forces
         table = drives.table.copy()
         implicit = (table["terms"] == 0) & (table["damping"] > 0.0)
         table["damping"][implicit] = table["stiffness"][implicit] = table["friction"] = 0.0
-        return self._of((drives._replace(table=table), self.plan.loads)) if self.known else 0.0
+        return self._of((drives._replace(table=table), loads)) if self.known else 0.0
 
     def without_forces(self) -> float:
         """The rate of the same motion without springs, dampers and other forces [1/s]."""
         return self._of(NO_FORCES) if self.known else 0.0
 
     def _of(self, forces: Any) -> float:
-        return fastest_rate(self.mech, forces, self.plan.active, *self.plan.start)
+        return fastest_rate(self.mech, forces, self.active, *self.start)
 
 
 def fastest_rate(

@@ -1,9 +1,12 @@
-"""Notices about a finished run whose numbers may mislead its reader."""
+"""Notices about a finished run whose numbers may mislead its reader.
+
+A `record` is a `Recording`, whose module imports this one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +15,8 @@ from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array
 from ..tolerances import NAMED, VISIBLE
 
-if TYPE_CHECKING:
-    from .recording import Recording
 
-
-def remarks(record: Recording) -> Iterator[str]:
+def remarks(record: Any) -> Iterator[str]:
     """Yield the notices about a run that reached its end."""
     if not (record.out.v.any() or record.out.vdot.any()):
         yield from at_rest(record)
@@ -24,7 +24,7 @@ def remarks(record: Recording) -> Iterator[str]:
     yield from degrees(record)
 
 
-def at_rest(record: Recording) -> Iterator[str]:
+def at_rest(record: Any) -> Iterator[str]:
     """Yield a notice if gravity acts but moves no joint in any configuration."""
     mech, model = record.mech, record.mech.model
     held = len(record.plan.ever) or record.plan.contacts is not None
@@ -44,7 +44,7 @@ def at_rest(record: Recording) -> Iterator[str]:
         yield f"nothing moves: {why}"
 
 
-def degrees(record: Recording) -> Iterator[str]:
+def degrees(record: Any) -> Iterator[str]:
     """Yield notices for hinges that start as if in degrees, unless the model's own does."""
     mech, q = record.mech, record.began[0]
     if not (np.abs(q) >= MOST_ANGLE).any():
@@ -57,7 +57,7 @@ def degrees(record: Recording) -> Iterator[str]:
             yield f"q of '{name}': {several_turns(float(q[k]))}"
 
 
-def pulses(record: Recording) -> Iterator[str]:
+def pulses(record: Any) -> Iterator[str]:
     """Yield a notice if a function's torques change at a frame without affecting the motion.
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
@@ -80,7 +80,7 @@ def pulses(record: Recording) -> Iterator[str]:
         )
 
 
-def turns_unseen(record: Recording, frames: tuple[Array, Array, Array, Array]) -> Iterator[str]:
+def turns_unseen(record: Any, frames: tuple[Array, Array, Array, Array]) -> Iterator[str]:
     """Yield a notice about bodies whose motion reverses between frames."""
     from ..result.dense import TOO_WIDE, unseen
 
