@@ -209,8 +209,9 @@ class _Files:
             self.lines.setdefault((element.tag, name), f"{file}, line {element.line}")
         for key in newer(element.tag, attributes):
             self.newer.append((f"{file}, line {element.line}, {element.tag}", key))
-        for key, given in attributes.items():
-            if why := self._wrong(element, key, given):
+        for key in attributes:
+            looked_at = key in ("nrow", "quat") or key.startswith("file")
+            if looked_at and (why := self._wrong(element, key, attributes[key])):
                 raise FileError(Problem(f"{file}, line {element.line}, {element.tag}", key, why))
 
     def _wrong(self, element: Element, key: str, given: str) -> str:
@@ -531,7 +532,7 @@ class _Reader:
                 text = "a plane on a body that moves" if kind == PLANE else f"a geom of type {kind}"
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
-        if g in m.set_in("geom_surfacevel"):
+        if g in m.belts:
             about = np.array(place) - [p - o for p, o in zip(geom.pos, self.pivot[b].tolist())]
             axes, old = matrix(turn), matrix(unit(geom.quat))
             spin = old @ m.geom_surfacevel[g, 3:]

@@ -83,6 +83,11 @@ class Compiled:
             able[geoms[self.pair_dim > 0]] = True
         return able.tolist()
 
+    @cached_property
+    def belts(self) -> set[int]:
+        """The geoms whose surface moves."""
+        return set(self.set_in("geom_surfacevel").tolist())
+
     def set_in(self, table: str) -> Array:
         """Return the indices of nonzero entries in a table that some MuJoCo versions lack."""
         rows = getattr(self, table, np.zeros(0))

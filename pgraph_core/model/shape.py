@@ -164,10 +164,11 @@ class Shape(Frozen):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        own = vars(self)
         problems = [
             ("shape", f"{_one(self.kind)} needs {name}")
-            for name in DIMENSIONS[self.kind]
-            if vars(self)[name] is None
+            for name in DIMENSIONS[own["kind"]]
+            if own[name] is None
         ]
         if self.size is not None and min(self.size) <= 0:
             text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(self.size)}"
