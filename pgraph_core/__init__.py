@@ -169,11 +169,9 @@ def __getattr__(name: str) -> Any:
     elif name == "gym":
         value = import_module(".gym", __name__)
     else:
-        from difflib import get_close_matches
+        from .words import NoAttribute
 
-        close = get_close_matches(name, _HOME, n=3)
-        hint = f"; did you mean {' or '.join(close)}?" if close else ""
-        raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'{hint}")
+        raise NoAttribute("module 'pgraph_core'", name, lambda: _HOME)
     globals()[name] = value
     return value
 

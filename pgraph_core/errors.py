@@ -76,6 +76,25 @@ class SetError(InputError, AttributeError):
     __str__ = Exception.__str__
 
 
+class Suggests:
+    """A mixin that names our attribute for one that other programs have, or that is misspelt."""
+
+    if not typing.TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            """Raise NoAttribute, or the error of a property that failed."""
+            kind = type(self)
+            if any(name in vars(each) for each in kind.__mro__):
+                return object.__getattribute__(self, name)
+            try:
+                return super().__getattr__(name)  # of pydantic
+            except AttributeError:
+                own = self.__dict__ if hasattr(self, "__dict__") else ()
+                raise words.NoAttribute(
+                    f"a {kind.__name__}", name, lambda: [*dir(kind), *own]
+                ) from None
+
+
 def guarded(**advice: str) -> Callable[[Called], Called]:
     """Make a class reject attempts to set public attributes from outside.
 
@@ -244,8 +263,10 @@ def _explained(function: Any) -> Any:
     def call(*args: Any, **named: Any) -> Any:
         try:
             return function(*args, **named) if named else function(*args)
-        except PgraphError:
-            raise
+        except PgraphError:  # `sweep` passes arguments of other calls on
+            if not (ours := words.renamed(named, _names(function))):
+                raise
+            return call(*args, **ours)
         except RecursionError:
             if not any(map(is_deep, (*args, *named.values()))):
                 raise

@@ -368,6 +368,13 @@ else:
                 moot = getattr(cls, "FOLLOWERS", {})
                 raise ModelError(all_problems(cls, data, error, where, moot)) from None
 
+        def __getattr__(cls, name):
+            """Raise NoAttribute for a name that the class does not have."""
+            try:
+                return super().__getattr__(name)
+            except AttributeError:
+                raise words.NoAttribute(f"pg.{cls.__name__}", name, lambda: dir(cls)) from None
+
         def __dir__(cls):
             """Return the fields and the names defined by our own classes."""
             ours = [vars(c) for c in cls.__mro__ if not c.__module__.startswith(FOREIGN)]

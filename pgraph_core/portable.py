@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
 
-from .errors import InputError, Problem, shown
+from .errors import InputError, Problem, Suggests, shown
 
 
 @cache
@@ -23,7 +23,7 @@ def installed() -> str:
     return version("pgraph-dynamics")
 
 
-class Portable:
+class Portable(Suggests):
     """A mixin that makes `pickle` and `copy` keep the state returned by `__getstate__`.
 
     The pickle names its version before anything else. Another version raises InputError when it

@@ -1,15 +1,18 @@
 """Vocabulary of other programs: synonyms for our names, and names that get a hint.
 
 A name is accepted if its meaning and form are the same: `dt` is the step, and `axis` is the
-direction of a joint. If the form differs, the message gives a hint: `tspan` is a pair, but `t_end`
-is a number. The tables are read only after something was refused, so that a call in our own words
-costs nothing.
+direction of a joint. If the form differs, the message gives a hint: `duration` is a length of time,
+but `t_end` is an instant. The tables are read only after something was refused, so that a call in
+our own words costs nothing.
+
+Each attribute has one name. For another one, AttributeError gives ours.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 # ours: names of other programs for the same, in the same form
@@ -18,6 +21,7 @@ step: dt timestep time_step step_size
 t_end: tend t_final tf tmax stop_time end_time
 t_start: t0
 t_eval: times
+place: position pos
 q: q0 qpos
 v: v0 qd dq qdot qvel
 vdot: qdd ddq qacc
@@ -52,7 +56,7 @@ bodies: links
 _NEAR = """
 joint: type hinge revolute rotations slide slider prismatic translations
 step: h max_step
-t_end: duration tspan t_span time
+t_end: duration time
 t: time
 q: x0 y0 initial state
 tau: u ctrl control
@@ -79,6 +83,68 @@ shape: geometry geom
 forces: dampers
 ground: floor
 """
+# ours, as it is written: attributes and public names of other programs for the same
+_ATTRIBUTES = """
+t: time times sim_time
+q: qpos y positions configuration
+v: qvel qd dq qdot velocities
+vdot: qacc qdd ddq accelerations
+inputs: ctrl
+counters: nfev njev n_steps stats
+user_events: t_events y_events event_times
+converged: success status
+values: x params parameters
+objective: fun cost
+evaluations: nfev nit
+errors: perr stderr std
+covariance: pcov cov
+energy: total_energy mechanical_energy kinetic_energy potential_energy
+error_estimate: error error_bound
+constraint_force: multipliers lambdas reactions reaction_forces
+body_pose: position orientation xpos xquat
+to_pandas: to_dataframe as_dataframe dataframe df to_df to_frame
+to_film: to_gif to_mp4 to_video save_animation save_gif animation
+show: animate animation play view visualize render
+save: dump write export to_npz to_file
+load: from_file read open load_model read_model from_urdf from_xml_path buildModelFromUrdf loadURDF
+read_mjcf: from_xml_string MjModel load_mjcf
+read_urdf: load_urdf
+to_json: to_dict
+from_json: from_dict
+model_copy: copy clone
+pose: forward_kinematics fk frame_pose body_pose site_pose placement position site_position
+poses: forward_kinematics fk body_poses
+velocity: frame_velocity site_velocity body_velocity
+jacobian: site_jacobian frame_jacobian body_jacobian geometric_jacobian jac point_jacobian
+jacobian_bias: jacobian_dot jacobian_derivative drift
+mass_matrix: M H crba inertia_matrix joint_space_inertia
+bias_force: bias nle nonlinear_effects nonLinearEffects qfrc_bias coriolis
+bias_force(q,0*v): gravity_compensation gravity_torque gravity_torques gravity_forces
+forward_dynamics: aba
+inverse_dynamics: rnea
+forward_derivatives: forward_dynamics_derivatives aba_derivatives computeABADerivatives
+inverse_kinematics: ik
+linearise: linearization linearized
+linearise().eigenvalues: natural_frequencies frequencies eigenfrequencies eigenvalues poles
+linearise().modes: modes normal_modes eigenmodes modal_analysis mode_shapes
+simulate: solve_ivp odeint integrate solve run rollout simulation Simulator Simulation
+Stepper: Sim Env Environment MjData SimulationContext
+Mechanism: MultibodyPlant MultibodySystem RigidBodySystem Robot System World Plant
+Body: Link RigidBody
+Body(joint=...): Joint Hinge RevoluteJoint PrismaticJoint FreeJoint BallJoint FixedJoint
+Shape(kind=...): Box Sphere Cylinder Capsule Mesh Ellipsoid Geom Geometry
+Torsion: TorsionSpring RotationalSpring
+Spring: Damper SpringDamper LinearSpring
+Result: Run Solution Trajectory
+Distance: Rope Rod
+Motor: TorqueActuator
+Servo: PositionActuator
+"""
+# pairs of other programs that are two of our numbers
+PAIRS = {
+    "t_span": ("t_start", "t_end"), "tspan": ("t_start", "t_end"),
+    "forcerange": ("torque_low", "torque_limit"), "ctrlrange": ("input_low", "input_high"),
+}  # fmt: skip
 CHOICES = {  # choices by the words of other programs
     "hinge": ("revolute",), "pin": ("revolute",), "continuous": ("revolute",),
     "ball": ("spherical", "sphere", "point"), "fixed": ("weld",), "slide": ("prismatic",),
@@ -102,7 +168,7 @@ def _table(text: str) -> dict[str, list[str]]:
     return found
 
 
-SAME, NEAR = _table(_SAME), _table(_NEAR)
+SAME, NEAR, ATTRIBUTES = _table(_SAME), _table(_NEAR), _table(_ATTRIBUTES)
 
 
 def ours(name: str, known: Iterable[str]) -> str:
@@ -116,7 +182,13 @@ def renamed(given: Mapping[str, Any], known: Iterable[str]) -> dict[str, Any]:
     """Return arguments under Pgraph names, or {} if none is renamed or two have the same
     meaning."""
     names = list(known)
-    pairs = [(ours(name, names) or name, value) for name, value in given.items()]
+    pairs: list[tuple[str, Any]] = []
+    for name, value in given.items():
+        two = PAIRS.get(name, ("",))
+        if {*two} <= {*names} and len(value if hasattr(value, "__len__") else ()) == 2:
+            pairs += zip(two, value)
+        else:
+            pairs.append((ours(name, names) or name, value))
     changed = [name for name, _ in pairs] != list(given)
     return dict(pairs) if changed and len(dict(pairs)) == len(pairs) else {}
 
@@ -138,6 +210,32 @@ def hint(name: str, known: Iterable[str], *, alike: bool = True) -> str:
     if alike:
         near += difflib.get_close_matches(name, names, n=1)
     return next(iter(near), "")
+
+
+def attributes(name: str, known: Iterable[str]) -> list[str]:
+    """Return what is written here for an attribute `name`: other programs' words, then spelling."""
+    names = {*known}
+    found = [each for each in ATTRIBUTES.get(name, ()) if re.split(r"\W", each)[0] in names]
+    found = found or [each for each in (*SAME.get(name, ()), *NEAR.get(name, ())) if each in names]
+    return found[:2] or difflib.get_close_matches(name, sorted(names), n=3)
+
+
+class NoAttribute(AttributeError):
+    """An unknown attribute. The message names ours for it, and is made only when it is read."""
+
+    def __init__(self, owner: str, attribute: str, known: Callable[[], Iterable[str]]):
+        super().__init__(owner, attribute)
+        self._known = known
+
+    def __str__(self) -> str:
+        owner, attribute = self.args
+        known = [each for each in self._known() if not each.startswith("_")]
+        near = " or ".join(attributes(attribute, known))
+        hint = f"; did you mean {near}?" if near else f"; choose from {', '.join(known[:60])}"
+        return f"{owner} has no attribute '{attribute}'{hint}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return AttributeError, (str(self),)
 
 
 def synonym(name: Any, known: Iterable[str]) -> str:

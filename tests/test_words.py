@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+import re
+
 import numpy as np
 import pytest
 
@@ -42,6 +45,8 @@ def rod(**fields):
         (lambda: MODEL.edit("rod", m=3.0), lambda: MODEL.edit("rod", mass=3.0)),
         (lambda: pg.Model(bodies=[ROD], motors=[pg.Motor(name="m", body="rod")]),
          lambda: pg.Model(bodies=[ROD], forces=[pg.Motor(name="m", body="rod")])),
+        (lambda: pg.Motor(name="m", body="rod", forcerange=(-2, 3)),
+         lambda: pg.Motor(name="m", body="rod", torque_low=-2, torque_limit=3)),
         (lambda: pg.Spring(body="rod", stiffness=1.0).name, lambda: "rod spring"),
         (lambda: pg.Contact(body="rod").name, lambda: "rod contact"),
         (lambda: pg.Weld(body="a", other="b").name, lambda: "a-b weld"),
@@ -60,12 +65,15 @@ def test_another_word_for_the_same_means_the_same(theirs, ours):
          {"q": [1.0], "v": [2.0], "step": 1e-3, "method": "rk4"}),
         ({"method": "RK45", "tol": 1e-7}, {"method": "dopri5", "rtol": 1e-7}),
         ({"step_size": 1e-3}, {"step": 1e-3}),
+        ({"t_span": (0.1, 0.2)}, {"t_start": 0.1, "t_end": 0.2}),
+        ({"tspan": np.array([0.0, 0.1]), "q0": [1.0]}, {"t_end": 0.1, "q": [1.0]}),
         ({"stabilize": None, "t0": 0.1}, {"stabilise": None, "t_start": 0.1}),
         ({"controller": lambda t, q, v: -q}, {"tau": lambda t, q, v: -q}),
     ],
 )  # fmt: skip
 def test_arguments_of_other_programs_give_the_same_run(theirs: dict, ours: dict):
-    a, b = (pg.simulate(MODEL, t_end=0.2, **x) for x in (theirs, ours))
+    span = {} if "t_end" in ours else {"t_end": 0.2}
+    a, b = (pg.simulate(MODEL, **span, **x) for x in (theirs, ours))
     assert np.array_equal(a.q, b.q)
     assert np.array_equal(a.t, b.t)
 
@@ -92,7 +100,7 @@ def test_a_sweep_takes_a_list_of_one_number_for_the_number():
         (lambda: rod(color="#fff"), ("color", "shape", "colour")),
         (lambda: pg.Model(friction=0.5), ("friction", "ground")),
         (lambda: pg.Motor(name="m", body="rod", limits=(-1, 1)), ("limits", "torque_limit")),
-        (lambda: pg.simulate(MODEL, tspan=(0, 1)), ("tspan", "t_end")),
+        (lambda: pg.simulate(MODEL, duration=1), ("duration", "t_end")),
         (lambda: pg.Stepper(MODEL).step(dt=0.1), ("dt", "inputs")),
         (lambda: pg.Mechanism(MODEL).inverse_kinematics(position=(0, 0, 1)), ("targets",)),
         (lambda: pg.Contact(friction=0.1), ("body", "missing")),
@@ -119,3 +127,82 @@ def test_an_inertia_in_square_millimetres_is_doubted_at_any_size(scale: float):
     assert [("rod" in text, "kg m²" in text) for text in wrong.doubts] == [(True, True)]
     point = pg.Model(bodies=[rod(com=com, inertia=inertia * 1e-6)])
     assert point.doubts == ()
+
+
+RUN = pg.simulate(MODEL, t_end=0.01)
+DRIVEN = MODEL.add(pg.Motor(name="m", body="rod"))
+
+
+@pytest.mark.parametrize(
+    ("of", "theirs", "ours"),
+    [
+        (pg, "solve_ivp", "simulate"), (pg, "Sphere", "Shape(kind=...)"), (pg, "Modle", "Model"),
+        (pg, "MjData", "Stepper"), (pg, "load_urdf", "read_urdf"), (pg, "loads", "load"),
+        (pg.Model, "from_dict", "from_json"), (pg.Model, "from_xml_path", "load"),
+        (MODEL, "to_dict", "to_json"), (MODEL, "body_names", "bodies"), (MODEL, "massses", ""),
+        (MODEL.bodies[0], "mas", "mass"), (MODEL.bodies[0], "color", ""),
+        (pg.Mechanism(MODEL), "rnea", "inverse_dynamics"),
+        (pg.Mechanism(MODEL), "nle", "bias_force"), (pg.Mechanism(MODEL), "bias", "bias_force"),
+        (pg.Mechanism(MODEL), "forward_kinematics", "pose"),
+        (pg.Mechanism(MODEL), "natural_frequencies", "linearise().eigenvalues"),
+        (pg.Mechanism(MODEL), "mass_matrx", "mass_matrix"),
+        (RUN, "nfev", "counters"), (RUN, "t_events", "user_events"), (RUN, "to_gif", "to_film"),
+        (RUN, "total_energy", "energy"), (RUN, "contact_forces", "contact_force"),
+        (pg.Stepper(MODEL), "time", "t"), (pg.Stepper(MODEL), "qpos", "q"),
+        (pg.BatchStepper(MODEL, 2), "qvel", "v"),
+        (DRIVEN, "to_dict", "to_json"), (DRIVEN.forces[0], "limits", "torque_limit"),
+        (pg.Mechanism(MODEL).mobility(), "dofs", "dof"),
+    ],
+)  # fmt: skip
+def test_an_attribute_of_other_programs_is_answered_with_ours(of, theirs, ours):
+    """One mechanism for all public classes: the table of words first, then the spelling."""
+    with pytest.raises(AttributeError) as refused:
+        getattr(of, theirs)
+    said = str(refused.value)
+    assert f"'{theirs}'" in said
+    assert ours in said
+    assert ("did you mean" in said) == bool(ours)
+    if not ours:
+        assert "choose from" in said
+    assert not hasattr(of, theirs)
+    assert str(pickle.loads(pickle.dumps(refused.value))) == said
+
+
+def test_each_word_of_the_table_leads_to_a_name_that_exists():
+    kinds = [kind for name in dir(pg) if isinstance(kind := getattr(pg, name), type)]
+    public = {*dir(pg)}.union(*map(dir, kinds), *(kind.__annotations__ for kind in kinds))
+    for ours in {each for found in words.ATTRIBUTES.values() for each in found}:
+        assert re.split(r"\W", ours)[0] in public
+
+
+def test_the_error_of_a_property_that_fails_is_not_taken_for_a_missing_name(monkeypatch):
+    monkeypatch.setattr(pg.Result, "energy_drift", property(lambda run: run.nothing_like_it))
+    with pytest.raises(AttributeError, match="nothing_like_it"):
+        _ = RUN.energy_drift
+
+
+def test_a_sweep_takes_its_own_words_beside_those_of_simulate():
+    theirs, ours = {"n_jobs": 1, "dt": 1e-3, "q0": [1.0]}, {"workers": 1, "step": 1e-3, "q": [1.0]}
+    a, b = (
+        pg.sweep(MODEL, {"bodies.rod.mass": [1.0, 2.0]}, ["final rod"], t_end=0.1, **each)
+        for each in (theirs, ours)
+    )
+    assert np.array_equal(a["final rod"], b["final rod"])
+
+
+def test_a_run_says_whether_it_succeeded_and_writes_its_table_where_asked(tmp_path):
+    assert RUN.success
+    assert not pg.simulate(MODEL, q=[1.0], t_end=9.0, rtol=1e-9, max_steps=3).success
+    assert RUN.to_csv(tmp_path / "run.csv") == (tmp_path / "run.csv").read_text()
+    RUN.save(tmp_path / "run.npz")
+    with pytest.raises(pg.FileError, match=r"pg\.Result\.load"):
+        pg.load(tmp_path / "run.npz")
+
+
+def test_a_target_has_a_position_or_a_place():
+    mech, there = pg.Mechanism(MODEL), (0.5 * np.sin(0.3), 0.0, -0.5 * np.cos(0.3))
+    a, b = (
+        mech.inverse_kinematics({"rod": {name: there, "point": (0, 0, -0.5)}})
+        for name in ("position", "place")
+    )
+    assert np.array_equal(a, b)

@@ -14,7 +14,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene
 from ..engine import motion
-from ..errors import InputError, Problem, explained, one_of
+from ..errors import InputError, Problem, Suggests, explained, one_of
 from ..model.doubts import unlinked
 from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
@@ -29,7 +29,7 @@ TRIES = 3  # from other starts, where the first ends in a valley
 
 @explained
 @dataclass(frozen=True)
-class Assembly:
+class Assembly(Suggests):
     """The changes made while assembling a state."""
 
     moved: float  # largest move of a joint [rad or m]

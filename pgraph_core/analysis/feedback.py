@@ -13,7 +13,7 @@ from scipy.signal import place_poles as placed
 
 from .. import joints
 from ..dynamics import Dynamics
-from ..errors import InputError, Problem, explained, nearest, shown
+from ..errors import InputError, Problem, Suggests, explained, nearest, shown
 from ..forces import OnJoint
 from ..model import Model
 from ..packing import Array
@@ -24,7 +24,7 @@ from .linear import Linearisation, linearise
 
 
 @dataclass(frozen=True, eq=False)
-class Feedback:
+class Feedback(Suggests):
     """The gains for a state feedback u = hold - K (x - at), and the model that uses it."""
 
     K: Array  # (m, n) [input per rad, m, rad/s, m/s]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
-from ..errors import InputError, counted, explained
+from ..errors import InputError, Suggests, counted, explained
 from ..model import Motion
 from ..packing import Array
 from ..tolerances import EPS, NEARBY, NOTABLE, SOLVED
@@ -46,7 +46,7 @@ class Redundant:
 
 @explained
 @dataclass(frozen=True)
-class Mobility:
+class Mobility(Suggests):
     """The degrees of freedom of a constrained mechanism at one position."""
 
     tree: int  # degrees of freedom without the constraints

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from .. import words
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
 from ..engine import layout as at
@@ -93,6 +94,7 @@ def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
     place: Any = None
     turn: Any = None
     if isinstance(value, Mapping):
+        value = words.renamed(value, ("place", "rotation")) or value
         if unknown := value.keys() - {"place", "rotation", "point"}:
             text = f"has place, rotation and point; given {choices(sorted(map(str, unknown)))}"
             raise InputError(Problem(WHERE, name, f"a target {text}"))

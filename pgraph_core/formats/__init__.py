@@ -73,6 +73,8 @@ def read_model(
         return read_urdf(path, roots, arguments=arguments)
     if arguments:
         raise no_arguments(Path(path))
+    if suffix == ".npz":
+        raise FileError(Problem(Path(path).name, "", "holds a run; give it to pg.Result.load"))
     if reader := READERS.get(suffix):
         return _by_root(path, reader)(path, roots)
     model, report = Model.load(path, roots=roots), Report(Path(path).name)

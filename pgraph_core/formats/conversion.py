@@ -12,7 +12,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, choices, explained, shown
+from ..errors import FileError, InputError, Problem, Suggests, choices, explained, shown
 from ..fields import GROUND
 from ..model import Gear, Model
 from ..model.body import inertia_problems
@@ -56,7 +56,7 @@ class Entry:
 
 @explained
 @dataclass
-class Report:
+class Report(Suggests):
     """The report from a reader or writer. `print` shows it as a list of sentences."""
 
     file: str

@@ -163,6 +163,11 @@ class Result(EqualByFields, Portable):
         return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
 
     @property
+    def success(self) -> bool:
+        """True if the run reached its end, or an event that ends runs."""
+        return self.status.ok
+
+    @property
     def error_estimate(self) -> float:
         """Estimated maximum error in q [rad, m] at the recorded times, last of `error_at`."""
         return float(self.error_at[-1]) if len(self.error_at) else np.nan
@@ -218,7 +223,7 @@ class Result(EqualByFields, Portable):
         return {}
 
     def __bool__(self) -> bool:
-        """Return True. Use `status.ok` to test whether the run reached its end."""
+        """Return True. Use `success` to test whether the run reached its end."""
         return True
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -662,7 +667,7 @@ class Result(EqualByFields, Portable):
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
-            write_atomic(path, self.to_csv())
+            self.to_csv(path)
             return
         if suffix == ".mat":
             write_atomic(path, matlab(columns_of(self)))
@@ -716,11 +721,11 @@ class Result(EqualByFields, Portable):
             )
         raise FileError(Problem(str(path), "", text))
 
-    def to_csv(self, *, bodies: bool = False) -> str:
+    def to_csv(self, path: str | Path | None = None, /, *, bodies: bool = False) -> str:
         """Return `columns` as CSV text with units in the header line, "knee [rad]".
 
-        A name that a spreadsheet would interpret as a formula begins with a quote. `bodies` as for
-        `columns`.
+        A name that a spreadsheet would interpret as a formula begins with a quote. The text is
+        also written to a `path`, if one is given. `bodies` as for `columns`. Raises FileError.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -728,6 +733,8 @@ class Result(EqualByFields, Portable):
         heads = (f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
         writer.writerow(f"'{head}" if head[:1] in FORMULA else head for head in heads)
         writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
+        if path is not None:
+            write_atomic(path, text.getvalue())
         return text.getvalue()
 
     def columns(self, *, bodies: bool = False) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import choices, explained, needed, shown
+from ..errors import Suggests, choices, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
@@ -37,7 +37,7 @@ LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 
 @explained
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Suggests):
     """The result of `fit`: numbers at the best agreement, and how well the data determine them.
 
     Arrays over the free numbers are in the order of `values`. Columns of several cases are called

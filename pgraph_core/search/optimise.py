@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, ModelError, explained, needed, shown
+from ..errors import InputError, ModelError, Suggests, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
@@ -44,7 +44,7 @@ class Ending(NamedTuple):
 
 @explained
 @dataclass(frozen=True, eq=False)
-class Optimum:
+class Optimum(Suggests):
     """The result of `optimise`: the best numbers that were found."""
 
     model: Model  # the model with them

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine import layout as at
-from ..errors import InputError, PgraphError, explained, refusal
+from ..errors import InputError, PgraphError, Suggests, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing import Array
@@ -40,7 +40,7 @@ FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time 
 
 @explained
 @dataclass(frozen=True)
-class Reference:
+class Reference(Suggests):
     """A reference motion at given times, with an estimate of its own error."""
 
     t: Array  # (n,) [s]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..analysis import linear
 from ..dynamics.arguments import wrong_type
-from ..errors import FileError, Problem, choices, explained
+from ..errors import FileError, Problem, Suggests, choices, explained
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import read
@@ -268,7 +268,7 @@ class Observable:
 
 @explained
 @dataclass(frozen=True)
-class Case:
+class Case(Suggests):
     """A model with known motion."""
 
     name: str
@@ -293,7 +293,7 @@ class Case:
 
 @explained
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Suggests):
     """The result of a case, with the observable whose error is largest relative to its target."""
 
     case: Case
