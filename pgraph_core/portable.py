@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hmac
 import math
+import os
+import secrets
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
-from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
@@ -36,42 +40,81 @@ class Portable(Suggests):
 
 
 # -- snapshots: bytes of one object, read by another of the same kind and options -----------------
+# Kernels trust the numbers of a snapshot, so only one that this user saved is taken.
 
-SUM = 16  # bytes: of the digest that follows the name of the kind
-
-
-def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
-    """Return a snapshot of a `kind`: a digest, the version, the words and the state bytes."""
-    head = "\n".join((installed(), *words)).encode()
-    rest = b"".join((len(head).to_bytes(4, "little"), head, body))
-    return b"".join((_magic(kind), sha256(rest).digest()[:SUM], rest))
+SUM = 32  # bytes: of the seal that follows the name of the kind
+KEY = "snapshots.key"  # file of the user's cache folder
 
 
-def unsealed(
-    kind: str, snapshot: Any, key: str, arrays: Sequence[Any]
-) -> tuple[list[str], memoryview]:
-    """Return (words after the key, state of the arrays) from a sealed snapshot.
+@cache
+def _key_in(folder: Path | None) -> bytes:
+    """Return the user's secret key, made when it is first needed.
 
-    Raises InputError for bytes that it did not give, or gave for another key.
+    Without a folder to write to it is that of this process.
     """
-    magic, start = _magic(kind), len(_magic(kind)) + SUM
+    made = secrets.token_bytes(SUM)
+    if folder is None:
+        return made
+    path, draft = folder / KEY, folder / f"{KEY}.{secrets.token_hex(8)}"
+    try:
+        if not path.exists():
+            with open(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "wb") as file:
+                file.write(made)
+            with suppress(FileExistsError):
+                os.link(draft, path)  # of several processes, the first makes the key
+            draft.unlink()
+        return path.read_bytes() or made
+    except OSError:
+        return made
+
+
+def stated(words: Iterable[str], body: bytes) -> bytes:
+    """Return the content of a snapshot: the version, the words and the state bytes."""
+    head = "\n".join((installed(), *words)).encode()
+    return b"".join((len(head).to_bytes(4, "little"), head, body))
+
+
+def sealed(kind: str, content: bytes, folder: Path | None) -> bytes:
+    """Return a snapshot of a `kind`, with a seal by the user's key in `folder`."""
+    magic = _magic(kind)
+    return magic + hmac.digest(_key_in(folder), magic + content, "sha256") + content
+
+
+def unsealed(kind: str, snapshot: Any, folder: Path | None) -> memoryview:
+    """Return the content of a sealed snapshot. Raises InputError for other bytes."""
+    magic = _magic(kind)
     data = bytes(snapshot) if isinstance(snapshot, (bytes, bytearray)) else b""
-    end = start + 4 + int.from_bytes(data[start : start + 4], "little")
-    text, words = "", list[str]()
+    seal, content = data[len(magic) :][:SUM], memoryview(data)[len(magic) + SUM :]
     if not data.startswith(magic):
         text = f"must be bytes of {kind}.save; given {shown(snapshot)}"
-    elif data[len(magic) : start] != sha256(memoryview(data)[start:]).digest()[:SUM]:
-        text = "is damaged: its bytes are not those that were saved"
+    elif not hmac.compare_digest(
+        seal, hmac.digest(_key_in(folder), magic + bytes(content), "sha256")
+    ):
+        text = "is damaged, or another user or machine saved it; its kernels would trust it"
+        if folder is not None:
+            text += f", so copy {KEY} of the cache folder there to {folder} if you do"
     else:
-        written, *words = data[start + 4 : end].decode(errors="replace").split("\n")
-        size = sum(array.nbytes for array in arrays)
-        if written != installed():
-            text = f"was saved by Pgraph {written}, and Pgraph {installed()} is running"
-        elif words[:1] != [key] or len(data) - end != size:
-            text = "is of another mechanism, method, step or scenario, or of other options"
-    if text:
-        raise InputError(Problem(f"{kind}.restore", "snapshot", text))
-    return words[1:], memoryview(data)[end:]
+        return content
+    raise InputError(Problem(f"{kind}.restore", "snapshot", text))
+
+
+def opened(
+    kind: str, content: bytes | memoryview, key: str, arrays: Sequence[Any]
+) -> tuple[list[str], memoryview]:
+    """Return (words after the key, state of the arrays) from the content of a snapshot.
+
+    Raises InputError for the content of another version or key.
+    """
+    end = 4 + int.from_bytes(content[:4], "little")
+    written, *words = bytes(content[4:end]).decode(errors="replace").split("\n")
+    size = sum(array.nbytes for array in arrays)
+    if written != installed():
+        text = f"was saved by Pgraph {written}, and Pgraph {installed()} is running"
+    elif words[:1] != [key] or len(content) - end != size:
+        text = "is of another mechanism, method, step or scenario, or of other options"
+    else:
+        return words[1:], memoryview(content)[end:]
+    raise InputError(Problem(f"{kind}.restore", "snapshot", text))
 
 
 def put_back(state: memoryview, arrays: Iterable[Any]) -> None:
@@ -90,14 +133,15 @@ class Snapshots(Portable, ABC):
 
     def save(self) -> bytes:
         """Save all that the next steps depend on, so that `restore` continues bit for bit."""
-        body = b"".join(array.tobytes() for array in self._memory())
-        return sealed(type(self).__name__, self._words(), body)
+        return sealed(type(self).__name__, self._content(), self._folder())
+
+    def _content(self) -> bytes:
+        return stated(self._words(), b"".join(array.tobytes() for array in self._memory()))
 
     def restore(self, snapshot: bytes) -> None:
         """Restore a snapshot of the same mechanism, method, step size and options.
 
-        The kernels trust the values of a snapshot. Restore it only if you would also run code from
-        its author.
+        Only snapshots of the same user are taken, since kernels trust their numbers.
 
         Parameters
         ----------
@@ -109,9 +153,16 @@ class Snapshots(Portable, ABC):
         InputError
             If `save` of such an object did not make these bytes. Nothing is changed.
         """
+        self._restore(unsealed(type(self).__name__, snapshot, self._folder()))
+
+    def _restore(self, content: bytes | memoryview) -> None:
         memory = self._memory()
-        words, state = unsealed(type(self).__name__, snapshot, self._words()[0], memory)
+        words, state = opened(type(self).__name__, content, self._words()[0], memory)
         self._resume(words, state, memory)
+
+    @abstractmethod
+    def _folder(self) -> Path | None:
+        """Return the folder of the user's key."""
 
     @abstractmethod
     def _words(self) -> tuple[str, ...]:
@@ -130,13 +181,13 @@ class Snapshots(Portable, ABC):
         """Make the rest from what it is made from."""
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: self.__dict__[name] for name in self.GIVEN} | {"snapshot": self.save()}
+        return {name: self.__dict__[name] for name in self.GIVEN} | {"snapshot": self._content()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         snapshot = state.pop("snapshot")
         vars(self).update(state)
         self._renew()
-        self.restore(snapshot)
+        self._restore(snapshot)
 
 
 def _magic(kind: str) -> bytes:

@@ -16,6 +16,7 @@ from ..dynamics.arguments import numbers_in, positions
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine.compiler.jit import made_by_numba
+from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, PgraphError, Problem, explained, guarded, one_of, shown
 from ..forces import OnJoint
 from ..given import array_of
@@ -467,6 +468,9 @@ class BatchStepper(Snapshots):
     # -- snapshots -------------------------------------------------------------------------------
 
     GIVEN = ("mech", "size", "threads", "_options", "_set", "_tau")
+
+    def _folder(self) -> Any:
+        return cache_folder()
 
     def _memory(self) -> list[Any]:
         return list(self._many.memory)

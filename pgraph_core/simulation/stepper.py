@@ -18,6 +18,7 @@ from ..dynamics.arguments import finite
 from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
+from ..engine.compiler.loading import cache_folder
 from ..errors import InputError, Problem, choices, explained, guarded, one_of, shown
 from ..forces import OnJoint
 from ..integrators import METHODS
@@ -459,11 +460,11 @@ class Stepper(Snapshots):
         none = one[:0]
         acting = np.array(sorted(now), dtype=np.int64)
         on, off = (one, none) if active else (none, one)
-        before = self.save()
+        before = self._content()
         try:
             self._record.switch_now(Change(self.t, acting, on, off))
         except InputError:
-            self.restore(before)
+            self._restore(before)
             raise
         self._active, self._looked = now, False
 
@@ -551,6 +552,9 @@ class Stepper(Snapshots):
     # -- snapshots -------------------------------------------------------------------------------
 
     GIVEN = ("mech", "method", "_width", "_options", "_tau", "_started")
+
+    def _folder(self) -> Any:
+        return cache_folder()
 
     def _words(self) -> tuple[str, ...]:
         return self._key, ",".join(map(str, sorted(self._active)))

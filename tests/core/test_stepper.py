@@ -2,11 +2,13 @@
 
 import copy
 import pickle
+from hashlib import sha256
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core import portable
 
 from ..worlds import ball, box, built_in, on_ground
 
@@ -251,6 +253,39 @@ def test_a_damaged_snapshot_or_one_of_another_version_is_refused(kind, monkeypat
     monkeypatch.setattr("pgraph_core.portable.installed", lambda: "9.9")
     with pytest.raises(pg.InputError, match=r"9\.9"):
         stepper.restore(saved)
+
+
+@pytest.mark.parametrize("kind", [pg.Stepper, pg.BatchStepper])
+@pytest.mark.parametrize("value", [2**62, -1])
+def test_a_snapshot_with_a_forged_word_and_its_digest_made_right_is_refused(kind, value):
+    """Kernels trust the numbers of a snapshot, so only one that this user saved is taken."""
+    stepper = kind(chain(), **({"size": 3} if kind is pg.BatchStepper else {}))
+    stepper.step()
+    saved = stepper.save()
+    magic = f"pgraph {kind.__name__} ".encode()
+    for size in (16, 32):  # of a digest
+        for k in range(len(magic) + size, len(saved) - 7, 8):
+            content = saved[len(magic) + size :]
+            at = k - len(magic) - size
+            content = content[:at] + (value % 2**64).to_bytes(8, "little") + content[at + 8 :]
+            with pytest.raises(pg.InputError, match="another user"):
+                stepper.restore(magic + sha256(content).digest()[:size] + content)
+    assert stepper.save() == saved
+
+
+def test_snapshots_are_of_one_user_and_pickles_of_any(tmp_path, monkeypatch):
+    stepper = pg.Stepper(chain())
+    saved, pickled = stepper.save(), pickle.dumps(stepper)
+    for folder in (tmp_path, None):  # of another user; one that has none
+        for kind in (pg.Stepper, pg.BatchStepper):
+            monkeypatch.setattr(kind, "_folder", lambda _, it=folder: it)
+        with pytest.raises(pg.InputError, match="another user"):
+            stepper.restore(saved)
+        assert np.array_equal(pickle.loads(pickled).q, stepper.q)
+        stepper.restore(stepper.save())
+        pg.BatchStepper(chain(), 2).restore(pg.BatchStepper(chain(), 2).save())
+    assert [path.name for path in tmp_path.iterdir()] == [portable.KEY]
+    assert (tmp_path / portable.KEY).stat().st_mode & 0o077 == 0
 
 
 def test_inputs_are_taken_together_or_not_at_all_within_bounds():
