@@ -111,7 +111,6 @@ read_mjcf: from_xml_string MjModel load_mjcf
 read_urdf: load_urdf
 to_json: to_dict
 from_json: from_dict
-model_copy: copy clone
 pose: forward_kinematics fk frame_pose body_pose site_pose placement position site_position
 poses: forward_kinematics fk body_poses
 velocity: frame_velocity site_velocity body_velocity

@@ -4,6 +4,7 @@ import contextlib
 import gc
 import gzip
 import http.client
+import multiprocessing
 import socket
 import types
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 import viser._messages
 import websockets.asyncio.server
 import websockets.exceptions
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 import pgraph_core as pg
@@ -147,6 +149,69 @@ def test_a_connection_that_sends_what_no_browser_sends_is_cut(server, flood):
     server.send(do.Edit(-1, 1, "2", "mass", (), str(mass)))
     until(lambda: server.store.state.model.body("2").mass == mass, "an edit of another")
     assert status(server) == 200
+
+
+def _request(port):
+    made = http.client.HTTPConnection("127.0.0.1", port, timeout=LIMIT)
+    made.request("GET", "/")
+    made.getresponse().read()
+    made.close()
+
+
+def _connection(port):
+    socket.create_connection(("127.0.0.1", port)).close()
+
+
+def _half_a_request(port):
+    with socket.create_connection(("127.0.0.1", port)) as made:
+        made.sendall(b"GET / HTTP/1.1\r\nX: " + b"a" * 8000)
+
+
+def _page(port, *messages):
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[VISER], max_size=None) as page:
+        for message in messages:
+            page.send(message)
+
+
+CHANGE = msgspec.msgpack.encode(
+    {"type": "GuiUpdateMessage", "uuid": "none", "updates": {"value": 1}}
+)
+FULL_SPEED: Any = {
+    "requests": _request,
+    "connections": _connection,
+    "halves of requests": _half_a_request,
+    "pages that open": _page,
+    "messages that are none": lambda port: _page(port, *[b"\xc1" * 20] * 10_000),
+    "messages of 15 MB": lambda port: _page(port, *[b"\x81" * 15_000_000] * 100),
+    "changes of no cell": lambda port: _page(port, *[CHANGE] * 10_000),
+}
+
+
+def _flood(port, kind, begun):
+    begun.set()
+    while True:
+        with contextlib.suppress(OSError, http.client.HTTPException, WebSocketException):
+            FULL_SPEED[kind](port)
+
+
+@pytest.mark.parametrize("kind", FULL_SPEED)
+def test_an_edit_is_answered_while_a_client_in_another_process_floods(server, kind):
+    """All edits and requests of others are answered while the flood goes on."""
+    processes = multiprocessing.get_context("spawn")
+    begun = processes.Event()
+    hostile = processes.Process(target=_flood, args=(server.port, kind, begun), daemon=True)
+    hostile.start()
+    try:
+        assert begun.wait(LIMIT)
+        for _ in range(5):
+            mass = server.store.state.model.body("2").mass + 1
+            server.send(do.Edit(-1, 1, "2", "mass", (), str(mass)))
+            until(lambda mass=mass: server.store.state.model.body("2").mass == mass, "an edit")
+            assert status(server) == 200
+        assert hostile.is_alive()
+    finally:
+        hostile.kill()
+        hostile.join()
 
 
 def test_connections_are_limited_and_those_that_go_make_room(server):
