@@ -90,9 +90,9 @@ def unsealed(kind: str, snapshot: Any, folder: Path | None) -> memoryview:
     elif not hmac.compare_digest(
         seal, hmac.digest(_key_in(folder), magic + bytes(content), "sha256")
     ):
-        text = "is damaged, or another user or machine saved it; its kernels would trust it"
+        text = "is damaged, or was saved by another user or on another machine"
         if folder is not None:
-            text += f", so copy {KEY} of the cache folder there to {folder} if you do"
+            text += f"; to accept the snapshots of that user, copy their file {KEY} to {folder}"
     else:
         return content
     raise InputError(Problem(f"{kind}.restore", "snapshot", text))
