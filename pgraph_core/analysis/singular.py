@@ -9,8 +9,8 @@ followed along the velocity. At a singular position it touches zero, as the squa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED
-from ..packing import Array, Ints
+from ..packing import Array, Drives, Ints, Loads
+from ..packing.constraints import Blocks
 from ..tolerances import FAINT, NAMED, NEARBY, NOTABLE
 from .rows import Rows
 
@@ -179,11 +180,11 @@ class _Look:
         return min(seen, key=lambda pair: pair[1])[0]
 
 
-def passed(scene: Scene) -> list[Passed]:
+def passed(scene: Scene, dips: Any, states: Array) -> list[Passed]:
     """Return the distinct singular positions among the first dips of the active constraints."""
     found: list[Passed] = []
     nq, nv = scene.packed.nq, scene.packed.nv
-    for dip, state in zip(scene.space.dips, scene.space.dip_states):
+    for dip, state in zip(dips, states):
         if dip["depth"] > 0:
             q, v = np.split(state[: nq + nv].copy(), [nq])
             look, apart = _Look(scene, float(dip["time"]), q, v), float(dip["apart"])
@@ -213,37 +214,63 @@ def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
     return _Look(scene, *start).only_there(0.0, usual[:, values < NULL])
 
 
-def singular_notice(
-    scene: Scene,
-    start: Instant,
-    end: Instant,
-    redundant: bool,
-    genuine: Callable[[float, Array], bool],
-) -> str:
-    """Return a warning about singular positions passed during a run, or "".
+class Stretch(NamedTuple):
+    """A part of a run with the same active constraints, and where pivots dipped in it.
 
-    `start` and `end` are the first and the last state of the run. `redundant` states whether rows
-    were redundant at the start. `genuine` decides from the directions of the rows alone,
-    independent of masses, whether rows are dependent.
+    It has arrays of its own, so that the run can be judged when someone reads its notices.
     """
-    dips = int(scene.space.watch[0]["count"])
-    places = [p for p in passed(scene) if genuine(p.t, p.q)] if dips else []
-    if not places:
-        began = _began(scene, start, end) if redundant else None
-        where = "the run began at a singular position"
-    else:
-        began = places[0]
-        most = "at least " if dips > len(scene.space.dips) else ""
-        many = f", the first of {most}{len(places)}," if len(places) > 1 else ""
-        where = f"at t = {began.t:.4g} s the run passed a singular position{many} or close by one"
-    if began is None:
-        return ""
-    listed = ", ".join(began.rows[:ROWS_LISTED]) + (" ..." if len(began.rows) > ROWS_LISTED else "")
-    return (
-        f"{where}: {listed} {'is' if len(began.rows) < 2 else 'are'} dependent there, so "
-        "more than one motion is possible; it followed its velocity or rounding errors, and "
-        + TOO_LOW
-    )
+
+    forces: tuple[Drives, Loads]
+    active: Ints  # indices of the constraints
+    blocks: Blocks
+    start: Instant
+    end: Instant
+    redundant: bool  # whether rows are redundant at the start
+    dipped: tuple[int, Any, Array]  # number of dips, the first ones and their states
+
+    @classmethod
+    def of(
+        cls, scene: Scene, active: Ints, start: Instant, end: Instant, redundant: bool
+    ) -> Stretch | None:
+        """Return the part that ends now, or None if nothing in it can be singular."""
+        space, own = scene.space, scene.packed.blocks
+        count = int(space.watch[0]["count"])
+        if not count and not redundant:
+            return None
+        blocks = own._replace(blocks_f=scene.blocks.blocks_f[: len(own.blocks_f)].copy())
+        t, q, v = end
+        dipped = count, space.dips.copy(), space.dip_states.copy()
+        forces = scene.drives, scene.loads
+        return cls(forces, active, blocks, start, (t, q.copy(), v.copy()), redundant, dipped)
+
+    def notice(self, mech: Dynamics) -> str:
+        """Return a warning about singular positions that were passed, or "".
+
+        Whether rows are dependent follows from their directions, independent of masses.
+        """
+        scene = Scene(mech.packed, *self.forces, self.active, blocks=self.blocks)
+        dips, *kept = self.dipped
+        found = passed(scene, *kept) if dips else []
+        places = [p for p in found if nulls_of(mech, self.active, p.t, p.q)]
+        if not places:
+            began = _began(scene, self.start, self.end) if self.redundant else None
+            where = "the run began at a singular position"
+        else:
+            began = places[0]
+            most = "at least " if dips > len(kept[0]) else ""
+            many = f", the first of {most}{len(places)}," if len(places) > 1 else ""
+            where = (
+                f"at t = {began.t:.4g} s the run passed a singular position{many} or close by one"
+            )
+        if began is None:
+            return ""
+        more = " ..." if len(began.rows) > ROWS_LISTED else ""
+        listed = ", ".join(began.rows[:ROWS_LISTED]) + more
+        return (
+            f"{where}: {listed} {'is' if len(began.rows) < 2 else 'are'} dependent there, so "
+            "more than one motion is possible; it followed its velocity or rounding errors, and "
+            f"{TOO_LOW}"
+        )
 
 
 # -- masses that hide rows -------------------------------------------------------------------------

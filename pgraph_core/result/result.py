@@ -76,6 +76,7 @@ class Status(Enum):
 # weights of f(x + k h) for 2 h f'(x): central, and on one side if the other is invalid
 SLOPES = ({1: 1, -1: -1}, {0: -3, 1: 4, 2: -1}, {0: 3, -1: -4, -2: 1})
 BESIDE = np.cbrt(EPS)  # rad, m, or of a number: where rounding and curvature are about equal
+MORE = "_more"  # attribute with the notices found so far, and the function that finds the others
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
 
 
@@ -111,7 +112,7 @@ class Result(EqualByFields, Portable):
     """(n,) Estimated error of q [rad, m], attitudes as angles: the largest difference so far from
     a finer run; inf from where it is not known on, which a notice says; nan without an estimate."""
     header: Mapping[str, Any]  # version, model hash, method, step, ...
-    notices: tuple[str, ...] = field(default=())  # sentences on how the run went
+    notices: tuple[str, ...] = field(default_factory=tuple)  # sentences on how the run went
     user_events: tuple[UserEvent, ...] = field(default=())
     """Where functions given as `events` crossed zero, in order of time."""
     derivatives: Derivatives = field(default_factory=lambda: NO_DERIVATIVES, compare=False)
@@ -133,9 +134,26 @@ class Result(EqualByFields, Portable):
         for name in ("counters", "timing", "header"):
             own[name] = ReadOnly(own[name], f"run.{name}", instead)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields, with all notices."""
+        _ = self.notices
+        return vars(self)
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self.__post_init__()
+
+    def add_when_read(self, more: Callable[[], tuple[str, ...]]) -> None:
+        """Let `more` find further notices when they are first read: it takes as long as a run."""
+        own = vars(self)
+        own[MORE] = own.pop("notices"), more
+
+    def _all_notices(self) -> tuple[str, ...]:
+        own = vars(self)
+        first, more = own[MORE]
+        found = (*first, *more())
+        own[MORE] = found, tuple
+        return found
 
     def __eq__(self, other: object) -> bool:
         """Compare the models and the numerical data, treating nan as equal to nan."""
@@ -764,5 +782,7 @@ def _show() -> Any:
 
 FIGURE = 560  # [pixels] height of the figure of a run in a notebook
 
-
-# -- several runs as one ---------------------------------------------------------------------------
+# a run whose notices are not complete has no value of its own: they are found when they are read
+_NOTICES = cached_property(Result._all_notices)  # pyright: ignore[reportPrivateUsage]
+_NOTICES.__set_name__(Result, "notices")
+type.__setattr__(Result, "notices", _NOTICES)

@@ -8,12 +8,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
-from ..analysis.singular import Instant, nulls_of, redundancy, singular_notice, unequal
+from ..analysis.singular import Instant, Stretch, nulls_of, redundancy, unequal
 from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene, rubs
@@ -95,6 +96,7 @@ class Recording:
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the first state that satisfies the constraints
         self._redundant = False  # whether constraints are redundant there
+        self._stretches: list[Stretch] = []  # to be searched for singular positions
 
     def _prepare(self, q: Array, v: Array) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
@@ -519,7 +521,7 @@ class Recording:
         change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         if self.steps.carried is not None:
             self.steps.carried.stop(self, "constraints are switched")
-        self._note_singular()
+        self._end_stretch()
         self.since |= dict.fromkeys([*change.on.tolist(), *change.off.tolist()], change.t)
         before = self._energy()
         try:
@@ -599,16 +601,14 @@ class Recording:
         """Return the indices of the currently active constraints."""
         return np.array(sorted(self.held), dtype=np.int64)
 
-    def _note_singular(self) -> None:
-        """Append a notice about singular configurations passed during the run."""
+    def _end_stretch(self) -> None:
+        """Keep what is needed to name the singular positions passed since constraints switched."""
         if not self.done or self._first is None:
             return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
-        if notice := singular_notice(
-            self.scene, self._first, end, self._redundant, self._is_redundant
-        ):
-            self.ended.notices.append(notice)
+        found = Stretch.of(self.scene, self.active, self._first, end, self._redundant)
+        self._stretches += [found] if found else []
         self._redundant = False
 
     # -- the result ------------------------------------------------------------------------------
@@ -621,8 +621,7 @@ class Recording:
         `error` (n,) is the error of q at the recorded times [rad, m], and `told` contains warnings
         about it.
         """
-        if self._first is not None:
-            self._note_singular()
+        self._end_stretch()
         rows, steps = self._rows(), self.steps
         t, out = steps.times[rows], self.out
         if len(t) < len(self.out.q):
@@ -659,7 +658,7 @@ class Recording:
             header["given_torques"] = True  # files do not store them
         elif self.tau is not None and self.user is None and np.any(self.tau):
             header["given_torques"] = True
-        return Result(
+        result = Result(
             mechanism=self.mech,
             status=self.ended.status,
             message=self.ended.message,
@@ -683,6 +682,9 @@ class Recording:
             user_events=tuple(self.watch.log) if self.watch else (),
             derivatives=NO_DERIVATIVES if self.carried is None else self.carried.of_frames(rows),
         )
+        if self._stretches:
+            result.add_when_read(partial(_singular, self.mech, tuple(self._stretches)))
+        return result
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
         log = tuple(self.ended.log)
@@ -762,6 +764,11 @@ class Recording:
         some = self.plan.shown[: self.done].copy()
         some[-1:] |= self.ended.over
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
+
+
+def _singular(mech: Mechanism, stretches: tuple[Stretch, ...]) -> tuple[str, ...]:
+    """Return notices about singular configurations passed during a run."""
+    return tuple(text for part in stretches if (text := part.notice(mech)))
 
 
 def _stops(answer: Any) -> bool:

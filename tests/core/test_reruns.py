@@ -1,8 +1,10 @@
 """Reruns give the same bits: in another process, with another hash seed, on other threads."""
 
+import dataclasses
 import hashlib
 import json
 import os
+import pickle
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -97,6 +99,25 @@ def test_a_run_with_loops_after_others_has_the_bits_of_the_first(name, way):
             assert np.array_equal(found.constraint_force[at], first.constraint_force[at])
         assert (found.notices, found.counters) == (first.notices, first.counters)
         assert found.error_estimate == first.error_estimate
+
+
+@pytest.mark.parametrize("options", [{}, {"switches": [(0.75, "loop", False)]}], ids=["", "cut"])
+def test_notices_that_are_read_late_are_those_of_the_run(options):
+    """Singular positions are looked for when someone reads of them, after other runs, or pickles.
+
+    The arrays of a run are those of the next one by then. The loop is opened after it was flat.
+    """
+    model = pg.Model.load(pgraph_models.path("four_bar"))
+    given = {"scenario": "turn", "t_end": 0.8, "frames": 5, **options}
+    first = pg.simulate(pg.Mechanism(model), **given).notices
+    assert sum("passed a singular position" in text for text in first) == 1
+    used = pg.Mechanism(model)
+    late, sent, beside = (pg.simulate(used, **given) for _ in range(3))
+    pg.simulate(used, used.home()[0], [0.3, -0.3, 0.3], **{**given, "scenario": None})
+    assert late.notices == first
+    assert pickle.loads(pickle.dumps(sent)).notices == first
+    assert dataclasses.replace(beside, message="another").notices == first
+    assert (late == sent, late.notices) == (True, first)
 
 
 def test_threads_that_share_a_mechanism_do_not_share_workspaces():
