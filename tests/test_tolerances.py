@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -62,12 +63,12 @@ def test_no_more_constants_than_there_are():
     assert count <= MOST_CONSTANTS
 
 
-def verdicts(*factors: str, cache: Path | None = None) -> dict[str, Any]:
+def verdicts(*factors: str, sources: Path = CORE.parent, **environment: str) -> dict[str, Any]:
     """The verdicts of a process of its own, with numbers multiplied by factors."""
-    environment = os.environ | ({"PGRAPH_CACHE": str(cache)} if cache else {})
     command = [sys.executable, "-m", "tests.verdicts", *factors]
+    given = os.environ | environment
     done = subprocess.run(
-        command, cwd=CORE.parent, env=environment, capture_output=True, text=True, check=False
+        command, cwd=sources, env=given, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout)
@@ -86,9 +87,22 @@ def test_no_verdict_hangs_on_a_number(name, factor, usual):
     assert differences(usual, verdicts(f"{name}={factor}")) == []
 
 
+def altered(folder: Path, factor: float) -> Path:
+    """A copy of the sources with all numbers multiplied: no archive has kernels of these."""
+    for name in ("pgraph_core", "static_models", "tests", "typings"):
+        skipped = shutil.ignore_patterns("__pycache__", "app", "golden")
+        shutil.copytree(CORE.parent / name, folder / name, symlinks=True, ignore=skipped)
+    lines = "".join(f"{name} *= {factor}\n" for name in NUMBERS)
+    with (folder / "pgraph_core" / SOURCE.name).open("a", encoding="utf-8") as file:
+        file.write(lines)
+    return folder
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_no_verdict_hangs_on_the_numbers_in_kernels(factor, usual, tmp_path):
     """All at once, since it compiles all kernels: in a cache of its own."""
-    changed = [f"{name}={factor}" for name in NUMBERS]
-    assert differences(usual, verdicts(*changed, cache=tmp_path)) == []
+    folder, cache = altered(tmp_path / "sources", factor), tmp_path / "cache"
+    where = {"PYTHONPATH": str(folder / "typings"), "PGRAPH_CACHE": str(cache)}
+    assert differences(usual, verdicts(sources=folder, **where)) == []
+    assert list(cache.rglob("*"))  # kernels were compiled

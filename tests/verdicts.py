@@ -2,9 +2,8 @@
 
     python -m tests.verdicts [NAME=FACTOR ...]
 
-prints them as JSON, after multiplying each number NAME of tolerances.py by its FACTOR. With the
-usual cache, kernels keep the numbers of the file, and Python alone uses the changed ones. Where
-PGRAPH_CACHE names an empty folder, kernels are compiled with the changed numbers.
+prints them as JSON, after multiplying each number NAME of tolerances.py by its FACTOR in Python.
+Kernels keep the numbers of the file.
 """
 
 import importlib.util
