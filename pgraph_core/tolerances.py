@@ -23,9 +23,10 @@ ROUNDING = 1024 * EPS
 # From 1e-11 to 1e-7.
 SOLVED = 1e-9
 
-# Error of slopes by central differences of order four and six, relative to the largest: about
-# 1e-11 (measured: tests/core/test_linear.py). From 1e-11 to 1e-7.
-DIFFERENCED = 1e-9
+# Error of slopes by central differences of order four, relative to the largest: that of
+# `step_of_differences`, in sums as those of ROUNDING. About 1e-11 are measured
+# (tests/core/test_linear.py). From 1e-11 to 1e-7.
+DIFFERENCED = 1024 * EPS ** (4 / 5)
 
 # A difference that a person sees or means: numbers are typed and shown with up to six digits.
 # From 1e-8 to 1e-4.
@@ -83,8 +84,9 @@ NEARBY = 0.05
 # Wright, Numerical Optimization, 2nd ed., section 3.1). From 1e-6 to 1e-2.
 SUFFICIENT_DECREASE = 1e-4
 
-# A gap between shapes that inverse dynamics takes for a contact, relative to the mechanism's size:
-# poses from measurements or from soft contacts are that far off. From 5e-4 to 2e-3.
+# A gap that may be a contact, relative to what it is of: between shapes that inverse dynamics is
+# given, poses from measurements are that far off; at a bound of a length, it is the margin within
+# which a step's forces look at it. From 5e-4 to 2e-3.
 TOUCHING = 1e-3
 
 

@@ -25,6 +25,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
+from ..model.scenario import STEP
 from ..result import Result
 from ..result.columns import coordinates
 from ..show import model_html, shapes
@@ -33,7 +34,6 @@ from ..show.bodies import extent, looks
 from ..show.stage import GRID, depth
 from ..simulation import simulate
 from ..simulation.options import RTOL
-from ..simulation.options import USUAL as STEP
 from ..simulation.paths import with_numbers
 from . import module
 from .opened import Opened, follows, opened

@@ -92,7 +92,7 @@ def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Ite
 def _units(model: Any) -> Iterator[str]:
     """Yield warnings about angles in degrees and gravity in mm/s²."""
     pull = math.hypot(*model.gravity)
-    if pull > MOST_GRAVITY:
+    if pull > MILLI * math.hypot(*DOWN[model.up]):
         text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
         yield f"model: gravity is {pull:g} m/s², {text}"
     for body in model.bodies:
@@ -261,9 +261,8 @@ def _idle_parameters(model: Any) -> Iterator[str]:
             yield f"parameter '{name}': no formula uses it"
 
 
-MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
 MILLI = math.sqrt(1000.0)  # a length so much larger than another is nearer to it in mm
-MOST_ANGLE = 30.0  # [rad] limit of a joint that is plausible in degrees, but not in rad
+MOST_ANGLE = 8 * math.pi  # four turns: limit of a joint that is plausible in degrees, not in rad
 Z = (0.0, 0.0, 1.0)
 DEFAULT_MASS = Body.model_fields["mass"].default
 DEFAULT_INERTIA = Body.model_fields["inertia"].default

@@ -26,6 +26,7 @@ from .constraint import Constraint
 from .contact import Contact
 from .control import VERSION, Control
 from .parameters import CURVE, Formula, holds_formula, inlined, texts_in
+from .scenario import STEP
 from .shape import Shape
 from .world import Ground
 
@@ -33,7 +34,6 @@ from .world import Ground
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces
 SCHEMA_VERSION = VERSION
 EXPRESSIONS = 6
-STEP = 1e-3  # step of a scenario without one before version 4 [s]
 SCHEMA = "pgraph-model"
 
 NOT_JSON = {
@@ -224,7 +224,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     if version > SCHEMA_VERSION:
         text = f"is {version}, newer than {SCHEMA_VERSION}, the newest known; update Pgraph"
         raise FileError(Problem(source, "schema_version", text))
-    scenarios = data.get("scenarios") if version < 4 else None
+    scenarios = data.get("scenarios") if version < 4 else None  # they had a step of their own
     for scenario in scenarios if isinstance(scenarios, list) else ():
         if isinstance(scenario, dict):
             scenario.setdefault("step", STEP)

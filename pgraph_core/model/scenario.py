@@ -284,6 +284,7 @@ class Scenario(Described):
 
 
 AUTO = "auto"  # chosen for the scene
+STEP = 1e-3  # [s] fixed steps where nothing is given
 METHOD_NAMES = {  # names in calls and files -> labels
     AUTO: "automatic",
     "rk4": "Runge-Kutta 4",

@@ -15,14 +15,13 @@ from ..errors import InputError, ModelError, Suggests, explained, needed, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..result import Result
-from ..tolerances import EPS
+from ..tolerances import EPS, NOTABLE
 from .free import FAR, Case, Numbers, described, option
 from .goals import Goals
 
 Array = np.ndarray
 SOLVERS = ("SLSQP", "trust-constr", "L-BFGS-B", "least_squares")
 INSIDE = np.cbrt(EPS)  # share of its range by which a number is moved off a bound
-KEPT = 1e-6  # permitted violation of a constraint over its size, as in SciPy's solvers
 
 
 class Trial(NamedTuple):
@@ -231,7 +230,7 @@ class _Search:
         goals = self.goals
         found = np.array([0.0] * goals.count + [trial.constraints[name] for name in goals.names])
         missed = goals.missed(found)
-        return (missed if missed > KEPT else 0.0, trial.objective)
+        return (missed if missed > NOTABLE else 0.0, trial.objective)
 
     # -- evaluations -------------------------------------------------------------------------------
 
@@ -303,7 +302,7 @@ class _Search:
 
     def _order(self, point: _Point) -> tuple[float, float]:
         missed = self.goals.missed(point.values)
-        return (missed if missed > KEPT else 0.0, self.goals.total(point.values))
+        return (missed if missed > NOTABLE else 0.0, self.goals.total(point.values))
 
     def _note(self, trial: Trial, run: Result | None) -> None:
         self.history.append(trial)
@@ -402,7 +401,7 @@ class _Search:
             found = self._minimised(u, chosen, bounds, tol, most)
             good = found.success or (found.status in (1, 2) and chosen == "trust-constr")
         missed = goals.missed(self.best.values) if self.best is not None else 0.0
-        if missed > KEPT:
+        if missed > NOTABLE:
             return False, f"not converged: constraints are missed by {missed:.2g} of their size"
         if self.history[-1].failed:
             return False, f"not converged: limited by {numbers.failed}"
@@ -458,7 +457,7 @@ class _Search:
             notes.append(f"a run on the way failed: {numbers.failed}")
         active = numbers.at_bounds(x)
         for name, value, pair, size in zip(goals.names, own, goals.limits, goals.sizes):
-            near = pair[np.abs(pair - value) <= 100.0 * KEPT * size]
+            near = pair[np.abs(pair - value) <= 100.0 * NOTABLE * size]
             active += [
                 f"{name} is at its limit {limit:g}" for limit in dict.fromkeys(near.tolist())
             ]

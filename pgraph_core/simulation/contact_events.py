@@ -25,12 +25,11 @@ from ..mechanism import Mechanism
 from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
-from ..tolerances import SOLVED, VISIBLE
+from ..tolerances import COINCIDENT, SOLVED, VISIBLE
 from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import RunPlan
 
-SAME_TIME = 1e-10  # interval that is one event, relative to the motion's own time or the run
 MOST_TURNS = 100
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
 ENDLESS = 300  # events at one time: they do not end
@@ -80,7 +79,7 @@ class ContactEvents:
         span = float(np.ptp(self.plan.times))
         own = self.speed / gravity if gravity else span
         self.steps.scale(own)
-        self._same_time, self._unresolved = SAME_TIME * min(span, own), SAME_TIME * max(span, own)
+        self._same_time, self._unresolved = COINCIDENT * min(span, own), COINCIDENT * max(span, own)
         self._first_phases(t, np.maximum(f["rounding"], SOLVED * self._fine * sizes))
 
     def _sizes(self) -> Array:

@@ -21,7 +21,6 @@ from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 
 LEAST_RTOL = 4 * EPS  # the error of a step is rounding below it
-USUAL = 1e-3  # s: fixed steps if nothing is given
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 MOST_FRAMES = 100_000_000

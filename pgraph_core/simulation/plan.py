@@ -28,6 +28,7 @@ from ..given import array_of
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
+from ..model.scenario import STEP
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads, exerts
 from ..packing.signals import varying
@@ -36,7 +37,6 @@ from .kinks import Kink, kinks_of
 from .options import (
     FRAMES,
     MOST_CHOSEN,
-    USUAL,
     Options,
     Tolerance,
     begun,
@@ -387,7 +387,7 @@ def _with_times(
     mech: Mechanism, plan: RunPlan, o: Options, given: Scenario | None, span: tuple[float, float]
 ) -> RunPlan:
     """Return the plan with its recorded times, and its steps or tolerance."""
-    usual, changes = (given.step if given else None) or USUAL, plan.changes
+    usual, changes = (given.step if given else None) or STEP, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span, usual)
     times = asked
@@ -528,7 +528,7 @@ def _given_step(plan: RunPlan, given: Scenario | None, o: Options) -> Any:
     asked = stated is not None or o.step is not None or o.rtol is not None
     if asked or contacts is None or not contacts.remembers or plan.impulses:
         return o.step
-    return min(USUAL, RESOLVED / contacts.rate)
+    return min(STEP, RESOLVED / contacts.rate)
 
 
 def _method(

@@ -24,6 +24,7 @@ from ..forces import OnJoint
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
+from ..model.scenario import STEP
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
 from ..packing.signals import values_of, varying
@@ -33,7 +34,7 @@ from ..result.bodies import add_constraint_wrenches
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..tolerances import SOLVED
 from .loop import Outcome
-from .options import USUAL, Options, begun, driven, first_of, inputs_of, positive
+from .options import Options, begun, driven, first_of, inputs_of, positive
 from .plan import plan_of, touching_contacts, with_contacts
 from .recording import Recording
 from .start import by_names, torques_by_names, with_state
@@ -130,7 +131,7 @@ class Stepper(Snapshots):
             if given is not None and given.method in GIVEN_STEPS and not rigid:
                 method = given.method
         if step is None:
-            step = (given.step if given is not None else None) or USUAL
+            step = (given.step if given is not None else None) or STEP
         if method not in GIVEN_STEPS:
             text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {shown(method)}"
             raise InputError(Problem("Stepper", "method", text))

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 _Address = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_uint64] * 3)
 MOST_EVENTS = 100_000  # events of a run: more are a mistake
-LARGEST_GAP = 1e9  # m: gaps beyond it count as this
 
 
 class Monitor(Protocol):
@@ -404,9 +403,10 @@ class Condition:
         scene = self._alone()
         self._evaluated(scene.address, t, q, v)
         assert scene.touching is not None
-        found = scene.touching.found[: find(scene.address, LARGEST_GAP, 0)]
+        far = self.record.plan.length / SOLVED  # from there the mechanism is a point
+        found = scene.touching.found[: find(scene.address, far, 0)]
         gaps = found["gap"][np.isin(found["pair"], self.given.place)]
-        return float(gaps.min(initial=LARGEST_GAP))
+        return float(gaps.min(initial=far))
 
     def _push(self, t: float, q: Array, v: Array) -> Array:
         """Return the force of a contact, from the state if it tells it, or the last step [N]."""

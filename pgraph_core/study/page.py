@@ -14,6 +14,8 @@ from html import escape as escape
 from pathlib import Path
 from typing import NamedTuple
 
+from .measures import TRUST
+
 FOLDER = Path(__file__).parent
 NAMES = ("paper", "ink", "muted", "line", "shade")
 LIGHT = ("#ffffff", "#1b1f24", "#5b6470", "#d8dde3", "#eef1f4")
@@ -119,7 +121,6 @@ MARKS = (  # within a circle of radius 1
 )
 
 
-HIGHEST = 1e3  # errors above are drawn there
 CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
 MAP_LEFT, MAP_TOP = 84, 64
 LETTER_WIDE, HEAD_WIDE = 6.8, 4.2  # width of a letter of a group's name and of a slanted head
@@ -177,7 +178,7 @@ class Axes(NamedTuple):
         """Return the vertical position for an error."""
         low, high = self.error
         bottom = self.paper.bottom
-        return bottom - (math.log10(min(error, HIGHEST)) - low) / (high - low) * (bottom - TOP)
+        return bottom - (math.log10(min(error, TRUST)) - low) / (high - low) * (bottom - TOP)
 
 
 def error_diagram(
@@ -202,7 +203,7 @@ def error_diagram(
     points = [point for curve in curves for point in curve.points]
     if not points:
         return f"{open_}{_text(LEFT, 40, 'no run reached the end', anchor='start')}</svg>"
-    errors = [min(point.error, HIGHEST) for point in points]
+    errors = [min(point.error, TRUST) for point in points]
     axes = Axes(paper, _decades([point.seconds for point in points]), _decades(errors))
     parts = [_shade(axes, limit), _grid(axes, titles), _target(axes, target)]
     parts += [_curve(axes, curve, i) for i, curve in enumerate(curves)]

@@ -35,7 +35,7 @@ LATE = "it took too long"
 SHORTER = 4  # factor by which a motion is shortened if no reference is found in time
 MOST_DIVISIONS = 5  # limit on such divisions
 GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
-FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time make
+FOLDS = 6 * np.log(2.0)  # e-folds of t^6 in the second half of the time: more is exponential
 
 
 @explained

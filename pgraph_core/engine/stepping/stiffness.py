@@ -2,14 +2,13 @@
 
 import math
 
-from ...tolerances import NOTABLE
+from ...tolerances import NOTABLE, VISIBLE
 from ..compiler.jit import kernel, sweep
 from ..compiler.kinds import F1, F2, f8, group, i8
 from ..motion import call_acceleration, opened
 from ..tree.moving import advance
 
 POWER_ROUNDS = 20
-SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 
 # rows of `stages`: the state, along which it is moved, the moved state, τ, v' of both
 STATE, ALONG, MOVED, TORQUE, HERE, THERE = 0, 1, 2, 3, 4, 5
@@ -74,7 +73,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
             return found
         for j in range(2 * nv):
             stages[ALONG, j] /= length
-        if n > 3 and abs(found - rate) < SURE * rate:
+        if n > 3 and abs(found - rate) < VISIBLE * rate:
             return found
         rate = found
     return rate

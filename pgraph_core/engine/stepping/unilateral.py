@@ -2,7 +2,7 @@
 
 import math
 
-from ...tolerances import NOTABLE
+from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
 from ..arrays import DINV, LAMBDA, STEP, TRIAL
 from ..compiler.jit import part, sweep
@@ -48,7 +48,6 @@ PUSH_SWEEPS = 30
 ENOUGH = 1e-3  # share of the penetration to remove below which a sweep is the last
 DRIFT = 50.0  # largest drift of a loaded contact whose gap is closed, in tolerated depths
 ASK, CUT, REST = 0, 1, 2  # a part: whether something hits in it, until it does, what is left
-AHEAD = 1e-3  # distance from a bound of a length that a step's forces cover, relative to it
 WEIGHT = 0.1  # penetration tolerance as a fraction of g h^2
 
 
@@ -206,7 +205,7 @@ def span_reaches(scene, i, w, v):
     bent = 0.5 * w * across
     blocks.blocks_f[i, at.AIM] = max(2.0 * gap / w + 0.5 * bent, bent)
     pull = contacts_at(data.links.contacts).tally[0].pull
-    return gap <= w * (closing + abs(bent) + w * pull) + AHEAD * abs(bound)
+    return gap <= w * (closing + abs(bent) + w * pull) + TOUCHING * abs(bound)
 
 
 @part

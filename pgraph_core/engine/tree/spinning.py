@@ -13,7 +13,7 @@ bodies do.
 
 import math
 
-from ...tolerances import EPS, LONGEST_STEP, TINY
+from ...tolerances import EPS, LONGEST_STEP, TINY, VISIBLE
 from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
 from ..linear import factor3, solve3
@@ -59,8 +59,8 @@ MOST_SUBSTEPS = 400  # limit on substeps, beyond which a body keeps its angular 
 NEWTON = 30
 ENOUGH = 64 * EPS  # relative: a correction, or a gyroscopic torque, that is rounding
 # Turn of a body in a step [rad] from which on its tree takes the midpoint rule. Below it,
-# gyroscopic torques of the step's start change the energy by less than half of that per radian.
-GYRATES = 0.025
+# gyroscopic torques of the step's start change the energy by less than VISIBLE per radian.
+GYRATES = 2 * VISIBLE
 DIRECTIONS = 8  # directions of a search before it restarts
 SEARCHES = 20
 # rows of scratch: the tree of every row, whether it gyrates, velocities at the middle, by how much
