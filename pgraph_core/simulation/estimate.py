@@ -21,9 +21,8 @@ from ..errors import InputError
 from ..packing import Array
 from ..packing.signals import states_of
 from ..tolerances import EPS, SOLVED, VISIBLE
+from .finer import apart, finer_plan, may_jump, no_wider, offset_plan
 from .grazing import limits_on_coordinates, undecided
-from .offset import apart, may_jump, offset_plan
-from .options import FINER
 from .plan import RunPlan
 from .rates import fastest_rate, fastest_swings
 from .recording import Recording
@@ -218,7 +217,7 @@ def _finer_run(record: Recording, plan: RunPlan) -> Recording | str:
     if not isinstance(first, str) and first.steps.counters["steps"] >= MORE * steps:
         return first
     tight = plan if isinstance(first, str) else finer
-    second = _again(record, _no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))
+    second = _again(record, no_wider(tight, 0.5 * float(np.ptp(plan.times)) / steps))
     return first if isinstance(second, str) else second
 
 
@@ -229,42 +228,6 @@ def _again(record: Recording, plan: RunPlan) -> Recording | str:
     except InputError as refused:
         return str(refused)
     return other if other.ended.ok else other.ended.message
-
-
-def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
-    """Return the plan at half the step size or a tighter tolerance, given the number of steps
-    taken.
-
-    If frames or corners of tables end steps, the finer ones end half way from one to the next.
-    Given steps that were `divided` followed a tolerance inside.
-    """
-    given = plan.tolerance
-    way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
-    plan = replace(plan, parts=2 * plan.parts, way=way)
-    if given is None:
-        return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
-    ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
-    frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
-    ends = np.union1d(plan.corners, frames)
-    wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
-    halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
-    ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
-    same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
-    finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
-    if given.fixed:
-        finer = finer._replace(widest=0.5 * given.widest, fixed=not divided)
-    if not finer.fixed:
-        rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
-        finer = finer._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
-    corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
-    return replace(plan, tolerance=finer, corners=corners)
-
-
-def _no_wider(plan: RunPlan, widest: float) -> RunPlan:
-    """Return the plan with this maximum step size [s]."""
-    given = plan.tolerance
-    assert given is not None
-    return replace(plan, tolerance=given._replace(widest=min(given.widest, widest)))
 
 
 def _until_its_end(record: Recording) -> RunPlan:

@@ -1,4 +1,4 @@
-"""Further runs with step ends offset from those of a run, and the differences between these runs.
+"""Finer runs that tell the error of a run, and the differences between such runs.
 
 A force that jumps within a step makes an error that depends on how long before that the step began.
 A run of half the step makes the same error wherever the jump follows an end that both runs share,
@@ -14,12 +14,49 @@ import numpy as np
 
 from ..dynamics.states import differences
 from ..packing import Array, Ints
-from .options import steps_between
+from ..tolerances import EPS, SOLVED
+from .options import FINER, steps_between
 from .plan import RunPlan
 from .recording import Recording
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step
 STRETCH = 4  # steps between times shared with the run of half the step: the last bounces' length
+
+
+def finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
+    """Return the plan at half the step size or a tighter tolerance, given the number of steps
+    taken.
+
+    If frames or corners of tables end steps, the finer ones end half way from one to the next.
+    Given steps that were `divided` followed a tolerance inside.
+    """
+    given = plan.tolerance
+    way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
+    plan = replace(plan, parts=2 * plan.parts, way=way)
+    if given is None:
+        return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
+    ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]
+    frames = ends_run if len(plan.method.tableau.dense) else plan.times  # frames that end steps
+    ends = np.union1d(plan.corners, frames)
+    wide = np.diff(ends) > SOLVED * float(np.ptp(plan.times)) / steps
+    halves = ends[:-1][wide] + 0.5 * np.diff(ends)[wide]
+    ahead, after = ends[:-1][~wide], ends[1:][~wide]  # one time, but for rounding
+    same = np.append(ahead[np.isin(after, frames)], after[np.isin(ahead, frames)])
+    finer = given._replace(most=int(FINER) * (steps + len(plan.times)))
+    if given.fixed:
+        finer = finer._replace(widest=0.5 * given.widest, fixed=not divided)
+    if not finer.fixed:
+        rtol = min(max(given.rtol / FINER, 100.0 * EPS), given.rtol)
+        finer = finer._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
+    corners = np.union1d(np.setdiff1d(plan.corners, same), halves)
+    return replace(plan, tolerance=finer, corners=corners)
+
+
+def no_wider(plan: RunPlan, widest: float) -> RunPlan:
+    """Return the plan with this maximum step size [s]."""
+    given = plan.tolerance
+    assert given is not None
+    return replace(plan, tolerance=given._replace(widest=min(given.widest, widest)))
 
 
 def may_jump(record: Recording, plan: RunPlan) -> bool:
